@@ -1,0 +1,1 @@
+"""Holdfast: will this grasp hold? Passive grasp stability with proofs, for real hands."""
