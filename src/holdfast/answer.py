@@ -1,0 +1,23 @@
+"""What an answer is: a verdict, and why the search stopped."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Verdict(StrEnum):
+    """Does the grasp resist?"""
+
+    HOLDS = "holds"  # an exact solution of the model was found and checked
+    SLIPS = "slips"  # no solution exists, not even of a relaxation
+    UNDECIDED = "undecided"  # neither was shown; a limit was hit or the numbers did not suffice
+
+
+class Stop(StrEnum):
+    """Why the search ended."""
+
+    COMPLETE = "complete"  # it answered as precisely as it was asked
+    TIME = "time"  # the time limit
+    NODES = "nodes"  # the node limit
+    INTERRUPTED = "interrupted"  # Ctrl-C
+    NUMERICAL = "numerical"  # the solver failed, or its answer did not stand up to the check

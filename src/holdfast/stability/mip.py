@@ -1,0 +1,124 @@
+"""Mixed-integer programs with special ordered sets, solved by SCIP or Gurobi without any big-M.
+
+Solvers are libraries; here is only the thin table they are given and the check of what they return.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Literal
+
+import numpy as np
+
+from holdfast.errors import InputError
+from holdfast.mechanism import Array
+
+INF = float("inf")
+Solver = Literal["scip", "gurobi"]
+SOLVERS: tuple[Solver, ...] = ("scip", "gurobi")
+FEASIBILITY = 1e-9  # asked of the solver
+ACCEPTED = 1e-6  # a returned point that misses a constraint by more, relative to its row, is a failure
+
+
+class Status(StrEnum):
+    """How a solve ended."""
+
+    OPTIMAL = "optimal"
+    INFEASIBLE = "infeasible"
+    UNBOUNDED = "unbounded"
+    TIME = "time"
+    INTERRUPTED = "interrupted"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a solver returned: `x` is None without a point, `bound` is its proven bound on the objective."""
+
+    status: Status
+    x: Array | None
+    bound: float
+    nodes: int
+
+
+@dataclass
+class Program:
+    """minimise cost . x subject to lo <= rows <= hi, lower <= x <= upper, and special ordered sets."""
+
+    lower: list[float] = field(default_factory=list)
+    upper: list[float] = field(default_factory=list)
+    cost: dict[int, float] = field(default_factory=dict)
+    rows: list[tuple[Array, Array, float, float]] = field(default_factory=list)  # indices, values, lo, hi
+    sos1: list[list[int]] = field(default_factory=list)
+    sos2: list[list[int]] = field(default_factory=list)
+
+    def variables(self, n: int, lower: float = -INF, upper: float = INF) -> Array:
+        """Indices (n,) of new variables."""
+        start = len(self.lower)
+        self.lower += [lower] * n
+        self.upper += [upper] * n
+        return np.arange(start, start + n)
+
+    def row(self, terms: Sequence[tuple[object, object]], lo: float, hi: float) -> None:
+        """Add lo <= sum of (indices, coefficients) <= hi; repeated indices add up."""
+        index = np.concatenate([np.atleast_1d(i) for i, _ in terms]).astype(int)
+        value = np.concatenate(
+            [np.broadcast_to(np.asarray(v, dtype=float), np.shape(np.atleast_1d(i))) for i, v in terms]
+        )
+        total = np.bincount(index, weights=value, minlength=len(self.lower))
+        keep = np.flatnonzero(total)
+        if len(keep):
+            self.rows.append((keep, total[keep], lo, hi))
+        elif lo > 0 or hi < 0:
+            raise ValueError("a row without variables cannot be satisfied")
+
+    def violation(self, x: Array) -> float:
+        """The worst violation at x: rows relative to the size of their terms, sets by their smallest members."""
+        worst = max(
+            float(np.max(np.array(self.lower) - x, initial=0.0)), float(np.max(x - np.array(self.upper), initial=0.0))
+        )
+        for index, value, lo, hi in self.rows:
+            terms = value * x[index]
+            scale = max(1.0, float(np.abs(terms).max()))
+            total = float(terms.sum())
+            worst = max(worst, (lo - total) / scale, (total - hi) / scale)
+        for members in self.sos1:
+            worst = max(worst, float(np.sort(np.abs(x[members]))[:-1].max(initial=0.0)))
+        for members in self.sos2:
+            v = np.abs(x[members])
+            pairs = np.maximum(v[:-1], v[1:])
+            first = int(np.argmax(v[:-1] + v[1:])) if len(pairs) else 0
+            others = np.delete(v, [first, first + 1])
+            worst = max(worst, float(others.max(initial=0.0)))
+        return worst
+
+
+def available(solver: Solver) -> bool:
+    """Is the solver's package installed?"""
+    return importlib.util.find_spec({"scip": "pyscipopt", "gurobi": "gurobipy"}[solver]) is not None
+
+
+def solve(program: Program, solver: Solver, *, time_limit: float = INF) -> Solution:
+    """Solve and check: a point that violates the program turns the status into FAILED.
+
+    Raises:
+        InputError: unknown solver, or its package is not installed.
+    """
+    if solver not in SOLVERS:
+        raise InputError(f"is '{solver}'; one of {', '.join(SOLVERS)} is needed", field="solver")
+    if not available(solver):
+        extra = {"scip": "pip install pyscipopt", "gurobi": "pip install 'holdfast[gurobi]'"}[solver]
+        raise InputError(f"'{solver}' is not installed: {extra}", field="solver")
+    if time_limit <= 0:
+        return Solution(Status.TIME, None, -INF, 0)
+    if solver == "scip":
+        from holdfast.stability import scip as backend
+    else:
+        from holdfast.stability import gurobi as backend  # type: ignore[no-redef]
+    result = backend.solve(program, time_limit)
+    if result.x is not None and program.violation(result.x) > ACCEPTED:
+        return Solution(Status.FAILED, result.x, result.bound, result.nodes)
+    return result

@@ -1,0 +1,255 @@
+"""Equations (1) to (8) of the stability paper, with the signs of its virtual work: the judge of every answer.
+
+Source: Haas-Heger and Ciocarlie, "Accurate Energetic Constraints for Passive Grasp Stability
+Analysis", 2020, section III; (17) is in section VI. Nothing here knows how a solution was found.
+
+Conventions: c_i = (c_n, c_t1, c_t2) is the force of the hand **on the object** [N], in the contact
+frame whose n points into the object. Motions are virtual: the contact springs have unit stiffness,
+so a motion is measured by the force it causes (d in N, r in N and N/m, q in N/m per joint unit).
+
+Errata applied: (2) is tau = +J^T c (printed with the other sign); (17) unloads the contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from holdfast.grasp import Grasp
+from holdfast.mechanism import Array, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A candidate solution of the model.
+
+    Attributes:
+        r: (6,) virtual object motion, translation then rotation, object frame.
+        q: (l,) virtual joint motion.
+        c: (3m,) contact forces (n, t1, t2 each) [N].
+        f: (a,) actuator forces [N m or N].
+        coupling: (k,) multipliers lambda of the rigid couplings A q = 0.
+    """
+
+    r: Array
+    q: Array
+    c: Array
+    f: Array
+    coupling: Array
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = np.asarray(getattr(self, f.name), dtype=float)
+            object.__setattr__(self, f.name, frozen(value, value.shape, f.name))
+
+    def scaled(self, s: float) -> State:
+        """The state times s: with w and the commands times s it solves the model again (homogeneity)."""
+        return State(*(s * getattr(self, f.name) for f in fields(self)))
+
+
+# --- the equations, one function each -----------------------------------------------------------
+
+
+def object_balance(grasp: Grasp, c: Array, w: Array) -> Array:
+    """(6,) G c + w, zero in equilibrium: equation (1)."""
+    return grasp.G @ c + w
+
+
+def joint_torques(grasp: Grasp, c: Array) -> Array:
+    """(l,) tau = J^T c: equation (2) with the sign that its own virtual work demands."""
+    return grasp.J.T @ c
+
+
+def joint_balance(grasp: Grasp, c: Array, f: Array, coupling: Array) -> Array:
+    """(l,) J^T c - R^T f - A^T lambda, zero when actuators and couplings carry the joint torques."""
+    return joint_torques(grasp, c) - grasp.mechanism.R.T @ f - grasp.mechanism.A.T @ coupling
+
+
+def relative_motion(grasp: Grasp, r: Array, q: Array) -> Array:
+    """(3m,) d = G^T r - J q, motion of the object relative to the finger, contact frames: equation (3)."""
+    return grasp.G.T @ r - grasp.J @ q
+
+
+def normal_motion(d: Array, eta: float = 0.0) -> Array:
+    """(m,) d_n, or for eta > 0 [rad] the worst case d^_n = d_n cos(eta) + |d_t| sin(eta): equation (17).
+
+    Printed with a minus, which would load the contact; the worst normal unloads it.
+    """
+    d = d.reshape(-1, 3)
+    return d[:, 0] * np.cos(eta) + np.linalg.norm(d[:, 1:], axis=1) * np.sin(eta)
+
+
+def spring_force(d: Array, eta: float = 0.0) -> Array:
+    """(m,) c_n = max(0, -d_n), unilateral springs of unit stiffness: equation (4)."""
+    return np.maximum(0.0, -normal_motion(d, eta))
+
+
+def cone_excess(c: Array, mu: Array) -> Array:
+    """(m,) |c_t| - mu c_n, not positive inside the friction cone: equation (5)."""
+    c = c.reshape(-1, 3)
+    return np.linalg.norm(c[:, 1:], axis=1) - mu * c[:, 0]
+
+
+def dissipation_defect(c: Array, d: Array, mu: Array) -> Array:
+    """(m, 2) c_t |d_t| + mu c_n d_t, zero when friction opposes sliding at full strength: (6), (7).
+
+    Also zero where nothing slides, so one expression covers both cases of (7) together with (5).
+    """
+    c, d = c.reshape(-1, 3), d.reshape(-1, 3)
+    speed = np.linalg.norm(d[:, 1:], axis=1, keepdims=True)
+    return c[:, 1:] * speed + (mu * c[:, 0])[:, None] * d[:, 1:]
+
+
+def actuator_motion(grasp: Grasp, q: Array) -> Array:
+    """(a,) t = R q, the actuator displacements that equation (8) speaks of."""
+    return grasp.mechanism.R @ q
+
+
+def commanded(grasp: Grasp, command: Array | None = None) -> Array:
+    """(a,) bool: which actuators may move (commanded, or a tendon that may go slack); the rest is locked."""
+    f_c = grasp.command if command is None else command
+    return (f_c != 0) | np.array(grasp.mechanism.tendon, dtype=bool)
+
+
+# --- scales: what a residual is measured against ------------------------------------------------
+
+
+def joint_arms(grasp: Grasp) -> Array:
+    """(l,) motion of the contacts per unit joint motion: J's column norms (1 where a joint moves nothing)."""
+    arms = np.linalg.norm(grasp.J, axis=0)
+    return np.where(arms > 1e-12, arms, 1.0)
+
+
+def actuator_arms(grasp: Grasp) -> Array:
+    """(a,) motion of the contacts per unit actuator motion, the smallest over the joints it drives."""
+    R, arms = np.abs(grasp.mechanism.R), joint_arms(grasp)
+    with np.errstate(divide="ignore"):
+        ratio = np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf)
+    return ratio.min(axis=1) if R.size else np.ones(0)
+
+
+def force_scale(grasp: Grasp, w: Array, c: Array | None = None, command: Array | None = None) -> float:
+    """[N] the largest force in play: of the disturbance, of the commands, and of the contacts if given."""
+    f_c = grasp.command if command is None else command
+    candidates = [np.abs(w[:3]).max(), np.abs(w[3:]).max() / grasp.size]
+    if len(f_c):
+        candidates.append((np.abs(f_c) / actuator_arms(grasp)).max())
+    if c is not None and len(c):
+        candidates.append(np.abs(c).max())
+    scale = float(max(candidates))
+    return scale if scale > 0 else 1.0
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """How far a state is from solving (1)-(8): each relative to the force scale, so without units.
+
+    Lengths are measured in grasp sizes, joint torques in lever arms. A sliding contact's direction
+    is judged at full weight once it slides farther than the force scale; below, in proportion.
+    """
+
+    object_balance: float  # (1)
+    joint_balance: float  # (2)
+    couplings: float  # A q = 0
+    normal: float  # (4), with (17) if eta > 0
+    cone: float  # (5)
+    dissipation: float  # (6), (7); 0 by definition if the maximum dissipation principle is left out
+    actuators: float  # (8)
+
+    @property
+    def worst(self) -> float:
+        """The largest of them."""
+        return max(getattr(self, f.name) for f in fields(self))
+
+
+def residuals(
+    grasp: Grasp, w: Array, state: State, *, eta: float = 0.0, command: Array | None = None, mdp: bool = True
+) -> Residuals:
+    """Check a state against the exact model, equations (1) to (8).
+
+    Args:
+        grasp: contacts, joints, mechanism, commands.
+        w: (6,) disturbance [N, N m], object frame at the object's origin.
+        state: the candidate.
+        eta: uncertainty of the contact normals [rad], equation (17).
+        command: (a,) commanded forces to use instead of the grasp's.
+        mdp: leave out (6) and (7) if False, the friction of the grasp-force literature (section VII-A).
+    """
+    w = np.asarray(w, dtype=float)
+    f_c = grasp.command if command is None else command
+    F = force_scale(grasp, w, state.c, f_c)
+    d = relative_motion(grasp, state.r, state.q)
+    dt = np.linalg.norm(d.reshape(-1, 3)[:, 1:], axis=1)
+    cn = state.c.reshape(-1, 3)[:, 0]
+    balance = object_balance(grasp, state.c, w)
+    arms, lever = joint_arms(grasp), actuator_arms(grasp)
+
+    # (8) in the actuator's own sense of command, motions and forces both brought to newtons
+    sense = np.where(f_c < 0, -1.0, 1.0)
+    t = sense * actuator_motion(grasp, state.q) * lever
+    excess = sense * (state.f - f_c) / lever
+    moves = commanded(grasp, f_c)
+    actuator = np.where(
+        moves, np.maximum.reduce([-t, -excess, np.minimum(np.abs(t), np.abs(excess))]), np.abs(t)
+    )
+    dissipation = dissipation_defect(state.c, d, grasp.mu) / np.maximum(dt, F)[:, None]
+    coupling_scale = np.abs(grasp.mechanism.A / arms).max(axis=1) if len(grasp.mechanism.A) else np.ones(0)
+
+    def worst(values: Array) -> float:
+        return float(np.max(values, initial=0.0)) / F
+
+    return Residuals(
+        object_balance=max(worst(np.abs(balance[:3])), worst(np.abs(balance[3:]) / grasp.size)),
+        joint_balance=worst(np.abs(joint_balance(grasp, state.c, state.f, state.coupling)) / arms),
+        couplings=worst(np.abs(grasp.mechanism.A @ state.q) / coupling_scale),
+        normal=worst(np.abs(cn - spring_force(d, eta))),
+        cone=worst(cone_excess(state.c, grasp.mu)),
+        dissipation=worst(np.abs(dissipation)) if mdp else 0.0,
+        actuators=worst(actuator),
+    )
+
+
+# --- energy ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Virtual work of a state [N^2 / unit stiffness]; what goes in must be stored or dissipated.
+
+    Attributes:
+        disturbance: w . r.
+        preload: f_c . t.
+        stored: sum of -c_n d_n, in the contact springs (sum of c_n^2 if eta = 0).
+        friction: (m,) -c_t . d_t per contact. Negative: friction pushes along the motion, energy out of nothing.
+        maximum: (m,) mu c_n |d_t| per contact, what the maximum dissipation principle (6) demands.
+    """
+
+    disturbance: float
+    preload: float
+    stored: float
+    friction: Array
+    maximum: Array
+
+    @property
+    def imbalance(self) -> float:
+        """w . r + f_c . t - stored - sum of friction: zero in every state that satisfies (1)-(3) and (8)."""
+        return self.disturbance + self.preload - self.stored - float(self.friction.sum())
+
+    @property
+    def created(self) -> float:
+        """Work that friction feeds in rather than dissipates; zero in physics."""
+        return float(np.maximum(0.0, -self.friction).sum())
+
+
+def energy(grasp: Grasp, w: Array, state: State, *, command: Array | None = None) -> Energy:
+    """The energy balance w.r + f_c.t = sum c_n^2 + sum mu c_n |d_t| of a state, term by term."""
+    f_c = grasp.command if command is None else command
+    d, c = relative_motion(grasp, state.r, state.q).reshape(-1, 3), state.c.reshape(-1, 3)
+    return Energy(
+        disturbance=float(np.asarray(w) @ state.r),
+        preload=float(f_c @ actuator_motion(grasp, state.q)),
+        stored=float(-(c[:, 0] * d[:, 0]).sum()),
+        friction=-(c[:, 1:] * d[:, 1:]).sum(axis=1),
+        maximum=grasp.mu * c[:, 0] * np.linalg.norm(d[:, 1:], axis=1),
+    )

@@ -1,0 +1,181 @@
+"""A stability question as scaled arrays, so that one set of tolerances suits every hand and unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from holdfast.errors import InputError
+from holdfast.grasp import Grasp
+from holdfast.mechanism import Array
+from holdfast.stability import model
+from holdfast.stability.model import State
+
+MAX_ETA = np.radians(45.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The model for one grasp, with lengths in grasp sizes, joints in lever arms, forces in force scales.
+
+    Actuators commanded in the negative direction are mirrored here (rows of R and f change sign), so
+    that (8) reads t >= 0, f >= f_c everywhere.
+
+    Attributes:
+        grasp: the question's grasp.
+        eta: uncertainty of contact normals [rad].
+        mdp: with the maximum dissipation principle.
+        w0, direction: (6,) scaled: the disturbance is w0 + s direction.
+        f_c: (a,) scaled commands, >= 0.
+        moves: (a,) bool, actuators that may move.
+        f_max: (a,) scaled limits of |f|; inf where there is none.
+        cn_max: scaled limit of every normal force; inf for none.
+        G, J, R, A, mu: scaled model arrays, (6, 3m), (3m, l), (a, l), (k, l), (m,).
+        force: [N] the force scale; length: [m] the length scale.
+    """
+
+    grasp: Grasp
+    eta: float
+    mdp: bool
+    w0: Array
+    direction: Array
+    f_c: Array
+    moves: Array
+    f_max: Array
+    cn_max: float
+    G: Array
+    J: Array
+    R: Array
+    A: Array
+    mu: Array
+    force: float
+    length: float
+    _joint_scale: Array
+    _actuator_scale: Array
+    _coupling_scale: Array
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """(m, l, a, k): contacts, joints, actuators, couplings."""
+        return len(self.mu), self.J.shape[1], len(self.R), len(self.A)
+
+    def relative_motion(self, r: Array, q: Array) -> Array:
+        """(m, 3) scaled d = G^T r - J q, equation (3)."""
+        return (self.G.T @ r - self.J @ q).reshape(-1, 3)
+
+    def unscale(self, r: Array, q: Array, c: Array, f: Array, coupling: Array) -> State:
+        """A solution of the scaled equations as a `State` in the grasp's own units."""
+        lengths = np.array([1.0] * 3 + [1.0 / self.length] * 3)
+        return State(
+            r=self.force * lengths * r,
+            q=self.force * q / self._joint_scale,
+            c=self.force * c,
+            f=self.force * f * self._actuator_scale,
+            coupling=self.force * coupling * self._coupling_scale,
+        )
+
+    def command(self, f_c: Array) -> Array:
+        """Scaled, mirrored commands back in the grasp's units."""
+        return self.force * f_c * self._actuator_scale
+
+
+def build(
+    grasp: Grasp,
+    w0: Array,
+    direction: Array | None = None,
+    *,
+    eta: float = 0.0,
+    mdp: bool = True,
+    torque_limits: dict[str, float] | None = None,
+    force_limit: float | None = None,
+) -> Problem:
+    """Scale a question.
+
+    Args:
+        grasp: the grasp with its preload.
+        w0: (6,) constant part of the disturbance [N, N m].
+        direction: (6,) part multiplied by s.
+        eta: uncertainty of the contact normals [rad], 0 <= eta < 45 degrees.
+        mdp: with the maximum dissipation principle.
+        torque_limits: actuator name -> largest |f| that actuator and gearing carry [N m or N].
+        force_limit: largest normal force at any contact [N].
+
+    Raises:
+        InputError: a wrench that is not six finite numbers, a zero direction, eta out of range, limits
+            that are not positive, a disturbance that the contacts cannot balance (outside the range of G).
+    """
+    w0 = _wrench(w0, "wrench")
+    d = np.zeros(6) if direction is None else _wrench(direction, "direction")
+    if direction is not None and not d.any():
+        raise InputError("is zero; give a force, a torque or both", field="direction")
+    if not 0 <= eta < MAX_ETA:
+        raise InputError(f"is {np.degrees(eta):g} degrees; 0 to 45 is possible", field="eta")
+    if force_limit is not None and not force_limit > 0:
+        raise InputError(f"is {force_limit:g}; a largest normal force is positive", field="force limit")
+
+    mech = grasp.mechanism
+    length = grasp.size
+    row = np.array([1.0] * 3 + [1.0 / length] * 3)
+    joint_scale = model.joint_arms(grasp)
+    R, A = mech.R / joint_scale, mech.A / joint_scale
+    sense = np.where(grasp.command < 0, -1.0, 1.0)
+    actuator_scale = sense / np.linalg.norm(R, axis=1) if mech.a else np.zeros(0)
+    coupling_scale = 1.0 / np.linalg.norm(A, axis=1) if len(A) else np.zeros(0)
+    # the force scale is what is asked about: it must not depend on an answer that is not known yet
+    force = model.force_scale(grasp, w0 if w0.any() or direction is None else d)
+
+    f_max = np.full(mech.a, np.inf)
+    for name, limit in (torque_limits or {}).items():
+        i = int(np.flatnonzero(mech.commands({name: 1.0}, field="torque limit"))[0])
+        if not limit > 0:
+            raise InputError(f"is {limit:g}; a limit is positive", field=f"torque limit.{name}")
+        f_max[i] = limit
+    p = Problem(
+        grasp=grasp,
+        eta=float(eta),
+        mdp=mdp,
+        w0=row * w0 / force,
+        direction=row * d / force,
+        f_c=grasp.command / (force * actuator_scale),
+        moves=model.commanded(grasp),
+        f_max=f_max / np.abs(force * actuator_scale),
+        cn_max=np.inf if force_limit is None else force_limit / force,
+        G=row[:, None] * grasp.G,
+        J=grasp.J / joint_scale,
+        R=actuator_scale[:, None] * R,
+        A=coupling_scale[:, None] * A,
+        mu=grasp.mu,
+        force=force,
+        length=length,
+        _joint_scale=joint_scale,
+        _actuator_scale=actuator_scale,
+        _coupling_scale=coupling_scale,
+    )
+    _check_range(p, direction is not None)
+    return p
+
+
+def _wrench(w: object, field: str) -> Array:
+    try:
+        a = np.array(w, dtype=float).reshape(-1)
+    except (TypeError, ValueError):
+        raise InputError("needs six numbers FX FY FZ TX TY TZ", field=field) from None
+    if a.shape != (6,):
+        raise InputError(f"has {a.size} numbers; six are needed, FX FY FZ TX TY TZ", field=field)
+    if not np.isfinite(a).all():
+        raise InputError("contains NaN or infinity; six finite numbers are needed", field=field)
+    return a
+
+
+def _check_range(p: Problem, with_direction: bool) -> None:
+    """Refuse a disturbance that no contact forces whatever could balance: w outside the range of G."""
+    U, sv, _ = np.linalg.svd(p.G)
+    out = U[:, (np.r_[sv, np.zeros(6 - len(sv))] < 1e-9 * sv[0])]
+    for w, field in ((p.w0, "wrench"), (p.direction, "direction")):
+        if out.size and np.abs(out.T @ w).max() > 1e-9 * max(np.abs(w).max(), 1e-300):
+            raise InputError(
+                f"cannot be balanced by any forces at these {p.sizes[0]} contacts "
+                f"(the grasp map G has rank {6 - out.shape[1]} of 6); leave out the component that G lacks",
+                field=field,
+            )

@@ -1,0 +1,66 @@
+"""SCIP: special ordered sets as native constraints."""
+
+from __future__ import annotations
+
+import numpy as np
+from pyscipopt import Model, quicksum
+
+from holdfast.stability.mip import FEASIBILITY, INF, Program, Solution, Status
+
+STATUS = {
+    "optimal": Status.OPTIMAL,
+    "infeasible": Status.INFEASIBLE,
+    "unbounded": Status.UNBOUNDED,
+    "timelimit": Status.TIME,
+    "userinterrupt": Status.INTERRUPTED,
+}
+
+
+def solve(program: Program, time_limit: float) -> Solution:
+    """Minimise the program; see `holdfast.stability.mip.solve`."""
+    model = Model()
+    model.hideOutput()
+    model.setParam("numerics/feastol", FEASIBILITY)
+    model.setParam("numerics/dualfeastol", FEASIBILITY)
+    if time_limit < INF:
+        model.setParam("limits/time", time_limit)
+    xs = [
+        model.addVar(lb=None if lo == -INF else lo, ub=None if hi == INF else hi)
+        for lo, hi in zip(program.lower, program.upper, strict=True)
+    ]
+    for index, value, lo, hi in program.rows:
+        total = quicksum(v * xs[i] for i, v in zip(index, value, strict=True))
+        if lo == hi:
+            model.addCons(total == lo)
+        elif hi == INF:
+            model.addCons(total >= lo)
+        elif lo == -INF:
+            model.addCons(total <= hi)
+        else:
+            model.addCons(total >= lo)
+            model.addCons(total <= hi)
+    for members in program.sos1:
+        model.addConsSOS1([xs[i] for i in members], list(range(1, len(members) + 1)))
+    for members in program.sos2:
+        model.addConsSOS2([xs[i] for i in members], list(range(1, len(members) + 1)))
+    model.setObjective(quicksum(v * xs[i] for i, v in program.cost.items()), "minimize")
+    model.optimize()
+
+    name = model.getStatus()
+    if name == "inforunbd":
+        # presolving could not tell: without an objective there is nothing to be unbounded
+        if program.cost:
+            bare = Program(program.lower, program.upper, {}, program.rows, program.sos1, program.sos2)
+            again = solve(bare, time_limit)
+            status = Status.UNBOUNDED if again.status is Status.OPTIMAL else again.status
+            return Solution(status, again.x, -INF, again.nodes)
+        name = "infeasible"
+    status = STATUS.get(name, Status.FAILED)
+    x = None
+    if model.getNSols() > 0:
+        best = model.getBestSol()
+        x = np.array([model.getSolVal(best, v) for v in xs])
+    bound = model.getDualbound() if status is not Status.FAILED else -INF
+    if abs(bound) >= model.infinity():
+        bound = -INF if bound < 0 else INF
+    return Solution(status, x, float(bound), int(model.getNTotalNodes()))
