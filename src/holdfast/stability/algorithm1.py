@@ -30,6 +30,7 @@ from holdfast.stability.problem import Problem
 from holdfast.stability.sectors import Discretisation, Edges, Sector
 
 ACTIVE = 1e-7  # (scaled) motions and forces below this do not make a sector active
+LARGEST_S = 1e6  # (scaled) with limits the search for s ends here; a maximum that reaches it counts as unbounded
 SIDES = 256  # edges of the polygon that stands for the cone when the dissipation principle is left out
 
 
@@ -259,7 +260,7 @@ def _objective(
     L = load(p, goal)
     if goal is Goal.EXISTS:
         return (L.w_a, L.w_b), None
-    sigma = int(P.variables(1, 0.0)[0])
+    sigma = int(P.variables(1, 0.0, LARGEST_S if goal is Goal.LARGEST else INF)[0])
     P.cost[sigma] = -1.0 if goal is Goal.LARGEST else 1.0
     return (L.w_a, L.w_b), sigma
 

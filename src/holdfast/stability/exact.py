@@ -8,7 +8,7 @@ is repeated. `stability/model` judges the result: nothing is a witness before `r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum, auto
 
 import numpy as np
@@ -77,9 +77,11 @@ class Modes:
 
     touch: tuple[Touch, ...]
     motor: tuple[Motor, ...]
+    full: frozenset[int] = frozenset()  # contacts at the largest normal force
+    strained: frozenset[int] = frozenset()  # actuators at their torque limit
 
 
-def read_modes(p: Problem, x: Point, *, load: Load, driven: Array | None = None, tol: float = 1e-6) -> Modes:
+def read_modes(p: Problem, x: Point, *, driven: Array | None = None, tol: float = 1e-6) -> Modes:
     """The modes that an approximate point shows."""
     d = p.relative_motion(x.r, x.q)
     c = x.c.reshape(-1, 3)
@@ -190,6 +192,11 @@ def _system(p: Problem, load: Load, x: Point, modes: Modes) -> tuple[Array, Arra
             add(float(x.f[i] - f_c[i]), (F0, one), (n - 1, -load.f_b[i : i + 1]))
         if motor is Motor.RELEASED:
             add(float(x.f[i]), (F0, one))
+    for i in modes.full:
+        add(float(c[i, 0] - p.cn_max), (C0 + 3 * i, np.ones(1)))
+    for i in modes.strained:
+        side = np.sign(x.f[i])
+        add(float(side * x.f[i] - p.f_max[i]), (F0 + i, np.array([side])))
     J = np.array(rows)
     if not load.free:
         J[:, -1] = 0.0
@@ -241,4 +248,9 @@ def _repair(p: Problem, load: Load, x: Point, modes: Modes) -> Modes:
             motor[i] = Motor.LOCKED
         elif mode_f is Motor.DRIVEN and x.f[i] < -SLACK:
             motor[i] = Motor.RELEASED
-    return replace(modes, touch=tuple(touch), motor=tuple(motor))
+    return Modes(
+        tuple(touch),
+        tuple(motor),
+        modes.full | {i for i in range(len(c)) if c[i, 0] > p.cn_max + SLACK},
+        modes.strained | {i for i in range(len(t)) if abs(x.f[i]) > p.f_max[i] + SLACK},
+    )

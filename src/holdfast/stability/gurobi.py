@@ -6,8 +6,9 @@ import gurobipy
 import numpy as np
 from gurobipy import GRB
 
-from holdfast.stability.mip import FEASIBILITY, INF, Program, Solution, Status
+from holdfast.stability.mip import INF, Program, Solution, Status
 
+FEASIBILITY = 1e-9
 STATUS = {
     GRB.OPTIMAL: Status.OPTIMAL,
     GRB.INFEASIBLE: Status.INFEASIBLE,

@@ -19,7 +19,6 @@ from holdfast.mechanism import Array
 INF = float("inf")
 Solver = Literal["scip", "gurobi"]
 SOLVERS: tuple[Solver, ...] = ("scip", "gurobi")
-FEASIBILITY = 1e-9  # asked of the solver
 ACCEPTED = 1e-6  # a returned point that misses a constraint by more, relative to its row, is a failure
 
 

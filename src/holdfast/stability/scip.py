@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pyscipopt import Model, quicksum
 
-from holdfast.stability.mip import FEASIBILITY, INF, Program, Solution, Status
+from holdfast.stability.mip import INF, Program, Solution, Status
+
+TOLERANCES = (1e-8, 1e-6)  # feasibility; the second only after a numerical failure with the first
 
 STATUS = {
     "optimal": Status.OPTIMAL,
@@ -18,10 +20,23 @@ STATUS = {
 
 def solve(program: Program, time_limit: float) -> Solution:
     """Minimise the program; see `holdfast.stability.mip.solve`."""
+    result = Solution(Status.FAILED, None, -INF, 0)
+    for tolerance in TOLERANCES:
+        try:
+            result = _solve(program, time_limit, tolerance)
+        except Exception as error:  # SCIP reports a failed LP as a bare Exception
+            if type(error) is not Exception:
+                raise
+        if result.status is not Status.FAILED:
+            break
+    return result
+
+
+def _solve(program: Program, time_limit: float, tolerance: float) -> Solution:
     model = Model()
     model.hideOutput()
-    model.setParam("numerics/feastol", FEASIBILITY)
-    model.setParam("numerics/dualfeastol", FEASIBILITY)
+    model.setParam("numerics/feastol", tolerance)
+    model.setParam("numerics/dualfeastol", tolerance)
     if time_limit < INF:
         model.setParam("limits/time", time_limit)
     xs = [
@@ -51,7 +66,7 @@ def solve(program: Program, time_limit: float) -> Solution:
         # presolving could not tell: without an objective there is nothing to be unbounded
         if program.cost:
             bare = Program(program.lower, program.upper, {}, program.rows, program.sos1, program.sos2)
-            again = solve(bare, time_limit)
+            again = _solve(bare, time_limit, tolerance)
             status = Status.UNBOUNDED if again.status is Status.OPTIMAL else again.status
             return Solution(status, again.x, -INF, again.nodes)
         name = "infeasible"

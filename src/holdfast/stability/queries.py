@@ -1,0 +1,415 @@
+"""The three questions about one disturbance: check, max, torques.
+
+Each builds the scaled problem, lets Algorithm 1 refine, tries every relaxation's solution as the
+start of an exact one, and returns an immutable answer with its witness. Source: stability paper,
+section VII: (20)-(22), (23)-(25), (26)-(27).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from holdfast.answer import Stop, Verdict
+from holdfast.errors import InputError
+from holdfast.grasp import Grasp
+from holdfast.mechanism import Array
+from holdfast.stability import algorithm1, problem, witness
+from holdfast.stability.algorithm1 import Goal, Step
+from holdfast.stability.exact import Load, Point
+from holdfast.stability.mip import INF, Status
+from holdfast.stability.problem import Problem
+from holdfast.stability.settings import OnStep, Progress, Settings
+from holdfast.stability.witness import Witness
+
+ZERO = 1e-9  # lambda below this is tried as exactly zero: every magnitude resisted
+WITNESSED = (1e6, 1e4, 1e2)  # magnitudes (scaled) at one of which an unbounded maximum is witnessed
+
+STOPS = {
+    Status.OPTIMAL: Stop.COMPLETE,
+    Status.INFEASIBLE: Stop.COMPLETE,
+    Status.UNBOUNDED: Stop.COMPLETE,
+    Status.TIME: Stop.TIME,
+    Status.INTERRUPTED: Stop.INTERRUPTED,
+    Status.FAILED: Stop.NUMERICAL,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What every query answers.
+
+    Attributes:
+        verdict: HOLDS with a valid witness; SLIPS if a relaxation has no solution; else UNDECIDED.
+        stop: why the search ended.
+        seconds, nodes, steps: its cost: wall time, branch-and-bound nodes, programs solved.
+        witness: the exact solution behind `verdict` or `lower`.
+    """
+
+    verdict: Verdict
+    stop: Stop
+    seconds: float
+    nodes: int
+    steps: tuple[Step, ...]
+    witness: Witness | None
+
+    def _json(self, query: str) -> dict[str, Any]:
+        return {
+            "schema": "holdfast/answer/1",
+            "query": query,
+            "verdict": str(self.verdict),
+            "stop": str(self.stop),
+            "seconds": round(self.seconds, 6),
+            "nodes": self.nodes,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class CheckAnswer(Answer):
+    """Is this disturbance resisted?"""
+
+    def to_json(self) -> dict[str, Any]:
+        empty: dict[str, Any] = dict.fromkeys(
+            ("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion")
+        )
+        return self._json("check") | (self.witness.to_json() if self.witness else empty)
+
+
+@dataclass(frozen=True, eq=False)
+class MaxAnswer(Answer):
+    """How large a disturbance is resisted?
+
+    Attributes:
+        lower: the largest magnitude that was witnessed, 0 if none; inf never.
+        upper: no larger magnitude is possible; inf if that could not be shown.
+        unbounded: every magnitude is resisted, shown by a witness of the homogeneous limit.
+    """
+
+    lower: float
+    upper: float
+    unbounded: bool
+
+    @property
+    def gap(self) -> float:
+        """(upper - lower) / lower; 0 if unbounded or both are 0, inf if one bound is missing."""
+        if self.unbounded or self.upper == 0:
+            return 0.0
+        return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
+
+    def to_json(self) -> dict[str, Any]:
+        return self._json("max") | {
+            "lower": self.lower,
+            "upper": finite(self.upper),
+            "gap": finite(self.gap),
+            "unbounded": self.unbounded,
+            "holds_from_zero_to": None,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TorquesAnswer(Answer):
+    """Which commands resist a disturbance with the least effort?
+
+    Attributes:
+        preload: actuator name -> command [N m or N]; None without a witness. 0 is a locked actuator.
+        lower, upper: certified and witnessed bound on the objective [N m or N].
+    """
+
+    preload: dict[str, float] | None
+    lower: float
+    upper: float
+
+    def to_json(self) -> dict[str, Any]:
+        return self._json("torques") | {
+            "preload": self.preload,
+            "lower": finite(self.lower),
+            "upper": finite(self.upper),
+        }
+
+
+def finite(x: float) -> float | None:
+    """JSON has no infinity: None."""
+    return float(x) if np.isfinite(x) else None
+
+
+def check(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    eta: float = 0.0,
+    mdp: bool = True,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+    on_step: OnStep | None = None,
+) -> CheckAnswer:
+    """Does the grasp resist a disturbance passively? Stability paper, section VII-A, (20)-(22).
+
+    Args:
+        grasp: with the preload in force; an actuator without a command is locked.
+        wrench: (6,) force [N] and torque [N m] on the object, object frame, at its origin.
+        eta: uncertainty of the contact normals [rad], section VI.
+        mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
+            literature), for comparison only: it creates energy out of nothing.
+        torque_limits: actuator -> largest |f| of motor and gearing together, passive reaction included.
+        force_limit: largest normal force at any contact [N].
+        settings: solver, resolution, limits.
+        on_step: called after each step of Algorithm 1.
+
+    Raises:
+        InputError: see `holdfast.stability.problem.build`.
+    """
+    settings = settings or Settings()
+    p = _build(grasp, wrench, None, eta, mdp, torque_limits, force_limit)
+    search = _Search(p, Goal.EXISTS, settings, on_step)
+    found: Witness | None = None
+    for step in search:
+        if step.point is not None and (hit := witness.find(p, search.load, step.point)):
+            found = hit[0]
+            if not settings.as_printed:
+                break
+    if search.infeasible:
+        return CheckAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None)
+    if found is not None:
+        return CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, *search.cost, found)
+    # a relaxation with a solution at the finest level is no proof that the exact model has one
+    return CheckAnswer(Verdict.UNDECIDED, search.unproved, *search.cost, None)
+
+
+def maximum(
+    grasp: Grasp,
+    direction: Sequence[float] | Array,
+    *,
+    base: Sequence[float] | Array | None = None,
+    eta: float = 0.0,
+    mdp: bool = True,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+    on_step: OnStep | None = None,
+) -> MaxAnswer:
+    """The largest s such that the disturbance base + s direction is resisted: section VII-B, (23)-(25).
+
+    The resisted magnitudes need not be an interval: a smaller one may slip.
+
+    Args:
+        direction: (6,) force [N] and torque [N m]; s multiplies it as given, normalise it yourself.
+        base: (6,) a constant load such as gravity.
+
+    The other arguments and errors are those of `check`.
+    """
+    settings = settings or Settings()
+    p = _build(grasp, base if base is not None else np.zeros(6), direction, eta, mdp, torque_limits, force_limit)
+    limited = bool(np.isfinite(p.f_max).any()) or np.isfinite(p.cn_max) or bool(p.w0.any())
+    goal = Goal.LARGEST if limited else Goal.SMALLEST_PRELOAD
+    search = _Search(p, goal, settings, on_step)
+    found: Witness | None = None
+    unbounded = False
+    for step in search:
+        # the solver's bound on lambda or -s, as a bound on s
+        bound = max(0.0, -step.bound) if limited else (1.0 / step.bound if step.bound > ZERO else INF)
+        if limited and bound >= algorithm1.LARGEST_S * (1 - 1e-6):
+            bound = INF
+        search.upper = 0.0 if search.infeasible else min(search.upper, bound)
+        if step.point is not None and (hit := witness.find(p, search.load, step.point)):
+            s = hit[1].sigma if limited else (1.0 / hit[1].sigma if hit[1].sigma > ZERO else INF)
+            if s == INF or (limited and s >= algorithm1.LARGEST_S * (1 - 1e-6)):
+                endless = (hit[0], s) if limited else _endless(p, search, hit[1], settings)
+                if endless is not None:
+                    found, search.lower, unbounded = endless[0], endless[1], True
+            elif s > max(search.lower, ZERO):
+                found, search.lower = hit[0], s
+        if not settings.as_printed and (unbounded or search.upper <= search.lower * (1 + settings.gap)):
+            break
+    if found is not None:
+        found = _at_magnitude(found, search.lower if not limited else 1.0)
+    if search.infeasible:
+        return MaxAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None, 0.0, 0.0, False)
+    verdict = Verdict.HOLDS if found is not None else Verdict.UNDECIDED
+    close = unbounded or search.upper <= search.lower * (1 + settings.gap)
+    stop = Stop.COMPLETE if close else search.unproved
+    upper = INF if unbounded else search.upper
+    return MaxAnswer(verdict, stop, *search.cost, found, search.lower, upper, unbounded)
+
+
+def torques(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    objective: Literal["max", "sum"] = "max",
+    actuators: Sequence[str] | None = None,
+    eta: float = 0.0,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+    on_step: OnStep | None = None,
+) -> TorquesAnswer:
+    """The commands that resist a disturbance with the least effort: section VII-C, (26)-(27).
+
+    An actuator that need not turn is locked and costs nothing, whatever passive load its gearing
+    carries: that is (8), tau free where the command is zero.
+
+    Args:
+        objective: "max", the largest single command, or "sum".
+        actuators: whose commands are sought; by default those that the grasp commands now, or all.
+            The others stay locked.
+
+    The other arguments and errors are those of `check`.
+
+    Raises:
+        InputError: also for an unknown objective or actuator.
+    """
+    settings = settings or Settings()
+    if objective not in ("max", "sum"):
+        raise InputError(f"is '{objective}'; 'max' or 'sum' is needed", field="objective")
+    names = list(actuators or grasp.preload or grasp.mechanism.actuators)
+    chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
+    sense = {n: v for n, v in grasp.preload.items() if n in names}
+    asked = grasp.with_preload({n: np.sign(sense.get(n, 1.0)) for n in names})
+    p = _build(asked, wrench, None, eta, True, torque_limits, force_limit)
+    goal = Goal.SMALLEST_MAX_TORQUE if objective == "max" else Goal.SMALLEST_SUM_TORQUE
+    search = _Search(p, goal, settings, on_step, driven=chosen)
+    search.lower, search.upper = 0.0, INF
+    found: Witness | None = None
+    for step in search:
+        if step.bound > -INF:
+            search.lower = max(search.lower, step.bound)
+        if step.point is not None and (hit := witness.find(p, search.load, step.point, driven=chosen)):
+            command = np.abs(hit[0].grasp.command)
+            value = float(command.max(initial=0.0) if objective == "max" else command.sum())
+            if value < search.upper:
+                found, search.upper = hit[0], value
+        close = search.upper - search.lower <= settings.gap * search.upper + ZERO
+        if close and not settings.as_printed:
+            break
+    if search.infeasible:
+        return TorquesAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None, None, INF, INF)
+    if found is None:
+        return TorquesAnswer(Verdict.UNDECIDED, search.unproved, *search.cost, None, None, search.lower, INF)
+    close = search.upper - search.lower <= settings.gap * search.upper + ZERO
+    preload = dict(zip(found.grasp.mechanism.actuators, found.grasp.command.tolist(), strict=True))
+    return TorquesAnswer(
+        Verdict.HOLDS,
+        Stop.COMPLETE if close else search.unproved,
+        *search.cost,
+        found,
+        {n: preload[n] for n in names},
+        search.lower,
+        search.upper,
+    )
+
+
+# --- helpers ------------------------------------------------------------------------------------
+
+
+class _Search:
+    """Algorithm 1 as an iterator that keeps the score: cost, bounds, why it ended. Ctrl-C ends it quietly."""
+
+    def __init__(
+        self, p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None, driven: Array | None = None
+    ) -> None:
+        self.load = algorithm1.load(p, goal)
+        if driven is not None:
+            self.load = Load(self.load.w_a, self.load.w_b, np.zeros(len(p.f_c)), self.load.f_b, free=False)
+        self.lower, self.upper = 0.0, INF
+        self.steps: list[Step] = []
+        self.interrupted = False
+        self._on_step = on_step
+        self._start = time.monotonic()
+        self._run = algorithm1.run(
+            p,
+            goal,
+            q=settings.q,
+            solver=settings.solver,
+            full=settings.full,
+            printed_robustness=settings.as_printed,
+            driven=driven,
+            time_limit=settings.time_limit,
+        )
+
+    def __iter__(self) -> _Search:
+        return self
+
+    def __next__(self) -> Step:
+        if self.steps and self._on_step:
+            self._on_step(Progress(self.steps[-1], self.lower, self.upper))
+        try:
+            step = next(self._run)
+        except KeyboardInterrupt:
+            self.interrupted = True
+            raise StopIteration from None
+        self.steps.append(step)
+        return step
+
+    @property
+    def infeasible(self) -> bool:
+        return bool(self.steps) and self.steps[-1].solution.status is Status.INFEASIBLE
+
+    @property
+    def unproved(self) -> Stop:
+        """Why there is no complete answer: the last step's limit, or that the numbers did not suffice."""
+        if self.interrupted or not self.steps:
+            return Stop.INTERRUPTED
+        stop = STOPS[self.steps[-1].solution.status]
+        return Stop.NUMERICAL if stop is Stop.COMPLETE else stop
+
+    @property
+    def cost(self) -> tuple[float, int, tuple[Step, ...]]:
+        nodes = sum(s.solution.nodes for s in self.steps)
+        return time.monotonic() - self._start, nodes, tuple(self.steps)
+
+
+def _build(
+    grasp: Grasp,
+    w0: Sequence[float] | Array,
+    direction: Sequence[float] | Array | None,
+    eta: float,
+    mdp: bool,
+    torque_limits: Mapping[str, float] | None,
+    force_limit: float | None,
+) -> Problem:
+    return problem.build(
+        grasp,
+        np.asarray(w0),
+        None if direction is None else np.asarray(direction),
+        eta=eta,
+        mdp=mdp,
+        torque_limits=dict(torque_limits or {}),
+        force_limit=force_limit,
+    )
+
+
+def _endless(p: Problem, search: _Search, x: Point, settings: Settings) -> tuple[Witness, float] | None:
+    """Show that every magnitude is resisted: a witness with lambda = 0 exactly, and one at a large s."""
+    load = search.load
+    at_zero = Load(load.w_a, load.w_b, load.f_a, load.f_b, free=False)
+    limit = witness.find(p, at_zero, Point(x.r, x.q, x.c, x.f, x.coupling, 0.0))
+    if limit is None:
+        return None
+    if not p.f_c.any():
+        return limit[0], WITNESSED[0]  # no commands: the limit's witness scales to any magnitude
+    for s in WITNESSED:
+        # small commands change which contacts close, so this is a search of its own, not a Newton step
+        small = replace(p, w0=p.direction, f_c=p.f_c / s)
+        there = _Search(small, Goal.EXISTS, settings, None)
+        for step in there:
+            if step.point is not None and (hit := witness.find(small, there.load, step.point)):
+                return hit[0], s
+    return None
+
+
+def _at_magnitude(found: Witness, s: float) -> Witness:
+    """A homogeneous witness (w = d, commands lambda f_c) scaled so that the commands are the grasp's own."""
+    if s == 1.0:
+        return found
+    return Witness(
+        found.grasp.with_preload(s * found.grasp.command),
+        s * found.wrench,
+        found.state.scaled(s),
+        found.eta,
+        found.mdp,
+    )

@@ -1,0 +1,135 @@
+"""A witness: an exact solution of the model that anyone can check with the equations alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from holdfast.grasp import Grasp
+from holdfast.mechanism import Array
+from holdfast.stability import exact, model
+from holdfast.stability.exact import Load, Point
+from holdfast.stability.model import Energy, Residuals, State
+from holdfast.stability.problem import Problem
+
+VALID = 1e-9  # relative residual of a witness, every equation
+MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """A state with the grasp, disturbance and commands that it answers for.
+
+    Attributes:
+        grasp: the grasp, whose `command` is the one in force.
+        wrench: (6,) the disturbance [N, N m].
+        state: motions and forces.
+        eta: uncertainty of the contact normals [rad].
+        mdp: does it have to satisfy the maximum dissipation principle?
+    """
+
+    grasp: Grasp
+    wrench: Array
+    state: State
+    eta: float
+    mdp: bool
+
+    @cached_property
+    def residuals(self) -> Residuals:
+        """Relative residuals of (1)-(8), from `stability/model`."""
+        return model.residuals(self.grasp, self.wrench, self.state, eta=self.eta, mdp=self.mdp)
+
+    @property
+    def valid(self) -> bool:
+        """Does it solve the exact model within 1e-9?"""
+        return self.residuals.worst <= VALID
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Where the virtual work goes."""
+        return model.energy(self.grasp, self.wrench, self.state)
+
+    @cached_property
+    def forces(self) -> Array:
+        """(m, 3) contact forces on the object [N], object frame."""
+        c = self.state.c.reshape(-1, 3)
+        return np.array([k.frame @ ci for k, ci in zip(self.grasp.contacts, c, strict=True)])
+
+    @cached_property
+    def motions(self) -> Array:
+        """(m, 3) virtual motions of the object relative to the finger at each contact, object frame."""
+        d = model.relative_motion(self.grasp, self.state.r, self.state.q).reshape(-1, 3)
+        return np.array([k.frame @ di for k, di in zip(self.grasp.contacts, d, strict=True)])
+
+    @property
+    def contact_states(self) -> list[str]:
+        """Per contact "open", "stick" or "slide"."""
+        d = model.relative_motion(self.grasp, self.state.r, self.state.q).reshape(-1, 3)
+        c = self.state.c.reshape(-1, 3)
+        tiny = VALID * model.force_scale(self.grasp, self.wrench, self.state.c)
+        return [
+            "open" if ci[0] <= tiny else "slide" if np.linalg.norm(di[1:]) > tiny else "stick"
+            for ci, di in zip(c, d, strict=True)
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys of a `check` answer."""
+        forces, motions = self.forces, self.motions
+        c = self.state.c.reshape(-1, 3)
+        tau = model.joint_torques(self.grasp, self.state.c)
+        return {
+            "residual": self.residuals.worst,
+            "contacts": [
+                {
+                    "link": contact.link,
+                    "position": contact.position.tolist(),
+                    "force": forces[i].tolist(),
+                    "normal_force": float(c[i, 0]),
+                    "friction_force": float(np.linalg.norm(c[i, 1:])),
+                    "motion": motions[i].tolist(),
+                    "state": self.contact_states[i],
+                }
+                for i, contact in enumerate(self.grasp.contacts)
+            ],
+            "joint_torques": {j.name: float(t) for j, t in zip(self.grasp.joints, tau, strict=True)},
+            "actuator_forces": dict(zip(self.grasp.mechanism.actuators, self.state.f.tolist(), strict=True)),
+            "object_motion": self.state.r.tolist(),
+            "joint_motion": {j.name: float(q) for j, q in zip(self.grasp.joints, self.state.q, strict=True)},
+        }
+
+
+def find(p: Problem, load: Load, start: Point, *, driven: Array | None = None) -> tuple[Witness, Point] | None:
+    """A valid witness near a relaxation's solution, with its scaled point; None if Newton finds none.
+
+    The commands of the witness's grasp are those of the load at its sigma, or what the driven
+    actuators turned out to need.
+    """
+    tried = set()
+    for tol in MODE_TOLERANCES:
+        modes = exact.read_modes(p, start, driven=driven, tol=tol)
+        if modes in tried:
+            continue
+        tried.add(modes)
+        x = exact.solve(p, load, start, modes)
+        if x is None:
+            continue
+        witness = as_witness(p, load, x, driven=driven)
+        inside = (x.c[0::3] <= p.cn_max + exact.SLACK).all() and (np.abs(x.f) <= p.f_max + exact.SLACK).all()
+        if inside and witness.valid:
+            return witness, x
+    return None
+
+
+def as_witness(p: Problem, load: Load, x: Point, *, driven: Array | None = None) -> Witness:
+    """A scaled point in the grasp's units, with the disturbance and the commands it belongs to."""
+    f_c = load.f_a + x.sigma * load.f_b
+    if driven is not None:
+        turns = p.R @ x.q > 1e-12
+        f_c = np.where(driven, np.where(turns, np.maximum(x.f, 0.0), 0.0), f_c)
+    units = p.force * np.array([1.0] * 3 + [p.length] * 3)
+    wrench = units * (load.w_a + x.sigma * load.w_b)
+    state = p.unscale(x.r, x.q, x.c, x.f, x.coupling)
+    return Witness(p.grasp.with_preload(p.command(f_c)), wrench, state, p.eta, p.mdp)
