@@ -1,1 +1,75 @@
-"""Holdfast: will this grasp hold? Passive grasp stability with proofs, for real hands."""
+"""Holdfast: will this grasp hold? Passive grasp stability with proofs, for real hands.
+
+The names below load on first use, so that `import holdfast` stays quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from holdfast.answer import Stop as Stop
+    from holdfast.answer import Verdict as Verdict
+    from holdfast.body import Body as Body
+    from holdfast.body import load_body as load_body
+    from holdfast.configuration import Configuration as Configuration
+    from holdfast.configuration import load_configuration as load_configuration
+    from holdfast.contacts import contact_grasp as contact_grasp
+    from holdfast.contacts import find_contacts as find_contacts
+    from holdfast.errors import InputError as InputError
+    from holdfast.grasp import Contact as Contact
+    from holdfast.grasp import Grasp as Grasp
+    from holdfast.grasp import GraspJoint as GraspJoint
+    from holdfast.grasp_file import load_grasp as load_grasp
+    from holdfast.grasp_file import save_grasp as save_grasp
+    from holdfast.hand import Hand as Hand
+    from holdfast.hand import load_hand as load_hand
+    from holdfast.mechanism import Mechanism as Mechanism
+    from holdfast.planning.close import close as close
+    from holdfast.stability.maps import force_map as force_map
+    from holdfast.stability.maps import sweep as sweep
+    from holdfast.stability.queries import check as check
+    from holdfast.stability.queries import maximum as maximum
+    from holdfast.stability.queries import torques as torques
+    from holdfast.stability.settings import Settings as Settings
+
+_HOME = {
+    "Stop": "answer",
+    "Verdict": "answer",
+    "Body": "body",
+    "load_body": "body",
+    "Configuration": "configuration",
+    "load_configuration": "configuration",
+    "contact_grasp": "contacts",
+    "find_contacts": "contacts",
+    "InputError": "errors",
+    "Contact": "grasp",
+    "Grasp": "grasp",
+    "GraspJoint": "grasp",
+    "load_grasp": "grasp_file",
+    "save_grasp": "grasp_file",
+    "Hand": "hand",
+    "load_hand": "hand",
+    "Mechanism": "mechanism",
+    "close": "planning.close",
+    "force_map": "stability.maps",
+    "sweep": "stability.maps",
+    "check": "stability.queries",
+    "maximum": "stability.queries",
+    "torques": "stability.queries",
+    "Settings": "stability.settings",
+}
+
+__all__ = sorted(_HOME)  # noqa: PLE0605
+__version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'holdfast' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"holdfast.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

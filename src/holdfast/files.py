@@ -1,0 +1,84 @@
+"""Reading and writing files: strict JSON in, whole files out, every fault one clear line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from holdfast.errors import InputError
+
+
+class Strict(BaseModel):
+    """Base of every file format: unknown fields, NaN and infinity are errors."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+T = TypeVar("T", bound=BaseModel)
+
+
+def read_text(path: str | Path, kind: str, known: list[str]) -> str:
+    """The file's text; `InputError` if it is missing or no text, naming the bundled ones."""
+    try:
+        return Path(path).read_text("utf-8")
+    except FileNotFoundError:
+        names = ", ".join(known)
+        raise InputError(f"no such file, and no bundled {kind} of that name; bundled: {names}", source=str(path)) from None
+    except IsADirectoryError:
+        raise InputError(f"is a folder; a {kind} file is needed", source=str(path)) from None
+    except UnicodeDecodeError:
+        raise InputError(f"is not a text file; a {kind} file is JSON", source=str(path)) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", source=str(path)) from None
+
+
+def write_text(path: str | Path, text: str, *, force: bool) -> None:
+    """Write a whole file or nothing; raises `InputError` if it exists and `force` is not set."""
+    write_bytes(path, text.encode("utf-8"), force=force)
+
+
+def write_bytes(path: str | Path, data: bytes, *, force: bool) -> None:
+    """Write a whole file or nothing; raises `InputError` if it exists and `force` is not set."""
+    target = Path(path)
+    if target.exists() and not force:
+        raise InputError("exists already; give --force to write over it", source=str(path))
+    part = target.with_name(target.name + ".part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(data)
+        part.replace(target)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f"cannot be written: {error.strerror}", source=str(path)) from None
+
+
+def parse_json(text: str) -> Any:
+    """Parsed JSON; NaN and infinity are refused like any other fault."""
+
+    def refuse(constant: str) -> Any:
+        raise InputError(f"contains {constant}; finite numbers are needed")
+
+    try:
+        return json.loads(text, parse_constant=refuse)
+    except json.JSONDecodeError as error:
+        raise InputError(f"is not valid JSON: {error.msg} (line {error.lineno}, column {error.colno})") from None
+
+
+def validate(model: type[T], data: Any) -> T:
+    """Data as a pydantic model; the first fault becomes an `InputError` with its field."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ""
+        for part in first["loc"]:
+            field += f"[{part}]" if isinstance(part, int) else f".{part}" if field else str(part)
+        if first["type"] == "extra_forbidden":
+            raise InputError("is not a known field; leave it out", field=field) from None
+        if first["type"] == "missing":
+            raise InputError("is missing", field=field) from None
+        message = first["msg"]
+        raise InputError(message[0].lower() + message[1:], field=field or None) from None

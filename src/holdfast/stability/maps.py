@@ -1,0 +1,325 @@
+"""Many maxima at once: maps of resisted forces (Figs 6, 8, 10) and sweeps over a preload (Fig. 12)."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from holdfast.answer import Stop, Verdict
+from holdfast.errors import InputError, unknown_name
+from holdfast.grasp import Grasp
+from holdfast.mechanism import Array
+from holdfast.stability.queries import MaxAnswer, finite, maximum
+from holdfast.stability.settings import Settings
+
+Plane = Literal["xy", "xz", "yz"]
+PLANES: tuple[Plane, ...] = ("xy", "xz", "yz")
+OnItem = Callable[[int, int], None]  # done, total
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Maxima over a list of cases.
+
+    Attributes:
+        lower, upper: (n,) bounds of the maximum; nan where a case was not reached.
+        unbounded: (n,) bool.
+        verdicts, stops: (n,) of `Verdict` and `Stop`.
+    """
+
+    lower: Array
+    upper: Array
+    unbounded: Array
+    verdicts: tuple[Verdict, ...]
+    stops: tuple[Stop, ...]
+
+    @classmethod
+    def of(cls, answers: Sequence[MaxAnswer | None]) -> Curve:
+        """From answers; None is a case that an interruption left out."""
+        return cls(
+            lower=np.array([a.lower if a else np.nan for a in answers]),
+            upper=np.array([a.upper if a else np.nan for a in answers]),
+            unbounded=np.array([bool(a and a.unbounded) for a in answers]),
+            verdicts=tuple(a.verdict if a else Verdict.UNDECIDED for a in answers),
+            stops=tuple(a.stop if a else Stop.INTERRUPTED for a in answers),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "lower": [finite(x) for x in self.lower],
+            "upper": [finite(x) for x in self.upper],
+            "unbounded": self.unbounded.tolist(),
+            "verdicts": [str(v) for v in self.verdicts],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class MapAnswer:
+    """The resisted forces in a plane of the object frame, without and with the preload.
+
+    Attributes:
+        plane: "xy", "xz" or "yz".
+        directions: (n, 3) unit forces.
+        passive: the curve with every actuator locked.
+        preloaded: the curve with the grasp's preload; None if it has none.
+    """
+
+    grasp: Grasp
+    plane: Plane
+    eta: float
+    directions: Array
+    passive: Curve
+    preloaded: Curve | None
+    seconds: float
+    nodes: int
+
+    @property
+    def curves(self) -> list[Curve]:
+        return [self.passive, *([self.preloaded] if self.preloaded else [])]
+
+    @property
+    def verdict(self) -> Verdict:
+        """HOLDS if any direction is resisted, SLIPS if none is, UNDECIDED if that is not known."""
+        return _joint_verdict([v for c in self.curves for v in c.verdicts])
+
+    @property
+    def stop(self) -> Stop:
+        return _worst_stop([s for c in self.curves for s in c.stops])
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "schema": "holdfast/answer/1",
+            "query": "map",
+            "verdict": str(self.verdict),
+            "stop": str(self.stop),
+            "seconds": round(self.seconds, 6),
+            "nodes": self.nodes,
+            "plane": self.plane,
+            "eta": float(np.degrees(self.eta)),
+            "directions": self.directions.tolist(),
+            "preload": self.grasp.preload,
+            "without_preload": self.passive.to_json(),
+            "with_preload": self.preloaded.to_json() if self.preloaded else None,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class SweepAnswer:
+    """The maxima in some directions while one actuator's command grows.
+
+    Attributes:
+        actuator: whose command varies.
+        values: (n,) commands [N m or N].
+        directions: (k, 6) disturbances.
+        curves: one per direction, over the values.
+    """
+
+    grasp: Grasp
+    actuator: str
+    values: Array
+    directions: Array
+    curves: tuple[Curve, ...]
+    seconds: float
+    nodes: int
+
+    @property
+    def verdict(self) -> Verdict:
+        return _joint_verdict([v for c in self.curves for v in c.verdicts])
+
+    @property
+    def stop(self) -> Stop:
+        return _worst_stop([s for c in self.curves for s in c.stops])
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "schema": "holdfast/answer/1",
+            "query": "sweep",
+            "verdict": str(self.verdict),
+            "stop": str(self.stop),
+            "seconds": round(self.seconds, 6),
+            "nodes": self.nodes,
+            "joint": self.actuator,
+            "directions": self.directions.tolist(),
+            "rows": [
+                {
+                    "preload": float(value),
+                    "lower": [finite(c.lower[i]) for c in self.curves],
+                    "upper": [finite(c.upper[i]) for c in self.curves],
+                    "unbounded": [bool(c.unbounded[i]) for c in self.curves],
+                }
+                for i, value in enumerate(self.values)
+            ],
+        }
+
+
+def force_map(
+    grasp: Grasp,
+    plane: Plane = "xy",
+    *,
+    steps: int = 360,
+    eta: float = 0.0,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+    jobs: int | None = None,
+    on_item: OnItem | None = None,
+) -> MapAnswer:
+    """The largest resisted force in every direction of a plane: stability paper, Figs 6, 8 and 10.
+
+    Args:
+        plane: of the object frame; directions run from its first axis towards its second.
+        steps: number of directions, evenly spaced.
+        jobs: processes; by default all cores on Linux, one elsewhere (give more under a guarded main module).
+        on_item: called with (done, total).
+
+    The other arguments and errors are those of `maximum`. Ctrl-C returns what was reached.
+    """
+    if plane not in PLANES:
+        raise InputError(f"is '{plane}'; one of {', '.join(PLANES)} is needed", field="plane")
+    if steps < 1:
+        raise InputError(f"is {steps}; at least 1 direction is needed", field="steps")
+    angles = 2 * np.pi * np.arange(steps) / steps
+    i, j = ("xyz".index(axis) for axis in plane)
+    directions = np.zeros((steps, 3))
+    directions[:, i], directions[:, j] = np.cos(angles), np.sin(angles)
+    directions[np.abs(directions) < 1e-12] = 0.0
+    grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
+    options = {"eta": eta, "torque_limits": torque_limits, "force_limit": force_limit, "settings": settings}
+    cases = [(g, np.r_[d, np.zeros(3)], options) for g in grasps for d in directions]
+    start = time.monotonic()
+    answers = _maxima(cases, jobs, on_item)
+    return MapAnswer(
+        grasp=grasp,
+        plane=plane,
+        eta=eta,
+        directions=directions,
+        passive=Curve.of(answers[:steps]),
+        preloaded=Curve.of(answers[steps:]) if grasp.preload else None,
+        seconds=time.monotonic() - start,
+        nodes=sum(a.nodes for a in answers if a),
+    )
+
+
+def sweep(
+    grasp: Grasp,
+    actuator: str,
+    values: Sequence[float] | Array,
+    directions: Sequence[Sequence[float]] | Array,
+    *,
+    eta: float = 0.0,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+    jobs: int | None = None,
+    on_item: OnItem | None = None,
+) -> SweepAnswer:
+    """The largest resisted disturbance while one command varies, the others as in the grasp: Fig. 12.
+
+    Args:
+        actuator: whose command varies.
+        values: (n,) commands [N m or N].
+        directions: (k, 6) disturbances, one curve each.
+
+    The other arguments and errors are those of `force_map`, and `InputError` for an unknown actuator.
+    """
+    if actuator not in grasp.mechanism.actuators:
+        raise unknown_name("actuator", actuator, grasp.mechanism.actuators, field="joint")
+    d = np.atleast_2d(np.asarray(directions, dtype=float))
+    x = np.asarray(values, dtype=float)
+    options = {"eta": eta, "torque_limits": torque_limits, "force_limit": force_limit, "settings": settings}
+    cases = [
+        (grasp.with_preload(grasp.preload | {actuator: float(value)}), direction, options)
+        for direction in d
+        for value in x
+    ]
+    start = time.monotonic()
+    answers = _maxima(cases, jobs, on_item)
+    n = len(x)
+    return SweepAnswer(
+        grasp=grasp,
+        actuator=actuator,
+        values=x,
+        directions=d,
+        curves=tuple(Curve.of(answers[k * n : (k + 1) * n]) for k in range(len(d))),
+        seconds=time.monotonic() - start,
+        nodes=sum(a.nodes for a in answers if a),
+    )
+
+
+def _joint_verdict(verdicts: Sequence[Verdict]) -> Verdict:
+    if Verdict.HOLDS in verdicts:
+        return Verdict.HOLDS
+    return Verdict.UNDECIDED if Verdict.UNDECIDED in verdicts else Verdict.SLIPS
+
+
+def _worst_stop(stops: Sequence[Stop]) -> Stop:
+    order = (Stop.INTERRUPTED, Stop.TIME, Stop.NODES, Stop.NUMERICAL)
+    return next((s for s in order if s in stops), Stop.COMPLETE)
+
+
+# --- work on all cores -----------------------------------------------------------------------------
+
+Case = tuple[Grasp, Array, dict[str, Any]]
+# forked workers need no guarded main module in the caller's script; elsewhere one process is the safe default
+START = "fork" if sys.platform.startswith("linux") else "spawn"
+
+
+def _maximum(case: Case) -> MaxAnswer:
+    grasp, direction, options = case
+    answer = maximum(grasp, direction, **options)
+    # a thousand answers travel between processes: leave the search's history behind
+    return replace(answer, steps=(), witness=None)
+
+
+def _maxima(cases: Sequence[Case], jobs: int | None, on_item: OnItem | None) -> list[MaxAnswer | None]:
+    """One answer per case, in order; None from the first one that Ctrl-C prevented."""
+    if cases:
+        grasp, direction, options = cases[0]
+        _check_input(grasp, direction, options)
+    done: list[MaxAnswer | None] = []
+    try:
+        for answer in _results(cases, jobs or default_jobs()):
+            done.append(answer)
+            if on_item:
+                on_item(len(done), len(cases))
+    except KeyboardInterrupt:
+        pass
+    return done + [None] * (len(cases) - len(done))
+
+
+def default_jobs() -> int:
+    """All cores where worker processes need no guarded main module (Linux), otherwise one."""
+    return (os.cpu_count() or 1) if START == "fork" else 1
+
+
+def _check_input(grasp: Grasp, direction: Array, options: dict[str, Any]) -> None:
+    """Raise bad input's one clear line here rather than in a worker process."""
+    from holdfast.stability import problem
+
+    problem.build(
+        grasp,
+        np.zeros(6),
+        direction,
+        eta=options["eta"],
+        torque_limits=dict(options["torque_limits"] or {}),
+        force_limit=options["force_limit"],
+    )
+
+
+def _results(cases: Sequence[Case], jobs: int) -> Iterator[MaxAnswer]:
+    jobs = min(jobs, len(cases))
+    if jobs <= 1:
+        yield from map(_maximum, cases)
+        return
+    # workers leave Ctrl-C to the parent, which then ends them
+    context = multiprocessing.get_context(START)
+    with context.Pool(jobs, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
+        yield from pool.imap(_maximum, cases)
