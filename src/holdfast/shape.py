@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from holdfast.errors import InputError
 from holdfast.mechanism import Array, frozen
@@ -59,7 +59,7 @@ class Shape:
             raise InputError(f"is '{kind}'; known: {', '.join(SIZES)}", field="shape.kind")
         numbers = np.atleast_1d(np.asarray(size, dtype=float)).ravel()
         if len(numbers) != SIZES[kind]:
-            raise InputError(f"has {len(numbers)} numbers, a {kind} needs {SIZES[kind]}", field=f"{kind}.size")
+            raise InputError(f"has {len(numbers)} numbers, not {SIZES[kind]}", field=f"{kind}.size")
         if not (np.isfinite(numbers).all() and (numbers > 0).all()):
             raise InputError(f"is {numbers.tolist()}; sizes are positive and finite", field=f"{kind}.size")
         put(self, "kind", kind)
@@ -88,7 +88,7 @@ class Shape:
         try:
             found = ConvexHull(p)
         except (QhullError, ValueError):
-            raise InputError("is flat or has too few points; a solid is needed", field=name or "mesh") from None
+            raise InputError("is flat; a solid is needed", field=name or "mesh") from None
         index = np.full(len(p), -1)
         index[found.vertices] = np.arange(len(found.vertices))
         corners = p[found.simplices]
@@ -195,8 +195,10 @@ class Shape:
         if self.kind in ("box", "mesh"):
             local = Shape.hull(self.corners) if self.kind == "box" else self
             return local.vertices @ self.pose[:3, :3].T + self.pose[:3, 3], local.faces
-        u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 24, endpoint=False), np.linspace(-np.pi / 2, np.pi / 2, 13))
-        ball = np.column_stack([(np.cos(v) * np.cos(u)).ravel(), (np.cos(v) * np.sin(u)).ravel(), np.sin(v).ravel()])
+        around, up = np.linspace(0, 2 * np.pi, 24, endpoint=False), np.linspace(-np.pi / 2, np.pi / 2, 13)
+        u, v = (a.ravel() for a in np.meshgrid(around, up))
+        ball = np.column_stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)])
+        ends = np.array([[[0, 0, -0.5]], [[0, 0, 0.5]]])
         s = self.size
         match self.kind:
             case "sphere":
@@ -204,10 +206,10 @@ class Shape:
             case "ellipsoid":
                 points = ball * np.array(s)
             case "capsule":
-                points = np.vstack([ball * s[0] + [0, 0, z] for z in (-s[1] / 2, s[1] / 2)])
+                points = (ball * s[0] + ends * s[1]).reshape(-1, 3)
             case _:
                 rim = ball[np.abs(ball[:, 2]) < 1e-9] * s[0]
-                points = np.vstack([rim + [0, 0, z] for z in (-s[1] / 2, s[1] / 2)])
+                points = (rim + ends * s[1]).reshape(-1, 3)
         local = Shape.hull(points.round(12))
         return local.vertices @ self.pose[:3, :3].T + self.pose[:3, 3], local.faces
 
@@ -216,12 +218,13 @@ def rigid(pose: object, field: str = "pose") -> Array:
     """`pose` as a read-only (4, 4) rigid motion; raises `InputError` unless it is one within 1e-6."""
     T = frozen(pose, (4, 4), field)
     R = T[:3, :3]
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0 or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
+    turns = np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0
+    if not turns or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
         raise InputError("is not a rigid motion; a rotation and a translation are needed", field=field)
     return T
 
 
-def transform(position: object, rotation: object = None) -> Array:
+def transform(position: ArrayLike, rotation: ArrayLike | None = None) -> Array:
     """(4, 4) from a position (3,) [m] and a rotation matrix (3, 3)."""
     T = np.eye(4)
     T[:3, 3] = position
@@ -269,13 +272,14 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
     import trimesh  # slow to import
 
     obj = path.suffix.lower() == ".obj"
-    options = {"split_object": True, "group_material": False} if obj else {}
+    split = ("split_object", "split_objects", "split_groups")  # trimesh 4 and 5 name them differently
+    options: dict[str, Any] = dict.fromkeys(split, True) | {"group_material": False} if obj else {}
     try:
         scene = trimesh.load_scene(path, process=False, skip_materials=True, **options)
         meshes = [g for g in scene.dump() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
     except Exception as fault:  # the reader raises whatever its parser met; the file is at fault
-        reason = (str(fault).splitlines() or [""])[0]
-        raise InputError(f"cannot be read as a mesh ({type(fault).__name__}: {reason})", source=str(path)) from None
+        reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
+        raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
     if not meshes:
         raise InputError("has no triangles", source=str(path))
     groups = []
