@@ -8,7 +8,8 @@ a relaxation that contains every exact solution and its formula does not give on
   its true |d_t| is larger. Here |d_t| may lie anywhere between (19) and its upper estimate, the sum
   of edge-length weights (18). `printed_robustness=True` restores the formula as printed.
 - The maximum (23) is posed as its homogeneous twin, minimise lambda with w = d and commands
-  lambda f_c, s = 1 / lambda: no bound on s is needed and "every magnitude" is the finite lambda = 0.
+  lambda f_c, s = 1 / lambda. The search ends at `search_end`, and a maximum there counts as unbounded:
+  in the limit lambda = 0 grasps can resist what they resist at no finite magnitude.
 
 An iterator: each step is one solved mixed-integer program; limits and early stops live outside.
 """
@@ -30,7 +31,7 @@ from holdfast.stability.problem import Problem
 from holdfast.stability.sectors import Discretisation, Edges, Sector
 
 ACTIVE = 1e-7  # (scaled) motions and forces below this do not make a sector active
-LARGEST_S = 1e6  # (scaled) with limits the search for s ends here; a maximum that reaches it counts as unbounded
+ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
 SIDES = 256  # edges of the polygon that stands for the cone when the dissipation principle is left out
 
 
@@ -77,6 +78,14 @@ def load(p: Problem, goal: Goal) -> Load:
     if goal is Goal.LARGEST:
         return Load(p.w0, p.direction, p.f_c, zero_f, free=True)
     return Load(p.w0, zero_w, p.f_c, zero_f, free=False)
+
+
+def search_end(p: Problem) -> float:
+    """The magnitude s at which the search for a maximum ends: `ENDLESS` times the other forces in play."""
+    others = np.concatenate([p.f_c, np.abs(p.w0), p.f_max[np.isfinite(p.f_max)], [p.cn_max]])
+    others = others[np.isfinite(others)]
+    scale = float(others.max(initial=0.0)) or 1.0
+    return ENDLESS * scale / float(np.abs(p.direction).max())
 
 
 def run(
@@ -260,7 +269,12 @@ def _objective(
     L = load(p, goal)
     if goal is Goal.EXISTS:
         return (L.w_a, L.w_b), None
-    sigma = int(P.variables(1, 0.0, LARGEST_S if goal is Goal.LARGEST else INF)[0])
+    if goal is Goal.LARGEST:
+        sigma = int(P.variables(1, 0.0, search_end(p))[0])
+    elif goal is Goal.SMALLEST_PRELOAD and p.f_c.any():
+        sigma = int(P.variables(1, 1.0 / search_end(p))[0])
+    else:
+        sigma = int(P.variables(1, 0.0)[0])
     P.cost[sigma] = -1.0 if goal is Goal.LARGEST else 1.0
     return (L.w_a, L.w_b), sigma
 

@@ -26,8 +26,7 @@ from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Progress, Settings
 from holdfast.stability.witness import Witness
 
-ZERO = 1e-9  # lambda below this is tried as exactly zero: every magnitude resisted
-WITNESSED = (1e6, 1e4, 1e2)  # magnitudes (scaled) at one of which an unbounded maximum is witnessed
+ZERO = 1e-9  # [N m or N] torques below this count as none
 
 STOPS = {
     Status.OPTIMAL: Stop.COMPLETE,
@@ -84,9 +83,10 @@ class MaxAnswer(Answer):
     """How large a disturbance is resisted?
 
     Attributes:
-        lower: the largest magnitude that was witnessed, 0 if none; inf never.
+        lower: the largest magnitude that was witnessed, 0 if none.
         upper: no larger magnitude is possible; inf if that could not be shown.
-        unbounded: every magnitude is resisted, shown by a witness of the homogeneous limit.
+        unbounded: resisted as far as the search goes, ten thousand times the preload (or the base load,
+            or the limits); `lower` is that magnitude and its witness, `upper` is inf.
     """
 
     lower: float
@@ -207,33 +207,31 @@ def maximum(
     limited = bool(np.isfinite(p.f_max).any()) or np.isfinite(p.cn_max) or bool(p.w0.any())
     goal = Goal.LARGEST if limited else Goal.SMALLEST_PRELOAD
     search = _Search(p, goal, settings, on_step)
+    end = algorithm1.search_end(p)
+    at_end = end * (1 - 1e-6)
     found: Witness | None = None
-    unbounded = False
     for step in search:
-        # the solver's bound on lambda or -s, as a bound on s
-        bound = max(0.0, -step.bound) if limited else (1.0 / step.bound if step.bound > ZERO else INF)
-        if limited and bound >= algorithm1.LARGEST_S * (1 - 1e-6):
-            bound = INF
-        search.upper = 0.0 if search.infeasible else min(search.upper, bound)
+        # the solver's bound on lambda or on -s, as a bound on s
+        bound = max(0.0, -step.bound) if limited else (1.0 / step.bound if step.bound > 0 else INF)
+        search.upper = 0.0 if search.infeasible else min(search.upper, bound if bound < at_end else INF)
         if step.point is not None and (hit := witness.find(p, search.load, step.point)):
-            s = hit[1].sigma if limited else (1.0 / hit[1].sigma if hit[1].sigma > ZERO else INF)
-            if s == INF or (limited and s >= algorithm1.LARGEST_S * (1 - 1e-6)):
-                endless = (hit[0], s) if limited else _endless(p, search, hit[1], settings)
-                if endless is not None:
-                    found, search.lower, unbounded = endless[0], endless[1], True
-            elif s > max(search.lower, ZERO):
-                found, search.lower = hit[0], s
-        if not settings.as_printed and (unbounded or search.upper <= search.lower * (1 + settings.gap)):
+            w, x = hit
+            if not limited:
+                w, s = _at_commands(p, search.load, w, x, end)
+            else:
+                s = x.sigma
+            if s > search.lower:
+                found, search.lower = w, s
+        close = search.lower >= at_end or search.upper <= search.lower * (1 + settings.gap)
+        if close and not settings.as_printed:
             break
-    if found is not None:
-        found = _at_magnitude(found, search.lower if not limited else 1.0)
     if search.infeasible:
         return MaxAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None, 0.0, 0.0, False)
+    unbounded = search.lower >= at_end
     verdict = Verdict.HOLDS if found is not None else Verdict.UNDECIDED
     close = unbounded or search.upper <= search.lower * (1 + settings.gap)
     stop = Stop.COMPLETE if close else search.unproved
-    upper = INF if unbounded else search.upper
-    return MaxAnswer(verdict, stop, *search.cost, found, search.lower, upper, unbounded)
+    return MaxAnswer(verdict, stop, *search.cost, found, search.lower, search.upper, unbounded)
 
 
 def torques(
@@ -383,33 +381,15 @@ def _build(
     )
 
 
-def _endless(p: Problem, search: _Search, x: Point, settings: Settings) -> tuple[Witness, float] | None:
-    """Show that every magnitude is resisted: a witness with lambda = 0 exactly, and one at a large s."""
-    load = search.load
-    at_zero = Load(load.w_a, load.w_b, load.f_a, load.f_b, free=False)
-    limit = witness.find(p, at_zero, Point(x.r, x.q, x.c, x.f, x.coupling, 0.0))
-    if limit is None:
-        return None
-    if not p.f_c.any():
-        return limit[0], WITNESSED[0]  # no commands: the limit's witness scales to any magnitude
-    for s in WITNESSED:
-        # small commands change which contacts close, so this is a search of its own, not a Newton step
-        small = replace(p, w0=p.direction, f_c=p.f_c / s)
-        there = _Search(small, Goal.EXISTS, settings, None)
-        for step in there:
-            if step.point is not None and (hit := witness.find(small, there.load, step.point)):
-                return hit[0], s
-    return None
-
-
-def _at_magnitude(found: Witness, s: float) -> Witness:
+def _at_commands(p: Problem, load: Load, w: Witness, x: Point, end: float) -> tuple[Witness, float]:
     """A homogeneous witness (w = d, commands lambda f_c) scaled so that the commands are the grasp's own."""
-    if s == 1.0:
-        return found
-    return Witness(
-        found.grasp.with_preload(s * found.grasp.command),
-        s * found.wrench,
-        found.state.scaled(s),
-        found.eta,
-        found.mdp,
-    )
+    s = end
+    if p.f_c.any():
+        if x.sigma < 1.0 / end:  # beyond the search's end: step back to it, or count for nothing
+            back = witness.find(p, replace(load, free=False), replace(x, sigma=1.0 / end))
+            if back is None:
+                return w, 0.0
+            w, x = back
+        s = 1.0 / x.sigma
+    grasp = w.grasp.with_preload(s * w.grasp.command)
+    return Witness(grasp, s * w.wrench, w.state.scaled(s), w.eta, w.mdp), s

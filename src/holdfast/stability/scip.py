@@ -2,12 +2,33 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from pyscipopt import Model, quicksum
 
 from holdfast.stability.mip import INF, Program, Solution, Status
 
 TOLERANCES = (1e-8, 1e-6)  # feasibility; the second only after a numerical failure with the first
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """SCIP's LP solver writes remarks on tolerances straight to file descriptor 2: let nobody read them."""
+    sys.stderr.flush()
+    saved = os.dup(2)
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(sink, 2)
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(sink)
+
 
 STATUS = {
     "optimal": Status.OPTIMAL,
@@ -59,7 +80,8 @@ def _solve(program: Program, time_limit: float, tolerance: float) -> Solution:
     for members in program.sos2:
         model.addConsSOS2([xs[i] for i in members], list(range(1, len(members) + 1)))
     model.setObjective(quicksum(v * xs[i] for i, v in program.cost.items()), "minimize")
-    model.optimize()
+    with _quiet():
+        model.optimize()
 
     name = model.getStatus()
     if name == "inforunbd":
