@@ -153,10 +153,22 @@ def mesh_pieces(path: Path, scale: float = 1.0, pose: object = None) -> list[Sha
     if len(groups) > 1 and not all(closed(f) for _, f in groups):
         groups = [_merged(groups)]  # groups that only colour one solid
     parts = [part for group in groups for part in components(*group)]
-    if any(closed(f) and volume_and_centroid(v, f)[0] < 0 for v, f in parts) and len(parts) > 1:
-        parts = [_merged(groups)]  # an inner surface: a hollow solid, not a solid in a solid
+    if _hollow(parts):
+        parts = [_merged(groups)]
     hulls = [points for v, f in parts for points in ([v] if is_convex(v, f) else decompose(v, f))]
     return [Shape.hull(points, pose, f"{path.stem}/{i}") for i, points in enumerate(hulls)]
+
+
+def _hollow(parts: list[tuple[Array, Faces]]) -> bool:
+    """Whether one part is the inner surface of another: inside it, and wound the other way."""
+    outer = max(parts, key=lambda part: abs(volume_and_centroid(*part)[0]))
+    size, hull = volume_and_centroid(*outer)[0], None
+    for v, f in parts:
+        if closed(f) and volume_and_centroid(v, f)[0] * size < 0:
+            hull = hull or Shape.hull(outer[0])
+            if (hull.depth(v) > 0).all():
+                return True
+    return False
 
 
 def closed(faces: Faces) -> bool:

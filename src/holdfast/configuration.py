@@ -39,7 +39,7 @@ class Configuration(Strict):
     preload: dict[str, Finite] | None = None
 
     @classmethod
-    def of(cls, hand: Hand, q: Array, object_pose: Array, **others: Any) -> Configuration:
+    def of(cls, hand: Hand, q: Array, object_pose: Array, /, **others: Any) -> Configuration:
         """The configuration of a hand at q (l,) with the object at a pose (4, 4) in its base frame."""
         from scipy.spatial.transform import Rotation
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from holdfast.body import Body
 from holdfast.errors import InputError
@@ -13,11 +14,13 @@ from holdfast.grasp import Contact, Grasp, GraspJoint
 from holdfast.hand.model import Hand
 from holdfast.mechanism import Array, Mechanism
 from holdfast.patch import patch
-from holdfast.scene import Near, Scene, checked_pose
+from holdfast.scene import Scene, checked_pose
 from holdfast.shape import Shape
 
 THRESHOLD = 5e-4  # [m] surfaces nearer than this touch
 HIDDEN = 1e-5  # [m] a point this deep inside another solid of the same body is on no real surface
+SEAM = 5e-5  # [m] above a hidden face, the neighbour begins at the latest here
+ROUNDING = 1e-7  # [m]
 
 
 def find_contacts(
@@ -54,20 +57,29 @@ def find_contacts(
     near = (scene or Scene(hand, body)).nearest(q, pose, threshold)
     poses = hand.link_poses(q)
     to_object = np.linalg.inv(pose)
-    raw: list[Contact] = []
     mu = body.friction if friction is None else friction
+    contacts: list[Contact] = []
     for link in sorted({n.link for n in near}):
-        own = [n for n in near if n.link == link]
-        seen = [n for n in own if not _hidden(n, hand, body, poses, pose)]
-        points: list[Contact] = []
-        for n in seen or [min(own, key=lambda n: n.distance)]:
+        solids = [s.placed(to_object @ poses[link]) for s in hand.links[link].shapes]
+        seen: list[Contact] = []
+        hidden: list[Contact] = []
+        for n in (n for n in near if n.link == link):
             normal = to_object[:3, :3] @ n.normal
-            a = hand.links[link].shapes[n.shape].placed(to_object @ poses[link])
             middle = to_object[:3, :3] @ (n.on_hand + n.on_object) / 2 + to_object[:3, 3]
-            for p in patch(a, body.pieces[n.piece], normal, middle):
-                points.append(Contact(p, normal, mu, hand.links[link].name, -n.distance))
-        raw += _merged(points, merge_distance, merge_angle)
-    return tuple(raw)
+            corners = patch(solids[n.shape], body.pieces[n.piece], normal, middle)
+            on_object = corners + n.distance / 2 * normal
+            on_hand = corners - n.distance / 2 * normal
+            out = _hidden(on_object, -normal, body.pieces, n.piece) | _hidden(
+                on_hand, normal, solids, n.shape
+            )
+            for p, inside in zip(corners, out, strict=True):
+                (hidden if inside else seen).append(
+                    Contact(p, normal, mu, hand.links[link].name, -n.distance)
+                )
+        if not seen:  # pressed in so far that every nearest point is inside something
+            seen = [max(hidden, key=lambda c: c.depth)]
+        contacts += _merged(seen, merge_distance, merge_angle)
+    return tuple(contacts)
 
 
 def contact_grasp(
@@ -154,16 +166,18 @@ def _check(hand: Hand, q: Array, threshold: float) -> None:
         raise InputError(f"is {threshold}; a distance above 0 [m] is needed", field="threshold")
 
 
-def _hidden(n: Near, hand: Hand, body: Body, poses: Array, pose: Array) -> bool:
-    """Whether a nearest point lies inside another solid of its own body, so on no real surface."""
+def _hidden(points: Array, outwards: Array, solids: Sequence[Shape], own: int) -> NDArray[np.bool_]:
+    """(k,) whether points on the surface of one solid of a body lie on no real surface of that body.
 
-    def inside(point: Array, frame: Array, shapes: Sequence[Shape], own: int) -> bool:
-        local = (point - frame[:3, 3]) @ frame[:3, :3]
-        return any(s.depth(local)[0] > HIDDEN for k, s in enumerate(shapes) if k != own)
-
-    return inside(n.on_object, pose, body.pieces, n.piece) or inside(
-        n.on_hand, poses[n.link], hand.links[n.link].shapes, n.shape
-    )
+    A point does not if it is inside another of the body's solids; none of the points does if just above
+    their middle there is another solid, as on the seam where two pieces of an object meet.
+    """
+    out = np.zeros(len(points), dtype=bool)
+    above = points.mean(axis=0) + SEAM * outwards
+    for k, solid in enumerate(solids):
+        if k != own:
+            out |= (solid.depth(points) > HIDDEN) | (solid.depth(above)[0] > ROUNDING)
+    return out
 
 
 def _merged(points: list[Contact], distance: float, angle: float) -> list[Contact]:

@@ -276,7 +276,7 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
     options: dict[str, Any] = dict.fromkeys(split, True) | {"group_material": False} if obj else {}
     try:
         scene = trimesh.load_scene(path, process=False, skip_materials=True, **options)
-        meshes = [g for g in scene.dump() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
+        meshes = [g for g in scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
     except Exception as fault:  # the reader raises whatever its parser met; the file is at fault
         reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
         raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
