@@ -47,6 +47,11 @@ class Scene:
     Distances are mujoco's, to about 1e-9 m for polyhedra and primitives; only pairs whose bounding
     spheres are nearer than the cutoff are evaluated. Not thread-safe; deterministic.
 
+    Attributes:
+        hand, body: as given.
+        self_pairs: pairs of links that may meet: not a parent and its child, nor two that move as one.
+        link_radius: (n_links,) [m], of a sphere about each link's origin that holds its shapes.
+
     Raises:
         InputError: a shape that mujoco cannot take as a convex solid.
     """
@@ -59,8 +64,6 @@ class Scene:
         self.owner = np.array(owners + [-1] * len(body.pieces))
         self.number = np.array([k for link in hand.links for k in range(len(link.shapes))])
         shapes = [s for link in hand.links for s in link.shapes] + list(body.pieces)
-        self._hand_geoms = np.flatnonzero(self.owner >= 0)
-        self._body_geoms = np.flatnonzero(self.owner < 0)
         self._model = _compile(mujoco, shapes)
         self._data = mujoco.MjData(self._model)
         self._measure = mujoco.mj_geomDistance
@@ -70,11 +73,15 @@ class Scene:
         )
         self._between = np.zeros(6)
         self._radius = m.geom_rbound.copy()
-        self._self_pairs = self._link_pairs()
+        mine, its = np.flatnonzero(self.owner >= 0), np.flatnonzero(self.owner < 0)
+        self._to_object = (np.repeat(mine, len(its)), np.tile(its, len(mine)))
+        self.self_pairs = self._meeting_links()
+        both = [
+            (a, b, k) for k, (i, j) in enumerate(self.self_pairs) for a in self._of(i) for b in self._of(j)
+        ]
+        self._to_self = tuple(np.array(both, dtype=int).reshape(-1, 3).T)
         reach = np.linalg.norm(self._local[:, :3, 3], axis=1) + self._radius
-        self.link_radius = np.array([max([0.0, *reach[self.owner == i]]) for i in range(len(hand.links))])
-
-    # `link_radius` (n_links,) [m]: a sphere about each link's origin that holds its shapes
+        self.link_radius = np.array([max([0.0, *reach[self._of(i)]]) for i in range(len(hand.links))])
 
     def place(self, q: Array, object_pose: Array) -> None:
         """Put the hand at q (l,) and the object at its pose (4, 4) in the hand's base frame."""
@@ -92,11 +99,12 @@ class Scene:
         """Every pair of hand shape and object piece nearer than `cutoff` [m], in the order of the shapes."""
         self.place(q, object_pose)
         found = []
-        for a, b in self._close_pairs(self._hand_geoms, self._body_geoms, cutoff):
+        for i in self._close(self._to_object, cutoff):
+            a, b = (int(g[i]) for g in self._to_object)
             d, on_hand, on_object = self._pair(a, b, cutoff)
             if d < cutoff:
                 normal = self._normal(a, b, d, on_hand, on_object)
-                link, piece = int(self.owner[a]), int(b - len(self._hand_geoms))
+                link, piece = int(self.owner[a]), b - len(self.number)
                 found.append(Near(link, int(self.number[a]), piece, d, on_hand, on_object, normal))
         return found
 
@@ -105,30 +113,33 @@ class Scene:
         self.place(q, object_pose)
         return self._link_distances(cutoff), self._self_distances(cutoff)
 
-    @property
-    def self_pairs(self) -> list[tuple[int, int]]:
-        """Pairs of links that may meet; not a parent and its child, nor two links that move as one."""
-        return [pair for pair, _, _ in self._self_pairs]
-
     def _link_distances(self, cutoff: float) -> Array:
         out = np.full(len(self.hand.links), cutoff)
-        for a, b in self._close_pairs(self._hand_geoms, self._body_geoms, cutoff):
-            link = self.owner[a]
-            out[link] = min(out[link], self._measure(self._model, self._data, a, b, cutoff, None))
+        hand, body = self._to_object
+        for i in self._close(self._to_object, cutoff):
+            d = self._measure(self._model, self._data, hand[i], body[i], cutoff, None)
+            out[self.owner[hand[i]]] = min(out[self.owner[hand[i]]], d)
         return out
 
     def _self_distances(self, cutoff: float) -> Array:
-        out = np.full(len(self._self_pairs), cutoff)
-        for k, (_, first, second) in enumerate(self._self_pairs):
-            for a, b in self._close_pairs(first, second, cutoff):
-                out[k] = min(out[k], self._measure(self._model, self._data, a, b, cutoff, None))
+        out = np.full(len(self.self_pairs), cutoff)
+        first, second, pair = self._to_self
+        for i in self._close((first, second), cutoff):
+            out[pair[i]] = min(
+                out[pair[i]], self._measure(self._model, self._data, first[i], second[i], cutoff, None)
+            )
         return out
 
-    def _close_pairs(self, first: Indices, second: Indices, cutoff: float) -> list[tuple[int, int]]:
-        """Geom pairs whose bounding spheres are nearer than the cutoff, in order."""
+    def _of(self, link: int) -> Indices:
+        """The geoms of a link."""
+        return np.flatnonzero(self.owner == link)
+
+    def _close(self, pairs: tuple[Indices, ...], cutoff: float) -> Indices:
+        """Which pairs of geoms have bounding spheres nearer than the cutoff."""
+        first, second = pairs
         x, r = self._data.geom_xpos, self._radius
-        apart = np.linalg.norm(x[first][:, None] - x[second], axis=2) - r[first][:, None] - r[second]
-        return [(int(first[i]), int(second[j])) for i, j in np.argwhere(apart < cutoff)]
+        reach = cutoff + r[first] + r[second]
+        return np.flatnonzero(((x[first] - x[second]) ** 2).sum(axis=1) < reach**2)
 
     def _pair(self, a: int, b: int, cutoff: float) -> tuple[float, Array, Array]:
         d = self._measure(self._model, self._data, a, b, cutoff, self._between)
@@ -151,7 +162,7 @@ class Scene:
                 return np.sign(d) * (s - p) / np.linalg.norm(s - p)
         return outwards / max(float(np.linalg.norm(outwards)), 1e-12)
 
-    def _link_pairs(self) -> list[tuple[tuple[int, int], Indices, Indices]]:
+    def _meeting_links(self) -> list[tuple[int, int]]:
         """Link pairs that can meet: not in one rigid group, not parent and child group."""
         links = self.hand.links
         group: list[int] = []  # links that move as one share the index of the first
@@ -169,10 +180,9 @@ class Scene:
         pairs = []
         for i in range(len(links)):
             for j in range(i + 1, len(links)):
-                first, second = np.flatnonzero(self.owner == i), np.flatnonzero(self.owner == j)
                 adjacent = group[i] == group[j] or group[i] == parent[j] or group[j] == parent[i]
-                if len(first) and len(second) and not adjacent:
-                    pairs.append(((i, j), first, second))
+                if links[i].shapes and links[j].shapes and not adjacent:
+                    pairs.append((i, j))
         return pairs
 
 

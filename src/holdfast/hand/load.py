@@ -66,7 +66,7 @@ def _read(path: Path) -> Hand:
         if root.tag == "robot":
             return read_urdf(root, path)
         if root.tag == "mujoco":
-            return read_mjcf(path)
+            return read_mjcf(root, path)
     except InputError as fault:
         raise fault.at(str(path)) from None
     raise InputError(f"has root element <{root.tag}>; <robot> or <mujoco> is needed", source=str(path))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from holdfast.mechanism import Array, Mechanism
 from holdfast.shape import Shape, quaternion_matrix, transform
 
 
-def read_mjcf(path: Path) -> Hand:
+def read_mjcf(root: Element, path: Path) -> Hand:
     """A hand from an MJCF file.
 
     A single body below the world is the base, whatever its pose in the world; with several, or if that
@@ -32,7 +33,8 @@ def read_mjcf(path: Path) -> Hand:
     try:
         m = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as fault:
-        raise InputError(" ".join(str(fault).split())) from None
+        message = " ".join(str(fault).split()).removeprefix("Error: ")
+        raise InputError(message, field=_user_of_file(root, message)) from None
 
     joints = tuple(_joint(m, j) for j in range(m.njnt))
     top = [b for b in range(1, m.nbody) if m.body_parentid[b] == 0]
@@ -55,6 +57,18 @@ def read_mjcf(path: Path) -> Hand:
     closing = guess_closing(joints, couplings)
     name = m.names[: m.names.find(b"\0")].decode() or path.stem
     return Hand(name, tuple(links), joints, mechanism, couplings, closing, source=str(path))
+
+
+def _user_of_file(root: Element, message: str) -> str | None:
+    """The link whose mesh file a message of mujoco's names, for a file that is missing."""
+    for mesh in root.iter("mesh"):
+        file = mesh.get("file", "")
+        name = mesh.get("name", Path(file).stem)
+        if file and file in message:
+            for body in root.iter("body"):
+                if any(geom.get("mesh") == name for geom in body.findall("geom")):
+                    return f"link {body.get('name', '?')}"
+    return None
 
 
 def _joint(m: Any, j: int) -> Joint:

@@ -50,13 +50,23 @@ class Joint:
             limits = f"[{self.lower:g}, {self.upper:g}]"
             raise InputError(f"are {limits}; the lower one comes first", field=f"{self.name} limits")
 
+    @cached_property
+    def _cross(self) -> Array:
+        x, y, z = self.axis
+        return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
+    @cached_property
+    def _cross_twice(self) -> Array:
+        return self._cross @ self._cross
+
     def motion(self, value: float) -> Array:
         """(4, 4) how far a joint value moves the link from where it stands at `ref`, link frame."""
         T = np.eye(4)
         if self.type == "prismatic":
             T[:3, 3] = (value - self.ref) * self.axis
             return T
-        T[:3, :3] = rotation(self.axis, value - self.ref)
+        angle = value - self.ref
+        T[:3, :3] += np.sin(angle) * self._cross + (1 - np.cos(angle)) * self._cross_twice  # Rodrigues
         T[:3, 3] = self.anchor - T[:3, :3] @ self.anchor
         return T
 
@@ -289,10 +299,3 @@ def coupling_rows(couplings: tuple[Coupling, ...], joints: int) -> Array:
         if c.leader >= 0:
             row[c.leader] = -c.ratio
     return A
-
-
-def rotation(axis: Array, angle: float) -> Array:
-    """(3, 3) rotation by an angle [rad] about a unit axis."""
-    x, y, z = axis
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)

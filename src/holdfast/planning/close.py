@@ -30,8 +30,8 @@ class Closed:
     Attributes:
         q: (l,) configuration [rad, m].
         contacts: with the object, object frame, as `find_contacts` gives them.
-        stopped: for each joint that was closing, why it stopped: "touches", "meets <link>", "limit" or
-            "follows <joint>" (its coupled partner stopped), with the link that touched in `links`.
+        stopped: for each joint that was closing, why it stopped: "<link> touches" the object, "<link>
+            meets <link>" of the hand, "limit", or "follows <joint>" to which it is coupled.
         touching: names of the links that touch the object, in the order in which they arrived.
     """
 
@@ -128,7 +128,7 @@ class _Motion:
             if meetings[k] <= GAP:
                 first, second = pairs[k]
                 a, b = (self.hand.links[i].name for i in (first, second))
-                self._stop(set(self.chains[first]) ^ set(self.chains[second]), f"{a} meets {b}")
+                self._stop(self._apart(first, second), f"{a} meets {b}")
         self._limits()
         self.rate = self._rates()
 
@@ -167,7 +167,11 @@ class _Motion:
         self.arrive(stop_at, meetings, pairs, live)
 
     def _relative(self, pair: tuple[int, int]) -> bool:
-        return any(self.rate[j] for j in set(self.chains[pair[0]]) ^ set(self.chains[pair[1]]))
+        return any(self.rate[j] for j in self._apart(*pair))
+
+    def _apart(self, first: int, second: int) -> set[int]:
+        """Joints that move one of two links against the other."""
+        return set(self.chains[first]) ^ set(self.chains[second])
 
     def _stop(self, joints: tuple[int, ...] | set[int], why: str) -> None:
         for j in sorted(joints):
@@ -178,16 +182,19 @@ class _Motion:
                 self.stopped[self.hand.joints[j].name] = why
 
     def _limits(self) -> None:
-        for j in self.closes:
+        for j in self._moving():
             if j not in self._still and self._room(j) <= ROUNDING:
                 self._stop({j}, "limit")
 
+    def _moving(self) -> list[int]:
+        return [int(j) for j in np.flatnonzero(self.rate)]
+
     def _room(self, j: int) -> float:
         joint = self.hand.joints[j]
-        return joint.upper - self.q[j] if self.hand.closing[j] > 0 else self.q[j] - joint.lower
+        return joint.upper - self.q[j] if self.rate[j] > 0 else self.q[j] - joint.lower
 
     def _time_to_limit(self) -> float:
-        times = [self._room(j) / abs(self.rate[j]) for j in self.closes if self.rate[j]]
+        times = [self._room(j) / abs(self.rate[j]) for j in self._moving()]
         return max(0.0, min(times, default=np.inf))
 
     def _rates(self) -> Array:
