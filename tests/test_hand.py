@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import mujoco
@@ -269,6 +271,20 @@ def test_meshes_stand_where_the_origin_puts_them(tmp_path: Path, name: str) -> N
     assert shape.volume == pytest.approx(1e-6)
 
 
+def test_mjcf_meshes_stand_where_the_geom_puts_them(tmp_path: Path) -> None:
+    """The compiler moves a mesh into its principal axes; the shape must undo that."""
+    (tmp_path / "t.obj").write_text(TETRA)
+    asset = '<asset><mesh name="m" file="t.obj" scale="0.001 0.001 0.001"/></asset>'
+    path = mjcf(tmp_path, asset)
+    geom = '<geom type="mesh" mesh="m" pos="0.1 0.2 0.3" euler="0 0 1.5707963267948966"/>'
+    path.write_text(path.read_text().replace('<geom type="ellipsoid"', geom + '<geom type="ellipsoid"'))
+    shape = next(s for s in load_hand(path).links[2].shapes if s.kind == "mesh")
+    vertices, _ = shape.triangles()
+    expected = np.array([[0.1, 0.2, 0.3], [0.1, 0.21, 0.3], [0.08, 0.2, 0.3], [0.1, 0.2, 0.33]])
+    order = [int(np.linalg.norm(vertices - e, axis=1).argmin()) for e in expected]
+    np.testing.assert_allclose(vertices[order], expected, atol=1e-8)
+
+
 def test_bad_files_are_one_clear_line(tmp_path: Path) -> None:
     mesh = "<collision><geometry><mesh filename='package://gone/m.stl'/></geometry></collision>"
     gone = r"two.urdf: link proximal: its mesh file 'package://gone/m.stl' was not found"
@@ -375,3 +391,13 @@ def test_hull_is_closed_outward_and_contains_its_points(seed: int) -> None:
     assert hull.volume > 0
     assert hull.depth(points).min() > -1e-9
     assert hull.depth(hull.centroid)[0] > 0
+
+
+def test_slow_libraries_are_imported_late() -> None:
+    code = (
+        "import sys, holdfast.hand, holdfast.body, holdfast.contacts, holdfast.planning.close;"
+        "holdfast.hand.load_hand('schunk-sah');"
+        "print([m for m in ('mujoco', 'trimesh', 'pydantic', 'coacd') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

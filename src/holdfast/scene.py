@@ -190,7 +190,7 @@ def _compile(mujoco: Any, shapes: list[Shape]) -> Any:
     """One mujoco model with a geom per shape, each in its own frame."""
     kinds = mujoco.mjtGeom
     spec = mujoco.MjSpec()
-    spec.option.ccd_tolerance, spec.option.ccd_iterations = 1e-9, 300
+    spec.option.ccd_tolerance = 1e-9
     for i, s in enumerate(shapes):
         w = _quaternion(s.pose[:3, :3])
         common: dict[str, Any] = {"pos": s.pose[:3, 3], "quat": w}

@@ -275,9 +275,9 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
     split = ("split_object", "split_objects", "split_groups")  # trimesh 4 and 5 name them differently
     options: dict[str, Any] = dict.fromkeys(split, True) | {"group_material": False} if obj else {}
     try:
-        scene = trimesh.load_scene(path, process=False, skip_materials=True, **options)
+        scene: Any = trimesh.load(path, force="scene", process=False, skip_materials=True, **options)
         meshes = [g for g in scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
-    except Exception as fault:  # the reader raises whatever its parser met; the file is at fault
+    except (ValueError, LookupError, TypeError, NotImplementedError, OSError) as fault:
         reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
         raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
     if not meshes:
