@@ -1,0 +1,146 @@
+"""The program: reads the arguments, runs the command, turns faults into one line."""
+
+from __future__ import annotations
+
+import difflib
+import io
+import os
+import re
+import sys
+from collections.abc import Sequence
+from contextlib import redirect_stderr
+from dataclasses import fields
+from functools import reduce
+from typing import Annotated, Any
+
+from holdfast.cli import console
+from holdfast.cli.check import Check
+from holdfast.cli.close import Close
+from holdfast.cli.contacts import Contacts
+from holdfast.cli.demo import Demo
+from holdfast.cli.list import List
+from holdfast.cli.map import Map
+from holdfast.cli.max import Max
+from holdfast.cli.options import Command, GraspOptions, is_number
+from holdfast.cli.sweep import Sweep
+from holdfast.cli.torques import Torques
+from holdfast.errors import InputError
+
+COMMANDS: dict[str, type[Command]] = {
+    "check": Check,
+    "max": Max,
+    "torques": Torques,
+    "map": Map,
+    "sweep": Sweep,
+    "contacts": Contacts,
+    "close": Close,
+    "list": List,
+    "demo": Demo,
+}
+
+ABOUT = """Will this grasp hold? Passive grasp stability for robot hands.
+
+Start with `holdfast demo` or `holdfast list`. SI units throughout; object frame. Exit status: 0 answered, \
+2 bad input, 3 undecided."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status: 0 answered, 2 bad input, 3 undecided."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        if arguments in (["--version"], ["-V"]):
+            from holdfast import __version__
+
+            print(f"holdfast {__version__}")
+            return console.ANSWERED
+        return parse(arguments).run()
+    except InputError as error:
+        return console.complain(str(error))
+    except KeyboardInterrupt:
+        console.complain("interrupted")
+        return console.UNDECIDED
+    except BrokenPipeError:  # the reader, `head` for one, has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return console.ANSWERED
+    except SystemExit as stop:  # help was asked for
+        return int(stop.code or 0)
+
+
+def parse(arguments: list[str]) -> Command:
+    """The command that the arguments ask for, not yet run; `InputError` if they cannot be understood."""
+    if not arguments:
+        raise InputError(f"give a command: {', '.join(COMMANDS)} (holdfast --help tells more)")
+    name = arguments[0]
+    if not name.startswith("-"):
+        if name not in COMMANDS:
+            raise InputError(f"unknown command '{name}'; known: {', '.join(COMMANDS)}")
+        _check_options(name, arguments[1:])
+
+    import tyro
+
+    # the list of commands shows one line of each, a command's own help all of it
+    about = {n: " ".join((c.__doc__ or "").split("\n\n")[0].split()) for n, c in COMMANDS.items()}
+    choices = [
+        Annotated[c, tyro.conf.subcommand(n, description=None if n == name else about[n])]
+        for n, c in COMMANDS.items()
+    ]
+    union: Any = reduce(lambda a, b: a | b, choices)
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            return tyro.cli(
+                union,
+                prog="holdfast",
+                description=ABOUT,
+                args=arguments,
+                config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
+            )
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+        _check_grasp(name, arguments[1:])
+        raise InputError(_one_line(said.getvalue()), source=name if name in COMMANDS else None) from None
+
+
+def _check_options(name: str, arguments: Sequence[str]) -> None:
+    """Refuse an option that the command does not have, before it is taken for another option's value."""
+    command: Any = COMMANDS[name]
+    known = ["--help", *(option_name(f) for f in fields(command))]
+    for word in arguments:
+        option = word.split("=")[0].replace("_", "-")
+        if word.startswith("--") and len(word) > 2 and option not in known:
+            near = difflib.get_close_matches(option, known, 1)
+            hint = f"did you mean {near[0]}?" if near else f"see holdfast {name} --help"
+            raise InputError(f"unknown option '{option}'; {hint}", source=name)
+
+
+def _check_grasp(name: str, arguments: Sequence[str]) -> None:
+    """Where nothing but numbers was given, the last one was taken for the grasp: say that it is missing."""
+    words = [word for word in arguments if not word.startswith("--")]
+    if issubclass(COMMANDS[name], GraspOptions) and all(is_number(word) for word in words):
+        raise InputError("missing: GRASP, a file or the name of a bundled grasp", source=name)
+
+
+def option_name(field: Any) -> str:
+    """How a command's field is called on the command line."""
+    name = field.name.rstrip("_").replace("_", "-")
+    return f"--no-{name}" if field.default is True else f"--{name}"
+
+
+def _one_line(said: str) -> str:
+    """The parser's complaint as one line: no title, frame, help of arguments or pointer to it."""
+    lines = [re.sub(r"^[│|]|[│|]?\s*$", "", line) for line in said.splitlines()]
+    rule = [not line.strip(" ─-╭╰╮╯+") or line.startswith(("╭", "╰", "+-")) for line in lines]
+    begin = rule.index(True) + 1 if True in rule else 0  # the title stands above the first rule, or in it
+    text: list[str] = []
+    margin = None
+    for line, is_rule in zip(lines[begin:], rule[begin:], strict=True):
+        if is_rule or line.strip().startswith("For full helptext"):
+            break
+        indent = len(line) - len(line.lstrip())
+        margin = indent if margin is None else margin
+        if indent < margin + 8:  # deeper lines are the help of an argument
+            text.append(line.strip())
+    message = " ".join(text).removeprefix("Error parsing ")
+    message = re.sub(r"^Missing from [\w ]+: ", "missing: ", message)
+    return message[:1].lower() + message[1:]

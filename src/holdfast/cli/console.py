@@ -1,0 +1,151 @@
+"""Where the program speaks: answers on standard output, progress and complaints on standard error."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from holdfast.answer import Stop, Verdict
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from holdfast.stability.settings import Progress
+
+ANSWERED, BAD_INPUT, UNDECIDED = 0, 2, 3
+PATIENCE = 1.0  # [s] work shorter than this shows no progress
+
+
+def complain(message: str) -> int:
+    """One line on standard error; returns the exit status of bad input."""
+    print("holdfast: " + " ".join(message.split()), file=sys.stderr)
+    return BAD_INPUT
+
+
+def status(verdict: Verdict, stop: Stop) -> int:
+    """Exit status of an answer. A limit that was hit leaves the question open, whatever is known by then."""
+    cut_short = stop in (Stop.TIME, Stop.NODES, Stop.INTERRUPTED)
+    return UNDECIDED if verdict is Verdict.UNDECIDED or cut_short else ANSWERED
+
+
+def print_json(answer: dict[str, Any]) -> None:
+    """One object on standard output."""
+    print(json.dumps(answer, indent=1, allow_nan=False))
+
+
+def out() -> Console:
+    """Standard output for people."""
+    from rich.console import Console
+
+    width = None if sys.stdout.isatty() else 100
+    return Console(highlight=False, markup=False, width=width)
+
+
+class Watch:
+    """Progress on standard error if that is a terminal, and the last bounds for an interruption."""
+
+    def __init__(self, what: str) -> None:
+        self.what = what
+        self.start = time.monotonic()
+        self.nodes = 0
+        self.lower: float | None = None
+        self.upper: float | None = None
+        self._bar: Any = None
+        self._task: Any = None
+        self._stream = sys.stderr
+        self._shows = sys.stderr.isatty()
+
+    @property
+    def seconds(self) -> float:
+        return time.monotonic() - self.start
+
+    def step(self, progress: Progress) -> None:
+        """After each step of one query."""
+        self.lower, self.upper = progress.lower, progress.upper
+        self.nodes += progress.step.solution.nodes
+        width = progress.step.width * 57.29578
+        text = f"step {progress.step.number} · sectors {width:.3g}° wide"
+        if progress.upper > 0:
+            text += f" · bounds {progress.lower:.5g} to {progress.upper:.5g}"
+        self._show(text, None, None)
+
+    def item(self, done: int, total: int) -> None:
+        """After each case of a map or sweep."""
+        self._show(f"{done} of {total}", done, total)
+
+    def _show(self, text: str, done: int | None, total: int | None) -> None:
+        if not self._shows or self.seconds < PATIENCE:
+            return
+        if self._bar is None:
+            # no refreshing thread: the solver holds the interpreter, and the workers are forked
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            bar = [BarColumn()] if total else []
+            self._bar = Progress(
+                TextColumn("[bold]{task.description}"),
+                *bar,
+                TextColumn("{task.fields[text]}"),
+                TimeElapsedColumn(),
+                console=Console(file=self._stream),
+                transient=True,
+                auto_refresh=False,
+                redirect_stdout=False,
+                redirect_stderr=False,
+            )
+            self._bar.start()
+            self._task = self._bar.add_task(self.what, total=total, text=text)
+        self._bar.update(self._task, completed=done or 0, text=text)
+        self._bar.refresh()
+
+    def stop(self) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+@contextmanager
+def watch(what: str) -> Iterator[Watch]:
+    """A `Watch` during a query; meanwhile what solver libraries print by themselves is dropped."""
+    with _quiet_libraries():
+        w = Watch(what)
+        try:
+            yield w
+        finally:
+            w.stop()
+
+
+@contextmanager
+def _quiet_libraries() -> Iterator[None]:
+    """Keep `sys.stderr` working while file descriptors 1 and 2, which C libraries write to, go nowhere.
+
+    SCIP announces Ctrl-C on standard output, in the middle of a JSON object if it can.
+    """
+    try:
+        ours = sys.stdout.fileno() == 1 and sys.stderr.fileno() == 2
+    except (OSError, ValueError, AttributeError):  # a test or a notebook has put its own streams there
+        ours = False
+    if not ours:
+        yield
+        return
+    stream = sys.stderr
+    sys.stdout.flush()
+    stream.flush()
+    kept = {fd: os.dup(fd) for fd in (1, 2)}
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    sys.stderr = os.fdopen(os.dup(2), "w", buffering=1, encoding=stream.encoding, errors="replace")
+    for fd in kept:
+        os.dup2(nowhere, fd)
+    try:
+        yield
+    finally:
+        sys.stderr.close()
+        sys.stderr = stream
+        for fd, copy in kept.items():
+            os.dup2(copy, fd)
+            os.close(copy)
+        os.close(nowhere)

@@ -1,0 +1,119 @@
+"""`holdfast demo`: the main job on bundled data, in under a minute."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from holdfast.cli import bundled, console
+from holdfast.cli.options import Command, check_writable
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from holdfast.grasp import Grasp
+    from holdfast.report import Entry
+    from holdfast.report.drawing import Mesh
+
+HAND, CONFIGURATION = "barrett-bh8-280", "fig1"
+SMALL, LARGE = 2.2, 2.5  # [N] the paper's two disturbances in y, one on each side of the limit
+DIRECTIONS, SECTORS, GAP = 24, 256, 1e-2  # of the map, coarse so that the demo is quick
+FILES = ("report.html", "map.png", "grasp.json")
+
+
+@dataclass(kw_only=True)
+class Demo(Command):
+    """The main job on bundled data: hand, object and configuration to verdicts, torques, map and report."""
+
+    output: Annotated[Path, arg(metavar="FOLDER", aliases=["-o"])] = Path("holdfast-demo")
+    """folder for report.html, map.png and grasp.json"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+        import numpy as np
+
+        from holdfast.cli import map as map_command
+        from holdfast.grasp_file import save_grasp
+        from holdfast.report import Entry, words, write_report
+        from holdfast.stability.maps import force_map
+        from holdfast.stability.queries import check, maximum, torques
+        from holdfast.stability.settings import Settings
+
+        for name in FILES:
+            check_writable(self.output / name, self.force, (Path(name).suffix,))
+        out, settings, y = console.out(), Settings(), np.eye(6)[1]
+        with console.watch("demo"):
+            grasp, meshes = build()
+        _say(out, "Grasp", f"{grasp.name}: {words.grasp_text(grasp)}; preload {words.preload_text(grasp)}")
+        entries: list[Entry] = []
+        for force in (SMALL, LARGE):
+            with console.watch("check") as watch:
+                checked = check(grasp, force * y, settings=settings, on_step=watch.step)
+            load = words.load_text(force * y)
+            entries.append(Entry(f"Does it resist {load}?", checked))
+            _say(out, "Check", f"{checked.verdict.upper()}  {words.check_sentence(checked, load)}")
+        with console.watch("max") as watch:
+            largest = maximum(grasp, y, settings=settings, on_step=watch.step)
+        entries.append(Entry("How much force along +y does it resist?", largest, direction=list(y)))
+        _say(out, "Max", words.max_sentence(largest, y))
+        half = 0.5 * largest.lower * y if largest.lower > 0 else SMALL * y
+        load = words.load_text(half)
+        with console.watch("torques") as watch:
+            best = torques(grasp, half, settings=replace(settings, gap=GAP), on_step=watch.step)
+        entries.append(Entry(f"Which commands resist {load}?", best))
+        _say(out, "Torques", words.torques_sentence(best, load))
+        coarse = replace(settings, sectors=SECTORS, gap=GAP)
+        with console.watch("map") as watch:
+            drawn = force_map(
+                grasp, "xy", steps=DIRECTIONS, settings=coarse, jobs=map_command.jobs(), on_item=watch.item
+            )
+        entries.append(
+            Entry(f"Which of {DIRECTIONS} directions of force in the xy plane does it resist?", drawn)
+        )
+        named = zip(("locked", "preloaded"), drawn.curves, strict=False)
+        _say(out, "Map", "; ".join(f"{name}: {_resisted(words.curve_states(c))}" for name, c in named))
+
+        save_grasp(grasp, self.output / "grasp.json", force=self.force)
+        map_command.save(drawn, self.output / "map.png", force=self.force)
+        write_report(
+            self.output / "report.html", grasp, entries, settings=settings, meshes=meshes, force=self.force
+        )
+        _say(out, "Report", f"open {self.output / 'report.html'} in a browser")
+        _say(out, "Next", f"holdfast map {self.output / 'grasp.json'} --plane xy --eta 2.5 -o map.svg")
+        return max(console.status(a.verdict, a.stop) for a in (e.answer for e in entries))
+
+
+def build() -> tuple[Grasp, list[Mesh]]:
+    """The demo's grasp from the bundled hand, object and configuration, and its solids.
+
+    One motor per joint, as in the paper: joints without a command, the distal ones, are locked.
+    """
+    from holdfast.body import load_body
+    from holdfast.cli.scene import load_placed
+    from holdfast.contacts import contact_grasp
+    from holdfast.hand import load_hand
+    from holdfast.plot import scene_meshes
+
+    placed = load_placed(CONFIGURATION)
+    hand, q = placed.applied(load_hand(placed.hand or HAND))
+    body = load_body(bundled.resolve("objects", placed.object or CONFIGURATION))
+    grasp = contact_grasp(
+        hand, q, body, placed.pose, preload=placed.preload, mechanism="direct", name=CONFIGURATION
+    )
+    return grasp, scene_meshes(hand, q, body, placed.pose)
+
+
+def _resisted(states: list[str]) -> str:
+    some = [s for s in states if s in ("unbounded", "resisted")]
+    endless = states.count("unbounded")
+    return f"{len(some)} of {len(states)} directions resisted, {endless} of them at any force"
+
+
+def _say(out: Console, what: str, text: str) -> None:
+    from rich.text import Text
+
+    out.print(Text.assemble((f"{what:<9}", "bold"), text), soft_wrap=True)

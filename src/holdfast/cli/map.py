@@ -1,0 +1,106 @@
+"""`holdfast map`: the largest resisted force in every direction of a plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import arg
+
+from holdfast.cli import console
+from holdfast.cli.options import Command, QueryOptions, check_writable
+from holdfast.errors import InputError
+
+if TYPE_CHECKING:
+    from holdfast.stability.maps import MapAnswer
+
+ENDINGS = (".png", ".svg", ".csv", ".json")
+
+
+@dataclass(kw_only=True)
+class Map(QueryOptions, Command):
+    """The largest resisted force in every direction of a plane, without and with the preload.
+
+    Figures 6, 8 and 10 of the stability paper. Directions are spread over all processors; Ctrl-C ends
+    the map and keeps the directions that are done.
+    """
+
+    plane: Literal["xy", "xz", "yz"] = "xy"
+    """plane of the object frame"""
+    steps: Annotated[int, arg(metavar="N")] = 360
+    """number of directions"""
+    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    """picture (.png, .svg) or numbers (.csv, .json)"""
+    limit: Annotated[float | None, arg(metavar="N")] = None
+    """radius of the picture [N]"""
+
+    def run(self) -> int:
+        from holdfast.cli import tables
+        from holdfast.report import Entry, write_report
+        from holdfast.stability.maps import force_map
+
+        grasp, options = self.load(), self.options()
+        check_writable(self.output, self.force, ENDINGS)
+        if self.limit is not None and not 0 < self.limit < float("inf"):
+            raise InputError(f"is {self.limit:g}; a force above 0 [N] is needed", field="--limit")
+        with console.watch("map") as watch:
+            answer = force_map(
+                grasp, self.plane, steps=self.steps, jobs=jobs(), on_item=watch.item, **options
+            )
+        if self.output:
+            save(answer, self.output, limit=self.limit, force=self.force)
+        if self.report:
+            title = f"Which forces in the {self.plane} plane does it resist?"
+            entry = Entry(title, answer, eta=options["eta"], limit=self.limit)
+            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            tables.show_map(console.out(), answer, self)
+        return console.status(answer.verdict, answer.stop)
+
+
+def jobs() -> int:
+    """All processors, but never in this process: a solver in it would keep Ctrl-C to itself."""
+    import os
+
+    return max(2, os.cpu_count() or 1)
+
+
+def save(answer: MapAnswer, path: Path, *, limit: float | None = None, force: bool = False) -> None:
+    """Write a map as picture or numbers, by the file's ending."""
+    import json
+
+    from holdfast.files import write_bytes, write_text
+
+    match path.suffix.lower():
+        case ".json":
+            write_text(path, json.dumps(answer.to_json(), indent=1) + "\n", force=force)
+        case ".csv":
+            write_text(path, csv(answer), force=force)
+        case ending:
+            from holdfast.plot import draw_map, picture
+
+            write_bytes(path, picture(draw_map(answer, limit=limit), ending.removeprefix(".")), force=force)
+
+
+def csv(answer: MapAnswer) -> str:
+    """One line per direction; an empty upper bound is unbounded or not known."""
+    named = [("without", answer.passive), ("with", answer.preloaded)]
+    curves = [(name, curve) for name, curve in named if curve is not None]
+    keys = ("lower", "upper", "unbounded", "verdict")
+    columns = [f"{key}_{name}_preload" for name, _ in curves for key in keys]
+    lines = [",".join(["dx", "dy", "dz", *columns])]
+    for i, d in enumerate(answer.directions):
+        cells = [repr(float(x)) for x in d]
+        for _, c in curves:
+            unbounded = str(bool(c.unbounded[i])).lower()
+            cells += [number(c.lower[i]), number(c.upper[i]), unbounded, str(c.verdicts[i])]
+        lines.append(",".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+def number(x: float) -> str:
+    """A finite number in full, nothing otherwise."""
+    return repr(float(x)) if abs(x) < float("inf") else ""

@@ -1,0 +1,52 @@
+"""`holdfast max`: the largest disturbance along a direction that the grasp resists."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from holdfast.cli import console
+from holdfast.cli.options import Command, FrictionModel, QueryOptions, Wrench
+
+
+@dataclass(kw_only=True)
+class Max(QueryOptions, FrictionModel, Command):
+    """How large a disturbance along a direction does the grasp resist?
+
+    The answer is a pair of bounds: the largest magnitude shown to be resisted, and one that no larger
+    magnitude exceeds. Magnitudes below the largest are not always resisted too; up to which one
+    everything is (holds_from_zero_to) is null in this version.
+    """
+
+    direction: Wrench
+    """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
+    base: Wrench | None = None
+    """a constant load beside it, such as the weight"""
+
+    def run(self) -> int:
+        from holdfast.answer import Stop, Verdict
+        from holdfast.cli import tables
+        from holdfast.report import Entry, write_report
+        from holdfast.report.words import direction_text, load_text
+        from holdfast.stability.queries import MaxAnswer, maximum
+
+        grasp, options = self.load(), self.options()
+        with console.watch("max") as watch:
+            try:
+                answer = maximum(
+                    grasp, self.direction, base=self.base, mdp=self.mdp, on_step=watch.step, **options
+                )
+            except KeyboardInterrupt:  # between two programs, where the query does not expect it
+                lower, upper = watch.lower or 0.0, float("inf") if watch.upper is None else watch.upper
+                verdict = Verdict.HOLDS if lower > 0 else Verdict.UNDECIDED
+                cost = (watch.seconds, watch.nodes, ())
+                answer = MaxAnswer(verdict, Stop.INTERRUPTED, *cost, None, lower, upper, False)
+        if self.report:
+            beside = f" beside {load_text(self.base)}" if self.base else ""
+            title = f"How much {direction_text(self.direction)} does it resist{beside}?"
+            entry = Entry(title, answer, eta=options["eta"], mdp=self.mdp, direction=self.direction)
+            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            tables.show_max(console.out(), grasp, self.direction, answer, self)
+        return console.status(answer.verdict, answer.stop)

@@ -1,0 +1,181 @@
+"""Answers as short tables: the verdict first, then the numbers behind it, with units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from holdfast.answer import Verdict
+from holdfast.report import words
+from holdfast.report.words import num, vector
+
+if TYPE_CHECKING:
+    from holdfast.cli.options import QueryOptions
+    from holdfast.cli.torques import Torques
+    from holdfast.grasp import Contact, Grasp
+    from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
+    from holdfast.stability.queries import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
+    from holdfast.stability.witness import Witness
+
+STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
+Load = Sequence[float]
+
+
+def show_check(out: Console, grasp: Grasp, wrench: Load, answer: CheckAnswer, asked: QueryOptions) -> None:
+    _verdict(out, grasp, answer, words.check_sentence(answer, words.load_text(wrench)), asked)
+    if answer.witness:
+        show_witness(out, answer.witness)
+    elif answer.verdict is Verdict.SLIPS and not grasp.preload and grasp.mechanism.a:
+        out.print("Nothing is commanded; try --preload NAME=VALUE, or holdfast torques.")
+    _written(out, asked)
+
+
+def show_max(out: Console, grasp: Grasp, direction: Load, answer: MaxAnswer, asked: QueryOptions) -> None:
+    _verdict(out, grasp, answer, words.max_sentence(answer, direction), asked)
+    if answer.witness:
+        factor, unit = words.magnitude(direction)
+        out.print(f"\nThe equilibrium at {num(factor * answer.lower)} {unit}:", style="bold")
+        show_witness(out, answer.witness)
+    _written(out, asked)
+
+
+def show_torques(out: Console, grasp: Grasp, wrench: Load, answer: TorquesAnswer, asked: Torques) -> None:
+    sentence = words.torques_sentence(answer, words.load_text(wrench), asked.objective)
+    _verdict(out, grasp, answer, sentence, asked)
+    if answer.preload is not None and answer.witness:
+        out.print("\nThe equilibrium with these commands:", style="bold")
+        show_witness(out, answer.witness)
+    _written(out, asked)
+
+
+def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
+    grid = table("", "any size", "up to a limit", "not at all", "open", "largest [N]", "smallest [N]")
+    named = [("without preload", answer.passive), ("with preload", answer.preloaded)]
+    for name, curve in named:
+        if curve is not None:
+            grid.add_row(name, *_counts(curve))
+    plane = f"{len(answer.directions)} directions of force in the {answer.plane} plane"
+    _head(out, answer.grasp, answer.verdict, f"{plane} in {num(answer.seconds, 3)} s.", asked)
+    out.print()
+    out.print(grid)
+    _written(out, asked)
+
+
+def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
+    grasp = answer.grasp
+    _head(out, grasp, answer.verdict, f"The command of {answer.actuator} varies.", asked)
+    heads = []
+    for d in answer.directions:
+        heads.append(f"{words.direction_text(d)} [{words.magnitude(d)[1]}]")
+    grid = table(f"{answer.actuator} [{words.actuator_unit(grasp, answer.actuator)}]", *heads)
+    states = [words.curve_states(c) for c in answer.curves]
+    for i, value in enumerate(answer.values):
+        cells = []
+        for c, d, state in zip(answer.curves, answer.directions, states, strict=True):
+            factor = words.magnitude(d)[0]
+            lower, upper = num(factor * c.lower[i]), num(factor * c.upper[i])
+            shown = {"unbounded": "any size", "open": f"{lower} to {upper}"}.get(state[i], lower)
+            cells.append("not reached" if np.isnan(c.lower[i]) else shown)
+        grid.add_row(num(float(value)), *cells)
+    out.print()
+    out.print(grid)
+    _written(out, asked)
+
+
+def show_witness(out: Console, witness: Witness) -> None:
+    """The contacts and actuators of an exact equilibrium."""
+    c = witness.state.c.reshape(-1, 3)
+    grid = table("contact", "link", "normal [N]", "friction [N]", "of limit", "state", "force (x, y, z) [N]")
+    for i, contact in enumerate(witness.grasp.contacts):
+        friction = float(np.linalg.norm(c[i, 1:]))
+        limit = contact.friction * c[i, 0]
+        share = f"{100 * friction / limit:.0f} %" if limit > 1e-12 else "–"
+        state = witness.contact_states[i]
+        cells = [num(c[i, 0]), num(friction), share, state, vector(witness.forces[i])]
+        closed = state != "open"
+        grid.add_row(str(i), contact.link or "–", *(cells if closed else ["–", "–", "–", state, "–"]))
+    out.print()
+    out.print(grid)
+    mech = witness.grasp.mechanism
+    if mech.a:
+        grid = table("actuator", "commanded", "carries", "")
+        turns = words.actuators_that_turn(witness)
+        for i, name in enumerate(mech.actuators):
+            unit = words.actuator_unit(witness.grasp, name)
+            command = witness.grasp.command[i]
+            moved = "turns" if turns[i] else "held by its gearing"
+            commanded = f"{num(command)} {unit}" if command else "locked"
+            grid.add_row(name, commanded, f"{num(witness.state.f[i])} {unit}", moved)
+        out.print()
+        out.print(grid)
+    out.print()
+    out.print(f"Checked against equations (1) to (8): residual {witness.residuals.worst:.1e}.", style="dim")
+
+
+def show_contacts(out: Console, contacts: Sequence[Contact]) -> None:
+    """Where a hand touches."""
+    grid = table("contact", "link", "position [mm]", "normal", "friction", "depth [mm]")
+    for i, c in enumerate(contacts):
+        position = vector(1e3 * c.position, 4)
+        depth = num(1e3 * c.depth, 2)
+        grid.add_row(str(i), c.link or "–", position, vector(c.normal), num(c.friction), depth)
+    out.print()
+    out.print(grid)
+
+
+def show_grasp(out: Console, grasp: Grasp) -> None:
+    """A grasp's contacts and joints."""
+    show_contacts(out, grasp.contacts)
+    if grasp.joints:
+        grid = table("joint", "type", "moves contacts")
+        for j in grasp.joints:
+            grid.add_row(j.name, j.type, ", ".join(map(str, j.moves)) or "none")
+        out.print()
+        out.print(grid)
+
+
+def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: QueryOptions) -> None:
+    _head(out, grasp, answer.verdict, sentence, asked, unreal=words.unphysical(answer.witness))
+    why = words.reason(answer, asked.settings())
+    if why:
+        out.print(why, style="yellow")
+    work = f"{words.count(len(answer.steps), 'program')}, {num(answer.seconds, 2)} s"
+    out.print(f"Algorithm 1 on {asked.solver}: {work}", style="dim")
+
+
+def _head(
+    out: Console, grasp: Grasp, verdict: Verdict, sentence: str, asked: QueryOptions, *, unreal: bool = False
+) -> None:
+    word, style = (verdict.upper() + "?", "bold yellow") if unreal else (verdict.upper(), STYLE[verdict])
+    out.print(Text.assemble((word, style), "  ", sentence))
+    eta = f"; normals off by up to {num(asked.eta)}°" if asked.eta else ""
+    facts = f"{words.grasp_text(grasp)}; preload {words.preload_text(grasp)}{eta}"
+    out.print(f"{grasp.name}: {facts}", style="dim")
+
+
+def _written(out: Console, asked: QueryOptions) -> None:
+    for path in (getattr(asked, "output", None), asked.report):
+        if path:
+            out.print(f"Written: {path}", soft_wrap=True)
+
+
+def _counts(curve: Curve) -> list[str]:
+    states = words.curve_states(curve)
+    finite = [x for x, s in zip(curve.lower, states, strict=True) if s == "resisted"]
+    ends = [num(max(finite)), num(min(finite))] if finite else ["–", "–"]
+    return [str(states.count(s)) for s in ("unbounded", "resisted", "slips", "open")] + ends
+
+
+def table(*heads: str) -> Table:
+    """An empty table in the house style; columns with a unit hold numbers."""
+    grid = Table(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 2, 0, 0))
+    for i, head in enumerate(heads):
+        number = "[" in head and "(" not in head and i > 0
+        grid.add_column(head, justify="right" if number else "left", overflow="fold")
+    return grid

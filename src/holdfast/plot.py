@@ -1,0 +1,218 @@
+"""Pictures of answers with matplotlib: maps, sweeps, grasps. Every function returns a `Figure`.
+
+No global state: figures are made without pyplot, and `picture` renders the same bytes every time.
+"""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon, Wedge
+
+from holdfast.report import words
+from holdfast.report.drawing import BLUE, GREY, INK, MAROON, Mesh, draw_grasp, draw_scene, scene_meshes
+from holdfast.report.words import num
+
+if TYPE_CHECKING:
+    from holdfast.grasp import Grasp
+    from holdfast.mechanism import Array
+    from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
+
+__all__ = ["Mesh", "draw_grasp", "draw_map", "draw_scene", "draw_sweep", "picture", "scene_meshes"]
+
+DPI = 100
+FILL = {BLUE: "#6c9fd6", MAROON: MAROON}  # far apart in lightness too, for print and colour-blind eyes
+FEW = 72  # directions; up to here each one is marked by a dot
+
+
+def picture(figure: Figure, ending: str = "png", *, dpi: int = DPI) -> bytes:
+    """The figure as PNG or SVG, the same bytes for the same figure."""
+    data = io.BytesIO()
+    kept: dict[str, Any] = {"Software": "Holdfast"}
+    if ending == "svg":
+        kept = {"Date": None, "Creator": "Holdfast"}
+    with rc_context({"svg.hashsalt": "holdfast"}):
+        figure.savefig(data, format=ending, metadata=kept, dpi=dpi)
+    return data.getvalue()
+
+
+# --- maps ---------------------------------------------------------------------------------------
+
+
+def draw_map(answer: MapAnswer, *, limit: float | None = None) -> Figure:
+    """The resisted forces in a plane as a region: stability paper, Figs 6, 8 and 10.
+
+    Blue is resisted with every actuator locked, maroon is what the preload adds. The radius in a
+    direction is the largest resisted force; a direction in which every force is resisted reaches the
+    edge. Directions that are not decided are hatched from what is known to hold to what may.
+
+    Args:
+        limit: half width of the picture [N]; by default chosen from the finite radii.
+    """
+    radius = limit or _radius(answer)
+    figure = Figure(figsize=(8.0, 5.4), dpi=DPI)
+    ax = figure.add_axes((0.085, 0.115, 0.575, 0.80))
+    i, j = ("xyz".index(a) for a in answer.plane)
+    d = answer.directions[:, [i, j]]
+    ax.axhline(0, color=GREY, lw=0.8, zorder=1)
+    ax.axvline(0, color=GREY, lw=0.8, zorder=1)
+    if answer.preloaded is not None:
+        _region(ax, d, answer.preloaded, radius, MAROON, 2)
+    _region(ax, d, answer.passive, radius, BLUE, 3)
+    if answer.preloaded is not None:  # where the preload takes resistance away, its outline shows it
+        ax.add_patch(Polygon(_outline(d, answer.preloaded, radius), fill=False, ec=MAROON, lw=1.4, zorder=4))
+    for curve in answer.curves:
+        _undecided(ax, d, curve, radius)
+    ax.set(xlim=(-radius, radius), ylim=(-radius, radius), aspect="equal")
+    ax.set_xlabel(f"force along {answer.plane[0]} [N]")
+    ax.set_ylabel(f"force along {answer.plane[1]} [N]")
+    ax.set_title(f"Forces resisted in the {answer.plane} plane", loc="left", fontsize=12, color=INK)
+    ax.grid(color="#e4e4e4", lw=0.6, zorder=0)
+    _tidy(ax)
+    _map_key(figure, answer)
+    _inset(figure, answer.grasp, (i, j), answer.plane)
+    return figure
+
+
+def _radius(answer: MapAnswer) -> float:
+    """Room around the finite radii, but not for the few that shoot up beside an unbounded direction."""
+    finite = np.concatenate([c.lower[np.logical_not(c.unbounded) & (c.lower > 0)] for c in answer.curves])
+    return float(min(1.6 * finite.max(), 4 * np.median(finite))) if len(finite) else 1.0
+
+
+def _outline(d: Array, curve: Curve, radius: float) -> Array:
+    """(n, 2) the region's outline; unbounded directions end well outside the picture."""
+    r = np.where(curve.unbounded, 4 * radius, np.nan_to_num(np.minimum(curve.lower, 4 * radius)))
+    return r[:, None] * d
+
+
+def _region(ax: Any, d: Array, curve: Curve, radius: float, color: str, order: int) -> None:
+    outline = _outline(d, curve, radius)
+    ax.add_patch(Polygon(outline, fc=FILL[color], ec=color, lw=0.8, zorder=order))
+    if len(d) <= FEW:
+        inside = (np.abs(outline) <= radius).all(axis=1) & (np.linalg.norm(outline, axis=1) > 0.01 * radius)
+        ax.plot(*outline[inside].T, "o", ms=3.2, mfc="white", mec=color, mew=0.9, zorder=order + 3)
+
+
+def _undecided(ax: Any, d: Array, curve: Curve, radius: float) -> None:
+    half = 180.0 / len(d)
+    for k, state in enumerate(words.curve_states(curve)):
+        if state != "open":
+            continue
+        angle = float(np.degrees(np.arctan2(d[k, 1], d[k, 0])))
+        low = float(np.nan_to_num(curve.lower[k]))
+        high = float(min(np.nan_to_num(curve.upper[k], nan=np.inf, posinf=np.inf), 4 * radius))
+        style = {"fc": "#bdbdbd", "alpha": 0.75, "ec": "#5c5c5c", "hatch": "////", "lw": 0.0, "zorder": 5}
+        ax.add_patch(Wedge((0, 0), high, angle - half, angle + half, width=high - low, **style))
+
+
+def _map_key(figure: Figure, answer: MapAnswer) -> None:
+    states = [words.curve_states(c) for c in answer.curves]
+    entries: list[Any] = [Patch(fc=FILL[BLUE], label="resisted with no preload")]
+    if answer.preloaded is not None:
+        entries.append(Patch(fc=MAROON, label="added by the preload"))
+    if any("open" in s for s in states):
+        entries.append(Patch(fc="#bdbdbd", ec="#5c5c5c", hatch="////", lw=0, label="not decided"))
+    if len(answer.directions) <= FEW:
+        few = Line2D([], [], ls="", marker="o", ms=4, mfc="white", mec=INK, label="computed direction")
+        entries.append(few)
+    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.675, 0.93)}
+    figure.legend(handles=entries, frameon=False, fontsize=9.5, **place)
+    facts = [f"Preload {words.preload_text(answer.grasp)}", words.grasp_text(answer.grasp)]
+    eta = num(float(np.degrees(answer.eta)))
+    facts.append(f"Normals off by up to {eta}°" if answer.eta else "Normals taken as exact")
+    if any("unbounded" in s for s in states):
+        facts.append("Colour to the edge: any force is resisted")
+    lines = [line for f in [answer.grasp.name, *facts] for line in textwrap.wrap(f, 36)][:11]
+    top = 0.93 - 0.048 * len(entries) - 0.03
+    figure.text(0.685, top, "\n".join(lines), va="top", fontsize=8.5, color=INK, linespacing=1.45)
+
+
+def _inset(figure: Figure, grasp: Grasp, axes: tuple[int, int], plane: str) -> None:
+    """The contacts in the plane with their normals: which way the picture lies."""
+    ax = figure.add_axes((0.735, 0.085, 0.235, 0.34))
+    p = 1e3 * np.array([c.position for c in grasp.contacts])[:, axes]
+    n = np.array([c.normal for c in grasp.contacts])[:, axes]
+    p0 = np.vstack([p, np.zeros((1, 2))])
+    middle, half = (p0.max(0) + p0.min(0)) / 2, 0.5 * max(float(np.ptp(p0, axis=0).max()), 1.0)
+    arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.014}
+    ax.quiver(*p.T, *(0.45 * half * n).T, color=INK, zorder=3, **arrows)
+    ax.plot(*p.T, "o", ms=5, color=INK, zorder=4)
+    ax.plot(0, 0, "+", ms=8, mew=1.4, color=GREY)
+    ax.set(xlim=middle[0] + np.array([-1.35, 1.35]) * half, ylim=middle[1] + np.array([-1.35, 1.35]) * half)
+    ax.set_aspect("equal")
+    ax.set_xlabel(f"{plane[0]} [mm]", fontsize=8, labelpad=1)
+    ax.set_ylabel(f"{plane[1]} [mm]", fontsize=8, labelpad=0)
+    ax.tick_params(labelsize=7)
+    ax.locator_params(nbins=4)
+    ax.set_title("contacts and normals", fontsize=8.5, loc="left", color=INK, pad=4)
+    _tidy(ax)
+
+
+def _tidy(ax: Any) -> None:
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        ax.spines[side].set_color(GREY)
+    ax.tick_params(color=GREY, labelcolor=INK)
+
+
+# --- sweeps -------------------------------------------------------------------------------------
+
+STYLES = [(BLUE, "-", "o"), (MAROON, "--", "s"), ("#c98a12", "-.", "^"), ("#3f8f6b", ":", "D")]
+
+
+def draw_sweep(answer: SweepAnswer) -> Figure:
+    """The largest resisted disturbances over one actuator's command, as in Fig. 12.
+
+    Forces have the left axis, moments the right one. Bounds that have not met are a band.
+    """
+    figure = Figure(figsize=(8.0, 5.0), dpi=DPI)
+    ax = figure.add_axes((0.10, 0.22, 0.79, 0.68))
+    units = [words.magnitude(d)[1] for d in answer.directions]
+    axes = {unit: ax if k == 0 else ax.twinx() for k, unit in enumerate(dict.fromkeys(units))}
+    handles = []
+    tops: dict[str, float] = {}
+    endless: list[str] = []
+    for k, (curve, d) in enumerate(zip(answer.curves, answer.directions, strict=True)):
+        color, dash, marker = STYLES[k % len(STYLES)]
+        factor, unit = words.magnitude(d)
+        low = np.where(curve.unbounded, np.nan, factor * curve.lower)
+        known = np.isfinite(curve.upper) & np.logical_not(curve.unbounded)
+        high = np.where(known, factor * np.where(known, curve.upper, 0.0), np.nan)
+        label = words.direction_text(d)
+        style: dict[str, Any] = {"color": color, "ls": dash, "marker": marker, "ms": 4.5, "lw": 1.8}
+        axes[unit].fill_between(answer.values, low, high, color=color, alpha=0.25, lw=0)
+        handles += axes[unit].plot(answer.values, low, label=f"{label} [{unit}]", **style)
+        tops[unit] = max([tops.get(unit, 0.0), *low[np.isfinite(low)], *high[np.isfinite(high)]])
+        if curve.unbounded.any():
+            endless.append(f"{label}: any size at {np.count_nonzero(curve.unbounded)} of {len(low)} commands")
+    for n, (unit, axis) in enumerate(axes.items()):
+        mine = [STYLES[k % len(STYLES)][0] for k, u in enumerate(units) if u == unit]
+        color = mine[0] if len(mine) == 1 else INK
+        kind = {"N": "largest force resisted [N]", "N·m": "largest moment resisted [N·m]"}
+        axis.set_ylabel(kind.get(unit, f"largest multiple resisted ({unit})"), color=color)
+        axis.set_ylim(0, 1.08 * tops[unit] if tops[unit] > 0 else 1.0)
+        _tidy(axis)
+        axis.tick_params(axis="y", labelcolor=color)
+        if n:
+            axis.spines["right"].set_visible(True)
+            axis.spines["right"].set_color(GREY)
+            axis.spines["left"].set_visible(False)
+    name = answer.actuator
+    ax.set_xlabel(f"command of {name} [{words.actuator_unit(answer.grasp, name)}]")
+    ax.set_xlim(float(answer.values.min()), float(answer.values.max()))
+    ax.grid(color="#e4e4e4", lw=0.6)
+    title = f"{answer.grasp.name}: resistance over the command of {name}"
+    ax.set_title("\n".join(textwrap.wrap(title, 76)), loc="left", fontsize=12, color=INK)
+    place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 0.02)}
+    figure.legend(handles=handles, ncols=2, frameon=False, fontsize=9.5, **place)
+    if endless:
+        ax.text(0.01, 0.98, "\n".join(endless), transform=ax.transAxes, va="top", fontsize=8.5, color=INK)
+    return figure

@@ -1,0 +1,211 @@
+"""The report's HTML: sections of verdicts, pictures and tables."""
+
+from __future__ import annotations
+
+import base64
+import platform
+from collections.abc import Sequence
+from html import escape
+from importlib import metadata, resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import holdfast
+from holdfast.answer import Verdict
+from holdfast.plot import draw_grasp, draw_map, draw_scene, draw_sweep, picture
+from holdfast.report import numbers, words
+from holdfast.report.numbers import table
+from holdfast.report.words import num
+from holdfast.stability.maps import MapAnswer, SweepAnswer
+from holdfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
+from holdfast.stability.settings import Settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from holdfast.grasp import Grasp
+    from holdfast.report import Entry
+    from holdfast.report.drawing import Mesh
+    from holdfast.stability.queries import Answer
+    from holdfast.stability.witness import Witness
+
+
+def render(
+    grasp: Grasp,
+    entries: Sequence[Entry],
+    *,
+    settings: Settings | None = None,
+    meshes: Sequence[Mesh] = (),
+    notes: Sequence[str] = (),
+) -> str:
+    """The whole page; see `holdfast.report.write_report`."""
+    settings = settings or Settings()
+    parts = [_section(grasp, entry, settings, meshes) for entry in entries]
+    witnessed = any(getattr(e.answer, "witness", None) for e in entries)
+    parts.append(_grasp_section(grasp, () if witnessed else meshes, draw=not witnessed))
+    parts.append(_settings_section(settings, entries))
+    css = (resources.files("holdfast.report") / "page.css").read_text("utf-8")
+    facts = f"{words.grasp_text(grasp)}. Preload {words.preload_text(grasp)}."
+    return "\n".join(
+        [
+            "<!doctype html>",
+            '<html lang="en"><head><meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{escape(grasp.name)} – Holdfast</title>",
+            f"<style>\n{css}</style></head><body><main>",
+            f'<h1>{escape(grasp.name)}</h1><p class="facts">{escape(facts)}</p>',
+            *(f"<p>{escape(note)}</p>" for note in notes),
+            *parts,
+            "</main></body></html>\n",
+        ]
+    )
+
+
+def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Mesh]) -> str:
+    answer = entry.answer
+    parts = [f"<h2>{escape(entry.title)}</h2>"]
+    if isinstance(answer, MapAnswer):
+        parts.append(_verdict(answer.verdict, _map_sentence(answer)))
+        parts.append(
+            _figure(draw_map(answer, limit=entry.limit), f"Forces resisted in the {answer.plane} plane.")
+        )
+        parts.append(numbers.map_table(answer))
+    elif isinstance(answer, SweepAnswer):
+        parts.append(_verdict(answer.verdict, f"The command of {answer.actuator} varies, the others stay."))
+        parts.append(_figure(draw_sweep(answer), "Largest resisted disturbances over the command."))
+        parts.append(numbers.sweep_table(answer))
+    else:
+        parts += _answer(grasp, entry, answer, settings, meshes)
+    return f"<section>{''.join(parts)}</section>"
+
+
+def _answer(
+    grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, meshes: Sequence[Mesh]
+) -> list[str]:
+    witness = answer.witness
+    unreal = words.unphysical(witness)
+    parts = [_verdict(answer.verdict, _sentence(entry, answer), unreal=unreal)]
+    why = words.reason(answer, settings)
+    if why:
+        parts.append(f'<p class="why">{escape(why)}</p>')
+    if isinstance(answer, MaxAnswer | TorquesAnswer):
+        parts.append(numbers.bounds_table(answer, entry))
+    if witness is not None:
+        if unreal:
+            parts.append(_warning(witness))
+        caption = (
+            f"An equilibrium under {words.load_text(witness.wrench)}. Arrows of force share one scale; "
+            "the virtual motion is that of the object relative to the finger."
+        )
+        if meshes:
+            parts.append(_figure(draw_scene(meshes, grasp, witness), caption))
+            caption = "The same without the solids: fingers as lines from joint to joint to contact."
+        parts.append(_figure(draw_grasp(grasp, witness), caption))
+        parts += [
+            numbers.contact_table(witness),
+            numbers.actuator_table(witness),
+            numbers.energy_table(witness),
+        ]
+        parts.append(numbers.residual_table(witness))
+    elif answer.verdict is Verdict.SLIPS:
+        parts.append(
+            '<p class="note">There is no equilibrium to show: Algorithm 1 found a relaxation of '
+            "equations (1) to (8), wider than the model, without any solution.</p>"
+        )
+    parts.append(numbers.search_table(answer))
+    return parts
+
+
+def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False) -> str:
+    word, style = (f"{verdict}?", "unreal") if unreal else (str(verdict), str(verdict))
+    return f'<p class="verdict"><b class="{style}">{word.upper()}</b><span>{escape(sentence)}</span></p>'
+
+
+def _sentence(entry: Entry, answer: Answer) -> str:
+    if isinstance(answer, MaxAnswer):
+        return words.max_sentence(answer, entry.direction if entry.direction is not None else np.eye(6)[0])
+    load = words.load_text(answer.witness.wrench) if answer.witness else "this load"
+    if isinstance(answer, TorquesAnswer):
+        return words.torques_sentence(answer, load, entry.objective)
+    assert isinstance(answer, CheckAnswer)
+    return words.check_sentence(answer, load)
+
+
+def _map_sentence(answer: MapAnswer) -> str:
+    parts = []
+    for name, curve in (("without preload", answer.passive), ("with it", answer.preloaded)):
+        if curve is not None:
+            states = words.curve_states(curve)
+            some = sum(s != "slips" for s in states) - states.count("open")
+            left = f", {states.count('open')} not decided" if "open" in states else ""
+            parts.append(f"{name}, {some} of {len(states)} directions are resisted{left}")
+    text = "; ".join(parts)
+    return text[:1].upper() + text[1:] + "."
+
+
+def _warning(witness: Witness) -> str:
+    """Why a solution without the maximum dissipation principle cannot be believed."""
+    e = witness.energy
+    wrong = [i for i, work in enumerate(e.friction) if work < -1e-9 * (abs(e.friction).max() or 1.0)]
+    names = [
+        f"{i} ({witness.grasp.contacts[i].link})" if witness.grasp.contacts[i].link else str(i) for i in wrong
+    ]
+    total = e.disturbance + e.preload
+    return (
+        '<div class="warning"><strong>This solution is not physical: friction pushes along the motion.'
+        "</strong>"
+        f"{num(e.created)} N² of work come out of nothing, against {num(total)} N² that the disturbance and "
+        f"the preload put in. It happens at contact{'s' if len(wrong) > 1 else ''} "
+        f"{escape(words.listed(names))}, where the friction force does not oppose the sliding. The maximum "
+        "dissipation principle, which was left out here, forbids it.</div>"
+    )
+
+
+def _grasp_section(grasp: Grasp, meshes: Sequence[Mesh], *, draw: bool) -> str:
+    parts = ["<h2>The grasp</h2>"]
+    if draw:
+        if meshes:
+            parts.append(_figure(draw_scene(meshes, grasp), "Hand and object with their contacts."))
+        caption = "Contacts with friction cones, normals into the object, and joint axes."
+        parts.append(_figure(draw_grasp(grasp), caption))
+    parts.append(numbers.grasp_table(grasp))
+    return f"<section>{''.join(parts)}</section>"
+
+
+def _settings_section(settings: Settings, entries: Sequence[Entry]) -> str:
+    package = {"scip": "pyscipopt", "gurobi": "gurobipy"}[settings.solver]
+    limit = f"{num(settings.time_limit)} s" if np.isfinite(settings.time_limit) else "none"
+    etas = sorted({float(np.degrees(e.eta)) for e in entries}) or [0.0]
+    versions = f"holdfast {holdfast.__version__}, Python {platform.python_version()}, numpy {np.__version__}"
+    rows = [
+        ["solver", f"{settings.solver} ({package} {_version(package)})"],
+        ["finest friction sectors", str(settings.sectors)],
+        ["gap of the bounds", f"{num(100 * settings.gap)} %"],
+        ["time limit per question", limit],
+        ["refinement", "all sectors at once" if settings.full else "where the solution lies"],
+        ["algorithm", "as printed" if settings.as_printed else "ends once an exact solution answers"],
+        ["uncertainty of the normals", ", ".join(f"{num(x)}°" for x in etas)],
+        ["versions", versions],
+    ]
+    return (
+        f"<section><h2>Settings</h2>{table(['', ''], rows)}"
+        '<p class="note">SI units, object frame. Equation numbers are those of the model in the '
+        "documentation. Virtual motions and works belong to contact springs of unit stiffness: a motion "
+        "is measured by the force it causes, in N, and work in N².</p></section>"
+    )
+
+
+def _figure(figure: Figure, caption: str) -> str:
+    data = base64.b64encode(picture(figure, "svg", dpi=160)).decode("ascii")
+    return (
+        f'<figure><img alt="{escape(caption, quote=True)}" src="data:image/svg+xml;base64,{data}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"

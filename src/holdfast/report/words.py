@@ -1,0 +1,233 @@
+"""Answers in words that a lab engineer uses, for tables and pages alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from holdfast.answer import Stop, Verdict
+
+if TYPE_CHECKING:
+    from holdfast.grasp import Grasp
+    from holdfast.mechanism import Array
+    from holdfast.stability.maps import Curve
+    from holdfast.stability.queries import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
+    from holdfast.stability.settings import Settings
+    from holdfast.stability.witness import Witness
+
+CREATED = 1e-6  # friction that feeds in a larger share of the work than this is called unphysical
+AXES = "xyz"
+
+
+def num(x: float, digits: int = 4) -> str:
+    """A number with a few digits, a true minus sign, no exponent where it can be helped, no -0."""
+    if not np.isfinite(x):
+        return "∞" if x > 0 else "−∞" if x < 0 else "?"
+    if x == 0 or abs(x) < 1e-9:
+        return "0"
+    if 1e-4 <= abs(x) < 10**digits:
+        text = f"{x:.{digits}g}"
+    else:
+        text = f"{x:.0f}" if 1 <= abs(x) < 1e7 else f"{x:.2e}"
+    return text.replace("-", "−")
+
+
+def vector(v: Sequence[float] | Array, digits: int = 3) -> str:
+    """(1, 0, −2)."""
+    scale = max(float(np.abs(v).max()), 1e-300)
+    return "(" + ", ".join(num(float(x), digits) if abs(x) > 1e-9 * scale else "0" for x in v) + ")"
+
+
+def along(v: Sequence[float] | Array) -> str:
+    """'+y' for a multiple of an axis, otherwise the unit vector."""
+    u = np.asarray(v, dtype=float) / np.linalg.norm(v)
+    k = int(np.abs(u).argmax())
+    if abs(u[k]) > 1 - 1e-12:
+        return ("+" if u[k] > 0 else "−") + AXES[k]
+    return vector(u)
+
+
+def load_text(w: Sequence[float] | Array) -> str:
+    """A disturbance: '2.2 N along +y'."""
+    w = np.asarray(w, dtype=float)
+    force, moment = float(np.linalg.norm(w[:3])), float(np.linalg.norm(w[3:]))
+    parts = []
+    if force:
+        parts.append(f"{num(force)} N along {along(w[:3])}")
+    if moment:
+        parts.append(f"{num(moment)} N·m about {along(w[3:])}")
+    return " with ".join(parts) or "no load"
+
+
+def direction_text(d: Sequence[float] | Array) -> str:
+    """What kind of disturbance a direction is: 'force along +y', 'moment about −x'."""
+    d = np.asarray(d, dtype=float)
+    if not d[3:].any() and d[:3].any():
+        return f"force along {along(d[:3])}"
+    if not d[:3].any() and d[3:].any():
+        return f"moment about {along(d[3:])}"
+    return f"load along {vector(d)}"
+
+
+def magnitude(d: Sequence[float] | Array) -> tuple[float, str]:
+    """(factor, unit) of a multiple of the direction: N, N·m, or a bare number if it is both."""
+    d = np.asarray(d, dtype=float)
+    force, moment = float(np.linalg.norm(d[:3])), float(np.linalg.norm(d[3:]))
+    if force and not moment:
+        return force, "N"
+    if moment and not force:
+        return moment, "N·m"
+    return 1.0, "× the direction"
+
+
+def actuator_unit(grasp: Grasp, actuator: str) -> str:
+    """N·m for a motor on revolute joints, N for tendons and slides."""
+    i = grasp.mechanism.actuators.index(actuator)
+    if grasp.mechanism.tendon[i]:
+        return "N"
+    moved = [j.type for j, r in zip(grasp.joints, grasp.mechanism.R[i], strict=True) if r]
+    return "N·m" if "revolute" in moved else "N"
+
+
+def joint_unit(grasp: Grasp, joint: int) -> str:
+    """Unit of a joint's torque or force."""
+    return "N·m" if grasp.joints[joint].type == "revolute" else "N"
+
+
+def preload_text(grasp: Grasp) -> str:
+    """'0.1 N·m at left and right', 'none: every actuator is locked'."""
+    if not grasp.preload:
+        return "none: every actuator is locked" if grasp.mechanism.a else "none: there are no actuators"
+    groups: dict[str, list[str]] = {}
+    for name, value in grasp.preload.items():
+        groups.setdefault(f"{num(value)} {actuator_unit(grasp, name)}", []).append(name)
+    return "; ".join(f"{value} at {listed(names)}" for value, names in groups.items())
+
+
+def listed(names: Sequence[str]) -> str:
+    """'a, b and c'."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def grasp_text(grasp: Grasp) -> str:
+    """'4 contacts, 2 joints, friction 1'."""
+    mus = sorted({c.friction for c in grasp.contacts})
+    mu = num(mus[0]) if len(mus) == 1 else f"{num(mus[0])} to {num(mus[-1])}"
+    return f"{count(grasp.m, 'contact')}, {count(grasp.l, 'joint')}, friction {mu}"
+
+
+def count(n: int, thing: str) -> str:
+    return f"{n} {thing}{'' if n == 1 else 's'}"
+
+
+def actuators_that_turn(witness: Witness) -> list[bool]:
+    """Which actuators move in a witness's virtual motion, by more than rounding."""
+    from holdfast.stability import model
+
+    grasp = witness.grasp
+    moved = np.abs(model.actuator_motion(grasp, witness.state.q)) * model.actuator_arms(grasp)
+    return list(moved > 1e-9 * model.force_scale(grasp, witness.wrench, witness.state.c))
+
+
+# --- verdicts -----------------------------------------------------------------------------------
+
+
+def unphysical(witness: Witness | None) -> bool:
+    """Does friction push along the motion anywhere, so that energy comes out of nothing?"""
+    if witness is None or witness.mdp:
+        return False
+    e = witness.energy
+    scale = abs(e.disturbance) + abs(e.preload) + abs(e.stored) + float(np.abs(e.friction).sum())
+    return e.created > CREATED * scale
+
+
+def check_sentence(answer: CheckAnswer, load: str) -> str:
+    match answer.verdict:
+        case Verdict.HOLDS if unphysical(answer.witness):
+            return f"{load} is balanced, but only by friction that creates energy: that is not physical."
+        case Verdict.HOLDS:
+            return f"The grasp resists {load} passively: an exact equilibrium was found and checked."
+        case Verdict.SLIPS:
+            return f"The object slips under {load}: no contact forces obey the model, not even relaxed."
+        case _:
+            return f"It was not decided whether the grasp resists {load}."
+
+
+def max_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
+    factor, unit = magnitude(direction)
+    what = direction_text(direction)
+    if unphysical(answer.witness):
+        return f"Solutions exist for a {what}, but friction creates energy in them: they are not physical."
+    if answer.unbounded:
+        return f"A {what} of any size is resisted."
+    if answer.verdict is Verdict.SLIPS:
+        return f"No {what} is resisted, however small."
+    lower, upper = num(factor * answer.lower), num(factor * answer.upper)
+    if answer.lower <= 0:
+        above = f"; nothing above {upper} {unit} is" if np.isfinite(answer.upper) else ""
+        return f"It is not known yet whether any {what} is resisted{above}."
+    if not np.isfinite(answer.upper):
+        return f"A {what} of {lower} {unit} is resisted; whether more is, was not decided."
+    if lower == upper:
+        return f"A {what} is resisted up to {lower} {unit}."
+    return f"A {what} is resisted up to {lower} {unit}, and none above {upper} {unit}."
+
+
+def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -> str:
+    goal = "largest command" if objective == "max" else "sum of commands"
+    if answer.verdict is Verdict.SLIPS:
+        return f"No commands of these actuators resist {load}."
+    if answer.preload is None:
+        return f"No commands were found yet that resist {load}."
+    if answer.upper == 0:
+        return f"{load} is resisted with every actuator locked: no command is needed."
+    lower, upper = num(answer.lower), num(answer.upper)
+    limit = "" if lower == upper else f", and none below {lower} suffices"
+    return f"The {goal} that {load} needs is {upper}{limit}."
+
+
+def reason(answer: Answer, settings: Settings) -> str:
+    """Why an answer is not complete, and what helps; '' if it is."""
+    width = np.degrees(answer.steps[-1].width) if answer.steps else 0.0
+    match answer.stop:
+        case Stop.COMPLETE:
+            return ""
+        case Stop.TIME:
+            limit = num(settings.time_limit)
+            return f"The time limit of {limit} s was hit; a larger --time-limit may decide it."
+        case Stop.NODES:
+            return "The node limit was hit."
+        case Stop.INTERRUPTED:
+            return "It was interrupted; these are the bounds so far."
+        case _ if answer.verdict is Verdict.HOLDS and settings.sectors < 2048:
+            return (
+                f"The bounds have not met to {num(100 * settings.gap)} % with {settings.sectors} sectors "
+                f"({num(360 / settings.sectors)}° each); more --sectors bring them closer."
+            )
+        case _ if answer.verdict is Verdict.HOLDS:
+            gap = num(100 * settings.gap)
+            return f"The bounds have not met to {gap} %; more --sectors may bring them closer."
+        case _:
+            return (
+                f"The relaxed model has a solution at the finest sectors ({num(width)}° wide), but no exact "
+                "one was found near it; more --sectors may decide it."
+            )
+
+
+def curve_states(curve: Curve) -> list[str]:
+    """Per case 'unbounded', 'resisted', 'slips' or 'open' (bounds far apart or case not reached)."""
+    out = []
+    for lower, upper, unbounded, verdict in zip(
+        curve.lower, curve.upper, curve.unbounded, curve.verdicts, strict=True
+    ):
+        if unbounded:
+            out.append("unbounded")
+        elif verdict is Verdict.SLIPS:
+            out.append("slips")
+        elif verdict is Verdict.UNDECIDED or not upper <= 1.05 * lower:
+            out.append("open")
+        else:
+            out.append("resisted")
+    return out
