@@ -117,19 +117,23 @@ def actuator_table(witness: Witness) -> str:
 def energy_table(witness: Witness) -> str:
     """Where the virtual work goes, term by term."""
     e = witness.energy
+    scale = abs(e.disturbance) + abs(e.preload) + abs(e.stored) or 1.0
+
+    def work(x: float) -> str:
+        return num(x) if abs(x) > 1e-12 * scale else "0"
+
     rows = [
-        ["put in by the disturbance, w·r", num(e.disturbance), ""],
-        ["put in by the preload", num(e.preload), ""],
-        ["stored in the contact springs", num(e.stored), ""],
+        ["put in by the disturbance, w·r", work(e.disturbance), ""],
+        ["put in by the preload", work(e.preload), ""],
+        ["stored in the contact springs", work(e.stored), ""],
     ]
-    for i, (work, most) in enumerate(zip(e.friction, e.maximum, strict=True)):
-        bad = BAD if work < -1e-9 * (float(np.abs(e.friction).max()) or 1.0) else ""
+    for i, (lost, most) in enumerate(zip(e.friction, e.maximum, strict=True)):
+        bad = BAD if lost < -words.CREATED * scale else ""
         verb = "fed in by friction" if bad else "dissipated by friction"
-        rows.append([f"{verb} at contact {i}", bad + num(work), num(most)])
+        rows.append([f"{verb} at contact {i}", bad + work(lost), work(most)])
     if e.created > 0 and words.unphysical(witness):
         rows.append(["created out of nothing", BAD + num(e.created), "0"])
     heads = ["#virtual work", "N²", "the maximum dissipation principle demands"]
-    scale = abs(e.disturbance) + abs(e.preload) + abs(e.stored) or 1.0
     note = f'<p class="note">In minus out: {abs(e.imbalance) / scale:.1e} of the total.</p>'
     return table(heads, rows, "Energy") + note
 
@@ -139,7 +143,8 @@ def residual_table(witness: Witness) -> str:
     left_out = "left out" if not witness.mdp else None
     rows = []
     for name, text in EQUATIONS.items():
-        value = f"{getattr(witness.residuals, name):.1e}"
+        residual = getattr(witness.residuals, name)
+        value = f"{residual:.1e}" if residual else "0"
         extra = f" with (17), {num(np.degrees(witness.eta))}°" if name == "normal" and witness.eta else ""
         rows.append([text + extra, left_out if left_out and name == "dissipation" else value])
     return table(["#equation", "relative residual"], rows, "Checked against the model")
@@ -151,7 +156,8 @@ def bounds_table(answer: MaxAnswer | TorquesAnswer, entry: Entry) -> str:
         d = entry.direction if entry.direction is not None else np.eye(6)[0]
         factor, unit = words.magnitude(d)
         upper = "unbounded" if answer.unbounded else f"{num(factor * answer.upper, 6)} {unit}"
-        rows = [["resisted, witnessed", f"{num(factor * answer.lower, 6)} {unit}"], ["no more than", upper]]
+        what = "resisted, largest tried" if answer.unbounded else "resisted, witnessed"
+        rows = [[what, f"{num(factor * answer.lower, 6)} {unit}"], ["no more than", upper]]
         if not answer.unbounded and np.isfinite(answer.gap):
             rows.append(["gap", f"{100 * answer.gap:.2g} %"])
         return table(["#", "#bound"], rows, "Bounds")

@@ -147,11 +147,12 @@ def _map_sentence(answer: MapAnswer) -> str:
 def _warning(witness: Witness) -> str:
     """Why a solution without the maximum dissipation principle cannot be believed."""
     e = witness.energy
-    wrong = [i for i, work in enumerate(e.friction) if work < -1e-9 * (abs(e.friction).max() or 1.0)]
+    scale = abs(e.disturbance) + abs(e.preload) + abs(e.stored)
+    total = e.disturbance + e.preload
+    wrong = [i for i, work in enumerate(e.friction) if work < -words.CREATED * scale]
     names = [
         f"{i} ({witness.grasp.contacts[i].link})" if witness.grasp.contacts[i].link else str(i) for i in wrong
     ]
-    total = e.disturbance + e.preload
     return (
         '<div class="warning"><strong>This solution is not physical: friction pushes along the motion.'
         "</strong>"

@@ -139,8 +139,7 @@ def unphysical(witness: Witness | None) -> bool:
     if witness is None or witness.mdp:
         return False
     e = witness.energy
-    scale = abs(e.disturbance) + abs(e.preload) + abs(e.stored) + float(np.abs(e.friction).sum())
-    return e.created > CREATED * scale
+    return e.created > CREATED * (abs(e.disturbance) + abs(e.preload) + abs(e.stored))
 
 
 def check_sentence(answer: CheckAnswer, load: str) -> str:

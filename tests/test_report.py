@@ -1,0 +1,183 @@
+"""The report: one file, the verdict, the numbers, and a warning where friction creates energy."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from holdfast.answer import Stop, Verdict
+from holdfast.cli import demo, main
+from holdfast.errors import InputError
+from holdfast.grasp import Contact, Grasp, GraspJoint
+from holdfast.report import Entry, words, write_report
+from holdfast.report.words import num
+from holdfast.stability.maps import Curve, MapAnswer
+from holdfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum, torques
+from holdfast.stability.settings import Settings
+
+Y = np.eye(6)[1]
+QUICK = Settings(sectors=64, gap=0.02)
+
+
+@pytest.fixture(scope="module")
+def grasp() -> Grasp:
+    """Two mirrored fingers with two contacts each, in a plane."""
+    contacts, joints = [], []
+    tilted = np.array([0.819, 0.574]) / np.hypot(0.819, 0.574)
+    for side, name in ((1, "right"), (-1, "left")):
+        first = 2 * len(joints)
+        contacts.append(Contact([side * 0.078, 0, 0], [-side, 0, 0], 1.0, f"{name}_distal"))
+        normal = [-side * tilted[0], tilted[1], 0]
+        contacts.append(Contact([side * 0.0955, -0.0463, 0], normal, 1.0, f"{name}_proximal"))
+        joints.append(GraspJoint(name, [0, 0, side], [side * 0.075, -0.093, 0], (first, first + 1)))
+    return Grasp(contacts, joints, preload={"right": 0.1, "left": 0.1}, name="two <fingers> & a box")
+
+
+def page(path: Path) -> str:
+    """The page, checked to need nothing from outside."""
+    text = path.read_text("utf-8")
+    for link in re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", text):
+        assert link.startswith("data:")
+    assert "@import" not in text
+    assert "url(" not in text
+    assert "<script" not in text
+    return text
+
+
+def test_check_page_has_verdict_forces_and_residuals(grasp: Grasp, tmp_path: Path) -> None:
+    answer = check(grasp, 2.2 * Y, settings=QUICK)
+    write_report(tmp_path / "a.html", grasp, [Entry("Does it resist 2.2 N?", answer)], settings=QUICK)
+    text = page(tmp_path / "a.html")
+    assert "two &lt;fingers&gt; &amp; a box" in text
+    assert '<b class="holds">HOLDS</b>' in text
+    assert answer.witness is not None
+    c = answer.witness.state.c.reshape(-1, 3)
+    for i, state in enumerate(answer.witness.contact_states):
+        assert grasp.contacts[i].link in text
+        if state != "open":
+            assert f">{num(c[i, 0])}</td>" in text
+    for said in ("maximum dissipation principle demands", "(8) actuators", "scip (pyscipopt", "holdfast 0."):
+        assert said in text
+    assert '<div class="warning">' not in text
+
+
+def test_a_page_is_the_same_every_time(grasp: Grasp, tmp_path: Path) -> None:
+    entry = Entry("Does it resist 1 N?", check(grasp, Y, settings=QUICK))
+    for name in ("a.html", "b.html"):
+        write_report(tmp_path / name, grasp, [entry])
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_friction_that_creates_energy_is_called_unphysical(grasp: Grasp, tmp_path: Path) -> None:
+    bare = grasp.with_preload(None)
+    answer = check(bare, Y, mdp=False, settings=QUICK)
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.witness is not None
+    write_report(tmp_path / "a.html", bare, [Entry("Without dissipation", answer, mdp=False)])
+    text = page(tmp_path / "a.html")
+    assert '<b class="unreal">HOLDS?</b>' in text
+    assert (
+        '<div class="warning"><strong>This solution is not physical: friction pushes along the motion.'
+        in text
+    )
+    e = answer.witness.energy
+    assert f"{num(e.created)} N² of work come out of nothing" in text
+    for i in np.flatnonzero(e.friction < -1e-3 * e.created):
+        assert f"fed in by friction at contact {i}" in text
+        assert grasp.contacts[i].link in text.split('class="warning"')[1].split("</div>")[0]
+    assert "left out" in text  # the residual of (6), (7)
+
+
+def test_bounds_commands_and_slips(grasp: Grasp, tmp_path: Path) -> None:
+    largest = maximum(grasp, Y, settings=QUICK)
+    best = torques(grasp, 2 * Y, settings=QUICK)
+    slips = check(grasp, 2.5 * Y, settings=QUICK)
+    entries = [Entry("max", largest, direction=Y), Entry("torques", best), Entry("check", slips)]
+    write_report(tmp_path / "a.html", grasp, entries, settings=QUICK)
+    text = page(tmp_path / "a.html")
+    assert f">{num(largest.lower, 6)} N</td>" in text
+    assert f">{num(largest.upper, 6)} N</td>" in text
+    assert "0.09 N·m" in text
+    assert '<b class="slips">SLIPS</b>' in text
+    assert "without any solution" in text
+
+
+def test_undecided_says_why(grasp: Grasp, tmp_path: Path) -> None:
+    answer = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, (), None)
+    write_report(tmp_path / "a.html", grasp, [Entry("?", answer)], settings=Settings(time_limit=1.0))
+    text = page(tmp_path / "a.html")
+    assert '<b class="undecided">UNDECIDED</b>' in text
+    assert "The time limit of 1 s was hit" in text
+
+
+def test_the_grasp_alone_and_no_writing_over(grasp: Grasp, tmp_path: Path) -> None:
+    write_report(tmp_path / "a.html", grasp, [], notes=["Taken as it lies."])
+    text = page(tmp_path / "a.html")
+    assert "Taken as it lies." in text
+    assert "right_proximal" in text
+    with pytest.raises(InputError, match=r"a\.html: exists already"):
+        write_report(tmp_path / "a.html", grasp, [])
+
+
+def test_map_table_has_every_direction(grasp: Grasp, tmp_path: Path) -> None:
+    answers = [
+        MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), None, v, v, False) for v in (1.25, 2.5, 3.75, 5)
+    ]
+    curve = Curve.of([*answers[:3], None])
+    directions = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0.0]])
+    answer = MapAnswer(grasp, "xy", 0.0, directions, curve, None, 1.0, 0)
+    write_report(tmp_path / "a.html", grasp, [Entry("map", answer)])
+    text = page(tmp_path / "a.html")
+    for said in (">1.25<", ">2.5<", ">3.75<", ">not reached<", ">270<", "1 not decided"):
+        assert said in text
+
+
+@pytest.mark.parametrize(
+    ("load", "text"),
+    [
+        ([0, 2.2, 0, 0, 0, 0], "2.2 N along +y"),
+        ([0, 0, -1, 0, 0, 0], "1 N along −z"),
+        ([0, 0, 0, 0.1, 0, 0], "0.1 N·m about +x"),
+        ([3, 4, 0, 0, 0, -1], "5 N along (0.6, 0.8, 0) with 1 N·m about −z"),
+        ([0] * 6, "no load"),
+    ],
+)
+def test_loads_in_words(load: list[float], text: str) -> None:
+    assert words.load_text(load) == text
+
+
+@pytest.mark.parametrize(
+    ("x", "text"),
+    [
+        (0.0, "0"),
+        (-0.0, "0"),
+        (2.22222, "2.222"),
+        (-0.05, "−0.05"),
+        (12345.6, "12346"),
+        (1e-7, "1.00e−07"),
+        (4.65e9, "4.65e+09"),
+        (float("inf"), "∞"),
+        (float("nan"), "?"),
+    ],
+)
+def test_numbers(x: float, text: str) -> None:
+    assert num(x) == text
+
+
+def test_demo_tells_a_story(grasp: Grasp, tmp_path: Path, capsys, monkeypatch) -> None:
+    """The whole demo, on a small grasp and few directions; the bundled one has its own test."""
+    monkeypatch.setattr(demo, "build", lambda: (grasp, []))
+    monkeypatch.setattr(demo, "DIRECTIONS", 4)
+    monkeypatch.setattr(demo, "SECTORS", 64)
+    folder = tmp_path / "demo"
+    assert main(["demo", "--output", str(folder)]) == 0
+    out = capsys.readouterr().out
+    for said in ("HOLDS", "SLIPS", "2.222 N", "report.html", "0.05", "directions resisted"):
+        assert said in out
+    assert sorted(f.name for f in folder.iterdir()) == ["grasp.json", "map.png", "report.html"]
+    page(folder / "report.html")
+    assert main(["demo", "--output", str(folder)]) == 2
+    assert "exists already; give --force" in capsys.readouterr().err
