@@ -67,15 +67,14 @@ def draw_map(answer: MapAnswer, *, limit: float | None = None) -> Figure:
     _region(ax, d, answer.passive, radius, BLUE, 3)
     if answer.preloaded is not None:  # where the preload takes resistance away, its outline shows it
         ax.add_patch(Polygon(_outline(d, answer.preloaded, radius), fill=False, ec=MAROON, lw=1.4, zorder=4))
-    for curve in answer.curves:
-        _undecided(ax, d, curve, radius)
+    open_ones = sum(_undecided(ax, d, curve, radius) for curve in answer.curves)
     ax.set(xlim=(-radius, radius), ylim=(-radius, radius), aspect="equal")
     ax.set_xlabel(f"force along {answer.plane[0]} [N]")
     ax.set_ylabel(f"force along {answer.plane[1]} [N]")
     ax.set_title(f"Forces resisted in the {answer.plane} plane", loc="left", fontsize=12, color=INK)
     ax.grid(color="#e4e4e4", lw=0.6, zorder=0)
     _tidy(ax)
-    _map_key(figure, answer)
+    _map_key(figure, answer, hatched=open_ones > 0)
     _inset(figure, answer.grasp, (i, j), answer.plane)
     return figure
 
@@ -100,7 +99,9 @@ def _region(ax: Any, d: Array, curve: Curve, radius: float, color: str, order: i
         ax.plot(*outline[inside].T, "o", ms=3.2, mfc="white", mec=color, mew=0.9, zorder=order + 3)
 
 
-def _undecided(ax: Any, d: Array, curve: Curve, radius: float) -> None:
+def _undecided(ax: Any, d: Array, curve: Curve, radius: float) -> int:
+    """Hatch from what is resisted to what may be; returns how many of these can be seen."""
+    seen = 0
     half = 180.0 / len(d)
     for k, state in enumerate(words.curve_states(curve)):
         if state != "open":
@@ -108,16 +109,18 @@ def _undecided(ax: Any, d: Array, curve: Curve, radius: float) -> None:
         angle = float(np.degrees(np.arctan2(d[k, 1], d[k, 0])))
         low = float(np.nan_to_num(curve.lower[k]))
         high = float(min(np.nan_to_num(curve.upper[k], nan=np.inf, posinf=np.inf), 4 * radius))
+        seen += low < 1.42 * radius
         style = {"fc": "#bdbdbd", "alpha": 0.75, "ec": "#5c5c5c", "hatch": "////", "lw": 0.0, "zorder": 5}
         ax.add_patch(Wedge((0, 0), high, angle - half, angle + half, width=high - low, **style))
+    return seen
 
 
-def _map_key(figure: Figure, answer: MapAnswer) -> None:
+def _map_key(figure: Figure, answer: MapAnswer, *, hatched: bool) -> None:
     states = [words.curve_states(c) for c in answer.curves]
     entries: list[Any] = [Patch(fc=FILL[BLUE], label="resisted with no preload")]
     if answer.preloaded is not None:
         entries.append(Patch(fc=MAROON, label="added by the preload"))
-    if any("open" in s for s in states):
+    if hatched:
         entries.append(Patch(fc="#bdbdbd", ec="#5c5c5c", hatch="////", lw=0, label="not decided"))
     if len(answer.directions) <= FEW:
         few = Line2D([], [], ls="", marker="o", ms=4, mfc="white", mec=INK, label="computed direction")

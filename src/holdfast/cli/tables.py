@@ -55,8 +55,8 @@ def show_torques(out: Console, grasp: Grasp, wrench: Load, answer: TorquesAnswer
 
 
 def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
-    grid = table("", "any size", "up to a limit", "not at all", "open", "largest [N]", "smallest [N]")
-    named = [("without preload", answer.passive), ("with preload", answer.preloaded)]
+    grid = table("", "any size", "limited", "none", "open", "largest [N]", "smallest [N]")
+    named = [("no preload", answer.passive), ("with preload", answer.preloaded)]
     for name, curve in named:
         if curve is not None:
             grid.add_row(name, *_counts(curve))
@@ -91,7 +91,7 @@ def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
 def show_witness(out: Console, witness: Witness) -> None:
     """The contacts and actuators of an exact equilibrium."""
     c = witness.state.c.reshape(-1, 3)
-    grid = table("contact", "link", "normal [N]", "friction [N]", "of limit", "state", "force (x, y, z) [N]")
+    grid = table("#", "link", "normal [N]", "friction [N]", "of limit", "state", "force [N]")
     for i, contact in enumerate(witness.grasp.contacts):
         friction = float(np.linalg.norm(c[i, 1:]))
         limit = contact.friction * c[i, 0]
@@ -120,7 +120,7 @@ def show_witness(out: Console, witness: Witness) -> None:
 
 def show_contacts(out: Console, contacts: Sequence[Contact]) -> None:
     """Where a hand touches."""
-    grid = table("contact", "link", "position [mm]", "normal", "friction", "depth [mm]")
+    grid = table("#", "link", "position [mm]", "normal", "friction", "depth [mm]")
     for i, c in enumerate(contacts):
         position = vector(1e3 * c.position, 4)
         depth = num(1e3 * c.depth, 2)
@@ -174,8 +174,8 @@ def _counts(curve: Curve) -> list[str]:
 
 def table(*heads: str) -> Table:
     """An empty table in the house style; columns with a unit hold numbers."""
-    grid = Table(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 2, 0, 0))
+    grid = Table(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
     for i, head in enumerate(heads):
-        number = "[" in head and "(" not in head and i > 0
-        grid.add_column(head, justify="right" if number else "left", overflow="fold")
+        number = i > 0 and "[" in head and head not in ("force [N]", "position [mm]")
+        grid.add_column(head, justify="right" if number else "left", overflow="fold", no_wrap=i < 2)
     return grid
