@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import signal
 import subprocess
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from holdfast.cli import main
+from holdfast.cli import console, main
 from holdfast.cli.app import COMMANDS, option_name
 
 QUICK = ["--sectors", "64", "--gap", "0.02"]
@@ -444,6 +445,22 @@ def test_quick_commands_import_nothing_heavy() -> None:
             [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stderr
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_is_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "PATIENCE", 0.0)
+    for stream in (Terminal(), io.StringIO()):
+        monkeypatch.setattr(sys, "stderr", stream)
+        with console.watch("map") as watch:
+            watch.item(1, 4)
+        assert ("1 of 4" in stream.getvalue()) == isinstance(stream, Terminal)
 
 
 SLOW = {

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 BLUE, MAROON, GREY, INK = "#2f6db3", "#8c1d40", "#9a9a9a", "#2b2b2b"
 AMBER, GREEN, VIOLET = "#d98200", "#2c7d4f", "#7a5cc4"
 SOLID = {"object": np.array([0.87, 0.78, 0.62]), "hand": np.array([0.62, 0.67, 0.73])}
+TRIAD = 0.05  # length of the object frame's axes in the corner, in half widths of the figure
 JOINT = 0.3  # half length of a joint axis, in grasp sizes
 CLEAR = {"object": 0.55, "hand": 0.9}
 
@@ -99,15 +100,17 @@ def draw_grasp(
     width = max(float(np.ptp(p[:, 0])) for p in seen) + 2 * margin
     height = max(float(np.ptp(p[:, 1])) for p in seen) + 2 * margin
     width = max(width, 0.75 * height, 1.5 * grasp.size)
-    height = max(height, 0.6 * width)
+    triad = TRIAD * count * width / 2
+    headroom = 1.6 * triad  # above the drawing, for the object frame's axes
+    height = max(height, 0.6 * width) + 2 * headroom
     legend = 0.62  # [inches] below the panels
     panel = 8.0 / count * height / width
     figure.set_size_inches(8.0, panel + legend + 0.28)
     total = panel + legend + 0.28
     for k, (ax, view, points) in enumerate(zip(axes, sides, seen, strict=True)):
         ax.set_position((k / count + 0.005, legend / total, 1 / count - 0.01, panel / total))
-        middle = (points.min(0) + points.max(0)) / 2
-        _frame(ax, middle, np.array([width, height]) / 2, view)
+        middle = (points.min(0) + points.max(0)) / 2 + [0, headroom]
+        _frame(ax, middle, np.array([width, height]) / 2, view, triad)
         if not meshes:
             _joint_labels(ax, grasp, view.matrix)
     figure.legend(handles=_key(grasp, witness), loc="lower center", ncols=4, frameon=False, fontsize=9)
@@ -292,14 +295,13 @@ def _label(ax: Any, x: float, y: float, text: str, color: str, size: float, *, b
     )
 
 
-def _frame(ax: Any, middle: Array, half: Array, view: View) -> None:
+def _frame(ax: Any, middle: Array, half: Array, view: View, length: float) -> None:
     """Limits, no axes, and the object frame's directions in the corner."""
     low, high = middle - half, middle + half
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     ax.axis("off")
     ax.set_title(view.title, fontsize=9.5, color=INK, pad=2)
-    length = 0.12 * half[0]
-    corner = np.array([low[0] + 1.5 * length, high[1] - 2.1 * length])
+    corner = np.array([low[0] + 1.6 * length, high[1] - 1.6 * length])
     for k, name in enumerate("xyz"):
         step = length * view.matrix[:2, k]
         if np.linalg.norm(step) > 0.15 * length:
@@ -326,6 +328,7 @@ def _key(grasp: Grasp, witness: Witness | None) -> list[Any]:
         return [*entries, Line2D([], [], color=INK, lw=2.4, label="contact normal")]
     entries.append(Line2D([], [], color=BLUE, lw=2.4, label="force of the hand"))
     if witness.wrench.any():
-        entries.append(Line2D([], [], color=AMBER, lw=2.4, label="disturbance"))
+        label = "disturbance (two heads: moment)" if witness.wrench[3:].any() else "disturbance"
+        entries.append(Line2D([], [], color=AMBER, lw=2.4, label=label))
     entries.append(Line2D([], [], color=VIOLET, lw=1.3, label="virtual motion, not to scale"))
     return entries

@@ -36,8 +36,10 @@ def num(x: float, digits: int = 4) -> str:
 
 def vector(v: Sequence[float] | Array, digits: int = 3) -> str:
     """(1, 0, −2)."""
-    scale = max(float(np.abs(v).max()), 1e-300)
-    return "(" + ", ".join(num(float(x), digits) if abs(x) > 1e-9 * scale else "0" for x in v) + ")"
+    least = 10.0 ** -(digits + 1) * float(
+        np.abs(v).max()
+    )  # below this a component is rounding beside the others
+    return "(" + ", ".join(num(float(x), digits) if abs(x) > least else "0" for x in v) + ")"
 
 
 def along(v: Sequence[float] | Array) -> str:
@@ -189,7 +191,6 @@ def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -
 
 def reason(answer: Answer, settings: Settings) -> str:
     """Why an answer is not complete, and what helps; '' if it is."""
-    width = np.degrees(answer.steps[-1].width) if answer.steps else 0.0
     match answer.stop:
         case Stop.COMPLETE:
             return ""
@@ -208,11 +209,13 @@ def reason(answer: Answer, settings: Settings) -> str:
         case _ if answer.verdict is Verdict.HOLDS:
             gap = num(100 * settings.gap)
             return f"The bounds have not met to {gap} %; more --sectors may bring them closer."
-        case _:
+        case _ if answer.steps and answer.steps[-1].finished:
             return (
-                f"The relaxed model has a solution at the finest sectors ({num(width)}° wide), but no exact "
+                f"The relaxed model has a solution at the finest of {settings.sectors} sectors, but no exact "
                 "one was found near it; more --sectors may decide it."
             )
+        case _:
+            return "The search ended without an answer: the solver's numbers did not suffice."
 
 
 def curve_states(curve: Curve) -> list[str]:
