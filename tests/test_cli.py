@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from holdfast.cli import console, main
+from holdfast.cli import bundled, console, demo, main
 from holdfast.cli.app import COMMANDS, option_name
 
 QUICK = ["--sectors", "64", "--gap", "0.02"]
@@ -412,6 +412,29 @@ def test_close_keeps_a_joint_still(capsys: pytest.CaptureFixture[str]) -> None:
     assert "finger_3_prox" not in answer["stopped"]
     assert answer["configuration"]["joints"]["finger_3_prox"] == 0
     complains(capsys, [*close, "finger_3_prox=2"], ["--closing finger_3_prox", "-1, 0 or 1"])
+
+
+@pytest.mark.usefixtures("can")
+def test_bundled_data_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
+    """`contacts`, `list` and the demo's grasp find objects and configurations by their bundled names."""
+    monkeypatch.setattr(bundled, "folder", lambda kind: tmp_path / kind)
+    close = ["close", "barrett-bh8-280", "can.json", "--pose", "open.json", "-o", "closed.json"]
+    assert run(capsys, *close)[0] == 0
+    data = json.loads(Path("closed.json").read_text()) | {"hand": "barrett-bh8-280", "object": "can"}
+    for kind, name, text in (("configurations", "fig1", json.dumps(data)), ("objects", "can", None)):
+        (tmp_path / kind).mkdir()
+        (tmp_path / kind / f"{name}.json").write_text(text or Path("can.json").read_text())
+    found = ask(capsys, "contacts", "barrett-bh8-280", "can", "--configuration", "fig1")
+    assert len(found["contacts"]) == 3
+    grasp, meshes = demo.build()
+    assert grasp.preload == {"finger_3_prox": 0.1}
+    assert len(meshes) > 10
+    listed = ask(capsys, "list")
+    assert listed["objects"] == {"can": "cylinder, 0.3 kg, friction 0.6"}
+    assert "can in barrett-bh8-280" in listed["configurations"]["fig1"]
+    complains(
+        capsys, ["contacts", "barrett-bh8-280", "cup", "--configuration", "fig1"], ["cup", "bundled: can"]
+    )
 
 
 # --- the program as a program -------------------------------------------------------------------

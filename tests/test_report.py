@@ -172,6 +172,7 @@ def test_demo_tells_a_story(grasp: Grasp, tmp_path: Path, capsys, monkeypatch) -
     monkeypatch.setattr(demo, "build", lambda: (grasp, []))
     monkeypatch.setattr(demo, "DIRECTIONS", 4)
     monkeypatch.setattr(demo, "SECTORS", 64)
+    monkeypatch.setattr(demo, "PATIENCE", 0.5)
     folder = tmp_path / "demo"
     assert main(["demo", "--output", str(folder)]) == 0
     out = capsys.readouterr().out
