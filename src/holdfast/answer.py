@@ -20,4 +20,5 @@ class Stop(StrEnum):
     TIME = "time"  # the time limit
     NODES = "nodes"  # the node limit
     INTERRUPTED = "interrupted"  # Ctrl-C
+    RESOLUTION = "resolution"  # the finest sectors were reached and the bounds are still apart
     NUMERICAL = "numerical"  # the solver failed, or its answer did not stand up to the check

@@ -32,6 +32,7 @@ from holdfast.stability.sectors import Discretisation, Edges, Sector
 
 ACTIVE = 1e-7  # (scaled) motions and forces below this do not make a sector active
 ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
+MOTION_CAP = 1e4  # (scaled) virtual motions beyond this many force scales are not searched
 SIDES = 256  # edges of the polygon that stands for the cone when the dissipation principle is left out
 
 
@@ -157,6 +158,7 @@ class _Model:
     program: Program
     p: Problem
     edges: Sequence[Edges]
+    still: Array
     r: Array
     q: Array
     cn: Array
@@ -172,8 +174,12 @@ class _Model:
         c[:, 0] = x[self.cn]
         for i, e in enumerate(self.edges):
             c[i, 1:] = e.D @ x[self.beta[i]]
+        f = x[self.f]
+        for j in np.flatnonzero(self.still):  # (2), left out of the program
+            i = int(np.flatnonzero(self.p.R[:, j])[0])
+            f[i] = self.p.J[:, j] @ c.reshape(-1) / self.p.R[i, j]
         sigma = float(x[self.sigma]) if self.sigma is not None else 0.0
-        return Point(x[self.r], x[self.q], c.reshape(-1), x[self.f], x[self.coupling], sigma)
+        return Point(x[self.r], x[self.q], c.reshape(-1), f, x[self.coupling], sigma)
 
     def active(self, x: Array | None) -> list[Sector | None]:
         """Per contact the sector in which friction and motion lie; None if both vanish."""
@@ -202,7 +208,11 @@ def _relaxation(
     """Equations (1)-(4), (8)-(12), (15), with (17), (19) if eta > 0, as a program with ordered sets."""
     m, l, a, k = p.sizes
     P = Program()
-    r, q = P.variables(6), P.variables(l)
+    cap = MOTION_CAP * (search_end(p) / ENDLESS if goal is Goal.LARGEST else 1.0)
+    still = _still(p, driven)
+    r, q = P.variables(6, -cap, cap), P.variables(l, -cap, cap)
+    for j in np.flatnonzero(still):
+        P.lower[q[j]] = P.upper[q[j]] = 0.0
     cn = P.variables(m, 0.0, p.cn_max)
     f = P.variables(a)
     coupling = P.variables(k)
@@ -219,7 +229,7 @@ def _relaxation(
         if sigma is not None and slope[row] != 0:
             terms.append((sigma, slope[row]))
         P.row(terms, -constant[row], -constant[row])
-    for j in range(l):  # (2)
+    for j in np.flatnonzero(~still):  # (2)
         terms = [(cn, p.J[0::3, j]), (f, -p.R[:, j])]
         terms += [(beta[i], p.J[3 * i + 1 : 3 * i + 3, j] @ edges[i].D) for i in range(m)]
         if k:
@@ -259,7 +269,7 @@ def _relaxation(
         P.row([(beta[i], 1.0), (cn[i], -p.mu[i])], -INF, 0.0)  # (15), both cases
 
     _actuators(P, p, goal, q, f, sigma, driven)
-    return _Model(P, p, edges, r, q, cn, f, coupling, beta, alpha, sigma)
+    return _Model(P, p, edges, still, r, q, cn, f, coupling, beta, alpha, sigma)
 
 
 def _objective(
@@ -277,6 +287,19 @@ def _objective(
         sigma = int(P.variables(1, 0.0)[0])
     P.cost[sigma] = -1.0 if goal is Goal.LARGEST else 1.0
     return (L.w_a, L.w_b), sigma
+
+
+def _still(p: Problem, driven: Array | None) -> Array:
+    """(l,) bool: joints that cannot move and whose torque one locked actuator takes up, whatever it is.
+
+    Their rows of (2) and the actuator's force are left out of the program and computed afterwards.
+    """
+    locked = ~p.moves & ~np.isfinite(p.f_max)
+    if driven is not None:
+        locked &= ~driven
+    alone = (np.count_nonzero(p.R, axis=0) == 1) & (np.count_nonzero(p.A, axis=0) == 0)
+    own = np.count_nonzero(p.R, axis=1) == 1
+    return alone & np.array([bool((locked & own)[np.flatnonzero(col)].all()) for col in p.R.T], dtype=bool)
 
 
 def _actuators(

@@ -261,7 +261,7 @@ def _joint_verdict(verdicts: Sequence[Verdict]) -> Verdict:
 
 
 def _worst_stop(stops: Sequence[Stop]) -> Stop:
-    order = (Stop.INTERRUPTED, Stop.TIME, Stop.NODES, Stop.NUMERICAL)
+    order = (Stop.INTERRUPTED, Stop.TIME, Stop.NODES, Stop.NUMERICAL, Stop.RESOLUTION)
     return next((s for s in order if s in stops), Stop.COMPLETE)
 
 
@@ -290,6 +290,8 @@ def _maxima(cases: Sequence[Case], jobs: int | None, on_item: OnItem | None) -> 
             done.append(answer)
             if on_item:
                 on_item(len(done), len(cases))
+            if answer.stop is Stop.INTERRUPTED:  # SCIP takes Ctrl-C for itself
+                break
     except KeyboardInterrupt:
         pass
     return done + [None] * (len(cases) - len(done))

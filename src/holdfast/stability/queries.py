@@ -281,18 +281,16 @@ def torques(
             value = float(command.max(initial=0.0) if objective == "max" else command.sum())
             if value < search.upper:
                 found, search.upper = hit[0], value
-        close = search.upper - search.lower <= settings.gap * search.upper + ZERO
-        if close and not settings.as_printed:
+        if _near(search, settings) and not settings.as_printed:
             break
     if search.infeasible:
         return TorquesAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None, None, INF, INF)
     if found is None:
         return TorquesAnswer(Verdict.UNDECIDED, search.unproved, *search.cost, None, None, search.lower, INF)
-    close = search.upper - search.lower <= settings.gap * search.upper + ZERO
     preload = dict(zip(found.grasp.mechanism.actuators, found.grasp.command.tolist(), strict=True))
     return TorquesAnswer(
         Verdict.HOLDS,
-        Stop.COMPLETE if close else search.unproved,
+        Stop.COMPLETE if _near(search, settings) else search.unproved,
         *search.cost,
         found,
         {n: preload[n] for n in names},
@@ -353,7 +351,7 @@ class _Search:
         if self.interrupted or not self.steps:
             return Stop.INTERRUPTED
         stop = STOPS[self.steps[-1].solution.status]
-        return Stop.NUMERICAL if stop is Stop.COMPLETE else stop
+        return Stop.RESOLUTION if stop is Stop.COMPLETE else stop
 
     @property
     def cost(self) -> tuple[float, int, tuple[Step, ...]]:
@@ -379,6 +377,11 @@ def _build(
         torque_limits=dict(torque_limits or {}),
         force_limit=force_limit,
     )
+
+
+def _near(search: _Search, settings: Settings) -> bool:
+    """Are the bounds on a torque as near as asked?"""
+    return search.upper < INF and search.upper - search.lower <= settings.gap * search.upper + ZERO
 
 
 def _at_commands(p: Problem, load: Load, w: Witness, x: Point, end: float) -> tuple[Witness, float]:

@@ -1,18 +1,128 @@
-"""SCIP: special ordered sets as native constraints."""
+"""SCIP: ordered sets natively, and as binaries with indicators where its LP solver gives up.
+
+With native SOS1 and SOS2 constraints SCIP is fast, but a node whose LP runs into numerical trouble has
+no integer variable to branch on and ends the solve with an error; with sectors chosen by binaries and
+indicators it is slower and has never failed. So the first is tried, the second is the fallback, and it
+also has to confirm every "infeasible": one of thirty native solves was seen to say so wrongly.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from pyscipopt import Model, quicksum
 
 from holdfast.stability.mip import INF, Program, Solution, Status
 
-TOLERANCES = (1e-8, 1e-6)  # feasibility; the second only after a numerical failure with the first
+STATUS = {
+    "optimal": Status.OPTIMAL,
+    "infeasible": Status.INFEASIBLE,
+    "unbounded": Status.UNBOUNDED,
+    "timelimit": Status.TIME,
+    "userinterrupt": Status.INTERRUPTED,
+}
+FAILED = Solution(Status.FAILED, None, -INF, 0)
+
+
+def solve(program: Program, time_limit: float) -> Solution:
+    """Minimise the program; see `holdfast.stability.mip.solve`."""
+    deadline = time.monotonic() + time_limit
+    result = _attempt(program, time_limit, native=True)
+    if result.status not in (Status.FAILED, Status.INFEASIBLE):
+        return result
+    # where the two disagree, a point can be checked against the program and a claim that there is none cannot
+    return _attempt(program, deadline - time.monotonic(), native=False)
+
+
+def _attempt(program: Program, time_limit: float, *, native: bool) -> Solution:
+    if time_limit <= 0:
+        return Solution(Status.TIME, None, -INF, 0)
+    try:
+        return _solve(program, time_limit, native)
+    except Exception as error:  # SCIP reports a failed LP as a bare Exception
+        if type(error) is not Exception:
+            raise
+        return FAILED
+
+
+def _solve(program: Program, time_limit: float, native: bool) -> Solution:
+    model = Model()
+    model.hideOutput()
+    if time_limit < INF:
+        model.setParam("limits/time", time_limit)
+    xs = [
+        model.addVar(lb=None if lo == -INF else lo, ub=None if hi == INF else hi)
+        for lo, hi in zip(program.lower, program.upper, strict=True)
+    ]
+    for index, value, lo, hi in program.rows:
+        total = quicksum(v * xs[i] for i, v in zip(index, value, strict=True))
+        if lo == hi:
+            model.addCons(total == lo)
+            continue
+        if hi < INF:
+            model.addCons(total <= hi)
+        if lo > -INF:
+            model.addCons(total >= lo)
+    for members in program.sos1:
+        _sos1(model, [xs[i] for i in members], native)
+    for members in program.sos2:
+        _sos2(model, [xs[i] for i in members], native)
+    model.setObjective(quicksum(v * xs[i] for i, v in program.cost.items()), "minimize")
+    with _quiet():
+        model.optimize()
+
+    name = model.getStatus()
+    if name == "inforunbd":
+        # presolving could not tell: without an objective there is nothing to be unbounded
+        if program.cost:
+            bare = Program(program.lower, program.upper, {}, program.rows, program.sos1, program.sos2)
+            again = _solve(bare, time_limit, native)
+            status = Status.UNBOUNDED if again.status is Status.OPTIMAL else again.status
+            return Solution(status, again.x, -INF, again.nodes)
+        name = "infeasible"
+    status = STATUS.get(name, Status.FAILED)
+    x = None
+    if model.getNSols() > 0:
+        best = model.getBestSol()
+        x = np.array([model.getSolVal(best, v) for v in xs])
+    bound = model.getDualbound() if status is not Status.FAILED else -INF
+    if abs(bound) >= model.infinity():
+        bound = -INF if bound < 0 else INF
+    return Solution(status, x, float(bound), int(model.getNTotalNodes()))
+
+
+def _sos1(model: Model, members: list[Any], native: bool) -> None:
+    """At most one of the members is not zero."""
+    if native:
+        model.addConsSOS1(members, list(range(1, len(members) + 1)))
+        return
+    chosen = [model.addVar(vtype="B") for _ in members]
+    model.addCons(quicksum(chosen) <= 1)
+    for x, on in zip(members, chosen, strict=True):
+        _zero_unless(model, x, [on])
+
+
+def _sos2(model: Model, members: list[Any], native: bool) -> None:
+    """At most two of the members are not zero, and they are neighbours."""
+    if native:
+        model.addConsSOS2(members, list(range(1, len(members) + 1)))
+        return
+    pair = [model.addVar(vtype="B") for _ in members[1:]]
+    model.addCons(quicksum(pair) == 1)
+    for k, x in enumerate(members):
+        _zero_unless(model, x, pair[max(k - 1, 0) : k + 1])
+
+
+def _zero_unless(model: Model, x: Any, binaries: list[Any]) -> None:
+    off = model.addVar(vtype="B")
+    model.addCons(off + quicksum(binaries) == 1)
+    model.addConsIndicator(x <= 0, binvar=off)
 
 
 @contextmanager
@@ -28,76 +138,3 @@ def _quiet() -> Iterator[None]:
         os.dup2(saved, 2)
         os.close(saved)
         os.close(sink)
-
-
-STATUS = {
-    "optimal": Status.OPTIMAL,
-    "infeasible": Status.INFEASIBLE,
-    "unbounded": Status.UNBOUNDED,
-    "timelimit": Status.TIME,
-    "userinterrupt": Status.INTERRUPTED,
-}
-
-
-def solve(program: Program, time_limit: float) -> Solution:
-    """Minimise the program; see `holdfast.stability.mip.solve`."""
-    result = Solution(Status.FAILED, None, -INF, 0)
-    for tolerance in TOLERANCES:
-        try:
-            result = _solve(program, time_limit, tolerance)
-        except Exception as error:  # SCIP reports a failed LP as a bare Exception
-            if type(error) is not Exception:
-                raise
-        if result.status is not Status.FAILED:
-            break
-    return result
-
-
-def _solve(program: Program, time_limit: float, tolerance: float) -> Solution:
-    model = Model()
-    model.hideOutput()
-    model.setParam("numerics/feastol", tolerance)
-    model.setParam("numerics/dualfeastol", tolerance)
-    if time_limit < INF:
-        model.setParam("limits/time", time_limit)
-    xs = [
-        model.addVar(lb=None if lo == -INF else lo, ub=None if hi == INF else hi)
-        for lo, hi in zip(program.lower, program.upper, strict=True)
-    ]
-    for index, value, lo, hi in program.rows:
-        total = quicksum(v * xs[i] for i, v in zip(index, value, strict=True))
-        if lo == hi:
-            model.addCons(total == lo)
-        elif hi == INF:
-            model.addCons(total >= lo)
-        elif lo == -INF:
-            model.addCons(total <= hi)
-        else:
-            model.addCons(total >= lo)
-            model.addCons(total <= hi)
-    for members in program.sos1:
-        model.addConsSOS1([xs[i] for i in members], list(range(1, len(members) + 1)))
-    for members in program.sos2:
-        model.addConsSOS2([xs[i] for i in members], list(range(1, len(members) + 1)))
-    model.setObjective(quicksum(v * xs[i] for i, v in program.cost.items()), "minimize")
-    with _quiet():
-        model.optimize()
-
-    name = model.getStatus()
-    if name == "inforunbd":
-        # presolving could not tell: without an objective there is nothing to be unbounded
-        if program.cost:
-            bare = Program(program.lower, program.upper, {}, program.rows, program.sos1, program.sos2)
-            again = _solve(bare, time_limit, tolerance)
-            status = Status.UNBOUNDED if again.status is Status.OPTIMAL else again.status
-            return Solution(status, again.x, -INF, again.nodes)
-        name = "infeasible"
-    status = STATUS.get(name, Status.FAILED)
-    x = None
-    if model.getNSols() > 0:
-        best = model.getBestSol()
-        x = np.array([model.getSolVal(best, v) for v in xs])
-    bound = model.getDualbound() if status is not Status.FAILED else -INF
-    if abs(bound) >= model.infinity():
-        bound = -INF if bound < 0 else INF
-    return Solution(status, x, float(bound), int(model.getNTotalNodes()))
