@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from holdfast.cli import bundled, console, demo, main
+from holdfast import bundled
+from holdfast.cli import console, demo, main
 from holdfast.cli.app import COMMANDS, option_name
 
 QUICK = ["--sectors", "64", "--gap", "0.02"]
@@ -188,9 +189,7 @@ def test_map_writes_what_it_answers(grasp: str, capsys: pytest.CaptureFixture[st
 
 
 def test_map_table_and_picture(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, err = run(
-        capsys, "map", grasp, "--steps", "2", "-o", "map.json", "--report", "map.html", *QUICK
-    )
+    status, out, err = run(capsys, "map", grasp, "--steps", "2", "-o", "map.json", "--report", "map.html", *QUICK)
     assert (status, err) == (0, "")
     assert "2 directions of force in the xy plane" in out
     assert json.loads(Path("map.json").read_text())["query"] == "map"
@@ -432,9 +431,7 @@ def test_bundled_data_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     listed = ask(capsys, "list")
     assert listed["objects"] == {"can": "cylinder, 0.3 kg, friction 0.6"}
     assert "can in barrett-bh8-280" in listed["configurations"]["fig1"]
-    complains(
-        capsys, ["contacts", "barrett-bh8-280", "cup", "--configuration", "fig1"], ["cup", "bundled: can"]
-    )
+    complains(capsys, ["contacts", "barrett-bh8-280", "cup", "--configuration", "fig1"], ["cup", "bundled: can"])
 
 
 # --- the program as a program -------------------------------------------------------------------

@@ -198,9 +198,7 @@ def test_barrett_on_real_objects(which: str, name: str) -> None:
 @real
 @pytest.mark.parametrize("name", ["master_chef_can", "mustard_bottle"])
 def test_allegro_on_real_objects(name: str) -> None:
-    hand = load_hand(SHARED / "hands" / "allegro_hand" / "allegro_hand_right.urdf").with_closing(
-        {"joint_12.0": 0}
-    )
+    hand = load_hand(SHARED / "hands" / "allegro_hand" / "allegro_hand_right.urdf").with_closing({"joint_12.0": 0})
     body = load_body(SHARED / "objects" / "ycb" / f"{name}.obj", mass=0.4)
     across = transform([0.07, 0, 0.02], np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))
     check(hand, hand.configuration({"joint_12.0": 1.2}), body, across @ transform(-body.center_of_mass))

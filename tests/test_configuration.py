@@ -51,19 +51,19 @@ def test_never_overwrites_silently(tmp_path: Path) -> None:
         save_configuration(first, tmp_path / "c.json")
     save_configuration(first, tmp_path / "c.json", force=True)
     with pytest.raises(InputError, match=r"cannot be written"):
-        save_configuration(first, tmp_path / "no" / "c.json")
+        save_configuration(first, tmp_path / "c.json" / "c.json")  # a file where a folder is needed
 
 
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"joint": {}}, r"c.json: joint: Extra inputs are not permitted"),
-        ({"joints": {"a": "x"}}, r"c.json: joints.a: Input should be a valid number"),
-        ({"joints": {"a": float("nan")}}, r"c.json: joints.a: Input should be a finite number"),
-        ({"schema": "holdfast/grasp/1"}, r"c.json: schema: Input should be 'holdfast/configuration/1'"),
+        ({"joint": {}}, r"c.json: joint: is not a known field"),
+        ({"joints": {"a": "x"}}, r"c.json: joints.a: input should be a valid number"),
+        ({"joints": {"a": float("nan")}}, r"c.json: .*NaN.*finite numbers"),
+        ({"schema": "holdfast/grasp/1"}, r"c.json: schema: input should be 'holdfast/configuration/1'"),
         ({"object_pose": {"quaternion": [2, 0, 0, 0]}}, r"object_pose: quaternion has length 2"),
-        ({"object_pose": {"position": [0, 0]}}, r"object_pose.position.2: Field required"),
-        ({"closing": {"a": 2}}, r"closing.a: Input should be less than or equal to 1"),
+        ({"object_pose": {"position": [0, 0]}}, r"object_pose.position\[2\]: is missing"),
+        ({"closing": {"a": 2}}, r"closing.a: input should be less than or equal to 1"),
     ],
 )
 def test_refusals(tmp_path: Path, fields: dict, message: str) -> None:
@@ -73,11 +73,11 @@ def test_refusals(tmp_path: Path, fields: dict, message: str) -> None:
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"gone.json: cannot be read \(No such file"):
+    with pytest.raises(InputError, match=r"gone.json: no such file"):
         load_configuration(tmp_path / "gone.json")
     (tmp_path / "c.json").write_text("{")
-    with pytest.raises(InputError, match=r"c.json: is not JSON"):
+    with pytest.raises(InputError, match=r"c.json: is not valid JSON"):
         load_configuration(tmp_path / "c.json")
     (tmp_path / "c.json").write_text("{}")
-    with pytest.raises(InputError, match=r"c.json: schema: Field required"):
+    with pytest.raises(InputError, match=r"c.json: schema: is missing"):
         load_configuration(tmp_path / "c.json")

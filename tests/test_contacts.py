@@ -82,12 +82,8 @@ def test_capsule_on_a_wall_touches_at_its_two_ends() -> None:
     np.testing.assert_allclose([c.position for c in found], [[-0.03, 0, 0.01], [0.03, 0, 0.01]], atol=1e-9)
     np.testing.assert_allclose([c.normal for c in found], [[0, 0, -1]] * 2, atol=1e-9)
     short = touch(fixture(finger), Shape("box", (0.04, 0.2, 0.02)), at=[0, 0, -0.01])
-    np.testing.assert_allclose(
-        [c.position[0] for c in short], [-0.02, 0.02], atol=1e-9
-    )  # the wall ends first
-    tilted = Shape(
-        "capsule", (0.01, 0.06), transform([0, 0, 0.01], lying @ quaternion_matrix([1, 0, 0.05, 0]))
-    )
+    np.testing.assert_allclose([c.position[0] for c in short], [-0.02, 0.02], atol=1e-9)  # the wall ends first
+    tilted = Shape("capsule", (0.01, 0.06), transform([0, 0, 0.01], lying @ quaternion_matrix([1, 0, 0.05, 0])))
     assert len(touch(fixture(tilted), Shape("box", (0.2, 0.2, 0.02)), at=[0, 0, -0.01 - 0.00299])) == 1
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from holdfast import bundled
 from holdfast.errors import InputError
 from holdfast.mechanism import Array, frozen
 from holdfast.shape import MESH_FILES, Faces, Shape, read_mesh, rigid, volume_and_centroid
@@ -97,7 +98,7 @@ def load_body(
     center_of_mass: object = None,
     scale: float = 1.0,
 ) -> Body:
-    """An object from a mesh file or a `holdfast/body/1` JSON file.
+    """An object from a mesh file or a `holdfast/body/1` JSON file, or a bundled one by name.
 
     A mesh may consist of several convex parts (groups, or connected components): they are taken as they
     are, each as its convex hull. A part that is not convex is decomposed into convex pieces with CoACD,
@@ -115,7 +116,7 @@ def load_body(
         InputError: no such file, no triangles, NaN, flat, negative mass or friction, zero scale, a
             field that the JSON schema does not know. One line, naming the file.
     """
-    path = Path(source)
+    path = Path(bundled.resolve("objects", str(source)))
     if not path.is_file():
         raise InputError("no such file; an OBJ, STL, PLY, OFF or JSON file is needed", source=str(path))
     try:

@@ -9,14 +9,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from holdfast.errors import InputError
+from holdfast.files import Strict, read_json, validate
 from holdfast.mechanism import Array
 from holdfast.shape import Shape, quaternion_matrix, transform
 
@@ -24,12 +24,6 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
 Sizes = tuple[Positive, Positive, Positive]
-
-
-class Strict(BaseModel):
-    """A model in which an unknown field is an error."""
-
-    model_config = ConfigDict(extra="forbid", populate_by_name=True)
 
 
 class PoseFile(Strict):
@@ -112,7 +106,7 @@ class BodyFile(Strict):
 
     schema_: Literal["holdfast/body/1"] = Field("holdfast/body/1", alias="schema")
     name: str = ""
-    shapes: list[ShapeFile] = []
+    shapes: list[ShapeFile] = Field(default_factory=list)
     mesh: str | None = None
     mass: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
     center_of_mass: Vector | None = None
@@ -151,16 +145,4 @@ class BodyFile(Strict):
 
 def read_body_file(path: Path) -> BodyFile:
     """The file, checked; `InputError` naming the first field that is wrong."""
-    try:
-        return BodyFile.model_validate(json.loads(path.read_text(encoding="utf-8")))
-    except (json.JSONDecodeError, UnicodeDecodeError) as fault:
-        raise InputError(f"is not JSON ({fault}); a mesh or holdfast/body/1 file is needed") from None
-    except ValidationError as fault:
-        raise first_fault(fault) from None
-
-
-def first_fault(fault: ValidationError) -> InputError:
-    """The first complaint of pydantic as one line: field and what is wrong."""
-    first = fault.errors()[0]
-    where = ".".join(str(p) for p in first["loc"])
-    return InputError(first["msg"].removeprefix("Value error, "), field=where)
+    return validate(BodyFile, read_json(path, "mesh or holdfast/body/1"))

@@ -11,10 +11,12 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from holdfast.body_file import Finite, PoseFile, Strict, first_fault
+from holdfast import bundled
+from holdfast.body_file import Finite, PoseFile
 from holdfast.errors import InputError
+from holdfast.files import Strict, read_json, validate, write_text
 from holdfast.hand.model import Hand
 from holdfast.mechanism import Array
 
@@ -63,29 +65,19 @@ class Configuration(Strict):
 
 
 def load_configuration(path: str | Path) -> Configuration:
-    """Read a configuration file.
+    """Read a configuration file, or a bundled one by name.
 
     Raises:
         InputError: no such file, not JSON, or the first field that is wrong. One line, naming the file.
     """
+    file = bundled.resolve("configurations", str(path))
+    data = read_json(file, "configuration")
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as fault:
-        raise InputError(f"cannot be read ({fault.strerror})", source=str(path)) from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as fault:
-        raise InputError(f"is not JSON ({fault})", source=str(path)) from None
-    try:
-        return Configuration.model_validate(data)
-    except ValidationError as fault:
-        raise first_fault(fault).at(str(path)) from None
+        return validate(Configuration, data)
+    except InputError as fault:
+        raise fault.at(str(path)) from None
 
 
 def save_configuration(configuration: Configuration, path: str | Path, *, force: bool = False) -> None:
     """Write a configuration file; `InputError` if it exists, unless `force`, or cannot be written."""
-    try:
-        with Path(path).open("w" if force else "x", encoding="utf-8") as file:
-            file.write(configuration.dumped())
-    except FileExistsError:
-        raise InputError("exists already; give another name or force it", source=str(path)) from None
-    except OSError as fault:
-        raise InputError(f"cannot be written ({fault.strerror})", source=str(path)) from None
+    write_text(path, configuration.dumped(), force=force)

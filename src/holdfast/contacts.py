@@ -69,13 +69,9 @@ def find_contacts(
             corners = patch(solids[n.shape], body.pieces[n.piece], normal, middle)
             on_object = corners + n.distance / 2 * normal
             on_hand = corners - n.distance / 2 * normal
-            out = _hidden(on_object, -normal, body.pieces, n.piece) | _hidden(
-                on_hand, normal, solids, n.shape
-            )
+            out = _hidden(on_object, -normal, body.pieces, n.piece) | _hidden(on_hand, normal, solids, n.shape)
             for p, inside in zip(corners, out, strict=True):
-                (hidden if inside else seen).append(
-                    Contact(p, normal, mu, hand.links[link].name, -n.distance)
-                )
+                (hidden if inside else seen).append(Contact(p, normal, mu, hand.links[link].name, -n.distance))
         if not seen:  # pressed in so far that every nearest point is inside something
             seen = [max(hidden, key=lambda c: c.depth)]
         contacts += _merged(seen, merge_distance, merge_angle)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,19 +15,20 @@ from holdfast.errors import InputError
 class Strict(BaseModel):
     """Base of every file format: unknown fields, NaN and infinity are errors."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True)
 
 
 T = TypeVar("T", bound=BaseModel)
 
 
-def read_text(path: str | Path, kind: str, known: list[str]) -> str:
-    """The file's text; `InputError` if it is missing or no text, naming the bundled ones."""
+def read_json(path: str | Path, kind: str) -> Any:
+    """The parsed JSON of a file; `InputError` if it is missing, no text or not JSON."""
     try:
-        return Path(path).read_text("utf-8")
+        return parse_json(Path(path).read_text("utf-8"))
+    except InputError as error:
+        raise error.at(str(path)) from None
     except FileNotFoundError:
-        names = ", ".join(known)
-        raise InputError(f"no such file, and no bundled {kind} of that name; bundled: {names}", source=str(path)) from None
+        raise InputError(f"no such file; a {kind} file is needed", source=str(path)) from None
     except IsADirectoryError:
         raise InputError(f"is a folder; a {kind} file is needed", source=str(path)) from None
     except UnicodeDecodeError:
@@ -51,7 +53,8 @@ def write_bytes(path: str | Path, data: bytes, *, force: bool) -> None:
         part.write_bytes(data)
         part.replace(target)
     except OSError as error:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink()
         raise InputError(f"cannot be written: {error.strerror}", source=str(path)) from None
 
 
@@ -80,5 +83,5 @@ def validate(model: type[T], data: Any) -> T:
             raise InputError("is not a known field; leave it out", field=field) from None
         if first["type"] == "missing":
             raise InputError("is missing", field=field) from None
-        message = first["msg"]
+        message = first["msg"].removeprefix("Value error, ")
         raise InputError(message[0].lower() + message[1:], field=field or None) from None

@@ -147,7 +147,8 @@ class Grasp:
         put(self, "mechanism", Mechanism.direct(names) if mechanism is None else mechanism)
         if self.mechanism.R.shape[1] != self.l:
             raise InputError(
-                f"has {self.mechanism.R.shape[1]} joint columns, the grasp has {self.l} joints", field="mechanism"
+                f"has {self.mechanism.R.shape[1]} joint columns, the grasp has {self.l} joints",
+                field="mechanism",
             )
         if preload is None or isinstance(preload, Mapping):
             put(self, "command", self.mechanism.commands(preload))

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
+from holdfast import bundled
 from holdfast.errors import InputError, unknown_name
-from holdfast.files import Strict, parse_json, read_text, validate, write_text
+from holdfast.files import Strict, read_json, validate, write_text
 from holdfast.grasp import Contact, Grasp, GraspJoint
 from holdfast.mechanism import Mechanism
 
@@ -64,15 +64,12 @@ def load_grasp(path: str | Path) -> Grasp:
             unknown or missing field, a normal that is zero or not of unit length, NaN, negative
             friction, `moves` out of range, an unknown joint or actuator, no contacts.
     """
-    file = Path(path)
-    if str(path) in bundled_grasps():
-        source, text = str(path), (_bundled() / f"{path}.json").read_text("utf-8")
-    else:
-        source, text = str(path), read_text(file, "grasp", bundled_grasps())
+    file = bundled.resolve("grasps", str(path))
+    data = read_json(file, "grasp")
     try:
-        return from_dict(parse_json(text), name=file.stem)
+        return from_dict(data, name=Path(file).stem)
     except InputError as error:
-        raise error.at(source) from None
+        raise error.at(str(path)) from None
 
 
 def from_dict(data: Any, *, name: str = "grasp") -> Grasp:
@@ -143,15 +140,6 @@ def to_dict(grasp: Grasp) -> dict[str, Any]:
 def save_grasp(grasp: Grasp, path: str | Path, *, force: bool = False) -> None:
     """Write a `holdfast/grasp/1` file. Raises `InputError` if it exists and `force` is not set."""
     write_text(path, json.dumps(to_dict(grasp), indent=1) + "\n", force=force)
-
-
-def bundled_grasps() -> list[str]:
-    """Names of the grasps that come with the package."""
-    return sorted(f.name.removesuffix(".json") for f in _bundled().iterdir() if f.name.endswith(".json"))
-
-
-def _bundled() -> Any:
-    return resources.files("holdfast") / "data" / "grasps"
 
 
 class _within:

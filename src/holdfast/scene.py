@@ -76,9 +76,7 @@ class Scene:
         mine, its = np.flatnonzero(self.owner >= 0), np.flatnonzero(self.owner < 0)
         self._to_object = (np.repeat(mine, len(its)), np.tile(its, len(mine)))
         self.self_pairs = self._meeting_links()
-        both = [
-            (a, b, k) for k, (i, j) in enumerate(self.self_pairs) for a in self._of(i) for b in self._of(j)
-        ]
+        both = [(a, b, k) for k, (i, j) in enumerate(self.self_pairs) for a in self._of(i) for b in self._of(j)]
         self._to_self = tuple(np.array(both, dtype=int).reshape(-1, 3).T)
         reach = np.linalg.norm(self._local[:, :3, 3], axis=1) + self._radius
         self.link_radius = np.array([max([0.0, *reach[self._of(i)]]) for i in range(len(hand.links))])

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
-from holdfast.cli import bundled, console
+from holdfast import bundled
+from holdfast.cli import console
 from holdfast.cli.options import Command, check_writable
 
 if TYPE_CHECKING:
@@ -72,9 +73,7 @@ class Demo(Command):
             drawn = force_map(
                 grasp, "xy", steps=DIRECTIONS, settings=coarse, jobs=map_command.jobs(), on_item=watch.item
             )
-        entries.append(
-            Entry(f"Which of {DIRECTIONS} directions of force in the xy plane does it resist?", drawn)
-        )
+        entries.append(Entry(f"Which of {DIRECTIONS} directions of force in the xy plane does it resist?", drawn))
         named = zip(("locked", "preloaded"), drawn.curves, strict=False)
         _say(out, "Map", "; ".join(f"{name}: {_resisted(words.curve_states(c))}" for name, c in named))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from holdfast.cli import bundled, console
+from holdfast import bundled
+from holdfast.cli import console
 from holdfast.cli.options import Command
 
 HANDS = {

@@ -45,9 +45,7 @@ class Map(QueryOptions, Command):
         if self.limit is not None and not 0 < self.limit < float("inf"):
             raise InputError(f"is {self.limit:g}; a force above 0 [N] is needed", field="--limit")
         with console.watch("map") as watch:
-            answer = force_map(
-                grasp, self.plane, steps=self.steps, jobs=jobs(), on_item=watch.item, **options
-            )
+            answer = force_map(grasp, self.plane, steps=self.steps, jobs=jobs(), on_item=watch.item, **options)
         if self.output:
             save(answer, self.output, limit=self.limit, force=self.force)
         if self.report:

@@ -26,9 +26,7 @@ def _wrench(words: list[str]) -> Numbers:
     numbers = tuple(_number(w) for w in words)
     if len(numbers) not in (3, 6):
         count = len(numbers)
-        raise ValueError(
-            f"has {count} numbers; six are needed, FX FY FZ TX TY TZ, or three for a force alone"
-        )
+        raise ValueError(f"has {count} numbers; six are needed, FX FY FZ TX TY TZ, or three for a force alone")
     return (*numbers, 0.0, 0.0, 0.0)[:6]
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from holdfast.cli import bundled
+from holdfast import bundled
 
 if TYPE_CHECKING:
     from holdfast.body import Body

@@ -161,9 +161,7 @@ def _solids(ax: Any, meshes: Sequence[Mesh], V: Array) -> list[Array]:
         return []
     triangles, color = np.vstack(corners), np.vstack(colors)
     order = np.argsort(triangles[:, :, 2].mean(axis=1))
-    drawn = PolyCollection(
-        list(triangles[order][:, :, :2]), fc=color[order], ec="none", zorder=1, rasterized=True
-    )
+    drawn = PolyCollection(list(triangles[order][:, :, :2]), fc=color[order], ec="none", zorder=1, rasterized=True)
     ax.add_collection(drawn)
     flat = triangles[:, :, :2].reshape(-1, 2)
     return [np.array([flat.min(0), flat.max(0)])]

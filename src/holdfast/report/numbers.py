@@ -50,9 +50,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") 
     head = "".join(cell("th", k, h) for k, h in enumerate(heads)) if any(heads) else ""
     body = "".join("<tr>" + "".join(cell("td", k, c) for k, c in enumerate(row)) + "</tr>" for row in rows)
     heading = f"<h3>{escape(title)}</h3>" if title else ""
-    return (
-        f'{heading}<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-    )
+    return f'{heading}<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def contact_table(witness: Witness) -> str:
@@ -73,13 +71,7 @@ def contact_table(witness: Witness) -> str:
             angle = 180.0
             if friction > 1e-12:
                 angle = float(np.degrees(np.arccos(np.clip(c[i, 1:] @ d[i, 1:] / (friction * speed), -1, 1))))
-            says = (
-                "opposes it"
-                if angle > 179
-                else f"{BAD}pushes along it"
-                if angle < 90
-                else "at an angle to it"
-            )
+            says = "opposes it" if angle > 179 else f"{BAD}pushes along it" if angle < 90 else "at an angle to it"
             sliding.append([*name, num(speed), num(friction), f"{angle:.0f}°", says])
     heads = [
         "#contact",
@@ -166,8 +158,7 @@ def bounds_table(answer: MaxAnswer | TorquesAnswer, entry: Entry) -> str:
     if answer.preload is not None and answer.witness is not None:
         grasp = answer.witness.grasp
         rows = [
-            [n, f"{num(v)} {words.actuator_unit(grasp, n)}" if v else "locked"]
-            for n, v in answer.preload.items()
+            [n, f"{num(v)} {words.actuator_unit(grasp, n)}" if v else "locked"] for n, v in answer.preload.items()
         ]
         out += table(["actuator", "#command"], rows, "Commands")
     return out
@@ -237,9 +228,7 @@ def grasp_table(grasp: Grasp) -> str:
     rows = []
     for i, name in enumerate(mech.actuators):
         drives = [
-            j.name if r == 1 else f"{num(r)} × {j.name}"
-            for j, r in zip(grasp.joints, mech.R[i], strict=True)
-            if r
+            j.name if r == 1 else f"{num(r)} × {j.name}" for j, r in zip(grasp.joints, mech.R[i], strict=True) if r
         ]
         unit = words.actuator_unit(grasp, name)
         command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else "locked"

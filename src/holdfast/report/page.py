@@ -67,9 +67,7 @@ def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Me
     parts = [f"<h2>{escape(entry.title)}</h2>"]
     if isinstance(answer, MapAnswer):
         parts.append(_verdict(answer.verdict, _map_sentence(answer)))
-        parts.append(
-            _figure(draw_map(answer, limit=entry.limit), f"Forces resisted in the {answer.plane} plane.")
-        )
+        parts.append(_figure(draw_map(answer, limit=entry.limit), f"Forces resisted in the {answer.plane} plane."))
         parts.append(numbers.map_table(answer))
     elif isinstance(answer, SweepAnswer):
         parts.append(_verdict(answer.verdict, f"The command of {answer.actuator} varies, the others stay."))
@@ -80,9 +78,7 @@ def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Me
     return f"<section>{''.join(parts)}</section>"
 
 
-def _answer(
-    grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, meshes: Sequence[Mesh]
-) -> list[str]:
+def _answer(grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, meshes: Sequence[Mesh]) -> list[str]:
     witness = answer.witness
     unreal = words.unphysical(witness)
     parts = [_verdict(answer.verdict, _sentence(entry, answer), unreal=unreal)]

@@ -36,9 +36,7 @@ def num(x: float, digits: int = 4) -> str:
 
 def vector(v: Sequence[float] | Array, digits: int = 3) -> str:
     """(1, 0, −2)."""
-    least = 10.0 ** -(digits + 1) * float(
-        np.abs(v).max()
-    )  # below this a component is rounding beside the others
+    least = 10.0 ** -(digits + 1) * float(np.abs(v).max())  # below this a component is rounding beside the others
     return "(" + ", ".join(num(float(x), digits) if abs(x) > least else "0" for x in v) + ")"
 
 

@@ -259,7 +259,11 @@ def _relaxation(
             P.sos1.append([slide, short])
             if sin > 0:  # (17) with |d_t| between (19) and (18)
                 speed = int(P.variables(1, 0.0)[0])
-                P.row([(speed, 1.0), (alpha[i], -e.midpoint * e.length)], 0.0, 0.0 if printed_robustness else INF)
+                P.row(
+                    [(speed, 1.0), (alpha[i], -e.midpoint * e.length)],
+                    0.0,
+                    0.0 if printed_robustness else INF,
+                )
                 P.row([(speed, 1.0), (alpha[i], -e.length)], -INF, 0.0)
                 normal.append((speed, sin))
         elif sin > 0:

@@ -77,7 +77,8 @@ class Program:
     def violation(self, x: Array) -> float:
         """The worst violation at x: rows relative to the size of their terms, sets by their smallest members."""
         worst = max(
-            float(np.max(np.array(self.lower) - x, initial=0.0)), float(np.max(x - np.array(self.upper), initial=0.0))
+            float(np.max(np.array(self.lower) - x, initial=0.0)),
+            float(np.max(x - np.array(self.upper), initial=0.0)),
         )
         for index, value, lo, hi in self.rows:
             terms = value * x[index]

@@ -190,9 +190,7 @@ def residuals(
     t = sense * actuator_motion(grasp, state.q) * lever
     excess = sense * (state.f - f_c) / lever
     moves = commanded(grasp, f_c)
-    actuator = np.where(
-        moves, np.maximum.reduce([-t, -excess, np.minimum(np.abs(t), np.abs(excess))]), np.abs(t)
-    )
+    actuator = np.where(moves, np.maximum.reduce([-t, -excess, np.minimum(np.abs(t), np.abs(excess))]), np.abs(t))
     dissipation = dissipation_defect(state.c, d, grasp.mu) / np.maximum(dt, F)[:, None]
     coupling_scale = np.abs(grasp.mechanism.A / arms).max(axis=1) if len(grasp.mechanism.A) else np.ones(0)
 

@@ -167,11 +167,12 @@ def check(
     p = _build(grasp, wrench, None, eta, mdp, torque_limits, force_limit)
     search = _Search(p, Goal.EXISTS, settings, on_step)
     found: Witness | None = None
-    for step in search:
-        if step.point is not None and (hit := witness.find(p, search.load, step.point)):
-            found = hit[0]
-            if not settings.as_printed:
-                break
+    with search:
+        for step in search:
+            if step.point is not None and (hit := witness.find(p, search.load, step.point)):
+                found = hit[0]
+                if not settings.as_printed:
+                    break
     if search.infeasible:
         return CheckAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None)
     if found is not None:
@@ -210,21 +211,22 @@ def maximum(
     end = algorithm1.search_end(p)
     at_end = end * (1 - 1e-6)
     found: Witness | None = None
-    for step in search:
-        # the solver's bound on lambda or on -s, as a bound on s
-        bound = max(0.0, -step.bound) if limited else (1.0 / step.bound if step.bound > 0 else INF)
-        search.upper = 0.0 if search.infeasible else min(search.upper, bound if bound < at_end else INF)
-        if step.point is not None and (hit := witness.find(p, search.load, step.point)):
-            w, x = hit
-            if not limited:
-                w, s = _at_commands(p, search.load, w, x, end)
-            else:
-                s = x.sigma
-            if s > search.lower:
-                found, search.lower = w, s
-        close = search.lower >= at_end or search.upper <= search.lower * (1 + settings.gap)
-        if close and not settings.as_printed:
-            break
+    with search:
+        for step in search:
+            # the solver's bound on lambda or on -s, as a bound on s
+            bound = max(0.0, -step.bound) if limited else (1.0 / step.bound if step.bound > 0 else INF)
+            search.upper = 0.0 if search.infeasible else min(search.upper, bound if bound < at_end else INF)
+            if step.point is not None and (hit := witness.find(p, search.load, step.point)):
+                w, x = hit
+                if not limited:
+                    w, s = _at_commands(p, search.load, w, x, end)
+                else:
+                    s = x.sigma
+                if s > search.lower:
+                    found, search.lower = w, s
+            close = search.lower >= at_end or search.upper <= search.lower * (1 + settings.gap)
+            if close and not settings.as_printed:
+                break
     if search.infeasible:
         return MaxAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None, 0.0, 0.0, False)
     unbounded = search.lower >= at_end
@@ -273,16 +275,17 @@ def torques(
     search = _Search(p, goal, settings, on_step, driven=chosen)
     search.lower, search.upper = 0.0, INF
     found: Witness | None = None
-    for step in search:
-        if step.bound > -INF:
-            search.lower = max(search.lower, step.bound)
-        if step.point is not None and (hit := witness.find(p, search.load, step.point, driven=chosen)):
-            command = np.abs(hit[0].grasp.command)
-            value = float(command.max(initial=0.0) if objective == "max" else command.sum())
-            if value < search.upper:
-                found, search.upper = hit[0], value
-        if _near(search, settings) and not settings.as_printed:
-            break
+    with search:
+        for step in search:
+            if step.bound > -INF:
+                search.lower = max(search.lower, step.bound)
+            if step.point is not None and (hit := witness.find(p, search.load, step.point, driven=chosen)):
+                command = np.abs(hit[0].grasp.command)
+                value = float(command.max(initial=0.0) if objective == "max" else command.sum())
+                if value < search.upper:
+                    found, search.upper = hit[0], value
+            if _near(search, settings) and not settings.as_printed:
+                break
     if search.infeasible:
         return TorquesAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None, None, INF, INF)
     if found is None:
@@ -327,17 +330,21 @@ class _Search:
             time_limit=settings.time_limit,
         )
 
+    def __enter__(self) -> _Search:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> bool:
+        """Ctrl-C ends the search and leaves its bounds."""
+        self.interrupted = kind is KeyboardInterrupt
+        return self.interrupted
+
     def __iter__(self) -> _Search:
         return self
 
     def __next__(self) -> Step:
         if self.steps and self._on_step:
             self._on_step(Progress(self.steps[-1], self.lower, self.upper))
-        try:
-            step = next(self._run)
-        except KeyboardInterrupt:
-            self.interrupted = True
-            raise StopIteration from None
+        step = next(self._run)
         self.steps.append(step)
         return step
 
