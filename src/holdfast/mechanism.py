@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from holdfast.errors import InputError, unknown_name
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 
 
 def frozen(a: object, shape: tuple[int, ...], field: str) -> Array:

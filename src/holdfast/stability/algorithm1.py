@@ -23,7 +23,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from holdfast.mechanism import Array
+from holdfast.mechanism import Array, Indices, Mask
 from holdfast.stability import mip
 from holdfast.stability.exact import Load, Point
 from holdfast.stability.mip import INF, Program, Solution, Status
@@ -97,7 +97,7 @@ def run(
     solver: mip.Solver = "scip",
     full: bool = False,
     printed_robustness: bool = False,
-    driven: Array | None = None,
+    driven: Mask | None = None,
     time_limit: float = INF,
 ) -> Iterator[Step]:
     """Algorithm 1, one `Step` per mixed-integer program, until nothing is left to refine or none is feasible.
@@ -158,14 +158,14 @@ class _Model:
     program: Program
     p: Problem
     edges: Sequence[Edges]
-    still: Array
-    r: Array
-    q: Array
-    cn: Array
-    f: Array
-    coupling: Array
-    beta: list[Array]
-    alpha: list[Array]
+    still: Mask
+    r: Indices
+    q: Indices
+    cn: Indices
+    f: Indices
+    coupling: Indices
+    beta: list[Indices]
+    alpha: list[Indices]
     sigma: int | None
 
     def read(self, x: Array) -> Point:
@@ -203,7 +203,7 @@ class _Model:
 
 
 def _relaxation(
-    p: Problem, goal: Goal, edges: Sequence[Edges], printed_robustness: bool, driven: Array | None
+    p: Problem, goal: Goal, edges: Sequence[Edges], printed_robustness: bool, driven: Mask | None
 ) -> _Model:
     """Equations (1)-(4), (8)-(12), (15), with (17), (19) if eta > 0, as a program with ordered sets."""
     m, l, a, k = p.sizes
@@ -277,7 +277,7 @@ def _relaxation(
 
 
 def _objective(
-    P: Program, p: Problem, goal: Goal, f: Array, driven: Array | None
+    P: Program, p: Problem, goal: Goal, f: Indices, driven: Mask | None
 ) -> tuple[tuple[Array, Array], int | None]:
     """The scalar of the goal with its cost; w as (constant, slope)."""
     L = load(p, goal)
@@ -293,7 +293,7 @@ def _objective(
     return (L.w_a, L.w_b), sigma
 
 
-def _still(p: Problem, driven: Array | None) -> Array:
+def _still(p: Problem, driven: Mask | None) -> Mask:
     """(l,) bool: joints that cannot move and whose torque one locked actuator takes up, whatever it is.
 
     Their rows of (2) and the actuator's force are left out of the program and computed afterwards.
@@ -307,7 +307,7 @@ def _still(p: Problem, driven: Array | None) -> Array:
 
 
 def _actuators(
-    P: Program, p: Problem, goal: Goal, q: Array, f: Array, sigma: int | None, driven: Array | None
+    P: Program, p: Problem, goal: Goal, q: Indices, f: Indices, sigma: int | None, driven: Mask | None
 ) -> None:
     """Equation (8) on the actuators."""
     commands = []

@@ -13,7 +13,7 @@ from enum import Enum, auto
 
 import numpy as np
 
-from holdfast.mechanism import Array
+from holdfast.mechanism import Array, Mask
 from holdfast.stability.problem import Problem
 
 CONVERGED = 1e-13  # scaled residual at which Newton stops
@@ -81,7 +81,7 @@ class Modes:
     strained: frozenset[int] = frozenset()  # actuators at their torque limit
 
 
-def read_modes(p: Problem, x: Point, *, driven: Array | None = None, tol: float = 1e-6) -> Modes:
+def read_modes(p: Problem, x: Point, *, driven: Mask | None = None, tol: float = 1e-6) -> Modes:
     """The modes that an approximate point shows."""
     d = p.relative_motion(x.r, x.q)
     c = x.c.reshape(-1, 3)

@@ -40,7 +40,8 @@ def _solve(model: gurobipy.Model, program: Program, time_limit: float) -> Soluti
     cost = np.zeros(n)
     for i, v in program.cost.items():
         cost[i] = v
-    xs = model.addVars(n, lb=program.lower, ub=program.upper, obj=cost.tolist())
+    lower, upper = np.array(program.lower), np.array(program.upper)
+    xs = model.addMVar(n, lb=lower, ub=upper, obj=cost).tolist()
     for index, value, lo, hi in program.rows:
         total = gurobipy.LinExpr(value.tolist(), [xs[int(i)] for i in index])
         if lo == hi:

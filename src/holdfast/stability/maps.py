@@ -16,7 +16,7 @@ import numpy as np
 from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError, unknown_name
 from holdfast.grasp import Grasp
-from holdfast.mechanism import Array
+from holdfast.mechanism import Array, Mask
 from holdfast.stability.queries import MaxAnswer, finite, maximum
 from holdfast.stability.settings import Settings
 
@@ -37,7 +37,7 @@ class Curve:
 
     lower: Array
     upper: Array
-    unbounded: Array
+    unbounded: Mask
     verdicts: tuple[Verdict, ...]
     stops: tuple[Stop, ...]
 

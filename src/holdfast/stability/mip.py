@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from holdfast.errors import InputError
-from holdfast.mechanism import Array
+from holdfast.mechanism import Array, Indices
 
 INF = float("inf")
 Solver = Literal["scip", "gurobi"]
@@ -50,11 +50,11 @@ class Program:
     lower: list[float] = field(default_factory=list)
     upper: list[float] = field(default_factory=list)
     cost: dict[int, float] = field(default_factory=dict)
-    rows: list[tuple[Array, Array, float, float]] = field(default_factory=list)  # indices, values, lo, hi
+    rows: list[tuple[Indices, Array, float, float]] = field(default_factory=list)  # indices, values, lo, hi
     sos1: list[list[int]] = field(default_factory=list)
     sos2: list[list[int]] = field(default_factory=list)
 
-    def variables(self, n: int, lower: float = -INF, upper: float = INF) -> Array:
+    def variables(self, n: int, lower: float = -INF, upper: float = INF) -> Indices:
         """Indices (n,) of new variables."""
         start = len(self.lower)
         self.lower += [lower] * n
@@ -67,7 +67,7 @@ class Program:
         value = np.concatenate(
             [np.broadcast_to(np.asarray(v, dtype=float), np.shape(np.atleast_1d(i))) for i, v in terms]
         )
-        total = np.bincount(index, weights=value, minlength=len(self.lower))
+        total = np.bincount(index, weights=value, minlength=len(self.lower)).astype(np.float64)
         keep = np.flatnonzero(total)
         if len(keep):
             self.rows.append((keep, total[keep], lo, hi))

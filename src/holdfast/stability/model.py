@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from holdfast.grasp import Grasp
-from holdfast.mechanism import Array, frozen
+from holdfast.mechanism import Array, Mask, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ def actuator_motion(grasp: Grasp, q: Array) -> Array:
     return grasp.mechanism.R @ q
 
 
-def commanded(grasp: Grasp, command: Array | None = None) -> Array:
+def commanded(grasp: Grasp, command: Array | None = None) -> Mask:
     """(a,) bool: which actuators may move (commanded, or a tendon that may go slack); the rest is locked."""
     f_c = grasp.command if command is None else command
     return (f_c != 0) | np.array(grasp.mechanism.tendon, dtype=bool)

@@ -8,7 +8,7 @@ import numpy as np
 
 from holdfast.errors import InputError
 from holdfast.grasp import Grasp
-from holdfast.mechanism import Array
+from holdfast.mechanism import Array, Mask
 from holdfast.stability import model
 from holdfast.stability.model import State
 
@@ -41,7 +41,7 @@ class Problem:
     w0: Array
     direction: Array
     f_c: Array
-    moves: Array
+    moves: Mask
     f_max: Array
     cn_max: float
     G: Array

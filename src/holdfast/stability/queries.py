@@ -17,7 +17,7 @@ import numpy as np
 from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError
 from holdfast.grasp import Grasp
-from holdfast.mechanism import Array
+from holdfast.mechanism import Array, Mask
 from holdfast.stability import algorithm1, problem, witness
 from holdfast.stability.algorithm1 import Goal, Step
 from holdfast.stability.exact import Load, Point
@@ -309,7 +309,7 @@ class _Search:
     """Algorithm 1 as an iterator that keeps the score: cost, bounds, why it ended. Ctrl-C ends it quietly."""
 
     def __init__(
-        self, p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None, driven: Array | None = None
+        self, p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None, driven: Mask | None = None
     ) -> None:
         self.load = algorithm1.load(p, goal)
         if driven is not None:

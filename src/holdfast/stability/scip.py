@@ -83,8 +83,8 @@ def _solve(program: Program, time_limit: float, native: bool) -> Solution:
         if program.cost:
             bare = Program(program.lower, program.upper, {}, program.rows, program.sos1, program.sos2)
             again = _solve(bare, time_limit, native)
-            status = Status.UNBOUNDED if again.status is Status.OPTIMAL else again.status
-            return Solution(status, again.x, -INF, again.nodes)
+            unbounded = again.status is Status.OPTIMAL
+            return Solution(Status.UNBOUNDED if unbounded else again.status, again.x, -INF, again.nodes)
         name = "infeasible"
     status = STATUS.get(name, Status.FAILED)
     x = None

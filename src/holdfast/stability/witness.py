@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from holdfast.grasp import Grasp
-from holdfast.mechanism import Array
+from holdfast.mechanism import Array, Mask
 from holdfast.stability import exact, model
 from holdfast.stability.exact import Load, Point
 from holdfast.stability.model import Energy, Residuals, State
@@ -101,7 +101,7 @@ class Witness:
         }
 
 
-def find(p: Problem, load: Load, start: Point, *, driven: Array | None = None) -> tuple[Witness, Point] | None:
+def find(p: Problem, load: Load, start: Point, *, driven: Mask | None = None) -> tuple[Witness, Point] | None:
     """A valid witness near a relaxation's solution, with its scaled point; None if Newton finds none.
 
     The commands of the witness's grasp are those of the load at its sigma, or what the driven
@@ -123,7 +123,7 @@ def find(p: Problem, load: Load, start: Point, *, driven: Array | None = None) -
     return None
 
 
-def as_witness(p: Problem, load: Load, x: Point, *, driven: Array | None = None) -> Witness:
+def as_witness(p: Problem, load: Load, x: Point, *, driven: Mask | None = None) -> Witness:
     """A scaled point in the grasp's units, with the disturbance and the commands it belongs to."""
     f_c = load.f_a + x.sigma * load.f_b
     if driven is not None:
