@@ -1,15 +1,4 @@
-"""Algorithm 1 of the stability paper: solve a relaxation, refine the active sectors, repeat.
-
-Source: sections IV to VI, equations (9) to (19), with these errata: (17) unloads the contact, the
-factor of (19) is cos(half the sector angle). Two departures, both because the paper's text asks for
-a relaxation that contains every exact solution and its formula does not give one:
-
-- (19) is a lower estimate of |d_t|, used in the equality (4); an exact solution then drops out when
-  its true |d_t| is larger. Here |d_t| may lie anywhere between (19) and its upper estimate, the sum
-  of edge-length weights (18). `printed_robustness=True` restores the formula as printed.
-- The maximum (23) is posed as its homogeneous twin, minimise lambda with w = d and commands
-  lambda f_c, s = 1 / lambda. The search ends at `search_end`, and a maximum there counts as unbounded:
-  in the limit lambda = 0 grasps can resist what they resist at no finite magnitude.
+"""Algorithm 1 of the stability paper: solve a relaxation, refine the active sectors, repeat (section V).
 
 An iterator: each step is one solved mixed-integer program; limits and early stops live outside.
 """
@@ -17,33 +6,18 @@ An iterator: each step is one solved mixed-integer program; limits and early sto
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
-from holdfast.mechanism import Array, Indices, Mask
+from holdfast.mechanism import Mask
 from holdfast.stability import mip
-from holdfast.stability.exact import Load, Point
-from holdfast.stability.mip import INF, Program, Solution, Status
+from holdfast.stability.exact import Point
+from holdfast.stability.mip import INF, Solution, Status
 from holdfast.stability.problem import Problem
-from holdfast.stability.sectors import Discretisation, Edges, Sector
-
-ACTIVE = 1e-7  # (scaled) motions and forces below this do not make a sector active
-ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
-MOTION_CAP = 1e4  # (scaled) virtual motions beyond this many force scales are not searched
-SIDES = 256  # edges of the polygon that stands for the cone when the dissipation principle is left out
-
-
-class Goal(StrEnum):
-    """What is sought."""
-
-    EXISTS = "exists"  # any solution, objective (20)
-    SMALLEST_PRELOAD = "smallest preload"  # lambda, the homogeneous form of (23)
-    LARGEST = "largest"  # s of w0 + s d, (23)
-    SMALLEST_MAX_TORQUE = "smallest max torque"  # (26)
-    SMALLEST_SUM_TORQUE = "smallest sum of torques"
+from holdfast.stability.relaxation import Goal, polygon, relaxation
+from holdfast.stability.sectors import Discretisation, Sector
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,24 +45,6 @@ class Step:
     seconds: float
 
 
-def load(p: Problem, goal: Goal) -> Load:
-    """The loads of a goal, affine in its scalar."""
-    zero_w, zero_f = np.zeros(6), np.zeros(len(p.f_c))
-    if goal is Goal.SMALLEST_PRELOAD:
-        return Load(p.direction, zero_w, zero_f, p.f_c, free=True)
-    if goal is Goal.LARGEST:
-        return Load(p.w0, p.direction, p.f_c, zero_f, free=True)
-    return Load(p.w0, zero_w, p.f_c, zero_f, free=False)
-
-
-def search_end(p: Problem) -> float:
-    """The magnitude s at which the search for a maximum ends: `ENDLESS` times the other forces in play."""
-    others = np.concatenate([p.f_c, np.abs(p.w0), p.f_max[np.isfinite(p.f_max)], [p.cn_max]])
-    others = others[np.isfinite(others)]
-    scale = float(others.max(initial=0.0)) or 1.0
-    return ENDLESS * scale / float(np.abs(p.direction).max())
-
-
 def run(
     p: Problem,
     goal: Goal,
@@ -108,7 +64,7 @@ def run(
         q: finest level, sectors of gamma / 2^q; 4 * 2^q sectors in all (9: 2048).
         solver: "scip" or "gurobi".
         full: all sectors at the finest level from the start (the paper's comparison).
-        printed_robustness: use (19) as printed, see above.
+        printed_robustness: use (19) as printed, see `stability/relaxation`.
         driven: (a,) bool, actuators whose command is sought (torque goals).
         time_limit: [s] for all steps together.
     """
@@ -117,8 +73,8 @@ def run(
     sectors = [begin(q) for _ in p.mu]
     for number in range(1, 10_000):
         clock = time.monotonic()
-        edges = [s.edges() for s in sectors] if p.mdp else [_polygon() for _ in p.mu]
-        model = _relaxation(p, goal, edges, printed_robustness, driven)
+        edges = [s.edges() for s in sectors] if p.mdp else [polygon() for _ in p.mu]
+        model = relaxation(p, goal, edges, printed_robustness, driven)
         solution = mip.solve(model.program, solver, time_limit=deadline - clock)
         point = model.read(solution.x) if solution.x is not None else None
         to_refine: list[tuple[int, Sector]] = []
@@ -143,206 +99,3 @@ def run(
             return
         for i, sector in to_refine:
             sectors[i] = sectors[i].refined(sector)
-
-
-def _polygon() -> Edges:
-    angle = 2 * np.pi * np.arange(SIDES) / SIDES
-    long = np.full(SIDES, 1.0 / np.cos(np.pi / SIDES))  # circumscribed: contains the cone
-    return Edges(long * np.vstack([np.cos(angle), np.sin(angle)]), long, long, (), ())
-
-
-@dataclass(eq=False)
-class _Model:
-    """The program of one relaxation and where the model's unknowns are in it."""
-
-    program: Program
-    p: Problem
-    edges: Sequence[Edges]
-    still: Mask
-    r: Indices
-    q: Indices
-    cn: Indices
-    f: Indices
-    coupling: Indices
-    beta: list[Indices]
-    alpha: list[Indices]
-    sigma: int | None
-
-    def read(self, x: Array) -> Point:
-        """The relaxation's solution in the model's unknowns."""
-        c = np.zeros((len(self.cn), 3))
-        c[:, 0] = x[self.cn]
-        for i, e in enumerate(self.edges):
-            c[i, 1:] = e.D @ x[self.beta[i]]
-        f = x[self.f]
-        for j in np.flatnonzero(self.still):  # (2), left out of the program
-            i = int(np.flatnonzero(self.p.R[:, j])[0])
-            f[i] = self.p.J[:, j] @ c.reshape(-1) / self.p.R[i, j]
-        sigma = float(x[self.sigma]) if self.sigma is not None else 0.0
-        return Point(x[self.r], x[self.q], c.reshape(-1), f, x[self.coupling], sigma)
-
-    def active(self, x: Array | None) -> list[Sector | None]:
-        """Per contact the sector in which friction and motion lie; None if both vanish."""
-        assert x is not None
-        out: list[Sector | None] = []
-        for e, beta, alpha in zip(self.edges, self.beta, self.alpha, strict=True):
-            weight = np.zeros(len(e.length))
-            for part in (x[alpha], x[beta]):
-                if part.sum() > ACTIVE:
-                    weight += part / part.sum()
-            if not weight.any():
-                out.append(None)
-                continue
-            w = weight[list(e.chain)]
-            pairs = w[:-1] + w[1:]
-            best = pairs.max()
-            # an edge between two sectors belongs to both: take the coarser, which still has to be refined
-            candidates = [s for s, value in zip(e.sectors, pairs, strict=True) if value >= best - 1e-6]
-            out.append(min(candidates, key=lambda s: s.level))
-        return out
-
-
-def _relaxation(
-    p: Problem, goal: Goal, edges: Sequence[Edges], printed_robustness: bool, driven: Mask | None
-) -> _Model:
-    """Equations (1)-(4), (8)-(12), (15), with (17), (19) if eta > 0, as a program with ordered sets."""
-    m, l, a, k = p.sizes
-    P = Program()
-    cap = MOTION_CAP * (search_end(p) / ENDLESS if goal is Goal.LARGEST else 1.0)
-    still = _still(p, driven)
-    r, q = P.variables(6, -cap, cap), P.variables(l, -cap, cap)
-    for j in np.flatnonzero(still):
-        P.lower[q[j]] = P.upper[q[j]] = 0.0
-    cn = P.variables(m, 0.0, p.cn_max)
-    f = P.variables(a)
-    coupling = P.variables(k)
-    for i in range(a):
-        P.lower[f[i]], P.upper[f[i]] = -p.f_max[i], p.f_max[i]
-    beta = [P.variables(len(e.length), 0.0) for e in edges]
-    alpha = [P.variables(len(e.length), 0.0) if p.mdp else np.zeros(0, int) for e in edges]
-
-    w_terms, sigma = _objective(P, p, goal, f, driven)
-    for row in range(6):  # (1), with c_t = D beta, (9)
-        terms: list[tuple[object, object]] = [(cn, p.G[row, 0::3])]
-        terms += [(beta[i], p.G[row, 3 * i + 1 : 3 * i + 3] @ edges[i].D) for i in range(m)]
-        constant, slope = w_terms
-        if sigma is not None and slope[row] != 0:
-            terms.append((sigma, slope[row]))
-        P.row(terms, -constant[row], -constant[row])
-    for j in np.flatnonzero(~still):  # (2)
-        terms = [(cn, p.J[0::3, j]), (f, -p.R[:, j])]
-        terms += [(beta[i], p.J[3 * i + 1 : 3 * i + 3, j] @ edges[i].D) for i in range(m)]
-        if k:
-            terms.append((coupling, -p.A[:, j]))
-        P.row(terms, 0.0, 0.0)
-    for i in range(k):
-        P.row([(q, p.A[i])], 0.0, 0.0)
-
-    cos, sin = np.cos(p.eta), np.sin(p.eta)
-    for i, e in enumerate(edges):
-        motion = [(r, p.G[:, 3 * i : 3 * i + 3].T), (q, -p.J[3 * i : 3 * i + 3])]  # d over (r, q), (3)
-        gap = int(P.variables(1, 0.0)[0])  # c_n + d^_n >= 0
-        normal = [(cn[i], 1.0), (gap, -1.0), *((v, cos * M[0]) for v, M in motion)]
-        if p.mdp:
-            for b in (0, 1):  # (10): D alpha = -d_t
-                P.row([(alpha[i], e.D[b]), *((v, M[1 + b]) for v, M in motion)], 0.0, 0.0)
-            z = P.variables(len(e.chain), 0.0)
-            for edge in range(len(e.length)):  # (11), (12)
-                here = [z[n] for n, c in enumerate(e.chain) if c == edge]
-                P.row([(beta[i][edge], 1.0), (np.array(here), -1.0)], -INF, 0.0)
-                P.row([(alpha[i][edge], 1.0), (np.array(here), -1.0)], -INF, 0.0)
-            P.sos2.append(z.tolist())
-            slide = int(P.variables(1, 0.0)[0])  # e^T alpha
-            P.row([(alpha[i], 1.0), (slide, -1.0)], 0.0, 0.0)
-            short = int(P.variables(1, 0.0)[0])  # >= mu c_n - f^T beta, (15)
-            P.row([(short, 1.0), (beta[i], e.length), (cn[i], -p.mu[i])], 0.0, INF)
-            P.sos1.append([slide, short])
-            if sin > 0:  # (17) with |d_t| between (19) and (18)
-                speed = int(P.variables(1, 0.0)[0])
-                P.row(
-                    [(speed, 1.0), (alpha[i], -e.midpoint * e.length)],
-                    0.0,
-                    0.0 if printed_robustness else INF,
-                )
-                P.row([(speed, 1.0), (alpha[i], -e.length)], -INF, 0.0)
-                normal.append((speed, sin))
-        elif sin > 0:
-            raise ValueError("the normals' uncertainty needs the dissipation principle's sectors")
-        P.row(normal, 0.0, 0.0)
-        P.sos1.append([int(cn[i]), gap])  # (4)
-        P.row([(beta[i], 1.0), (cn[i], -p.mu[i])], -INF, 0.0)  # (15), both cases
-
-    _actuators(P, p, goal, q, f, sigma, driven)
-    return _Model(P, p, edges, still, r, q, cn, f, coupling, beta, alpha, sigma)
-
-
-def _objective(
-    P: Program, p: Problem, goal: Goal, f: Indices, driven: Mask | None
-) -> tuple[tuple[Array, Array], int | None]:
-    """The scalar of the goal with its cost; w as (constant, slope)."""
-    L = load(p, goal)
-    if goal is Goal.EXISTS:
-        return (L.w_a, L.w_b), None
-    if goal is Goal.LARGEST:
-        sigma = int(P.variables(1, 0.0, search_end(p))[0])
-    elif goal is Goal.SMALLEST_PRELOAD and p.f_c.any():
-        sigma = int(P.variables(1, 1.0 / search_end(p))[0])
-    else:
-        sigma = int(P.variables(1, 0.0)[0])
-    P.cost[sigma] = -1.0 if goal is Goal.LARGEST else 1.0
-    return (L.w_a, L.w_b), sigma
-
-
-def _still(p: Problem, driven: Mask | None) -> Mask:
-    """(l,) bool: joints that cannot move and whose torque one locked actuator takes up, whatever it is.
-
-    Their rows of (2) and the actuator's force are left out of the program and computed afterwards.
-    """
-    locked = ~p.moves & ~np.isfinite(p.f_max)
-    if driven is not None:
-        locked &= ~driven
-    alone = (np.count_nonzero(p.R, axis=0) == 1) & (np.count_nonzero(p.A, axis=0) == 0)
-    own = np.count_nonzero(p.R, axis=1) == 1
-    return alone & np.array([bool((locked & own)[np.flatnonzero(col)].all()) for col in p.R.T], dtype=bool)
-
-
-def _actuators(
-    P: Program, p: Problem, goal: Goal, q: Indices, f: Indices, sigma: int | None, driven: Mask | None
-) -> None:
-    """Equation (8) on the actuators."""
-    commands = []
-    for i in range(len(p.R)):
-        drive = driven is not None and bool(driven[i])
-        if not drive and not p.moves[i]:
-            P.row([(q, p.R[i])], 0.0, 0.0)  # locked
-            continue
-        t = int(P.variables(1, 0.0)[0])
-        P.row([(q, p.R[i]), (t, -1.0)], 0.0, 0.0)
-        if drive:
-            # commanded with e >= 0 where it moves (f = e); locked, hence free of any command, where not
-            e, above, below = (int(v) for v in P.variables(3, 0.0))
-            P.row([(f[i], 1.0), (e, -1.0), (above, -1.0), (below, 1.0)], 0.0, 0.0)
-            P.sos1.append([t, above])
-            P.sos1.append([t, below])
-            commands.append(e)
-            continue
-        excess = int(P.variables(1, 0.0)[0])
-        terms: list[tuple[object, object]] = [(f[i], 1.0), (excess, -1.0)]
-        if goal is Goal.SMALLEST_PRELOAD:
-            assert sigma is not None
-            terms.append((sigma, -p.f_c[i]))
-            P.row(terms, 0.0, 0.0)
-        else:
-            P.row(terms, p.f_c[i], p.f_c[i])
-        P.sos1.append([t, excess])
-    if goal is Goal.SMALLEST_MAX_TORQUE:
-        assert sigma is not None
-        scale = np.abs(p.command(np.ones(len(p.R))))
-        chosen = [i for i in range(len(p.R)) if driven is not None and driven[i]]
-        for e, i in zip(commands, chosen, strict=True):
-            P.row([(sigma, 1.0), (e, -scale[i])], 0.0, INF)
-    elif goal is Goal.SMALLEST_SUM_TORQUE:
-        assert sigma is not None
-        scale = np.abs(p.command(np.ones(len(p.R))))
-        chosen = [i for i in range(len(p.R)) if driven is not None and driven[i]]
-        P.row([(sigma, 1.0), *((e, -scale[i]) for e, i in zip(commands, chosen, strict=True))], 0.0, INF)

@@ -12,11 +12,13 @@ from enum import StrEnum
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from holdfast.errors import InputError
 from holdfast.mechanism import Array, Indices
 
 INF = float("inf")
+Term = tuple[ArrayLike, ArrayLike]  # indices of variables, their coefficients
 Solver = Literal["scip", "gurobi"]
 SOLVERS: tuple[Solver, ...] = ("scip", "gurobi")
 ACCEPTED = 1e-6  # a returned point that misses a constraint by more, relative to its row, is a failure
@@ -61,7 +63,7 @@ class Program:
         self.upper += [upper] * n
         return np.arange(start, start + n)
 
-    def row(self, terms: Sequence[tuple[object, object]], lo: float, hi: float) -> None:
+    def row(self, terms: Sequence[Term], lo: float, hi: float) -> None:
         """Add lo <= sum of (indices, coefficients) <= hi; repeated indices add up."""
         index = np.concatenate([np.atleast_1d(i) for i, _ in terms]).astype(int)
         value = np.concatenate(

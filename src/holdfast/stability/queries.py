@@ -18,11 +18,12 @@ from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array, Mask
-from holdfast.stability import algorithm1, problem, witness
-from holdfast.stability.algorithm1 import Goal, Step
+from holdfast.stability import algorithm1, problem, relaxation, witness
+from holdfast.stability.algorithm1 import Step
 from holdfast.stability.exact import Load, Point
 from holdfast.stability.mip import INF, Status
 from holdfast.stability.problem import Problem
+from holdfast.stability.relaxation import Goal
 from holdfast.stability.settings import OnStep, Progress, Settings
 from holdfast.stability.witness import Witness
 
@@ -208,7 +209,7 @@ def maximum(
     limited = bool(np.isfinite(p.f_max).any()) or np.isfinite(p.cn_max) or bool(p.w0.any())
     goal = Goal.LARGEST if limited else Goal.SMALLEST_PRELOAD
     search = _Search(p, goal, settings, on_step)
-    end = algorithm1.search_end(p)
+    end = relaxation.search_end(p)
     at_end = end * (1 - 1e-6)
     found: Witness | None = None
     with search:
@@ -311,7 +312,7 @@ class _Search:
     def __init__(
         self, p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None, driven: Mask | None = None
     ) -> None:
-        self.load = algorithm1.load(p, goal)
+        self.load = relaxation.load(p, goal)
         if driven is not None:
             self.load = Load(self.load.w_a, self.load.w_b, np.zeros(len(p.f_c)), self.load.f_b, free=False)
         self.lower, self.upper = 0.0, INF
