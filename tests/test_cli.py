@@ -127,9 +127,7 @@ def test_tables_say_the_verdict_first(grasp: str, capsys: pytest.CaptureFixture[
     assert "largest command that 2 N along +y needs is 0.09" in out
 
 
-def test_without_dissipation_it_holds_but_is_called_unphysical(
-    grasp: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_dissipation_it_holds_but_is_called_unphysical(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     question = ["check", grasp, "--no-preload", "--no-mdp", "--wrench", "0", "10", "0", *QUICK]
     assert ask(capsys, *question)["verdict"] == "holds"
     status, out, _ = run(capsys, *question)
@@ -345,9 +343,7 @@ def complains(capsys: pytest.CaptureFixture[str], arguments: list[str], says: li
 
 
 @pytest.mark.parametrize("option", ["-o", "--report"])
-def test_nothing_is_written_over_without_force(
-    option: str, grasp: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_nothing_is_written_over_without_force(option: str, grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     name = "map.json" if option == "-o" else "map.html"
     Path(name).write_text("mine")
     question = ["map", grasp, "--steps", "1", option, name, *QUICK]
@@ -461,9 +457,7 @@ def test_quick_commands_import_nothing_heavy() -> None:
         "sys.exit(f'imported {heavy}' if heavy else 0)"
     )
     for arguments in (["--help"], ["list"], ["check", "--help"]):
-        done = subprocess.run(
-            [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
-        )
+        done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
 
 

@@ -110,9 +110,7 @@ def test_a_coupled_joint_at_its_limit_stops_a_rigid_linkage() -> None:
 def test_negative_senses_close_downwards() -> None:
     hand = finger()
     limits = tuple(replace(j, lower=-1.5, upper=0.0) for j in hand.joints)
-    closed = close(
-        replace(hand, joints=limits), np.zeros(2), ball(), transform([0.03, 0, -0.03]), {"a": -1, "b": -1}
-    )
+    closed = close(replace(hand, joints=limits), np.zeros(2), ball(), transform([0.03, 0, -0.03]), {"a": -1, "b": -1})
     assert closed.q[0] == pytest.approx(-angle_at(0.03, 0.03, 0.01), abs=1e-3)
 
 
@@ -156,9 +154,7 @@ def test_the_same_twice() -> None:
     first, second = (close(hand, hand.configuration(), body, pose) for _ in range(2))
     np.testing.assert_array_equal(first.q, second.q)
     assert first.stopped == second.stopped
-    assert all(
-        np.array_equal(a.position, b.position) for a, b in zip(first.contacts, second.contacts, strict=True)
-    )
+    assert all(np.array_equal(a.position, b.position) for a, b in zip(first.contacts, second.contacts, strict=True))
     assert {c.link for c in first.contacts} >= {"finger_1_dist", "finger_2_dist", "finger_3_dist"}
 
 

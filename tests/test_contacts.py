@@ -44,9 +44,7 @@ def test_box_between_two_planes() -> None:
     assert [c.link for c in found] == ["left"] * 4 + ["right"] * 4
     corners = np.array([[x, z] for x in (-0.03, 0.03) for z in (-0.05, 0.05)])
     for side, half in ((1, found[:4]), (-1, found[4:])):
-        np.testing.assert_allclose(
-            [c.position for c in half], np.insert(corners, 1, 0.02 * side, axis=1), atol=1e-9
-        )
+        np.testing.assert_allclose([c.position for c in half], np.insert(corners, 1, 0.02 * side, axis=1), atol=1e-9)
         np.testing.assert_allclose([c.normal for c in half], [[0, -side, 0]] * 4, atol=1e-9)
         np.testing.assert_allclose([c.depth for c in half], 0, atol=1e-9)
 
@@ -93,9 +91,7 @@ def test_edge_across_an_edge_is_one_point() -> None:
         (0.04, 0.2, 0.04),
         transform([0, 0, 0], quaternion_matrix([np.cos(np.pi / 8), 0, np.sin(np.pi / 8), 0])),
     )
-    other = transform(
-        [0, 0, np.sqrt(2) * 0.04 + 1e-5], quaternion_matrix([np.cos(np.pi / 8), np.sin(np.pi / 8), 0, 0])
-    )
+    other = transform([0, 0, np.sqrt(2) * 0.04 + 1e-5], quaternion_matrix([np.cos(np.pi / 8), np.sin(np.pi / 8), 0, 0]))
     found = find_contacts(fixture(roof), np.zeros(0), Body.of([Shape("box", (0.2, 0.04, 0.04))]), other)
     (c,) = found
     np.testing.assert_allclose(other[:3, :3] @ c.normal, [0, 0, 1], atol=1e-7)

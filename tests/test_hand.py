@@ -357,9 +357,7 @@ def test_mjcf_refusals(tmp_path: Path) -> None:
         load_hand(mjcf(tmp_path, joint='type="ball"'))
     broken = mjcf(tmp_path, '<asset><mesh name="m" file="gone.stl"/></asset>')
     broken.write_text(
-        broken.read_text().replace(
-            '<geom type="ellipsoid"', '<geom type="mesh" mesh="m"/><geom type="ellipsoid"', 1
-        )
+        broken.read_text().replace('<geom type="ellipsoid"', '<geom type="mesh" mesh="m"/><geom type="ellipsoid"', 1)
     )
     with pytest.raises(InputError, match=r"hand.xml: link d: Error opening file '.*gone.stl'") as caught:
         load_hand(broken)

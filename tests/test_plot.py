@@ -23,9 +23,7 @@ ORIGIN = np.zeros(3)
 @pytest.fixture
 def grasp() -> Grasp:
     """Two fingers that pinch along x, each with a joint."""
-    contacts = [
-        Contact(np.array([x, 0, 0.0]), np.array([-np.sign(x), 0, 0]), 0.7, f"tip {x}") for x in (0.05, -0.05)
-    ]
+    contacts = [Contact(np.array([x, 0, 0.0]), np.array([-np.sign(x), 0, 0]), 0.7, f"tip {x}") for x in (0.05, -0.05)]
     joints = [
         GraspJoint("right", np.array([0, 0, 1.0]), np.array([0.05, -0.1, 0]), (0,)),
         GraspJoint("left", np.array([0, 0, -1.0]), np.array([-0.05, -0.1, 0]), (1,)),
@@ -143,9 +141,7 @@ def test_scene_shows_the_solids(grasp: Grasp) -> None:
     meshes = scene_meshes(hand, hand.configuration({}), body, pose)
     assert {m.kind for m in meshes} == {"hand", "object"}
     np.testing.assert_allclose(np.ptp(meshes[0].vertices, axis=0), [0.1, 0.04, 0.04])
-    assert min(m.vertices[:, 2].min() for m in meshes) == pytest.approx(
-        -0.3
-    )  # the palm, in the object's frame
+    assert min(m.vertices[:, 2].min() for m in meshes) == pytest.approx(-0.3)  # the palm, in the object's frame
     assert len(draw_scene(meshes, grasp).axes) == 3
 
 

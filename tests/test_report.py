@@ -79,10 +79,7 @@ def test_friction_that_creates_energy_is_called_unphysical(grasp: Grasp, tmp_pat
     write_report(tmp_path / "a.html", bare, [Entry("Without dissipation", answer, mdp=False)])
     text = page(tmp_path / "a.html")
     assert '<b class="unreal">HOLDS?</b>' in text
-    assert (
-        '<div class="warning"><strong>This solution is not physical: friction pushes along the motion.'
-        in text
-    )
+    assert '<div class="warning"><strong>This solution is not physical: friction pushes along the motion.' in text
     e = answer.witness.energy
     assert f"{num(e.created)} N² of work come out of nothing" in text
     for i in np.flatnonzero(e.friction < -1e-3 * e.created):
@@ -123,9 +120,7 @@ def test_the_grasp_alone_and_no_writing_over(grasp: Grasp, tmp_path: Path) -> No
 
 
 def test_map_table_has_every_direction(grasp: Grasp, tmp_path: Path) -> None:
-    answers = [
-        MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), None, v, v, False) for v in (1.25, 2.5, 3.75, 5)
-    ]
+    answers = [MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), None, v, v, False) for v in (1.25, 2.5, 3.75, 5)]
     curve = Curve.of([*answers[:3], None])
     directions = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0.0]])
     answer = MapAnswer(grasp, "xy", 0.0, directions, curve, None, 1.0, 0)

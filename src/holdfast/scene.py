@@ -123,9 +123,7 @@ class Scene:
         out = np.full(len(self.self_pairs), cutoff)
         first, second, pair = self._to_self
         for i in self._close((first, second), cutoff):
-            out[pair[i]] = min(
-                out[pair[i]], self._measure(self._model, self._data, first[i], second[i], cutoff, None)
-            )
+            out[pair[i]] = min(out[pair[i]], self._measure(self._model, self._data, first[i], second[i], cutoff, None))
         return out
 
     def _of(self, link: int) -> Indices:

@@ -81,8 +81,7 @@ def parse(arguments: list[str]) -> Command:
     # the list of commands shows one line of each, a command's own help all of it
     about = {n: " ".join((c.__doc__ or "").split("\n\n")[0].split()) for n, c in COMMANDS.items()}
     choices = [
-        Annotated[c, tyro.conf.subcommand(n, description=None if n == name else about[n])]
-        for n, c in COMMANDS.items()
+        Annotated[c, tyro.conf.subcommand(n, description=None if n == name else about[n])] for n, c in COMMANDS.items()
     ]
     union: Any = reduce(lambda a, b: a | b, choices)
     said = io.StringIO()

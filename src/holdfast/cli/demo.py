@@ -79,9 +79,7 @@ class Demo(Command):
 
         save_grasp(grasp, self.output / "grasp.json", force=self.force)
         map_command.save(drawn, self.output / "map.png", force=self.force)
-        write_report(
-            self.output / "report.html", grasp, entries, settings=settings, meshes=meshes, force=self.force
-        )
+        write_report(self.output / "report.html", grasp, entries, settings=settings, meshes=meshes, force=self.force)
         _say(out, "Report", f"open {self.output / 'report.html'} in a browser")
         _say(out, "Next", f"holdfast map {self.output / 'grasp.json'} --plane xy --eta 2.5 -o map.svg")
         # a direction of the map that was left open is part of the picture, not a failed demo
@@ -102,9 +100,7 @@ def build() -> tuple[Grasp, list[Mesh]]:
     placed = load_placed(CONFIGURATION)
     hand, q = placed.applied(load_hand(placed.hand or HAND))
     body = load_body(bundled.resolve("objects", placed.object or CONFIGURATION))
-    grasp = contact_grasp(
-        hand, q, body, placed.pose, preload=placed.preload, mechanism="direct", name=CONFIGURATION
-    )
+    grasp = contact_grasp(hand, q, body, placed.pose, preload=placed.preload, mechanism="direct", name=CONFIGURATION)
     return grasp, scene_meshes(hand, q, body, placed.pose)
 
 

@@ -32,9 +32,7 @@ class Max(QueryOptions, FrictionModel, Command):
         grasp, options = self.load(), self.options()
         with console.watch("max") as watch:
             try:
-                answer = maximum(
-                    grasp, self.direction, base=self.base, mdp=self.mdp, on_step=watch.step, **options
-                )
+                answer = maximum(grasp, self.direction, base=self.base, mdp=self.mdp, on_step=watch.step, **options)
             except KeyboardInterrupt:  # between two programs, where the query does not expect it
                 lower, upper = watch.lower or 0.0, float("inf") if watch.upper is None else watch.upper
                 verdict = Verdict.HOLDS if lower > 0 else Verdict.UNDECIDED

@@ -84,9 +84,7 @@ def views(grasp: Grasp, count: int = 2) -> list[View]:
     return order[:count]
 
 
-def draw_grasp(
-    grasp: Grasp, witness: Witness | None = None, meshes: Sequence[Mesh] = (), count: int = 2
-) -> Figure:
+def draw_grasp(grasp: Grasp, witness: Witness | None = None, meshes: Sequence[Mesh] = (), count: int = 2) -> Figure:
     """The grasp from `count` sides, with the forces and virtual motions of a witness.
 
     Contact forces are those of the hand on the object. Motions are those of the object relative to the

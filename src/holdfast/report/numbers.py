@@ -157,9 +157,7 @@ def bounds_table(answer: MaxAnswer | TorquesAnswer, entry: Entry) -> str:
     out = table(["#", "#largest command" if entry.objective == "max" else "#sum of commands"], rows, "Bounds")
     if answer.preload is not None and answer.witness is not None:
         grasp = answer.witness.grasp
-        rows = [
-            [n, f"{num(v)} {words.actuator_unit(grasp, n)}" if v else "locked"] for n, v in answer.preload.items()
-        ]
+        rows = [[n, f"{num(v)} {words.actuator_unit(grasp, n)}" if v else "locked"] for n, v in answer.preload.items()]
         out += table(["actuator", "#command"], rows, "Commands")
     return out
 

@@ -146,9 +146,7 @@ def _warning(witness: Witness) -> str:
     scale = abs(e.disturbance) + abs(e.preload) + abs(e.stored)
     total = e.disturbance + e.preload
     wrong = [i for i, work in enumerate(e.friction) if work < -words.CREATED * scale]
-    names = [
-        f"{i} ({witness.grasp.contacts[i].link})" if witness.grasp.contacts[i].link else str(i) for i in wrong
-    ]
+    names = [f"{i} ({witness.grasp.contacts[i].link})" if witness.grasp.contacts[i].link else str(i) for i in wrong]
     return (
         '<div class="warning"><strong>This solution is not physical: friction pushes along the motion.'
         "</strong>"

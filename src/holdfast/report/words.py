@@ -219,9 +219,7 @@ def reason(answer: Answer, settings: Settings) -> str:
 def curve_states(curve: Curve) -> list[str]:
     """Per case 'unbounded', 'resisted', 'slips' or 'open' (bounds far apart or case not reached)."""
     out = []
-    for lower, upper, unbounded, verdict in zip(
-        curve.lower, curve.upper, curve.unbounded, curve.verdicts, strict=True
-    ):
+    for lower, upper, unbounded, verdict in zip(curve.lower, curve.upper, curve.unbounded, curve.verdicts, strict=True):
         if unbounded:
             out.append("unbounded")
         elif verdict is Verdict.SLIPS:

@@ -40,9 +40,7 @@ class Settings:
     def __post_init__(self) -> None:
         q = np.log2(self.sectors / 4) if self.sectors >= 4 else -1.0
         if q < 0 or q != int(q) or q > 20:
-            raise InputError(
-                f"is {self.sectors}; 4, 8, 16, ... (4 times a power of two) is needed", field="sectors"
-            )
+            raise InputError(f"is {self.sectors}; 4, 8, 16, ... (4 times a power of two) is needed", field="sectors")
         if not self.gap > 0:
             raise InputError(f"is {self.gap:g}; a positive number is needed", field="gap")
         if not self.time_limit > 0:

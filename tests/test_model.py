@@ -1,0 +1,238 @@
+"""The equations themselves: exact solutions pass, every planted fault is named, the laws hold."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from holdfast.grasp import Contact, Grasp, GraspJoint
+from holdfast.mechanism import Mechanism
+from holdfast.stability import model
+from holdfast.stability.model import State
+from problems import bell, pinch, solved
+
+SEEDS = st.integers(0, 10_000)
+STEADY = settings(max_examples=40, deadline=None, derandomize=True)
+
+
+def residuals(s, **kwargs):
+    return model.residuals(s.grasp, s.wrench, s.state, eta=s.eta, **kwargs)
+
+
+@STEADY
+@given(SEEDS, st.sampled_from([2, 3, 4, 6]), st.sampled_from([0.0, 0.05]), st.booleans())
+def test_constructed_solutions_solve_the_model(seed: int, m: int, eta: float, stick: bool) -> None:
+    assert residuals(solved(seed, m, eta, stick)).worst < 1e-12
+
+
+@STEADY
+@given(SEEDS, st.floats(1e-3, 1e3))
+def test_positive_homogeneity(seed: int, scale: float) -> None:
+    s = solved(seed)
+    grown = replace(
+        s,
+        grasp=s.grasp.with_preload(scale * s.grasp.command),
+        wrench=scale * s.wrench,
+        state=s.state.scaled(scale),
+    )
+    assert residuals(grown).worst < 1e-12
+
+
+@STEADY
+@given(SEEDS)
+def test_energy_law(seed: int) -> None:
+    """w.r + f_c.t = sum c_n^2 + sum mu c_n |d_t|, DESIGN's law, from virtual work."""
+    s = solved(seed)
+    e = model.energy(s.grasp, s.wrench, s.state)
+    cn = s.state.c.reshape(-1, 3)[:, 0]
+    total = abs(e.disturbance) + abs(e.preload) + e.stored + e.maximum.sum()
+    assert e.disturbance + e.preload == pytest.approx(float(cn @ cn) + float(e.maximum.sum()), abs=1e-9 * total)
+    assert abs(e.imbalance) <= 1e-9 * total
+    assert e.created <= 1e-12 * total
+    np.testing.assert_allclose(e.friction, e.maximum, atol=1e-9 * total)
+
+
+def moved(grasp: Grasp, R: np.ndarray, t: np.ndarray) -> Grasp:
+    """The grasp described in another object frame."""
+    contacts = [replace(c, position=R @ c.position + t, normal=R @ c.normal) for c in grasp.contacts]
+    joints = [replace(j, axis=R @ j.axis, origin=R @ j.origin + t) for j in grasp.joints]
+    return Grasp(contacts, joints, grasp.mechanism, grasp.command)
+
+
+@STEADY
+@given(SEEDS)
+def test_frame_invariance(seed: int) -> None:
+    """Forces and joint motions are what they were; w and r follow the frame."""
+    s = solved(seed)
+    rng = np.random.default_rng(seed + 1)
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    R *= np.linalg.det(R)
+    t = 0.1 * rng.normal(size=3)
+    other = moved(s.grasp, R, t)
+    force = R @ s.wrench[:3]
+    w = np.r_[force, R @ s.wrench[3:] + np.cross(t, force)]
+    turn = R @ s.state.r[3:]
+    r = np.r_[R @ s.state.r[:3] + np.cross(t, turn), turn]
+    # contact frames are made from the normal alone, so their tangents turn about it: take c along
+    c = []
+    for old, new, ci in zip(s.grasp.contacts, other.contacts, s.state.c.reshape(-1, 3), strict=True):
+        c.append(new.frame.T @ R @ old.frame @ ci)
+    state = replace(s.state, r=r, c=np.concatenate(c))
+    assert model.residuals(other, w, state).worst < 1e-11
+
+
+@STEADY
+@given(SEEDS)
+def test_unit_invariance(seed: int) -> None:
+    """Millimetres for metres: the same relative residuals, so the same verdicts."""
+    s = solved(seed)
+    k = 1000.0
+    contacts = [replace(c, position=k * c.position) for c in s.grasp.contacts]
+    joints = [replace(j, origin=k * j.origin) for j in s.grasp.joints]
+    grasp = Grasp(contacts, joints, preload=k * s.grasp.command)
+    w = s.wrench * np.r_[1, 1, 1, k, k, k]
+    r = s.state.r * np.r_[1, 1, 1, 1 / k, 1 / k, 1 / k]
+    state = replace(s.state, r=r, q=s.state.q / k, f=k * s.state.f)
+    assert model.residuals(grasp, w, state).worst < 1e-11
+    wrong = replace(s.state, r=1.001 * s.state.r)
+    wrong_mm = replace(state, r=1.001 * state.r)
+    a, b = model.residuals(s.grasp, s.wrench, wrong), model.residuals(grasp, w, wrong_mm)
+    for f in fields(a):
+        assert getattr(a, f.name) == pytest.approx(getattr(b, f.name), rel=1e-6, abs=1e-12)
+
+
+@STEADY
+@given(SEEDS)
+def test_contact_order_does_not_matter(seed: int) -> None:
+    s = solved(seed, m=4)
+    order = [2, 0, 3, 1]
+    contacts = [s.grasp.contacts[i] for i in order]
+    joints = [replace(j, moves=tuple(order.index(i) for i in j.moves)) for j in s.grasp.joints]
+    grasp = Grasp(contacts, joints, preload=s.grasp.command)
+    state = replace(s.state, c=s.state.c.reshape(-1, 3)[order].reshape(-1))
+    assert model.residuals(grasp, s.wrench, state).worst < 1e-12
+
+
+# --- planted faults: each is found, and by the right residual ------------------------------------------
+
+
+def holding_pinch() -> tuple[Grasp, np.ndarray, State]:
+    """2 N along y on the pinch with mu = 1: both tips stick, c_n = 1 (torque / arm), c_t = 1; by hand."""
+    g = pinch(mu=1.0)
+    w = np.array([0, 1.2, 0, 0, 0, 0])
+    force = [np.array([-1.0, -0.6, 0]), np.array([1.0, -0.6, 0])]
+    c = np.concatenate([k.frame.T @ f for k, f in zip(g.contacts, force, strict=True)])
+    # c_n = -d_n = arm * q: the joint motion 10 / m brings both springs to 1 N
+    return g, w, State(np.zeros(6), np.array([10.0, 10.0]), c, np.array([0.1, 0.1]), np.zeros(0))
+
+
+def test_the_hand_made_state_is_exact() -> None:
+    g, w, state = holding_pinch()
+    assert model.residuals(g, w, state).worst < 1e-15
+
+
+def edited(state: State, field: str, index: int, value: float) -> State:
+    array = getattr(state, field).copy()
+    array[index] += value
+    return replace(state, **{field: array})
+
+
+@pytest.mark.parametrize(
+    ("field", "index", "value", "named"),
+    [
+        ("c", 1, 0.1, "object_balance"),  # (1): a friction force too many
+        ("f", 0, 0.01, "joint_balance"),  # (2): the motor does not carry what the contact asks
+        ("c", 0, 0.1, "normal"),  # (4): a normal force without its spring
+        ("r", 1, 0.5, "dissipation"),  # (7): the object slides, friction points nowhere near against it
+        ("q", 1, -20.0, "actuators"),  # (8): a commanded joint backs away
+    ],
+)
+def test_planted_faults_are_named(field: str, index: int, value: float, named: str) -> None:
+    g, w, state = holding_pinch()
+    res = model.residuals(g, w, edited(state, field, index, value))
+    assert getattr(res, named) > 1e-3
+
+
+def test_too_much_friction_is_outside_the_cone() -> None:
+    g, w, state = holding_pinch()
+    assert model.residuals(g.with_friction(0.5), w, state).cone == pytest.approx(0.1 / 1.2)
+
+
+def test_a_locked_joint_that_moves_is_refused() -> None:
+    g, w, state = holding_pinch()
+    assert model.residuals(g.with_preload({"right": 0.1}), w, state).actuators > 0.1
+
+
+def test_less_than_the_command_is_refused_and_more_is_not() -> None:
+    """(8): tau may exceed the command where the joint is still, never fall short."""
+    g, w, state = holding_pinch()
+    still = replace(state, q=np.zeros(2), r=np.zeros(6), c=np.zeros(6), f=np.zeros(2))
+    assert model.residuals(g, 0 * w, still).actuators > 0.1
+    pushed = np.array([2.0, 0, 0, 0, 0, 0])  # onto the right finger; the left one follows at its command
+    force = [np.array([-3.0, 0, 0]), np.array([1.0, 0, 0])]
+    c = np.concatenate([k.frame.T @ f for k, f in zip(g.contacts, force, strict=True)])
+    moved = State(np.array([3.0, 0, 0, 0, 0, 0]), np.array([0.0, 40.0]), c, np.array([0.3, 0.1]), np.zeros(0))
+    assert model.residuals(g, pushed, moved).worst < 1e-14
+
+
+def test_negative_commands_are_the_mirror_image() -> None:
+    g, w, state = holding_pinch()
+    mirrored = [replace(j, axis=-j.axis) for j in g.joints]
+    other = Grasp(g.contacts, mirrored, preload={"right": -0.1, "left": -0.1})
+    flipped = replace(state, q=-state.q, f=-state.f)
+    assert model.residuals(other, w, flipped).worst < 1e-15
+    assert model.residuals(other, w, replace(flipped, q=state.q)).worst > 0.1
+
+
+def test_the_robust_normal_unloads_the_contact() -> None:
+    """(17) with the erratum: sliding at 45 degrees to the pressing motion takes force away."""
+    d = np.array([-1.0, 0.6, 0.8])
+    assert model.spring_force(d)[0] == 1.0
+    assert model.spring_force(d, np.radians(30))[0] == pytest.approx(np.cos(np.pi / 6) - 0.5)
+
+
+def test_couplings_carry_torque_and_bind_motion() -> None:
+    """A distal joint at 1/3 of the proximal: motions in ratio, torques summed with the same ratio."""
+    contact = Contact(np.array([0.0, 0, 0]), np.array([1.0, 0, 0]), 0.5)
+    joints = [
+        GraspJoint("prox", np.array([0, 0, -1.0]), np.array([0, -0.1, 0]), (0,)),
+        GraspJoint("dist", np.array([0, 0, -1.0]), np.array([0, -0.04, 0]), (0,)),
+    ]
+    mechanism = Mechanism(("finger",), np.array([[1.0, 0]]), np.array([[-1 / 3, 1.0]]), (False,))
+    torque = 0.1 + 0.04 / 3  # c_n = 1: f = tau_prox + tau_dist / 3
+    g = Grasp([contact], joints, mechanism, {"finger": torque})
+    q = np.array([3.0, 1.0]) / (0.3 + 0.04)
+    w = np.array([-1.0, 0, 0, 0, 0, 0])
+    state = State(np.zeros(6), q, np.array([1.0, 0, 0]), np.array([torque]), np.array([0.04]))
+    assert model.residuals(g, w, state).worst < 1e-15
+    assert model.residuals(g, w, replace(state, q=np.array([3.4, 0.0]) / 0.34)).couplings > 0.1
+    assert model.residuals(g, w, replace(state, coupling=np.array([0.05]))).joint_balance > 1e-3
+
+
+def test_a_slack_tendon_is_allowed_and_a_pushing_one_is_not() -> None:
+    contact = Contact(np.zeros(3), np.array([1.0, 0, 0]), 0.5)
+    joint = GraspJoint("j", np.array([0, 0, -1.0]), np.array([0, -0.1, 0]), (0,))
+    mechanism = Mechanism(("t",), np.array([[1.0]]), np.zeros((0, 1)), (True,))
+    g = Grasp([contact], [joint], mechanism)
+    slack = State(np.array([1.0, 0, 0, 0, 0, 0]), np.array([10.0]), np.zeros(3), np.zeros(1), np.zeros(0))
+    assert model.residuals(g, np.zeros(6), slack).worst < 1e-15
+    pushing = replace(slack, q=np.zeros(1), f=np.array([-0.1]))
+    assert model.residuals(g, np.zeros(6), pushing).actuators > 0.1
+
+
+def test_energy_out_of_nothing_is_counted() -> None:
+    """The shape of the paper's Fig. 4: friction along the motion feeds energy in."""
+    g = bell().with_preload(None)
+    r = np.array([0, -1.0, 0, 0, 0, 0])
+    d = model.relative_motion(g, r, np.zeros(2)).reshape(-1, 3)
+    c = np.zeros((4, 3))
+    c[:, 0] = model.spring_force(d.reshape(-1))
+    c[:, 1:] = c[:, :1] * d[:, 1:] / np.maximum(np.linalg.norm(d[:, 1:], axis=1, keepdims=True), 1e-12)
+    state = State(r, np.zeros(2), c.reshape(-1), np.zeros(2), np.zeros(0))
+    e = model.energy(g, -g.G @ c.reshape(-1), state)
+    assert e.created > 0.5
+    assert model.residuals(g, -g.G @ c.reshape(-1), state).dissipation > 0.1
