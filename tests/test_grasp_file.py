@@ -104,7 +104,7 @@ def test_files_that_are_no_grasps(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"g.json: is not valid JSON: .*line 1"):
         load_grasp(file)
     file.write_text(json.dumps(changed("preload", {"a": float("nan")})))
-    with pytest.raises(InputError, match="g.json: contains NaN; finite numbers are needed"):
+    with pytest.raises(InputError, match=r"g.json: contains NaN; finite numbers are needed"):
         load_grasp(file)
     file.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match=r"g.json: is not a text file"):

@@ -177,21 +177,41 @@ def _hidden(points: Array, outwards: Array, solids: Sequence[Shape], own: int) -
 
 
 def _merged(points: list[Contact], distance: float, angle: float) -> list[Contact]:
-    """One link's contacts with near-duplicates replaced by their mean; deepest first leads a cluster."""
-    left = sorted(points, key=lambda c: (-round(c.depth, 7), *c.position.round(7)))
+    """One link's contacts with near-duplicates replaced by their mean; deepest first leads a cluster.
+
+    Means can lie nearer to each other than the points did, so this goes on until none are left.
+    """
+    groups = [[c] for c in points]
+    while True:
+        fewer = _clustered(groups, distance, angle)
+        if len(fewer) == len(groups):
+            return sorted((_mean(g) for g in fewer), key=lambda c: tuple(c.position.round(7)))
+        groups = fewer
+
+
+def _clustered(groups: list[list[Contact]], distance: float, angle: float) -> list[list[Contact]]:
+    """Groups joined with those whose means are near the mean of a leading one."""
+    left = sorted(((_mean(g), g) for g in groups), key=lambda m: (-round(m[0].depth, 7), *m[0].position.round(7)))
     out = []
     while left:
-        lead = left[0]
+        lead = left[0][0]
         near = [
             np.linalg.norm(c.position - lead.position) <= distance and c.normal @ lead.normal >= np.cos(angle)
-            for c in left
+            for c, _ in left
         ]
-        group = [c for c, yes in zip(left, near, strict=True) if yes]
-        left = [c for c, yes in zip(left, near, strict=True) if not yes]
-        normal = np.mean([c.normal for c in group], axis=0)
-        position = np.mean([c.position for c in group], axis=0)
-        out.append(Contact(position, normal / np.linalg.norm(normal), lead.friction, lead.link, lead.depth))
-    return sorted(out, key=lambda c: tuple(c.position.round(7)))
+        out.append([c for (_, group), yes in zip(left, near, strict=True) if yes for c in group])
+        left = [m for m, yes in zip(left, near, strict=True) if not yes]
+    return out
+
+
+def _mean(group: list[Contact]) -> Contact:
+    """A contact in the middle of a group, as deep as the deepest, which comes first."""
+    lead = group[0]
+    if len(group) == 1:
+        return lead
+    normal = np.mean([c.normal for c in group], axis=0)
+    position = np.mean([c.position for c in group], axis=0)
+    return Contact(position, normal / np.linalg.norm(normal), lead.friction, lead.link, lead.depth)
 
 
 def _connected(joints: set[int], mechanism: Mechanism) -> list[int]:

@@ -2,8 +2,10 @@
 
 A relaxation's solution says which contacts are open, stick or slide and which actuators move. With
 these modes fixed the model is a small square system; minimum-norm Newton steps solve it to rounding.
-If the result violates an inequality of its mode, that inequality becomes an equality and the solve
-is repeated. `stability/model` judges the result: nothing is a witness before `residuals` says so.
+If the result violates an inequality of its mode, that contact or actuator changes its mode, in two ways
+tried in turn: to the border between the two modes (the inequality becomes an equality, right where a
+maximum sits on a border), or across it (a sticking contact slides, right where everything is fixed).
+`stability/model` judges the result: nothing is a witness before `residuals` says so.
 """
 
 from __future__ import annotations
@@ -17,8 +19,11 @@ from holdfast.mechanism import Array, Mask
 from holdfast.stability.problem import Problem
 
 CONVERGED = 1e-13  # scaled residual at which Newton stops
+GOOD = 1e-11  # scaled residual that is accepted when it cannot be lowered further
 ITERATIONS = 30
+HALVINGS = 8
 REPAIRS = 6  # inequalities turned into equalities before giving up
+STILL = 1e-9  # (scaled) sliding less than this has no direction yet
 SLACK = 1e-11  # an inequality may be missed by this much (scaled); the judge allows 1e-9
 
 
@@ -107,16 +112,16 @@ def read_modes(p: Problem, x: Point, *, driven: Mask | None = None, tol: float =
 
 def solve(p: Problem, load: Load, start: Point, modes: Modes) -> Point | None:
     """A point that satisfies the model in the given modes, or modes next to them; None if not found."""
-    x = start
-    for _ in range(REPAIRS):
-        found = _newton(p, load, x, modes)
-        if found is None:
-            return None
-        x = found
-        repaired = _repair(p, load, x, modes)
-        if repaired == modes:
-            return x
-        modes = repaired
+    for across in (False, True):
+        x, now = start, modes
+        for _ in range(REPAIRS):
+            found = _newton(p, load, x, now)
+            if found is None:
+                break
+            x, before = found, now
+            now = _repair(p, load, x, before, across)
+            if now == before:
+                return x
     return None
 
 
@@ -173,7 +178,12 @@ def _system(p: Problem, load: Load, x: Point, modes: Modes) -> tuple[Array, Arra
             ct = float(np.linalg.norm(c[i, 1:]))
             grad = np.r_[-p.mu[i], c[i, 1:] / ct] if ct > 0 else np.r_[-p.mu[i], 0.0, 0.0]
             add(ct - p.mu[i] * c[i, 0], (C0 + 3 * i, grad))  # (5) with equality
-        if mode is Touch.SLIDE:  # (7): c_t |d_t| + mu c_n d_t = 0, divided by |d_t|
+        ct = float(np.linalg.norm(c[i, 1:]))
+        if mode is Touch.SLIDE and v <= STILL and ct > 0:  # not yet sliding: friction keeps its direction
+            for b in (0, 1):
+                along = c[i, 1 + b] / ct
+                add(c[i, 1 + b] - p.mu[i] * c[i, 0] * along, (C0 + 3 * i, np.r_[-p.mu[i] * along, b == 0, b == 1]))
+        elif mode is Touch.SLIDE:  # (7): c_t |d_t| + mu c_n d_t = 0, divided by |d_t|
             scale = max(v, 1e-300)
             for b in (0, 1):
                 value = c[i, 1 + b] * v + p.mu[i] * c[i, 0] * d[i, 1 + b]
@@ -204,46 +214,59 @@ def _system(p: Problem, load: Load, x: Point, modes: Modes) -> tuple[Array, Arra
 
 
 def _newton(p: Problem, load: Load, x: Point, modes: Modes) -> Point | None:
-    m, l, a, k = p.sizes
-    cuts = np.cumsum([6, l, 3 * m, a, k])
-    # while errors are large the Jacobian's rank is judged loosely, so that steps stay short
-    last = np.inf
+    """Minimum-norm Newton steps, halved while they make the residual worse."""
+    g, J = _system(p, load, x, modes)
+    error = float(np.abs(g).max())
     for _ in range(ITERATIONS):
-        g, J = _system(p, load, x, modes)
-        error = float(np.abs(g).max())
-        if not np.isfinite(error) or error > 1e6:
-            return None
-        if error <= CONVERGED or (error <= 1e-11 and error >= 0.5 * last):
+        if error <= CONVERGED:
             return x
-        last = error
         step = np.linalg.lstsq(J, -g, rcond=1e-11)[0]
-        parts = np.split(x.flat() + step, cuts)
-        x = Point(parts[0], parts[1], parts[2], parts[3], parts[4], float(parts[5][0]))
-    return x if last <= 1e-10 else None
+        if not np.isfinite(step).all():
+            return None
+        for halving in range(HALVINGS):
+            nearer = _moved(p, x, step / 2**halving)
+            g_new, J_new = _system(p, load, nearer, modes)
+            new = float(np.abs(g_new).max())
+            if new < error:
+                break
+        else:
+            break  # no progress: as exact as the numbers allow, or stuck
+        x, g, J, error = nearer, g_new, J_new, new
+    return x if error <= GOOD else None
 
 
-def _repair(p: Problem, load: Load, x: Point, modes: Modes) -> Modes:
-    """The same modes with every violated inequality made an equality; equal to `modes` if all hold."""
+def _moved(p: Problem, x: Point, step: Array) -> Point:
+    _, l, a, k = p.sizes
+    r, q, c, f, coupling, sigma = np.split(x.flat() + step, np.cumsum([6, l, 3 * len(p.mu), a, k]))
+    return Point(r, q, c, f, coupling, float(sigma[0]))
+
+
+def _repair(p: Problem, load: Load, x: Point, modes: Modes, across: bool) -> Modes:
+    """The same modes, changed where an inequality is violated; equal to `modes` if all hold."""
     d = p.relative_motion(x.r, x.q)
     c = x.c.reshape(-1, 3)
     touch = list(modes.touch)
     for i, mode in enumerate(touch):
-        dn = d[i, 0] * np.cos(p.eta) + np.linalg.norm(d[i, 1:]) * np.sin(p.eta)
+        sliding = float(np.linalg.norm(d[i, 1:]))
+        dn = d[i, 0] * np.cos(p.eta) + sliding * np.sin(p.eta)
         excess = np.linalg.norm(c[i, 1:]) - p.mu[i] * c[i, 0]
+        closed = Touch.FREE if not p.mdp else Touch.SLIDE if sliding > STILL else Touch.STICK
         if mode is Touch.OPEN and dn < -SLACK:
-            touch[i] = Touch.GRAZE
+            touch[i] = closed if across else Touch.GRAZE
         elif mode not in (Touch.OPEN, Touch.GRAZE) and c[i, 0] < -SLACK:
             touch[i] = Touch.OPEN
         elif mode is Touch.STICK and excess > SLACK:
-            touch[i] = Touch.EDGE
+            touch[i] = Touch.SLIDE if across else Touch.EDGE
         elif mode is Touch.FREE and excess > SLACK:
             touch[i] = Touch.RIM
     t = p.R @ x.q
     excess_f = x.f - (load.f_a + x.sigma * load.f_b)
     motor = list(modes.motor)
     for i, mode_f in enumerate(motor):
-        if (mode_f is Motor.TURNS and t[i] < -SLACK) or (mode_f is Motor.HELD and excess_f[i] < -SLACK):
-            motor[i] = Motor.BALANCED
+        if mode_f is Motor.TURNS and t[i] < -SLACK:
+            motor[i] = Motor.HELD if across else Motor.BALANCED
+        elif mode_f is Motor.HELD and excess_f[i] < -SLACK:
+            motor[i] = Motor.TURNS if across else Motor.BALANCED
         elif mode_f is Motor.DRIVEN and t[i] < -SLACK:
             motor[i] = Motor.LOCKED
         elif mode_f is Motor.DRIVEN and x.f[i] < -SLACK:

@@ -27,6 +27,7 @@ from holdfast.stability.relaxation import Goal
 from holdfast.stability.settings import OnStep, Progress, Settings
 from holdfast.stability.witness import Witness
 
+MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
 ZERO = 1e-9  # [N m or N] torques below this count as none
 
 STOPS = {
@@ -166,6 +167,14 @@ def check(
     """
     settings = settings or Settings()
     p = _build(grasp, wrench, None, eta, mdp, torque_limits, force_limit)
+    if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
+        modest = _exists(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_step)
+        if modest.verdict is Verdict.HOLDS:
+            return modest
+    return _exists(p, settings, on_step)
+
+
+def _exists(p: Problem, settings: Settings, on_step: OnStep | None) -> CheckAnswer:
     search = _Search(p, Goal.EXISTS, settings, on_step)
     found: Witness | None = None
     with search:

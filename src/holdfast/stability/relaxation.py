@@ -190,6 +190,9 @@ def relaxation(
         P.sos1.append([int(cn[i]), gap])  # (4)
         P.row([(beta[i], 1.0), (cn[i], -p.mu[i])], -INF, 0.0)  # (15), both cases
 
+    if goal is Goal.EXISTS and not p.mdp:
+        # any solution will do; the one into which the disturbance puts the least work shows best what is wrong
+        P.cost |= {int(i): float(w) for i, w in zip(r, p.w0, strict=True) if w}
     _actuators(P, p, goal, q, f, sigma, driven)
     return Relaxation(P, p, edges, still, r, q, cn, f, coupling, beta, alpha, sigma)
 

@@ -1,0 +1,26 @@
+"""What a benchmark ran on: cores and versions, nothing that names a machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib import metadata
+from typing import Any
+
+PACKAGES = ("holdfast", "numpy", "scipy", "mujoco", "pyscipopt", "gurobipy")
+
+
+def describe() -> dict[str, Any]:
+    """Processor architecture, cores, Python and package versions."""
+    versions = {}
+    for package in PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            versions[package] = None
+    return {
+        "architecture": platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "packages": versions,
+    }
