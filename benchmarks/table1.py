@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from holdfast.errors import InputError
 from holdfast.grasp_file import load_grasp
 from holdfast.stability import algorithm1, mip, problem
 from holdfast.stability.mip import Status
@@ -40,7 +41,10 @@ def cell(solver: mip.Solver, q: int, full: bool, eta: float, limit: float) -> di
     run = algorithm1.run(
         p, Goal.SMALLEST_PRELOAD, q=q, solver=solver, full=full, printed_robustness=True, time_limit=limit
     )
-    steps = list(run)
+    try:
+        steps = list(run)
+    except InputError:
+        return {"solver": solver, "sectors": 4 * 2**q, "method": "full", "eta": eta, "status": "licence too small"}
     last = steps[-1]
     done = last.finished
     bound = max((s.bound for s in steps), default=0.0)
@@ -88,7 +92,7 @@ def table(rows: list[dict[str, Any]], solver: str) -> str:
     def seconds(row: dict[str, Any] | None) -> str:
         if row is None:
             return ""
-        return f"{row['seconds']:.2f}" if row["status"] == "finished" else row["status"]
+        return f"{row['seconds']:.2f}" if row["status"] == "finished" else str(row["status"])
 
     for q in LEVELS:
         out = [str(4 * 2**q)]
@@ -96,7 +100,7 @@ def table(rows: list[dict[str, Any]], solver: str) -> str:
             found = {
                 r["method"]: r for r in rows if r["solver"] == solver and r["eta"] == eta and r["sectors"] == 4 * 2**q
             }
-            values = [r["value"] for r in found.values() if r["value"]]
+            values = [r["value"] for r in found.values() if r.get("value")]
             out += [f"{min(values):.5f}" if values else "", seconds(found.get("full")), seconds(found.get("refined"))]
         lines.append("| " + " | ".join(out) + " |")
     for r in rows:

@@ -112,3 +112,17 @@ def test_unknown_or_missing_solver_is_one_line(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(mip, "available", lambda solver: False)
     with pytest.raises(InputError, match=r"solver: 'gurobi' is not installed: pip install 'holdfast\[gurobi\]'"):
         mip.solve(sos_program("sos1"), "gurobi")
+
+
+@pytest.mark.skipif(not mip.available("gurobi"), reason="gurobipy is not installed")
+def test_a_licence_that_is_too_small_is_said() -> None:
+    """The wheel's own licence ends at 2,000 variables; with a full one this program simply solves."""
+    P = Program()
+    x = P.variables(3000, 0.0, 1.0)
+    P.row([(x, np.ones(3000))], 1.0, INF)
+    P.cost = {0: 1.0}
+    try:
+        status, said = mip.solve(P, "gurobi").status, ""
+    except InputError as error:
+        status, said = None, str(error)
+    assert status is Status.OPTIMAL or "licence does not admit this program (3000 variables, 1 rows)" in said

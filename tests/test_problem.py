@@ -51,6 +51,8 @@ def test_other_refusals() -> None:
         problem.build(pinch(), np.zeros(6), np.zeros(6))
     with pytest.raises(InputError, match="eta: is 50 degrees; 0 to 45"):
         problem.build(pinch(), Y6, eta=np.radians(50))
+    with pytest.raises(InputError, match="eta: needs the maximum dissipation principle"):
+        problem.build(pinch(), Y6, eta=0.05, mdp=False)
     with pytest.raises(InputError, match="force limit: is -1; a largest normal force is positive"):
         problem.build(pinch(), Y6, force_limit=-1.0)
     with pytest.raises(InputError, match="torque limit: unknown actuator 'thumb'; known: right, left"):

@@ -6,6 +6,7 @@ import gurobipy
 import numpy as np
 from gurobipy import GRB
 
+from holdfast.errors import InputError
 from holdfast.stability.mip import INF, Program, Solution, Status
 
 FEASIBILITY = 1e-9
@@ -19,11 +20,19 @@ STATUS = {
 
 
 def solve(program: Program, time_limit: float) -> Solution:
-    """Minimise the program; see `holdfast.stability.mip.solve`. A licence that is too small counts as FAILED."""
+    """Minimise the program; see `holdfast.stability.mip.solve`.
+
+    Raises:
+        InputError: no licence, or one that is too small for the program.
+    """
     try:
         with gurobipy.Env(params={"OutputFlag": 0}) as env, gurobipy.Model(env=env) as model:
             return _solve(model, program, time_limit)
-    except gurobipy.GurobiError:
+    except gurobipy.GurobiError as error:
+        if error.errno in (GRB.Error.NO_LICENSE, GRB.Error.SIZE_LIMIT_EXCEEDED):
+            size = f"{len(program.lower)} variables, {len(program.rows)} rows"
+            problem = f"gurobi's licence does not admit this program ({size}): take scip, or refine instead of --full"
+            raise InputError(problem, field="solver") from None
         return Solution(Status.FAILED, None, -INF, 0)
 
 

@@ -111,6 +111,8 @@ def build(
         raise InputError("is zero; give a force, a torque or both", field="direction")
     if not 0 <= eta < MAX_ETA:
         raise InputError(f"is {np.degrees(eta):g} degrees; 0 to 45 is possible", field="eta")
+    if eta > 0 and not mdp:
+        raise InputError("needs the maximum dissipation principle; leave one of the two out", field="eta")
     if force_limit is not None and not force_limit > 0:
         raise InputError(f"is {force_limit:g}; a largest normal force is positive", field="force limit")
 

@@ -184,8 +184,6 @@ def relaxation(
                 )
                 P.row([(speed, 1.0), (alpha[i], -e.length)], -INF, 0.0)
                 normal.append((speed, sin))
-        elif sin > 0:
-            raise ValueError("the normals' uncertainty needs the dissipation principle's sectors")
         P.row(normal, 0.0, 0.0)
         P.sos1.append([int(cn[i]), gap])  # (4)
         P.row([(beta[i], 1.0), (cn[i], -p.mu[i])], -INF, 0.0)  # (15), both cases
