@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from holdfast.body import Body, load_body
-from holdfast.contacts import contact_grasp, deepest, find_contacts
+from holdfast.contacts import _merged, contact_grasp, deepest, find_contacts
 from holdfast.errors import InputError
+from holdfast.grasp import Contact
 from holdfast.hand import Hand, Joint, Link, load_hand
 from holdfast.mechanism import Mechanism
 from holdfast.patch import few, outline, overlap
@@ -316,3 +317,14 @@ def test_no_contact_lies_on_a_hidden_face_of_the_mustard_bottle() -> None:
         for c in found:
             outside = c.position - 1e-3 * c.normal
             assert max(p.depth(outside)[0] for p in body.pieces) < 0
+
+
+def test_means_of_merged_points_are_merged_too() -> None:
+    """Three points 1.6 mm apart in a line: the first two merge, and their mean lies 2.4 mm from the third."""
+    up = np.array([0.0, 0, 1])
+    row = [Contact(np.array([x, 0, 0]), up, 0.5, "tip", depth) for x, depth in ((0, 1e-5), (1.6e-3, 0), (3.2e-3, 0))]
+    assert [c.position[0] for c in _merged(row, 2e-3, 0.17)] == pytest.approx([0.8e-3, 3.2e-3])
+    square = [(x, y) for x in (0, 1.7e-3) for y in (0, 1.7e-3)]  # the diagonal is longer than 2 mm, the means are not
+    points = [Contact(np.array([x, y, 0]), up, 0.5, "tip", 0.0) for x, y in square]
+    (one,) = _merged(points, 2e-3, 0.17)
+    np.testing.assert_allclose(one.position, [0.85e-3, 0.85e-3, 0], atol=1e-9)
