@@ -188,7 +188,7 @@ def drawn(scene: Scenario, answer: CheckAnswer) -> bytes:
     for key in list(figure.legends):
         handles, labels = key.legend_handles, [t.get_text() for t in key.get_texts()]
         key.remove()
-        figure.legend(handles=handles, labels=labels, loc="lower center", ncols=3, frameon=False, fontsize=9)  # type: ignore[arg-type]
+        figure.legend(handles=handles, labels=labels, loc="lower center", ncols=3, frameon=False, fontsize=9)
     return picture(figure)
 
 
