@@ -20,7 +20,8 @@ class Check(QueryOptions, FrictionModel, Command):
         from holdfast.cli import tables
         from holdfast.report import Entry, write_report
         from holdfast.report.words import load_text
-        from holdfast.stability.queries import CheckAnswer, check
+        from holdfast.stability.answers import CheckAnswer
+        from holdfast.stability.queries import check
 
         grasp, options = self.load(), self.options()
         with console.watch("check") as watch:

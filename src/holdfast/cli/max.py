@@ -27,7 +27,8 @@ class Max(QueryOptions, FrictionModel, Command):
         from holdfast.cli import tables
         from holdfast.report import Entry, write_report
         from holdfast.report.words import direction_text, load_text
-        from holdfast.stability.queries import MaxAnswer, maximum
+        from holdfast.stability.answers import MaxAnswer
+        from holdfast.stability.queries import maximum
 
         grasp, options = self.load(), self.options()
         with console.watch("max") as watch:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from holdfast.cli.options import QueryOptions
     from holdfast.cli.torques import Torques
     from holdfast.grasp import Contact, Grasp
+    from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
     from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
-    from holdfast.stability.queries import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
     from holdfast.stability.witness import Witness
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}

@@ -26,7 +26,8 @@ class Torques(QueryOptions, Command):
         from holdfast.cli import tables
         from holdfast.report import Entry, write_report
         from holdfast.report.words import load_text
-        from holdfast.stability.queries import TorquesAnswer, torques
+        from holdfast.stability.answers import TorquesAnswer
+        from holdfast.stability.queries import torques
 
         grasp, options = self.load(), self.options()
         with console.watch("torques") as watch:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from holdfast.grasp import Grasp
     from holdfast.report.drawing import Mesh
+    from holdfast.stability.answers import Answer
     from holdfast.stability.maps import MapAnswer, SweepAnswer
-    from holdfast.stability.queries import Answer
     from holdfast.stability.settings import Settings
 
 

@@ -11,13 +11,13 @@ import numpy as np
 from holdfast.report import words
 from holdfast.report.words import num, vector
 from holdfast.stability import model
-from holdfast.stability.queries import MaxAnswer
+from holdfast.stability.answers import MaxAnswer
 
 if TYPE_CHECKING:
     from holdfast.grasp import Grasp
     from holdfast.report import Entry
+    from holdfast.stability.answers import Answer, TorquesAnswer
     from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
-    from holdfast.stability.queries import Answer, TorquesAnswer
     from holdfast.stability.witness import Witness
 
 BAD = "\x00"  # in front of a cell: a number that should worry

@@ -17,8 +17,8 @@ from holdfast.plot import draw_grasp, draw_map, draw_scene, draw_sweep, picture
 from holdfast.report import numbers, words
 from holdfast.report.numbers import table
 from holdfast.report.words import num
+from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.maps import MapAnswer, SweepAnswer
-from holdfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.settings import Settings
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from holdfast.grasp import Grasp
     from holdfast.report import Entry
     from holdfast.report.drawing import Mesh
-    from holdfast.stability.queries import Answer
+    from holdfast.stability.answers import Answer
     from holdfast.stability.witness import Witness
 
 

@@ -12,8 +12,8 @@ from holdfast.answer import Stop, Verdict
 if TYPE_CHECKING:
     from holdfast.grasp import Grasp
     from holdfast.mechanism import Array
+    from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
     from holdfast.stability.maps import Curve
-    from holdfast.stability.queries import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
     from holdfast.stability.settings import Settings
     from holdfast.stability.witness import Witness
 

@@ -17,7 +17,8 @@ from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError, unknown_name
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array, Mask
-from holdfast.stability.queries import MaxAnswer, finite, maximum
+from holdfast.stability.answers import MaxAnswer, finite, header
+from holdfast.stability.queries import maximum
 from holdfast.stability.settings import Settings
 
 Plane = Literal["xy", "xz", "yz"]
@@ -95,13 +96,7 @@ class MapAnswer:
         return _worst_stop([s for c in self.curves for s in c.stops])
 
     def to_json(self) -> dict[str, Any]:
-        return {
-            "schema": "holdfast/answer/1",
-            "query": "map",
-            "verdict": str(self.verdict),
-            "stop": str(self.stop),
-            "seconds": round(self.seconds, 6),
-            "nodes": self.nodes,
+        return header(self, "map") | {
             "plane": self.plane,
             "eta": float(np.degrees(self.eta)),
             "directions": self.directions.tolist(),
@@ -139,13 +134,7 @@ class SweepAnswer:
         return _worst_stop([s for c in self.curves for s in c.stops])
 
     def to_json(self) -> dict[str, Any]:
-        return {
-            "schema": "holdfast/answer/1",
-            "query": "sweep",
-            "verdict": str(self.verdict),
-            "stop": str(self.stop),
-            "seconds": round(self.seconds, 6),
-            "nodes": self.nodes,
+        return header(self, "sweep") | {
             "joint": self.actuator,
             "directions": self.directions.tolist(),
             "rows": [

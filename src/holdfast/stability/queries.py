@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from holdfast.grasp import Grasp
 from holdfast.mechanism import Array, Mask
 from holdfast.stability import algorithm1, problem, relaxation, witness
 from holdfast.stability.algorithm1 import Step
+from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.exact import Load, Point
 from holdfast.stability.mip import INF, Status
 from holdfast.stability.problem import Problem
@@ -38,104 +39,6 @@ STOPS = {
     Status.INTERRUPTED: Stop.INTERRUPTED,
     Status.FAILED: Stop.NUMERICAL,
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """What every query answers.
-
-    Attributes:
-        verdict: HOLDS with a valid witness; SLIPS if a relaxation has no solution; else UNDECIDED.
-        stop: why the search ended.
-        seconds, nodes, steps: its cost: wall time, branch-and-bound nodes, programs solved.
-        witness: the exact solution behind `verdict` or `lower`.
-    """
-
-    verdict: Verdict
-    stop: Stop
-    seconds: float
-    nodes: int
-    steps: tuple[Step, ...]
-    witness: Witness | None
-
-    def _json(self, query: str) -> dict[str, Any]:
-        return {
-            "schema": "holdfast/answer/1",
-            "query": query,
-            "verdict": str(self.verdict),
-            "stop": str(self.stop),
-            "seconds": round(self.seconds, 6),
-            "nodes": self.nodes,
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class CheckAnswer(Answer):
-    """Is this disturbance resisted?"""
-
-    def to_json(self) -> dict[str, Any]:
-        empty: dict[str, Any] = dict.fromkeys(
-            ("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion")
-        )
-        return self._json("check") | (self.witness.to_json() if self.witness else empty)
-
-
-@dataclass(frozen=True, eq=False)
-class MaxAnswer(Answer):
-    """How large a disturbance is resisted?
-
-    Attributes:
-        lower: the largest magnitude that was witnessed, 0 if none.
-        upper: no larger magnitude is possible; inf if that could not be shown.
-        unbounded: resisted as far as the search goes, ten thousand times the preload (or the base load,
-            or the limits); `lower` is that magnitude and its witness, `upper` is inf.
-    """
-
-    lower: float
-    upper: float
-    unbounded: bool
-
-    @property
-    def gap(self) -> float:
-        """(upper - lower) / lower; 0 if unbounded or both are 0, inf if one bound is missing."""
-        if self.unbounded or self.upper == 0:
-            return 0.0
-        return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
-
-    def to_json(self) -> dict[str, Any]:
-        return self._json("max") | {
-            "lower": self.lower,
-            "upper": finite(self.upper),
-            "gap": finite(self.gap),
-            "unbounded": self.unbounded,
-            "holds_from_zero_to": None,
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class TorquesAnswer(Answer):
-    """Which commands resist a disturbance with the least effort?
-
-    Attributes:
-        preload: actuator name -> command [N m or N]; None without a witness. 0 is a locked actuator.
-        lower, upper: certified and witnessed bound on the objective [N m or N].
-    """
-
-    preload: dict[str, float] | None
-    lower: float
-    upper: float
-
-    def to_json(self) -> dict[str, Any]:
-        return self._json("torques") | {
-            "preload": self.preload,
-            "lower": finite(self.lower),
-            "upper": finite(self.upper),
-        }
-
-
-def finite(x: float) -> float | None:
-    """JSON has no infinity: None."""
-    return float(x) if np.isfinite(x) else None
 
 
 def check(
