@@ -9,14 +9,17 @@ also has to confirm every "infeasible": one of thirty native solves was seen to 
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pyscipopt import Model, quicksum
+from pyscipopt import SCIP_EVENTTYPE, Eventhdlr, Model, quicksum
 
 from holdfast.stability.mip import INF, Program, Solution, Status
 
@@ -33,27 +36,32 @@ FAILED = Solution(Status.FAILED, None, -INF, 0)
 def solve(program: Program, time_limit: float) -> Solution:
     """Minimise the program; see `holdfast.stability.mip.solve`."""
     deadline = time.monotonic() + time_limit
-    result = _attempt(program, time_limit, native=True)
+    result = attempt(program, time_limit, native=True)
     if result.status not in (Status.FAILED, Status.INFEASIBLE):
         return result
     # where the two disagree, a point can be checked against the program and a claim that there is none cannot
-    return _attempt(program, deadline - time.monotonic(), native=False)
+    return attempt(program, deadline - time.monotonic(), native=False)
 
 
-def _attempt(program: Program, time_limit: float, *, native: bool) -> Solution:
+def attempt(program: Program, time_limit: float, *, native: bool) -> Solution:
+    """One solve, with native ordered sets or with binaries; FAILED if SCIP's LP solver gives up."""
     if time_limit <= 0:
         return Solution(Status.TIME, None, -INF, 0)
-    try:
-        return _solve(program, time_limit, native)
-    except Exception as error:  # SCIP reports a failed LP as a bare Exception
-        if type(error) is not Exception:
-            raise
-        return FAILED
+    with _ctrl_c() as pressed:
+        try:
+            result = _solve(program, time_limit, native, pressed)
+        except Exception as error:  # SCIP reports a failed LP as a bare Exception
+            if type(error) is not Exception:
+                raise
+            result = FAILED
+    return replace(result, status=Status.INTERRUPTED) if pressed else result
 
 
-def _solve(program: Program, time_limit: float, native: bool) -> Solution:
+def _solve(program: Program, time_limit: float, native: bool, pressed: list[bool]) -> Solution:
     model = Model()
     model.hideOutput()
+    model.setParam("misc/catchctrlc", False)
+    model.includeEventhdlr(_Watch(pressed), "ctrl-c", "ends the solve when Ctrl-C was pressed")
     if time_limit < INF:
         model.setParam("limits/time", time_limit)
     xs = [
@@ -82,7 +90,7 @@ def _solve(program: Program, time_limit: float, native: bool) -> Solution:
         # presolving could not tell: without an objective there is nothing to be unbounded
         if program.cost:
             bare = Program(program.lower, program.upper, {}, program.rows, program.sos1, program.sos2)
-            again = _solve(bare, time_limit, native)
+            again = _solve(bare, time_limit, native, pressed)
             unbounded = again.status is Status.OPTIMAL
             return Solution(Status.UNBOUNDED if unbounded else again.status, again.x, -INF, again.nodes)
         name = "infeasible"
@@ -123,6 +131,41 @@ def _zero_unless(model: Model, x: Any, binaries: list[Any]) -> None:
     off = model.addVar(vtype="B")
     model.addCons(off + quicksum(binaries) == 1)
     model.addConsIndicator(x <= 0, binvar=off)
+
+
+class _Watch(Eventhdlr):
+    """Looks at every solved node whether Ctrl-C was pressed.
+
+    SCIP can catch the signal itself, but forgets it where its LP solver fails, and prints about it.
+    """
+
+    def __init__(self, pressed: list[bool]) -> None:
+        self.pressed = pressed
+
+    def eventinit(self) -> None:
+        self.model.catchEvent(SCIP_EVENTTYPE.NODESOLVED, self)
+
+    def eventexit(self) -> None:
+        self.model.dropEvent(SCIP_EVENTTYPE.NODESOLVED, self)
+
+    def eventexec(self, event: Any) -> None:
+        if self.pressed:
+            self.model.interruptSolve()
+
+
+@contextmanager
+def _ctrl_c() -> Iterator[list[bool]]:
+    """A list that fills when Ctrl-C is pressed; elsewhere than in the main thread, or where it is ignored, never."""
+    pressed: list[bool] = []
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        yield pressed
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: pressed.append(True))
+    try:
+        yield pressed
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
