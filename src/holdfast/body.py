@@ -80,15 +80,26 @@ class Body:
         """
         if self.mass is None:
             raise InputError("is unknown; give the object a mass [kg]", source=self.name, field="mass")
-        d = frozen(direction, (3,), "direction")
-        if np.linalg.norm(d) < 1e-12:
-            raise InputError("is zero; give the direction in which gravity pulls", field="direction")
-        force = self.mass * g * d / np.linalg.norm(d)
-        return np.concatenate([force, np.cross(self.center_of_mass, force)])
+        return weight(self.mass, self.center_of_mass, direction, g)
 
     def __repr__(self) -> str:
         mass = "unknown mass" if self.mass is None else f"{self.mass:g} kg"
         return f"Body({self.name!r}, {len(self.pieces)} pieces, {mass}, mu={self.friction:g})"
+
+
+def weight(mass: float, center_of_mass: object, direction: object, g: float = 9.81) -> Array:
+    """(6,) [N, N m] the wrench of a mass [kg] at its centre (3,) [m], gravity along direction (3,), at the origin.
+
+    Raises:
+        InputError: a mass that is not positive, a zero direction.
+    """
+    if not mass > 0:
+        raise InputError(f"is {mass:g}; a weight needs a positive mass [kg]", field="mass")
+    d = frozen(direction, (3,), "direction")
+    if np.linalg.norm(d) < 1e-12:
+        raise InputError("is zero; give the direction in which gravity pulls", field="direction")
+    force = mass * g * d / np.linalg.norm(d)
+    return np.concatenate([force, np.cross(frozen(center_of_mass, (3,), "center of mass"), force)])
 
 
 def load_body(

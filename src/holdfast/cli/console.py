@@ -52,9 +52,6 @@ class Watch:
     def __init__(self, what: str) -> None:
         self.what = what
         self.start = time.monotonic()
-        self.nodes = 0
-        self.lower: float | None = None
-        self.upper: float | None = None
         self._bar: Any = None
         self._task: Any = None
         self._stream = sys.stderr
@@ -66,8 +63,6 @@ class Watch:
 
     def step(self, progress: Progress) -> None:
         """After each step of one query."""
-        self.lower, self.upper = progress.lower, progress.upper
-        self.nodes += progress.step.solution.nodes
         width = progress.step.width * 57.29578
         text = f"step {progress.step.number} · sectors {width:.3g}° wide"
         if progress.upper > 0:

@@ -23,22 +23,14 @@ class Max(QueryOptions, FrictionModel, Command):
     """a constant load beside it, such as the weight"""
 
     def run(self) -> int:
-        from holdfast.answer import Stop, Verdict
         from holdfast.cli import tables
         from holdfast.report import Entry, write_report
         from holdfast.report.words import direction_text, load_text
-        from holdfast.stability.answers import MaxAnswer
         from holdfast.stability.queries import maximum
 
         grasp, options = self.load(), self.options()
         with console.watch("max") as watch:
-            try:
-                answer = maximum(grasp, self.direction, base=self.base, mdp=self.mdp, on_step=watch.step, **options)
-            except KeyboardInterrupt:  # between two programs, where the query does not expect it
-                lower, upper = watch.lower or 0.0, float("inf") if watch.upper is None else watch.upper
-                verdict = Verdict.HOLDS if lower > 0 else Verdict.UNDECIDED
-                cost = (watch.seconds, watch.nodes, ())
-                answer = MaxAnswer(verdict, Stop.INTERRUPTED, *cost, None, lower, upper, False)
+            answer = maximum(grasp, self.direction, base=self.base, mdp=self.mdp, on_step=watch.step, **options)
         if self.report:
             beside = f" beside {load_text(self.base)}" if self.base else ""
             title = f"How much {direction_text(self.direction)} does it resist{beside}?"

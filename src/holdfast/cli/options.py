@@ -67,7 +67,15 @@ def _several(metavar: str, read: Any) -> PrimitiveConstructorSpec[Any]:
     )
 
 
+def _triple(words: list[str]) -> Numbers:
+    """Three numbers."""
+    if len(words) != 3:
+        raise ValueError(f"has {len(words)} numbers; three are needed, X Y Z")
+    return tuple(_number(w) for w in words)
+
+
 Wrench = Annotated[Numbers, _several("FX FY FZ TX TY TZ", _wrench)]
+Triple = Annotated[Numbers, _several("X Y Z", _triple)]
 Assignments = UseAppendAction[tuple[Annotated[Pairs, _several("NAME=VALUE", _pairs)], ...]]
 GraspName = Annotated[Positional[str], arg(metavar="GRASP")]
 
@@ -172,6 +180,33 @@ class QueryOptions(GraspOptions):
             "force_limit": self.force_limit,
             "settings": self.settings(),
         }
+
+
+@dataclass(kw_only=True)
+class Load:
+    """The disturbance: a wrench, or the weight of the object."""
+
+    wrench: Wrench = ()
+    """force [N] and torque [N m] on the object at its origin; three numbers are a force"""
+    gravity: Triple = ()
+    """instead: the direction in which gravity pulls, object axes; needs --mass"""
+    mass: Annotated[float | None, arg(metavar="KG")] = None
+    """mass of the object [kg], for --gravity"""
+    center_of_mass: Triple = (0.0, 0.0, 0.0)
+    """centre of mass in the object's frame [m], for --gravity"""
+
+    def disturbance(self) -> Numbers:
+        """(6,) the wrench that was asked about."""
+        if bool(self.wrench) == bool(self.gravity):
+            which = "give one of the two" if self.wrench else "missing"
+            raise InputError(f"{which}: --wrench FX FY FZ TX TY TZ, or --gravity GX GY GZ with --mass KG")
+        if self.wrench:
+            return self.wrench
+        if self.mass is None:
+            raise InputError("--gravity needs the object's --mass KG")
+        from holdfast.body import weight
+
+        return tuple(weight(self.mass, self.center_of_mass, self.gravity).tolist())
 
 
 @dataclass(kw_only=True)

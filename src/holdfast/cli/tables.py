@@ -36,6 +36,14 @@ def show_check(out: Console, grasp: Grasp, wrench: Load, answer: CheckAnswer, as
     _written(out, asked)
 
 
+def show_preload_alone(out: Console, alone: CheckAnswer) -> None:
+    """Whether the preload without any disturbance has an equilibrium, where one with it has none."""
+    if alone.verdict is Verdict.SLIPS:
+        out.print("The preload alone slips already: its own forces do not balance on the object.")
+    elif alone.verdict is Verdict.HOLDS:
+        out.print("The preload alone holds; this disturbance is too much.")
+
+
 def show_max(out: Console, grasp: Grasp, direction: Load, answer: MaxAnswer, asked: QueryOptions) -> None:
     _verdict(out, grasp, answer, words.max_sentence(answer, direction), asked)
     if answer.witness:

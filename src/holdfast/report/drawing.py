@@ -101,7 +101,7 @@ def draw_grasp(grasp: Grasp, witness: Witness | None = None, meshes: Sequence[Me
     triad = TRIAD * count * width / 2
     headroom = 1.6 * triad  # above the drawing, for the object frame's axes
     height = max(height, 0.6 * width) + 2 * headroom
-    legend = 0.62  # [inches] below the panels
+    legend = 0.78  # [inches] below the panels
     panel = 8.0 / count * height / width
     figure.set_size_inches(8.0, panel + legend + 0.28)
     total = panel + legend + 0.28
@@ -111,7 +111,7 @@ def draw_grasp(grasp: Grasp, witness: Witness | None = None, meshes: Sequence[Me
         _frame(ax, middle, np.array([width, height]) / 2, view, triad)
         if not meshes:
             _joint_labels(ax, grasp, view.matrix)
-    figure.legend(handles=_key(grasp, witness), loc="lower center", ncols=4, frameon=False, fontsize=9)
+    figure.legend(handles=_key(grasp, witness), loc="lower center", ncols=3, frameon=False, fontsize=9)
     return figure
 
 

@@ -1,0 +1,126 @@
+"""What the queries return: verdict, bounds, witness, cost; each as the JSON object of the command line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from holdfast.answer import Stop, Verdict
+from holdfast.stability.algorithm1 import Step
+from holdfast.stability.mip import INF
+from holdfast.stability.witness import Witness
+
+
+class Timed(Protocol):
+    """Anything with a verdict and a cost."""
+
+    @property
+    def verdict(self) -> Verdict: ...
+    @property
+    def stop(self) -> Stop: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def nodes(self) -> int: ...
+
+
+def header(answer: Timed, query: str) -> dict[str, Any]:
+    """The keys that every answer's JSON begins with."""
+    return {
+        "schema": "holdfast/answer/1",
+        "query": query,
+        "verdict": str(answer.verdict),
+        "stop": str(answer.stop),
+        "seconds": round(answer.seconds, 6),
+        "nodes": answer.nodes,
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What every query answers.
+
+    Attributes:
+        verdict: HOLDS with a valid witness; SLIPS if a relaxation has no solution; else UNDECIDED.
+        stop: why the search ended.
+        seconds, nodes, steps: its cost: wall time, branch-and-bound nodes, programs solved.
+        witness: the exact solution behind `verdict` or `lower`.
+    """
+
+    verdict: Verdict
+    stop: Stop
+    seconds: float
+    nodes: int
+    steps: tuple[Step, ...]
+    witness: Witness | None
+
+
+@dataclass(frozen=True, eq=False)
+class CheckAnswer(Answer):
+    """Is this disturbance resisted?"""
+
+    def to_json(self) -> dict[str, Any]:
+        empty: dict[str, Any] = dict.fromkeys(
+            ("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion")
+        )
+        return header(self, "check") | (self.witness.to_json() if self.witness else empty)
+
+
+@dataclass(frozen=True, eq=False)
+class MaxAnswer(Answer):
+    """How large a disturbance is resisted?
+
+    Attributes:
+        lower: the largest magnitude that was witnessed, 0 if none.
+        upper: no larger magnitude is possible; inf if that could not be shown.
+        unbounded: resisted as far as the search goes, ten thousand times the preload (or the base load,
+            or the limits); `lower` is that magnitude and its witness, `upper` is inf.
+    """
+
+    lower: float
+    upper: float
+    unbounded: bool
+
+    @property
+    def gap(self) -> float:
+        """(upper - lower) / lower; 0 if unbounded or both are 0, inf if one bound is missing."""
+        if self.unbounded or self.upper == 0:
+            return 0.0
+        return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
+
+    def to_json(self) -> dict[str, Any]:
+        return header(self, "max") | {
+            "lower": self.lower,
+            "upper": finite(self.upper),
+            "gap": finite(self.gap),
+            "unbounded": self.unbounded,
+            "holds_from_zero_to": None,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TorquesAnswer(Answer):
+    """Which commands resist a disturbance with the least effort?
+
+    Attributes:
+        preload: actuator name -> command [N m or N]; None without a witness. 0 is a locked actuator.
+        lower, upper: certified and witnessed bound on the objective [N m or N].
+    """
+
+    preload: dict[str, float] | None
+    lower: float
+    upper: float
+
+    def to_json(self) -> dict[str, Any]:
+        return header(self, "torques") | {
+            "preload": self.preload,
+            "lower": finite(self.lower),
+            "upper": finite(self.upper),
+        }
+
+
+def finite(x: float) -> float | None:
+    """JSON has no infinity: None."""
+    return float(x) if np.isfinite(x) else None
