@@ -158,8 +158,7 @@ def keys_of(model: type[Strict], prefix: str = "") -> set[str]:
         key = prefix + (info.alias or name)
         out.add(key)
         kind = str(info.annotation)
-        inner = [m for m in re.findall(r"holdfast\.[\w.]+", kind)]
-        for path in inner:
+        for path in re.findall(r"holdfast\.[\w.]+", kind):
             module, _, cls = path.rpartition(".")
             found = getattr(__import__(module, fromlist=[cls]), cls)
             if isinstance(found, type) and issubclass(found, Strict):
@@ -193,13 +192,13 @@ def test_every_field_of_a_body_is_in_its_table() -> None:
 
 def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = (DOCS / "answers.md").read_text("utf-8")
+    quick, up = ["--sectors", "64", "--gap", "0.02"], ["--direction", "0", "0", "1"]
     asked = {
         "check": ["check", "fig1", "--wrench", "0", "1", "0"],
         "max": ["max", "fig1", "--direction", "0", "-1", "0", "--no-preload"],
-        "torques": ["torques", "fig11", "--wrench", "0", "0", "0.1", "--sectors", "16", "--gap", "0.2"],
-        "map": ["map", "fig11", "--plane", "xy", "--steps", "1", "--sectors", "16", "--gap", "0.2"],
-        "sweep": ["sweep", "fig11", "--joint", "finger_3_prox", "--to", "0.01", "--steps", "2", "--direction", "0"]
-        + ["0", "1", "--sectors", "16", "--gap", "0.2"],  # noqa: RUF005
+        "torques": ["torques", "fig11", "--wrench", "0", "0", "0.5"],
+        "map": ["map", "fig11", "--plane", "xz", "--steps", "4", *quick],
+        "sweep": ["sweep", "fig11", "--joint", "finger_3_prox", "--to", "0.01", "--steps", "2", *quick, *up],
     }
     common = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
     for name, arguments in asked.items():

@@ -1,0 +1,127 @@
+"""Make the pictures of the documentation with the program itself.
+
+    python docs/make_pictures.py [--solver gurobi] [--only NAME ...] [--numbers FOLDER]
+
+Writes docs/img/*.png. With SCIP on two cores the maps take about half an hour in all; `--only` makes
+one picture, `--numbers` also keeps the numbers behind the maps and the sweep as JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from holdfast import (
+    Settings,
+    check,
+    contact_grasp,
+    force_map,
+    load_body,
+    load_configuration,
+    load_grasp,
+    load_hand,
+    sweep,
+)
+from holdfast.plot import draw_grasp, draw_map, draw_sweep, picture, scene_meshes
+from holdfast.stability.witness import Witness
+
+IMAGES = Path(__file__).parent / "img"
+STEPS = 48  # directions of a map
+PATIENCE = 20.0  # [s] for a direction; what is open then is drawn hatched
+ROBUST = float(np.radians(2.5))
+
+
+def scene(name: str, witness: Witness | None = None, count: int = 3) -> Any:
+    """The bundled hand and object of a paper grasp from some sides."""
+    placed = load_configuration(name)
+    hand, q = placed.applied(load_hand(placed.hand or ""))
+    body = load_body(placed.object or "")
+    grasp = contact_grasp(hand, q, body, placed.pose, preload=placed.preload, mechanism="direct", name=name)
+    return draw_grasp(grasp, witness, scene_meshes(hand, q, body, placed.pose), count=count)
+
+
+def holding(settings: Settings, count: int = 3) -> Any:
+    """Fig. 1 under 2.2 N along +y, with the forces that hold it."""
+    return scene("fig1", check(load_grasp("fig1"), [0, 2.2, 0, 0, 0, 0], settings=settings).witness, count)
+
+
+def unreal(settings: Settings) -> Any:
+    """The same grasp without preload under 1 N, if friction need not oppose the motion."""
+    grasp = load_grasp("fig1").with_preload(None)
+    return draw_grasp(grasp, check(grasp, [0, 1.0, 0, 0, 0, 0], mdp=False, settings=settings).witness)
+
+
+def beside(left: Any, right: Any, height: int) -> bytes:
+    """Two figures side by side, scaled to a height in pixels, as PNG."""
+    images = [Image.open(io.BytesIO(picture(f, "png", dpi=180))).convert("RGB") for f in (left, right)]
+    scaled = [i.resize((round(i.width * height / i.height), height), Image.Resampling.LANCZOS) for i in images]
+    both = Image.new("RGB", (sum(i.width for i in scaled), height), "white")
+    both.paste(scaled[0], (0, 0))
+    both.paste(scaled[1], (scaled[0].width, 0))
+    data = io.BytesIO()
+    both.save(data, "png", optimize=True)
+    return data.getvalue()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--solver", default="scip", choices=["scip", "gurobi"])
+    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--numbers", type=Path)
+    asked = parser.parse_args()
+    exact = Settings(solver=asked.solver)
+    quick = Settings(solver=asked.solver, gap=5e-3, time_limit=PATIENCE)
+
+    def force(name: str, eta: float) -> Callable[[], Any]:
+        def draw() -> Any:
+            answer = force_map(load_grasp(name), "xy", steps=STEPS, eta=eta, settings=quick)
+            keep(f"{name}-{eta:.3f}", answer.to_json())
+            return draw_map(answer)
+
+        return draw
+
+    def preloads() -> Any:
+        directions = [[0, 0, 1.0, 0, 0, 0], [0, 0, 0, 1.0, 0, 0]]
+        answer = sweep(load_grasp("fig11"), "finger_3_prox", np.linspace(0, 0.1, 21), directions, settings=quick)
+        keep("fig11-sweep", answer.to_json())
+        return draw_sweep(answer)
+
+    def keep(name: str, numbers: dict[str, Any]) -> None:
+        if asked.numbers:
+            (asked.numbers / f"{name}.json").write_text(json.dumps(numbers))
+
+    pictures: dict[str, Callable[[], Any]] = {
+        "demo": lambda: beside(holding(exact, 1), force("fig1", 0.0)(), 600),
+        "fig1-scene": lambda: scene("fig1"),
+        "fig7-scene": lambda: scene("fig7"),
+        "fig9-scene": lambda: scene("fig9"),
+        "fig11-scene": lambda: scene("fig11"),
+        "fig1-holds": lambda: holding(exact),
+        "fig1-without-dissipation": lambda: unreal(exact),
+        "fig1-map": force("fig1", 0.0),
+        "fig1-map-robust": force("fig1", ROBUST),
+        "fig11-sweep": preloads,
+        "fig7-map": force("fig7", 0.0),
+        "fig7-map-robust": force("fig7", ROBUST),
+        "fig9-map-robust": force("fig9", ROBUST),
+    }
+    IMAGES.mkdir(exist_ok=True)
+    for name, draw in pictures.items():
+        if asked.only and name not in asked.only:
+            continue
+        start = time.monotonic()
+        drawn = draw()
+        (IMAGES / f"{name}.png").write_bytes(drawn if isinstance(drawn, bytes) else picture(drawn, "png"))
+        print(f"{name}.png  {time.monotonic() - start:.1f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()
