@@ -41,7 +41,7 @@ def test_ordered_sets(solver: mip.Solver, kind: str, best: float) -> None:
 
 @pytest.mark.parametrize(("kind", "best"), [("sos1", 3.0), ("sos2", 5.0)])
 def test_scip_without_native_sets_agrees(kind: str, best: float) -> None:
-    assert scip.attempt(sos_program(kind), INF, native=False).bound == pytest.approx(-best)
+    assert scip.attempt(sos_program(kind), INF, order=None).bound == pytest.approx(-best)
 
 
 @solvers
@@ -86,11 +86,15 @@ def test_rows_are_judged_relative_to_their_terms() -> None:
     assert P.violation(np.array([1.0, 1.1])) > 0.05
 
 
-def test_scip_confirms_infeasible_with_its_second_formulation(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scip_confirms_infeasible_with_a_second_attempt(monkeypatch: pytest.MonkeyPatch) -> None:
     honest = scip._solve
 
-    def wrong(program: Program, time_limit: float, native: bool, pressed: list) -> Solution:
-        return Solution(Status.INFEASIBLE, None, INF, 1) if native else honest(program, time_limit, native, pressed)
+    def wrong(program: Program, time_limit: float, order: int | None, nodes: int | None, pressed: list) -> Solution:
+        return (
+            Solution(Status.INFEASIBLE, None, INF, 1)
+            if order == 0
+            else honest(program, time_limit, order, nodes, pressed)
+        )
 
     monkeypatch.setattr(scip, "_solve", wrong)
     assert mip.solve(sos_program("sos2"), "scip").bound == pytest.approx(-5.0)
@@ -99,10 +103,10 @@ def test_scip_confirms_infeasible_with_its_second_formulation(monkeypatch: pytes
 def test_scip_falls_back_when_its_lp_solver_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     honest = scip._solve
 
-    def broken(program: Program, time_limit: float, native: bool, pressed: list) -> Solution:
-        if native:
+    def broken(program: Program, time_limit: float, order: int | None, nodes: int | None, pressed: list) -> Solution:
+        if order is not None:
             raise Exception("SCIP: error in LP solver!")
-        return honest(program, time_limit, native, pressed)
+        return honest(program, time_limit, order, nodes, pressed)
 
     monkeypatch.setattr(scip, "_solve", broken)
     assert mip.solve(sos_program("sos1"), "scip").bound == pytest.approx(-3.0)
@@ -112,14 +116,16 @@ def test_scip_remembers_ctrl_c_even_where_it_fails(monkeypatch: pytest.MonkeyPat
     """A signal during a solve that ends in an error must not be lost: no second attempt, status interrupted."""
     calls = []
 
-    def interrupted(program: Program, time_limit: float, native: bool, pressed: list) -> Solution:
-        calls.append(native)
+    def interrupted(
+        program: Program, time_limit: float, order: int | None, nodes: int | None, pressed: list
+    ) -> Solution:
+        calls.append(order)
         signal.raise_signal(signal.SIGINT)
         raise Exception("SCIP: error in LP solver!")
 
     monkeypatch.setattr(scip, "_solve", interrupted)
     assert mip.solve(sos_program("sos1"), "scip").status is Status.INTERRUPTED
-    assert calls == [True]
+    assert calls == [0]
 
 
 def test_unknown_or_missing_solver_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ class Max(QueryOptions, FrictionModel, Command):
 
     direction: Wrench
     """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
-    base: Wrench | None = None
+    base: Wrench = ()
     """a constant load beside it, such as the weight"""
 
     def run(self) -> int:
@@ -30,7 +30,7 @@ class Max(QueryOptions, FrictionModel, Command):
 
         grasp, options = self.load(), self.options()
         with console.watch("max") as watch:
-            answer = maximum(grasp, self.direction, base=self.base, mdp=self.mdp, on_step=watch.step, **options)
+            answer = maximum(grasp, self.direction, base=self.base or None, mdp=self.mdp, on_step=watch.step, **options)
         if self.report:
             beside = f" beside {load_text(self.base)}" if self.base else ""
             title = f"How much {direction_text(self.direction)} does it resist{beside}?"

@@ -184,7 +184,7 @@ def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -
         return f"{load} is resisted with every actuator locked: no command is needed."
     lower, upper = num(answer.lower), num(answer.upper)
     limit = "" if lower == upper else f", and none below {lower} suffices"
-    return f"The {goal} that {load} needs is {upper}{limit}."
+    return f"The {goal} that {load} needs is {upper} N·m{limit}."
 
 
 def reason(answer: Answer, settings: Settings) -> str:

@@ -129,7 +129,15 @@ def maximum(
             # the solver's bound on lambda or on -s, as a bound on s
             bound = max(0.0, -step.bound) if limited else (1.0 / step.bound if step.bound > 0 else INF)
             search.upper = 0.0 if search.infeasible else min(search.upper, bound if bound < at_end else INF)
-            if step.point is not None and (hit := witness.find(p, search.load, step.point)):
+            if step.point is None:
+                continue
+            load, start = search.load, step.point
+            last = end if limited else 1.0 / end
+            if (limited and start.sigma >= last * (1 - 1e-6)) or (not limited and start.sigma <= last * (1 + 1e-6)):
+                # the relaxation reaches the end of the search: is there an exact solution right there?
+                load, start = replace(load, free=False), replace(start, sigma=last)
+            hit = witness.find(p, load, start) or witness.find(p, search.load, step.point)
+            if hit:
                 w, x = hit
                 if not limited:
                     w, s = _at_commands(p, search.load, w, x, end)
