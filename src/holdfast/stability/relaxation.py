@@ -127,6 +127,8 @@ def relaxation(
     m, l, a, k = p.sizes
     P = Program()
     cap = MOTION_CAP * (search_end(p) / ENDLESS if goal is Goal.LARGEST else 1.0)
+    if not p.mdp and np.isfinite(p.cn_max):
+        cap = 2.0 * p.cn_max  # motions free of consequence only blur the picture of what is wrong
     still = _still(p, driven)
     r, q = P.variables(6, -cap, cap), P.variables(l, -cap, cap)
     for j in np.flatnonzero(still):
