@@ -100,7 +100,7 @@ def contact_grasp(
 
     Args:
         preload: commanded forces by actuator name [N m, N]; absent actuators are locked.
-        threshold, friction, scene: as in `find_contacts`.
+        threshold: as in `find_contacts`, like friction and scene.
         lock: joints held rigidly whatever the actuators do.
         mechanism: "hand" for the hand's own, "direct" for one motor per joint, named like the joint.
 
