@@ -131,12 +131,14 @@ def maximum(
             search.upper = 0.0 if search.infeasible else min(search.upper, bound if bound < at_end else INF)
             if step.point is None:
                 continue
-            load, start = search.load, step.point
+            starts = [(search.load, step.point)]
             last = end if limited else 1.0 / end
-            if (limited and start.sigma >= last * (1 - 1e-6)) or (not limited and start.sigma <= last * (1 + 1e-6)):
+            if (limited and step.point.sigma >= last * (1 - 1e-6)) or (
+                not limited and step.point.sigma <= last * (1 + 1e-6)
+            ):
                 # the relaxation reaches the end of the search: is there an exact solution right there?
-                load, start = replace(load, free=False), replace(start, sigma=last)
-            hit = witness.find(p, load, start) or witness.find(p, search.load, step.point)
+                starts.insert(0, (replace(search.load, free=False), replace(step.point, sigma=last)))
+            hit = next((h for load, x in starts if (h := witness.find(p, load, x))), None)
             if hit:
                 w, x = hit
                 if not limited:
