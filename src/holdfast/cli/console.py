@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
 from collections.abc import Iterator
@@ -47,7 +46,7 @@ def out() -> Console:
 
 
 class Watch:
-    """Progress on standard error if that is a terminal, and the last bounds for an interruption."""
+    """Progress on standard error if that is a terminal."""
 
     def __init__(self, what: str) -> None:
         self.what = what
@@ -105,42 +104,9 @@ class Watch:
 
 @contextmanager
 def watch(what: str) -> Iterator[Watch]:
-    """A `Watch` during a query; meanwhile what solver libraries print by themselves is dropped."""
-    with _quiet_libraries():
-        w = Watch(what)
-        try:
-            yield w
-        finally:
-            w.stop()
-
-
-@contextmanager
-def _quiet_libraries() -> Iterator[None]:
-    """Keep `sys.stderr` working while file descriptors 1 and 2, which C libraries write to, go nowhere.
-
-    SCIP announces Ctrl-C on standard output, in the middle of a JSON object if it can.
-    """
+    """A `Watch` during a query."""
+    w = Watch(what)
     try:
-        ours = sys.stdout.fileno() == 1 and sys.stderr.fileno() == 2
-    except (OSError, ValueError, AttributeError):  # a test or a notebook has put its own streams there
-        ours = False
-    if not ours:
-        yield
-        return
-    stream = sys.stderr
-    sys.stdout.flush()
-    stream.flush()
-    kept = {fd: os.dup(fd) for fd in (1, 2)}
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    sys.stderr = os.fdopen(os.dup(2), "w", buffering=1, encoding=stream.encoding, errors="replace")
-    for fd in kept:
-        os.dup2(nowhere, fd)
-    try:
-        yield
+        yield w
     finally:
-        sys.stderr.close()
-        sys.stderr = stream
-        for fd, copy in kept.items():
-            os.dup2(copy, fd)
-            os.close(copy)
-        os.close(nowhere)
+        w.stop()

@@ -60,10 +60,10 @@ class Map(QueryOptions, Command):
 
 
 def jobs() -> int:
-    """All processors, but never in this process: a solver in it would keep Ctrl-C to itself."""
+    """All processors: the program's main module is guarded, so workers may be spawned wherever it runs."""
     import os
 
-    return max(2, os.cpu_count() or 1)
+    return os.cpu_count() or 1
 
 
 def save(answer: MapAnswer, path: Path, *, limit: float | None = None, force: bool = False) -> None:

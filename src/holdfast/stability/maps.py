@@ -17,6 +17,7 @@ from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError, unknown_name
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array, Mask
+from holdfast.stability import problem
 from holdfast.stability.answers import MaxAnswer, finite, header
 from holdfast.stability.queries import maximum
 from holdfast.stability.settings import Settings
@@ -62,8 +63,27 @@ class Curve:
         }
 
 
+class _Curves:
+    """The verdict and stop of an answer that consists of curves."""
+
+    curves: tuple[Curve, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """HOLDS if any case is resisted, SLIPS if none is, UNDECIDED if that is not known."""
+        verdicts = [v for c in self.curves for v in c.verdicts]
+        return next((v for v in (Verdict.HOLDS, Verdict.UNDECIDED) if v in verdicts), Verdict.SLIPS)
+
+    @property
+    def stop(self) -> Stop:
+        """The most telling stop of all cases."""
+        stops = [s for c in self.curves for s in c.stops]
+        order = (Stop.INTERRUPTED, Stop.TIME, Stop.NODES, Stop.NUMERICAL, Stop.RESOLUTION)
+        return next((s for s in order if s in stops), Stop.COMPLETE)
+
+
 @dataclass(frozen=True, eq=False)
-class MapAnswer:
+class MapAnswer(_Curves):
     """The resisted forces in a plane of the object frame, without and with the preload.
 
     Attributes:
@@ -83,17 +103,8 @@ class MapAnswer:
     nodes: int
 
     @property
-    def curves(self) -> list[Curve]:
-        return [self.passive, *([self.preloaded] if self.preloaded else [])]
-
-    @property
-    def verdict(self) -> Verdict:
-        """HOLDS if any direction is resisted, SLIPS if none is, UNDECIDED if that is not known."""
-        return _joint_verdict([v for c in self.curves for v in c.verdicts])
-
-    @property
-    def stop(self) -> Stop:
-        return _worst_stop([s for c in self.curves for s in c.stops])
+    def curves(self) -> tuple[Curve, ...]:  # type: ignore[override]
+        return (self.passive, *([self.preloaded] if self.preloaded else []))
 
     def to_json(self) -> dict[str, Any]:
         return header(self, "map") | {
@@ -107,7 +118,7 @@ class MapAnswer:
 
 
 @dataclass(frozen=True, eq=False)
-class SweepAnswer:
+class SweepAnswer(_Curves):
     """The maxima in some directions while one actuator's command grows.
 
     Attributes:
@@ -124,14 +135,6 @@ class SweepAnswer:
     curves: tuple[Curve, ...]
     seconds: float
     nodes: int
-
-    @property
-    def verdict(self) -> Verdict:
-        return _joint_verdict([v for c in self.curves for v in c.verdicts])
-
-    @property
-    def stop(self) -> Stop:
-        return _worst_stop([s for c in self.curves for s in c.stops])
 
     def to_json(self) -> dict[str, Any]:
         return header(self, "sweep") | {
@@ -243,17 +246,6 @@ def sweep(
     )
 
 
-def _joint_verdict(verdicts: Sequence[Verdict]) -> Verdict:
-    if Verdict.HOLDS in verdicts:
-        return Verdict.HOLDS
-    return Verdict.UNDECIDED if Verdict.UNDECIDED in verdicts else Verdict.SLIPS
-
-
-def _worst_stop(stops: Sequence[Stop]) -> Stop:
-    order = (Stop.INTERRUPTED, Stop.TIME, Stop.NODES, Stop.NUMERICAL, Stop.RESOLUTION)
-    return next((s for s in order if s in stops), Stop.COMPLETE)
-
-
 # --- work on all cores -----------------------------------------------------------------------------
 
 Case = tuple[Grasp, Array, dict[str, Any]]
@@ -272,14 +264,15 @@ def _maxima(cases: Sequence[Case], jobs: int | None, on_item: OnItem | None) -> 
     """One answer per case, in order; None from the first one that Ctrl-C prevented."""
     if cases:
         grasp, direction, options = cases[0]
-        _check_input(grasp, direction, options)
+        limits = {k: v for k, v in options.items() if k != "settings"}
+        problem.build(grasp, np.zeros(6), direction, **limits)  # bad input's one line is raised here, not in a worker
     done: list[MaxAnswer | None] = []
     try:
         for answer in _results(cases, jobs or default_jobs()):
             done.append(answer)
             if on_item:
                 on_item(len(done), len(cases))
-            if answer.stop is Stop.INTERRUPTED:  # SCIP takes Ctrl-C for itself
+            if answer.stop is Stop.INTERRUPTED:  # Ctrl-C during a solve ends in an answer, not in an exception
                 break
     except KeyboardInterrupt:
         pass
@@ -289,20 +282,6 @@ def _maxima(cases: Sequence[Case], jobs: int | None, on_item: OnItem | None) -> 
 def default_jobs() -> int:
     """All cores where worker processes need no guarded main module (Linux), otherwise one."""
     return (os.cpu_count() or 1) if START == "fork" else 1
-
-
-def _check_input(grasp: Grasp, direction: Array, options: dict[str, Any]) -> None:
-    """Raise bad input's one clear line here rather than in a worker process."""
-    from holdfast.stability import problem
-
-    problem.build(
-        grasp,
-        np.zeros(6),
-        direction,
-        eta=options["eta"],
-        torque_limits=dict(options["torque_limits"] or {}),
-        force_limit=options["force_limit"],
-    )
 
 
 def _results(cases: Sequence[Case], jobs: int) -> Iterator[MaxAnswer]:

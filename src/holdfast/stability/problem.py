@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,12 +83,12 @@ class Problem:
 
 def build(
     grasp: Grasp,
-    w0: Array,
-    direction: Array | None = None,
+    w0: Sequence[float] | Array,
+    direction: Sequence[float] | Array | None = None,
     *,
     eta: float = 0.0,
     mdp: bool = True,
-    torque_limits: dict[str, float] | None = None,
+    torque_limits: Mapping[str, float] | None = None,
     force_limit: float | None = None,
 ) -> Problem:
     """Scale a question.

@@ -69,7 +69,7 @@ def check(
         InputError: see `holdfast.stability.problem.build`.
     """
     settings = settings or Settings()
-    p = _build(grasp, wrench, None, eta, mdp, torque_limits, force_limit)
+    p = problem.build(grasp, wrench, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
     if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
         modest = _exists(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_step)
         if modest.verdict is Verdict.HOLDS:
@@ -117,7 +117,8 @@ def maximum(
     The other arguments and errors are those of `check`.
     """
     settings = settings or Settings()
-    p = _build(grasp, base if base is not None else np.zeros(6), direction, eta, mdp, torque_limits, force_limit)
+    w0 = np.zeros(6) if base is None else base
+    p = problem.build(grasp, w0, direction, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
     limited = bool(np.isfinite(p.f_max).any()) or np.isfinite(p.cn_max) or bool(p.w0.any())
     goal = Goal.LARGEST if limited else Goal.SMALLEST_PRELOAD
     search = _Search(p, goal, settings, on_step)
@@ -193,7 +194,7 @@ def torques(
     chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
     sense = {n: v for n, v in grasp.preload.items() if n in names}
     asked = grasp.with_preload({n: np.sign(sense.get(n, 1.0)) for n in names})
-    p = _build(asked, wrench, None, eta, True, torque_limits, force_limit)
+    p = problem.build(asked, wrench, eta=eta, torque_limits=torque_limits, force_limit=force_limit)
     goal = Goal.SMALLEST_MAX_TORQUE if objective == "max" else Goal.SMALLEST_SUM_TORQUE
     search = _Search(p, goal, settings, on_step, driven=chosen)
     search.lower, search.upper = 0.0, INF
@@ -287,26 +288,6 @@ class _Search:
     def cost(self) -> tuple[float, int, tuple[Step, ...]]:
         nodes = sum(s.solution.nodes for s in self.steps)
         return time.monotonic() - self._start, nodes, tuple(self.steps)
-
-
-def _build(
-    grasp: Grasp,
-    w0: Sequence[float] | Array,
-    direction: Sequence[float] | Array | None,
-    eta: float,
-    mdp: bool,
-    torque_limits: Mapping[str, float] | None,
-    force_limit: float | None,
-) -> Problem:
-    return problem.build(
-        grasp,
-        np.asarray(w0),
-        None if direction is None else np.asarray(direction),
-        eta=eta,
-        mdp=mdp,
-        torque_limits=dict(torque_limits or {}),
-        force_limit=force_limit,
-    )
 
 
 def _near(search: _Search, settings: Settings) -> bool:

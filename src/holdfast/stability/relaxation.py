@@ -57,7 +57,7 @@ def load(p: Problem, goal: Goal) -> Load:
 
 def search_end(p: Problem) -> float:
     """The magnitude s at which the search for a maximum ends: `ENDLESS` times the other forces in play."""
-    others = np.concatenate([p.f_c, np.abs(p.w0), p.f_max[np.isfinite(p.f_max)], [p.cn_max]])
+    others = np.concatenate([p.f_c, np.abs(p.w0), p.f_max, [p.cn_max]])
     others = others[np.isfinite(others)]
     scale = float(others.max(initial=0.0)) or 1.0
     return ENDLESS * scale / float(np.abs(p.direction).max())
@@ -141,14 +141,13 @@ def relaxation(
     beta = [P.variables(len(e.length), 0.0) for e in edges]
     alpha = [P.variables(len(e.length), 0.0) if p.mdp else np.zeros(0, int) for e in edges]
 
-    w_terms, sigma = _objective(P, p, goal, f, driven)
+    sigma, w = _objective(P, p, goal), load(p, goal)
     for row in range(6):  # (1), with c_t = D beta, (9)
         terms: list[Term] = [(cn, p.G[row, 0::3])]
         terms += [(beta[i], p.G[row, 3 * i + 1 : 3 * i + 3] @ edges[i].D) for i in range(m)]
-        constant, slope = w_terms
-        if sigma is not None and slope[row] != 0:
-            terms.append((sigma, slope[row]))
-        P.row(terms, -constant[row], -constant[row])
+        if sigma is not None and w.w_b[row] != 0:
+            terms.append((sigma, w.w_b[row]))
+        P.row(terms, -w.w_a[row], -w.w_a[row])
     for j in np.flatnonzero(~still):  # (2)
         terms = [(cn, p.J[0::3, j]), (f, -p.R[:, j])]
         terms += [(beta[i], p.J[3 * i + 1 : 3 * i + 3, j] @ edges[i].D) for i in range(m)]
@@ -167,10 +166,12 @@ def relaxation(
             for b in (0, 1):  # (10): D alpha = -d_t
                 P.row([(alpha[i], e.D[b]), *((v, M[1 + b]) for v, M in motion)], 0.0, 0.0)
             z = P.variables(len(e.chain), 0.0)
-            for edge in range(len(e.length)):  # (11), (12)
-                here = [z[n] for n, c in enumerate(e.chain) if c == edge]
-                P.row([(beta[i][edge], 1.0), (np.array(here), -1.0)], -INF, 0.0)
-                P.row([(alpha[i][edge], 1.0), (np.array(here), -1.0)], -INF, 0.0)
+            places: list[list[int]] = [[] for _ in e.length]
+            for n, edge in enumerate(e.chain):
+                places[edge].append(z[n])
+            for edge, here in enumerate(places):  # (11), (12)
+                P.row([(beta[i][edge], 1.0), (here, -1.0)], -INF, 0.0)
+                P.row([(alpha[i][edge], 1.0), (here, -1.0)], -INF, 0.0)
             P.sos2.append(z.tolist())
             slide = int(P.variables(1, 0.0)[0])  # e^T alpha
             P.row([(alpha[i], 1.0), (slide, -1.0)], 0.0, 0.0)
@@ -192,26 +193,20 @@ def relaxation(
 
     if goal is Goal.EXISTS and not p.mdp:
         # any solution will do; the one into which the disturbance puts the least work shows best what is wrong
-        P.cost |= {int(i): float(w) for i, w in zip(r, p.w0, strict=True) if w}
+        P.cost |= {int(i): float(force) for i, force in zip(r, p.w0, strict=True) if force}
     _actuators(P, p, goal, q, f, sigma, driven)
     return Relaxation(P, p, edges, still, r, q, cn, f, coupling, beta, alpha, sigma)
 
 
-def _objective(
-    P: Program, p: Problem, goal: Goal, f: Indices, driven: Mask | None
-) -> tuple[tuple[Array, Array], int | None]:
-    """The scalar of the goal with its cost; w as (constant, slope)."""
-    L = load(p, goal)
+def _objective(P: Program, p: Problem, goal: Goal) -> int | None:
+    """The scalar of the goal, with its cost and bounds."""
     if goal is Goal.EXISTS:
-        return (L.w_a, L.w_b), None
-    if goal is Goal.LARGEST:
-        sigma = int(P.variables(1, 0.0, search_end(p))[0])
-    elif goal is Goal.SMALLEST_PRELOAD and p.f_c.any():
-        sigma = int(P.variables(1, 1.0 / search_end(p))[0])
-    else:
-        sigma = int(P.variables(1, 0.0)[0])
+        return None
+    low = 1.0 / search_end(p) if goal is Goal.SMALLEST_PRELOAD and p.f_c.any() else 0.0
+    high = search_end(p) if goal is Goal.LARGEST else INF
+    sigma = int(P.variables(1, low, high)[0])
     P.cost[sigma] = -1.0 if goal is Goal.LARGEST else 1.0
-    return (L.w_a, L.w_b), sigma
+    return sigma
 
 
 def _still(p: Problem, driven: Mask | None) -> Mask:
@@ -231,7 +226,7 @@ def _actuators(
     P: Program, p: Problem, goal: Goal, q: Indices, f: Indices, sigma: int | None, driven: Mask | None
 ) -> None:
     """Equation (8) on the actuators."""
-    commands = []
+    commands: dict[int, int] = {}  # driven actuator: the variable of its command
     for i in range(len(p.R)):
         drive = driven is not None and bool(driven[i])
         if not drive and not p.moves[i]:
@@ -245,7 +240,7 @@ def _actuators(
             P.row([(f[i], 1.0), (e, -1.0), (above, -1.0), (below, 1.0)], 0.0, 0.0)
             P.sos1.append([t, above])
             P.sos1.append([t, below])
-            commands.append(e)
+            commands[i] = e
             continue
         excess = int(P.variables(1, 0.0)[0])
         terms: list[Term] = [(f[i], 1.0), (excess, -1.0)]
@@ -256,14 +251,12 @@ def _actuators(
         else:
             P.row(terms, p.f_c[i], p.f_c[i])
         P.sos1.append([t, excess])
-    if goal is Goal.SMALLEST_MAX_TORQUE:
+    if commands:
         assert sigma is not None
         scale = np.abs(p.command(np.ones(len(p.R))))
-        chosen = [i for i in range(len(p.R)) if driven is not None and driven[i]]
-        for e, i in zip(commands, chosen, strict=True):
-            P.row([(sigma, 1.0), (e, -scale[i])], 0.0, INF)
-    elif goal is Goal.SMALLEST_SUM_TORQUE:
-        assert sigma is not None
-        scale = np.abs(p.command(np.ones(len(p.R))))
-        chosen = [i for i in range(len(p.R)) if driven is not None and driven[i]]
-        P.row([(sigma, 1.0), *((e, -scale[i]) for e, i in zip(commands, chosen, strict=True))], 0.0, INF)
+        efforts = [(e, -scale[i]) for i, e in commands.items()]
+        if goal is Goal.SMALLEST_MAX_TORQUE:
+            for effort in efforts:
+                P.row([(sigma, 1.0), effort], 0.0, INF)
+        else:
+            P.row([(sigma, 1.0), *efforts], 0.0, INF)

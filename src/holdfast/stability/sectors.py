@@ -87,31 +87,21 @@ class Discretisation:
 
     def edges(self) -> Edges:
         """The edges of all sectors; neighbours of the same level share one."""
-        keys: list[tuple[float, int]] = []
-        chain: list[int] = []
+        ring: list[tuple[float, int]] = []  # direction and level
         owners: list[Sector] = []
-
-        def put(angle: float, owner: Sector) -> None:
-            key = (angle % 1.0, owner.level)
-            if key not in keys:
-                keys.append(key)
-            i = keys.index(key)
-            if chain and chain[-1] == i:
-                return
-            if chain:
-                # a zero-width step between two levels belongs to the coarser one, which is the looser
-                previous = keys[chain[-1]]
-                coarse = min(owner, owners[-1], key=lambda s: s.level) if previous[0] == key[0] else owner
-                owners.append(coarse)
-            else:
-                owners.append(owner)
-            chain.append(i)
-
         for s in self.sectors:
-            put(s.start, s)
-            put(s.start + s.width, s)
+            for turn in (s.start, s.start + s.width):
+                key = (turn % 1.0, s.level)
+                if ring and ring[-1] == key:
+                    continue
+                if ring:
+                    # a zero-width step between two levels belongs to the coarser one, which is the looser
+                    step = ring[-1][0] == key[0]
+                    owners.append(min(s, owners[-1], key=lambda o: o.level) if step else s)
+                ring.append(key)
+        keys = {key: i for i, key in enumerate(dict.fromkeys(ring))}
         angle = 2 * np.pi * np.array([k[0] for k in keys])
         length = np.array([edge_length(k[1], self.q) for k in keys])
         midpoint = np.array([np.cos(GAMMA / 2 ** k[1]) for k in keys])
         D = length * np.vstack([np.cos(angle), np.sin(angle)])
-        return Edges(D, length, midpoint, tuple(chain), tuple(owners[1:]))
+        return Edges(D, length, midpoint, tuple(keys[key] for key in ring), tuple(owners))
