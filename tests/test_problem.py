@@ -18,7 +18,7 @@ def test_a_scaled_solution_is_a_solution(seed: int) -> None:
     """Scale a known state down, check the scaled equations, scale back: the same numbers."""
     s = solved(seed)
     p = problem.build(s.grasp, s.wrench)
-    c, q = s.state.c / p.force, s.state.q * p._joint_scale / p.force
+    c, q = s.state.c / p.force, s.state.q * p.joint_scale / p.force
     r = s.state.r * np.r_[1, 1, 1, [p.length] * 3] / p.force
     f = s.state.f / (p.force * p._actuator_scale)
     np.testing.assert_allclose(p.G @ c + p.w0, 0, atol=1e-12)

@@ -138,18 +138,20 @@ class QueryOptions(GraspOptions):
     """largest torque (force) of an actuator with its gearing, passive reaction included"""
     force_limit: Annotated[float | None, arg(metavar="N")] = None
     """largest normal force at any contact [N]"""
+    method: Literal["engine", "algorithm1"] = "engine"
+    """algorithm1: the stability paper's, for comparison; needs holdfast[reference]"""
     solver: Literal["scip", "gurobi"] = "scip"
-    """mixed-integer solver; gurobi must be installed"""
+    """for algorithm1: mixed-integer solver"""
     sectors: Annotated[int, arg(metavar="N")] = 2048
-    """finest friction sectors per contact: 4, 8, 16, ... more are more exact"""
+    """for algorithm1: finest friction sectors per contact: 4, 8, 16, ... more are more exact"""
     gap: Annotated[float, arg(metavar="G")] = 1e-3
     """relative distance of the two bounds at which a number is exact enough"""
     time_limit: Annotated[float, arg(metavar="S")] = float("inf")
     """seconds for a question (in a map or sweep: for each direction)"""
     full: bool = False
-    """all sectors at once, no refinement (the paper's comparison)"""
+    """for algorithm1: all sectors at once, no refinement (the paper's comparison)"""
     as_printed: bool = False
-    """the paper's algorithm to the letter: refine to the end, (19) as printed"""
+    """for algorithm1: the paper to the letter: refine to the end, (19) as printed"""
     json: bool = False
     """print one JSON object instead of a table"""
     report: Annotated[Path | None, arg(metavar="FILE.html")] = None
@@ -161,6 +163,7 @@ class QueryOptions(GraspOptions):
         from holdfast.stability.settings import Settings
 
         return Settings(
+            method=self.method,
             solver=self.solver,
             sectors=self.sectors,
             gap=self.gap,

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from holdfast.mechanism import Mask
 from holdfast.stability import mip
-from holdfast.stability.exact import Point
+from holdfast.stability.goal import Goal, Point
 from holdfast.stability.mip import INF, Solution, Status
 from holdfast.stability.problem import Problem
-from holdfast.stability.relaxation import Goal, polygon, relaxation
+from holdfast.stability.relaxation import polygon, relaxation
 from holdfast.stability.sectors import Discretisation, Sector
 
 
@@ -53,7 +52,6 @@ def run(
     solver: mip.Solver = "scip",
     full: bool = False,
     printed_robustness: bool = False,
-    driven: Mask | None = None,
     time_limit: float = INF,
 ) -> Iterator[Step]:
     """Algorithm 1, one `Step` per mixed-integer program, until nothing is left to refine or none is feasible.
@@ -65,7 +63,6 @@ def run(
         solver: "scip" or "gurobi".
         full: all sectors at the finest level from the start (the paper's comparison).
         printed_robustness: use (19) as printed, see `stability/relaxation`.
-        driven: (a,) bool, actuators whose command is sought (torque goals).
         time_limit: [s] for all steps together.
     """
     deadline = time.monotonic() + time_limit
@@ -74,7 +71,7 @@ def run(
     for number in range(1, 10_000):
         clock = time.monotonic()
         edges = [s.edges() for s in sectors] if p.mdp else [polygon() for _ in p.mu]
-        model = relaxation(p, goal, edges, printed_robustness, driven)
+        model = relaxation(p, goal, edges, printed_robustness)
         solution = mip.solve(model.program, solver, time_limit=deadline - clock)
         point = model.read(solution.x) if solution.x is not None else None
         to_refine: list[tuple[int, Sector]] = []

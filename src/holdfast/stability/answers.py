@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from holdfast.answer import Stop, Verdict
-from holdfast.stability.algorithm1 import Step
+from holdfast.stability.certificate import Certificate
 from holdfast.stability.mip import INF
 from holdfast.stability.witness import Witness
+
+if TYPE_CHECKING:
+    from holdfast.stability.algorithm1 import Step
+    from holdfast.stability.engine.proof import Proof
 
 
 class Timed(Protocol):
@@ -45,8 +50,9 @@ class Answer:
     Attributes:
         verdict: HOLDS with a valid witness; SLIPS if a relaxation has no solution; else UNDECIDED.
         stop: why the search ended.
-        seconds, nodes, steps: its cost: wall time, branch-and-bound nodes, programs solved.
+        seconds, nodes: its cost: wall time, nodes of the tree. steps: those of Algorithm 1.
         witness: the exact solution behind `verdict` or `lower`.
+        proof: what the other bound rests on; Algorithm 1 has none.
     """
 
     verdict: Verdict
@@ -55,6 +61,12 @@ class Answer:
     nodes: int
     steps: tuple[Step, ...]
     witness: Witness | None
+    proof: Proof | None
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """The proof of SLIPS, or of the bound that no state was found for, for `verify`; None without."""
+        return self.proof.certificate() if self.proof else None
 
 
 @dataclass(frozen=True, eq=False)

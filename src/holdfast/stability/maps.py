@@ -257,7 +257,7 @@ def _maximum(case: Case) -> MaxAnswer:
     grasp, direction, options = case
     answer = maximum(grasp, direction, **options)
     # a thousand answers travel between processes: leave the search's history behind
-    return replace(answer, steps=(), witness=None)
+    return replace(answer, steps=(), witness=None, proof=None)
 
 
 def _maxima(cases: Sequence[Case], jobs: int | None, on_item: OnItem | None) -> list[MaxAnswer | None]:

@@ -25,24 +25,33 @@ class Problem:
 
     Attributes:
         grasp: the question's grasp.
+        wrench, along: (6,) the disturbance wrench + s along [N, N m], as asked.
+        torque_limits, force_limit: as asked.
         eta: uncertainty of contact normals [rad].
         mdp: with the maximum dissipation principle.
         w0, direction: (6,) scaled: the disturbance is w0 + s direction.
         f_c: (a,) scaled commands, >= 0.
         moves: (a,) bool, actuators that may move.
+        driven: (a,) bool, those among them whose command is what is sought.
         f_max: (a,) scaled limits of |f|; inf where there is none.
         cn_max: scaled limit of every normal force; inf for none.
         G, J, R, A, mu: scaled model arrays, (6, 3m), (3m, l), (a, l), (k, l), (m,).
         force: [N] the force scale; length: [m] the length scale.
+        joint_scale: (l,) lever arms [m].
     """
 
     grasp: Grasp
+    wrench: Array
+    along: Array
+    torque_limits: Mapping[str, float]
+    force_limit: float | None
     eta: float
     mdp: bool
     w0: Array
     direction: Array
     f_c: Array
     moves: Mask
+    driven: Mask
     f_max: Array
     cn_max: float
     G: Array
@@ -52,7 +61,7 @@ class Problem:
     mu: Array
     force: float
     length: float
-    _joint_scale: Array
+    joint_scale: Array
     _actuator_scale: Array
     _coupling_scale: Array
 
@@ -70,7 +79,7 @@ class Problem:
         lengths = np.array([1.0] * 3 + [1.0 / self.length] * 3)
         return State(
             r=self.force * lengths * r,
-            q=self.force * q / self._joint_scale,
+            q=self.force * q / self.joint_scale,
             c=self.force * c,
             f=self.force * f * self._actuator_scale,
             coupling=self.force * coupling * self._coupling_scale,
@@ -90,6 +99,7 @@ def build(
     mdp: bool = True,
     torque_limits: Mapping[str, float] | None = None,
     force_limit: float | None = None,
+    driven: Mask | None = None,
 ) -> Problem:
     """Scale a question.
 
@@ -101,6 +111,7 @@ def build(
         mdp: with the maximum dissipation principle.
         torque_limits: actuator name -> largest |f| that actuator and gearing carry [N m or N].
         force_limit: largest normal force at any contact [N].
+        driven: (a,) bool, actuators whose command is sought, in the sense of the grasp's; the others are locked.
 
     Raises:
         InputError: a wrench that is not six finite numbers, a zero direction, eta out of range, limits
@@ -128,6 +139,8 @@ def build(
     # the force scale is what is asked about: it must not depend on an answer that is not known yet
     force = model.force_scale(grasp, w0 if w0.any() or direction is None else d)
 
+    drive = np.zeros(mech.a, dtype=bool) if driven is None else driven
+    f_c = grasp.command if driven is None else np.zeros(mech.a)
     f_max = np.full(mech.a, np.inf)
     for name, limit in (torque_limits or {}).items():
         i = int(np.flatnonzero(mech.commands({name: 1.0}, field="torque limit"))[0])
@@ -136,12 +149,17 @@ def build(
         f_max[i] = limit
     p = Problem(
         grasp=grasp,
+        wrench=w0,
+        along=d,
+        torque_limits=dict(torque_limits or {}),
+        force_limit=force_limit,
         eta=float(eta),
         mdp=mdp,
         w0=row * w0 / force,
         direction=row * d / force,
-        f_c=grasp.command / (force * actuator_scale),
-        moves=model.commanded(grasp),
+        f_c=f_c / (force * actuator_scale),
+        moves=model.commanded(grasp, f_c) | drive,
+        driven=drive,
         f_max=f_max / np.abs(force * actuator_scale),
         cn_max=np.inf if force_limit is None else force_limit / force,
         G=row[:, None] * grasp.G,
@@ -151,7 +169,7 @@ def build(
         mu=grasp.mu,
         force=force,
         length=length,
-        _joint_scale=joint_scale,
+        joint_scale=joint_scale,
         _actuator_scale=actuator_scale,
         _coupling_scale=coupling_scale,
     )

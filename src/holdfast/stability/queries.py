@@ -1,44 +1,34 @@
 """The three questions about one disturbance: check, max, torques.
 
-Each builds the scaled problem, lets Algorithm 1 refine, tries every relaxation's solution as the
-start of an exact one, and returns an immutable answer with its witness. Source: stability paper,
-section VII: (20)-(22), (23)-(25), (26)-(27).
+Each builds the scaled problem, searches by the method of the settings (`engine/front`, or `reference` for
+the paper's Algorithm 1), and returns an immutable answer with its witness and its proof. Source: stability
+paper, section VII: (20)-(22), (23)-(25), (26)-(27).
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from holdfast.answer import Stop, Verdict
+from holdfast.answer import Verdict
 from holdfast.errors import InputError
 from holdfast.grasp import Grasp
-from holdfast.mechanism import Array, Mask
-from holdfast.stability import algorithm1, problem, relaxation, witness
-from holdfast.stability.algorithm1 import Step
+from holdfast.mechanism import Array
+from holdfast.stability import problem
 from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
-from holdfast.stability.exact import Load, Point
-from holdfast.stability.mip import INF, Status
+from holdfast.stability.engine import front
+from holdfast.stability.goal import Goal, interval, search_end
+from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
-from holdfast.stability.relaxation import Goal
-from holdfast.stability.settings import OnStep, Progress, Settings
+from holdfast.stability.settings import OnStep, Settings
 from holdfast.stability.witness import Witness
 
 MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
-ZERO = 1e-9  # [N m or N] torques below this count as none
 
-STOPS = {
-    Status.OPTIMAL: Stop.COMPLETE,
-    Status.INFEASIBLE: Stop.COMPLETE,
-    Status.UNBOUNDED: Stop.COMPLETE,
-    Status.TIME: Stop.TIME,
-    Status.INTERRUPTED: Stop.INTERRUPTED,
-    Status.FAILED: Stop.NUMERICAL,
-}
+NEAR_END = 1e-6
 
 
 def check(
@@ -62,8 +52,8 @@ def check(
             literature), for comparison only: it creates energy out of nothing.
         torque_limits: actuator -> largest |f| of motor and gearing together, passive reaction included.
         force_limit: largest normal force at any contact [N].
-        settings: solver, resolution, limits.
-        on_step: called after each step of Algorithm 1.
+        settings: method, precision, limits.
+        on_step: called while it runs, with the bounds so far.
 
     Raises:
         InputError: see `holdfast.stability.problem.build`.
@@ -78,20 +68,9 @@ def check(
 
 
 def _exists(p: Problem, settings: Settings, on_step: OnStep | None) -> CheckAnswer:
-    search = _Search(p, Goal.EXISTS, settings, on_step)
-    found: Witness | None = None
-    with search:
-        for step in search:
-            if step.point is not None and (hit := witness.find(p, search.load, step.point)):
-                found = hit[0]
-                if not settings.as_printed:
-                    break
-    if search.infeasible:
-        return CheckAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None)
-    if found is not None:
-        return CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, *search.cost, found)
-    # a relaxation with a solution at the finest level is no proof that the exact model has one
-    return CheckAnswer(Verdict.UNDECIDED, search.unproved, *search.cost, None)
+    found = _search(p, Goal.EXISTS, settings, on_step)
+    verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
+    return CheckAnswer(verdict, found.stop, *_cost(found), found.witness, found.proof)
 
 
 def maximum(
@@ -119,45 +98,40 @@ def maximum(
     settings = settings or Settings()
     w0 = np.zeros(6) if base is None else base
     p = problem.build(grasp, w0, direction, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
-    limited = bool(np.isfinite(p.f_max).any()) or np.isfinite(p.cn_max) or bool(p.w0.any())
-    goal = Goal.LARGEST if limited else Goal.SMALLEST_PRELOAD
-    search = _Search(p, goal, settings, on_step)
-    end = relaxation.search_end(p)
-    at_end = end * (1 - 1e-6)
-    found: Witness | None = None
-    with search:
-        for step in search:
-            # the solver's bound on lambda or on -s, as a bound on s
-            bound = max(0.0, -step.bound) if limited else (1.0 / step.bound if step.bound > 0 else INF)
-            search.upper = 0.0 if search.infeasible else min(search.upper, bound if bound < at_end else INF)
-            if step.point is None:
-                continue
-            starts = [(search.load, step.point)]
-            last = end if limited else 1.0 / end
-            if (limited and step.point.sigma >= last * (1 - 1e-6)) or (
-                not limited and step.point.sigma <= last * (1 + 1e-6)
-            ):
-                # the relaxation reaches the end of the search: is there an exact solution right there?
-                starts.insert(0, (replace(search.load, free=False), replace(step.point, sigma=last)))
-            hit = next((h for load, x in starts if (h := witness.find(p, load, x))), None)
-            if hit:
-                w, x = hit
-                if not limited:
-                    w, s = _at_commands(p, search.load, w, x, end)
-                else:
-                    s = x.sigma
-                if s > search.lower:
-                    found, search.lower = w, s
-            close = search.lower >= at_end or search.upper <= search.lower * (1 + settings.gap)
-            if close and not settings.as_printed:
-                break
-    if search.infeasible:
-        return MaxAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None, 0.0, 0.0, False)
-    unbounded = search.lower >= at_end
-    verdict = Verdict.HOLDS if found is not None else Verdict.UNDECIDED
-    close = unbounded or search.upper <= search.lower * (1 + settings.gap)
-    stop = Stop.COMPLETE if close else search.unproved
-    return MaxAnswer(verdict, stop, *search.cost, found, search.lower, search.upper, unbounded)
+    return largest(p, settings, on_step)
+
+
+def largest(p: Problem, settings: Settings, on_step: OnStep | None = None, **hints: Any) -> MaxAnswer:
+    """The answer to a built problem; `hints` go to the engine's `search`."""
+    end = search_end(p)
+    goal = max_goal(p)
+    if goal is Goal.EXISTS:  # nothing but the disturbance: resisted at every magnitude or at none
+        p = replace(p, w0=p.direction, wrench=p.along)
+    found = _search(p, goal, settings, on_step, **hints)
+    if found.bound == INF:
+        return MaxAnswer(Verdict.SLIPS, found.stop, *_cost(found), None, found.proof, 0.0, 0.0, False)
+    if found.witness is None:
+        upper = interval(goal, INF, found.bound)[1] if goal is not Goal.EXISTS else INF
+        return MaxAnswer(Verdict.UNDECIDED, found.stop, *_cost(found), None, found.proof, 0.0, upper, False)
+    w = found.witness
+    if goal is Goal.EXISTS:
+        s, upper, unbounded = end, INF, True
+        w = _scaled(w, s)
+    else:
+        s, upper = interval(goal, found.value, found.bound)
+        unbounded = s >= end * (1 - NEAR_END)
+        if goal is Goal.SMALLEST_PRELOAD:
+            w = _scaled(w, s)
+    if unbounded:
+        upper = INF
+    return MaxAnswer(Verdict.HOLDS, found.stop, *_cost(found), w, found.proof, s, upper, unbounded)
+
+
+def max_goal(p: Problem) -> Goal:
+    """How a maximum is posed: limits and a base load break homogeneity; without commands there is only yes or no."""
+    if np.isfinite(p.f_max).any() or np.isfinite(p.cn_max) or p.w0.any():
+        return Goal.LARGEST
+    return Goal.SMALLEST_PRELOAD if p.f_c.any() else Goal.EXISTS
 
 
 def torques(
@@ -194,116 +168,43 @@ def torques(
     chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
     sense = {n: v for n, v in grasp.preload.items() if n in names}
     asked = grasp.with_preload({n: np.sign(sense.get(n, 1.0)) for n in names})
-    p = problem.build(asked, wrench, eta=eta, torque_limits=torque_limits, force_limit=force_limit)
+    p = problem.build(asked, wrench, eta=eta, torque_limits=torque_limits, force_limit=force_limit, driven=chosen)
     goal = Goal.SMALLEST_MAX_TORQUE if objective == "max" else Goal.SMALLEST_SUM_TORQUE
-    search = _Search(p, goal, settings, on_step, driven=chosen)
-    search.lower, search.upper = 0.0, INF
-    found: Witness | None = None
-    with search:
-        for step in search:
-            if step.bound > -INF:
-                search.lower = max(search.lower, step.bound)
-            if step.point is not None and (hit := witness.find(p, search.load, step.point, driven=chosen)):
-                command = np.abs(hit[0].grasp.command)
-                value = float(command.max(initial=0.0) if objective == "max" else command.sum())
-                if value < search.upper:
-                    found, search.upper = hit[0], value
-            if _near(search, settings) and not settings.as_printed:
-                break
-    if search.infeasible:
-        return TorquesAnswer(Verdict.SLIPS, Stop.COMPLETE, *search.cost, None, None, INF, INF)
-    if found is None:
-        return TorquesAnswer(Verdict.UNDECIDED, search.unproved, *search.cost, None, None, search.lower, INF)
-    preload = dict(zip(found.grasp.mechanism.actuators, found.grasp.command.tolist(), strict=True))
+    found = _search(p, goal, settings, on_step)
+    if found.bound == INF:
+        return TorquesAnswer(Verdict.SLIPS, found.stop, *_cost(found), None, found.proof, None, INF, INF)
+    lower = max(found.bound, 0.0)
+    if found.witness is None:
+        return TorquesAnswer(Verdict.UNDECIDED, found.stop, *_cost(found), None, found.proof, None, lower, INF)
+    commands = found.witness.grasp.command
+    preload = dict(zip(found.witness.grasp.mechanism.actuators, commands.tolist(), strict=True))
     return TorquesAnswer(
         Verdict.HOLDS,
-        Stop.COMPLETE if _near(search, settings) else search.unproved,
-        *search.cost,
-        found,
+        found.stop,
+        *_cost(found),
+        found.witness,
+        found.proof,
         {n: preload[n] for n in names},
-        search.lower,
-        search.upper,
+        lower,
+        float(np.abs(commands).max(initial=0.0) if objective == "max" else np.abs(commands).sum()),
     )
 
 
 # --- helpers ------------------------------------------------------------------------------------
 
 
-class _Search:
-    """Algorithm 1 as an iterator that keeps the score: cost, bounds, why it ended. Ctrl-C ends it quietly."""
+def _search(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None, **hints: Any) -> Outcome:
+    if settings.method == "algorithm1":
+        from holdfast.stability import reference
 
-    def __init__(
-        self, p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None, driven: Mask | None = None
-    ) -> None:
-        self.load = relaxation.load(p, goal)
-        if driven is not None:
-            self.load = Load(self.load.w_a, self.load.w_b, np.zeros(len(p.f_c)), self.load.f_b, free=False)
-        self.lower, self.upper = 0.0, INF
-        self.steps: list[Step] = []
-        self.interrupted = False
-        self._on_step = on_step
-        self._start = time.monotonic()
-        self._run = algorithm1.run(
-            p,
-            goal,
-            q=settings.q,
-            solver=settings.solver,
-            full=settings.full,
-            printed_robustness=settings.as_printed,
-            driven=driven,
-            time_limit=settings.time_limit,
-        )
-
-    def __enter__(self) -> _Search:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> bool:
-        """Ctrl-C ends the search and leaves its bounds."""
-        self.interrupted = kind is KeyboardInterrupt
-        return self.interrupted
-
-    def __iter__(self) -> _Search:
-        return self
-
-    def __next__(self) -> Step:
-        if self.steps and self._on_step:
-            self._on_step(Progress(self.steps[-1], self.lower, self.upper))
-        step = next(self._run)
-        self.steps.append(step)
-        return step
-
-    @property
-    def infeasible(self) -> bool:
-        return bool(self.steps) and self.steps[-1].solution.status is Status.INFEASIBLE
-
-    @property
-    def unproved(self) -> Stop:
-        """Why there is no complete answer: the last step's limit, or that the numbers did not suffice."""
-        if self.interrupted or not self.steps:
-            return Stop.INTERRUPTED
-        stop = STOPS[self.steps[-1].solution.status]
-        return Stop.RESOLUTION if stop is Stop.COMPLETE else stop
-
-    @property
-    def cost(self) -> tuple[float, int, tuple[Step, ...]]:
-        nodes = sum(s.solution.nodes for s in self.steps)
-        return time.monotonic() - self._start, nodes, tuple(self.steps)
+        return reference.search(p, goal, settings, on_step)
+    return front.search(p, goal, settings, on_step, **hints)
 
 
-def _near(search: _Search, settings: Settings) -> bool:
-    """Are the bounds on a torque as near as asked?"""
-    return search.upper < INF and search.upper - search.lower <= settings.gap * search.upper + ZERO
+def _cost(found: Outcome) -> tuple[float, int, tuple[Any, ...]]:
+    return found.seconds, found.nodes, found.steps
 
 
-def _at_commands(p: Problem, load: Load, w: Witness, x: Point, end: float) -> tuple[Witness, float]:
+def _scaled(w: Witness, s: float) -> Witness:
     """A homogeneous witness (w = d, commands lambda f_c) scaled so that the commands are the grasp's own."""
-    s = end
-    if p.f_c.any():
-        if x.sigma < 1.0 / end:  # beyond the search's end: step back to it, or count for nothing
-            back = witness.find(p, replace(load, free=False), replace(x, sigma=1.0 / end))
-            if back is None:
-                return w, 0.0
-            w, x = back
-        s = 1.0 / x.sigma
-    grasp = w.grasp.with_preload(s * w.grasp.command)
-    return Witness(grasp, s * w.wrench, w.state.scaled(s), w.eta, w.mdp), s
+    return Witness(w.grasp.with_preload(s * w.grasp.command), s * w.wrench, w.state.scaled(s), w.eta, w.mdp)

@@ -7,9 +7,7 @@ that contains every exact solution and its formula does not give one:
 - (19) is a lower estimate of |d_t|, used in the equality (4); an exact solution then drops out when
   its true |d_t| is larger. Here |d_t| may lie anywhere between (19) and its upper estimate, the sum
   of edge-length weights (18). `printed_robustness=True` restores the formula as printed.
-- The maximum (23) is posed as its homogeneous twin, minimise lambda with w = d and commands
-  lambda f_c, s = 1 / lambda. The search ends at `search_end`, and a maximum there counts as unbounded:
-  in the limit lambda = 0 grasps can resist what they resist at no finite magnitude.
+- The maximum (23) is posed as its homogeneous twin, see `goal`.
 
 Virtual motions are searched up to `MOTION_CAP`: beyond it a solver's tolerance times the motion is a force,
 and coplanar contacts, about whose line the object turns for nothing, would be held by rounding errors.
@@ -19,48 +17,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
 from holdfast.mechanism import Array, Indices, Mask
-from holdfast.stability.exact import Load, Point
+from holdfast.stability.goal import Goal, Point, load, motion_cap, search_end
 from holdfast.stability.mip import INF, Program, Term
 from holdfast.stability.problem import Problem
 from holdfast.stability.sectors import Edges, Sector
 
 ACTIVE = 1e-7  # (scaled) motions and forces below this do not make a sector active
-ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
-MOTION_CAP = 1e4  # (scaled) virtual motions beyond this many force scales are not searched
 SIDES = 256  # edges of the polygon that stands for the cone when the dissipation principle is left out
-
-
-class Goal(StrEnum):
-    """What is sought."""
-
-    EXISTS = "exists"  # any solution, objective (20)
-    SMALLEST_PRELOAD = "smallest preload"  # lambda, the homogeneous form of (23)
-    LARGEST = "largest"  # s of w0 + s d, (23)
-    SMALLEST_MAX_TORQUE = "smallest max torque"  # (26)
-    SMALLEST_SUM_TORQUE = "smallest sum of torques"
-
-
-def load(p: Problem, goal: Goal) -> Load:
-    """The loads of a goal, affine in its scalar."""
-    zero_w, zero_f = np.zeros(6), np.zeros(len(p.f_c))
-    if goal is Goal.SMALLEST_PRELOAD:
-        return Load(p.direction, zero_w, zero_f, p.f_c, free=True)
-    if goal is Goal.LARGEST:
-        return Load(p.w0, p.direction, p.f_c, zero_f, free=True)
-    return Load(p.w0, zero_w, p.f_c, zero_f, free=False)
-
-
-def search_end(p: Problem) -> float:
-    """The magnitude s at which the search for a maximum ends: `ENDLESS` times the other forces in play."""
-    others = np.concatenate([p.f_c, np.abs(p.w0), p.f_max, [p.cn_max]])
-    others = others[np.isfinite(others)]
-    scale = float(others.max(initial=0.0)) or 1.0
-    return ENDLESS * scale / float(np.abs(p.direction).max())
 
 
 def polygon() -> Edges:
@@ -120,16 +87,14 @@ class Relaxation:
         return out
 
 
-def relaxation(
-    p: Problem, goal: Goal, edges: Sequence[Edges], printed_robustness: bool, driven: Mask | None
-) -> Relaxation:
+def relaxation(p: Problem, goal: Goal, edges: Sequence[Edges], printed_robustness: bool) -> Relaxation:
     """Equations (1)-(4), (8)-(12), (15), with (17), (19) if eta > 0, as a program with ordered sets."""
     m, l, a, k = p.sizes
     P = Program()
-    cap = MOTION_CAP * (search_end(p) / ENDLESS if goal is Goal.LARGEST else 1.0)
+    cap = motion_cap(p, goal)
     if not p.mdp and np.isfinite(p.cn_max):
         cap = 2.0 * p.cn_max  # motions free of consequence only blur the picture of what is wrong
-    still = _still(p, driven)
+    still = _still(p)
     r, q = P.variables(6, -cap, cap), P.variables(l, -cap, cap)
     for j in np.flatnonzero(still):
         P.lower[q[j]] = P.upper[q[j]] = 0.0
@@ -194,7 +159,7 @@ def relaxation(
     if goal is Goal.EXISTS and not p.mdp:
         # any solution will do; the one into which the disturbance puts the least work shows best what is wrong
         P.cost |= {int(i): float(force) for i, force in zip(r, p.w0, strict=True) if force}
-    _actuators(P, p, goal, q, f, sigma, driven)
+    _actuators(P, p, goal, q, f, sigma)
     return Relaxation(P, p, edges, still, r, q, cn, f, coupling, beta, alpha, sigma)
 
 
@@ -209,27 +174,23 @@ def _objective(P: Program, p: Problem, goal: Goal) -> int | None:
     return sigma
 
 
-def _still(p: Problem, driven: Mask | None) -> Mask:
+def _still(p: Problem) -> Mask:
     """(l,) bool: joints that cannot move and whose torque one locked actuator takes up, whatever it is.
 
     Their rows of (2) and the actuator's force are left out of the program and computed afterwards.
     """
     locked = ~p.moves & ~np.isfinite(p.f_max)
-    if driven is not None:
-        locked &= ~driven
     alone = (np.count_nonzero(p.R, axis=0) == 1) & (np.count_nonzero(p.A, axis=0) == 0)
     own = np.count_nonzero(p.R, axis=1) == 1
     return alone & np.array([bool((locked & own)[np.flatnonzero(col)].all()) for col in p.R.T], dtype=bool)
 
 
-def _actuators(
-    P: Program, p: Problem, goal: Goal, q: Indices, f: Indices, sigma: int | None, driven: Mask | None
-) -> None:
+def _actuators(P: Program, p: Problem, goal: Goal, q: Indices, f: Indices, sigma: int | None) -> None:
     """Equation (8) on the actuators."""
     commands: dict[int, int] = {}  # driven actuator: the variable of its command
     for i in range(len(p.R)):
-        drive = driven is not None and bool(driven[i])
-        if not drive and not p.moves[i]:
+        drive = bool(p.driven[i])
+        if not p.moves[i]:
             P.row([(q, p.R[i])], 0.0, 0.0)  # locked
             continue
         t = int(P.variables(1, 0.0)[0])

@@ -4,36 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from holdfast.errors import InputError
-from holdfast.stability.algorithm1 import Step
 from holdfast.stability.mip import INF, SOLVERS, Solver
+
+if TYPE_CHECKING:
+    from holdfast.stability.algorithm1 import Step
+
+Method = Literal["engine", "algorithm1"]
+METHODS: tuple[Method, ...] = ("engine", "algorithm1")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Algorithm 1's settings.
+    """How a query is solved.
 
     Attributes:
-        solver: "scip" or "gurobi".
-        sectors: finest friction discretisation: 4, 8, .. 2048 .. (4 * 2^q).
+        method: "engine", or "algorithm1", the paper's, which needs one of the solvers.
         gap: relative distance between witnessed and certified bound at which a maximum or an optimal
             torque is precise enough.
         time_limit: [s] for one query.
-        full: all sectors at the finest level at once, no refinement (the paper's comparison).
-        as_printed: refine to the finest level even when an exact solution already answers, and take
+        node_limit: for one query of the engine.
+        solver: of Algorithm 1: "scip" or "gurobi".
+        sectors: of Algorithm 1, finest friction discretisation: 4, 8, .. 2048 .. (4 * 2^q).
+        full: of Algorithm 1: all sectors at the finest level at once, no refinement (the paper's comparison).
+        as_printed: of Algorithm 1: refine to the finest level even when an exact solution already answers, and take
             (19) as printed.
 
     Raises:
         InputError: a number of sectors that is not 4 * 2^q, or limits that are not positive.
     """
 
-    solver: Solver = "scip"
-    sectors: int = 2048
+    method: Method = "engine"
     gap: float = 1e-3
     time_limit: float = INF
+    node_limit: float = INF
+    solver: Solver = "scip"
+    sectors: int = 2048
     full: bool = False
     as_printed: bool = False
 
@@ -45,6 +55,10 @@ class Settings:
             raise InputError(f"is {self.gap:g}; a positive number is needed", field="gap")
         if not self.time_limit > 0:
             raise InputError(f"is {self.time_limit:g} s; a positive number is needed", field="time limit")
+        if not self.node_limit > 0:
+            raise InputError(f"is {self.node_limit:g}; a positive number is needed", field="node limit")
+        if self.method not in METHODS:
+            raise InputError(f"is '{self.method}'; one of {', '.join(METHODS)} is needed", field="method")
         if self.solver not in SOLVERS:
             raise InputError(f"is '{self.solver}'; one of {', '.join(SOLVERS)} is needed", field="solver")
 
@@ -56,11 +70,12 @@ class Settings:
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a query is: after each step of Algorithm 1, with the bounds so far."""
+    """Where a query is: the bounds so far, nodes, and the last step of Algorithm 1 if that is the method."""
 
-    step: Step
     lower: float
     upper: float
+    nodes: int
+    step: Step | None = None
 
 
 OnStep = Callable[[Progress], None]

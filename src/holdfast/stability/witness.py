@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from holdfast.grasp import Grasp
-from holdfast.mechanism import Array, Mask
-from holdfast.stability import exact, model
-from holdfast.stability.exact import Load, Point
+from holdfast.mechanism import Array
+from holdfast.stability import model
+from holdfast.stability.engine import newton
+from holdfast.stability.engine.reduced import Reduced
+from holdfast.stability.goal import Point
 from holdfast.stability.model import Energy, Residuals, State
-from holdfast.stability.problem import Problem
 
 VALID = 1e-9  # relative residual of a witness, every equation
 MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
@@ -101,35 +102,31 @@ class Witness:
         }
 
 
-def find(p: Problem, load: Load, start: Point, *, driven: Mask | None = None) -> tuple[Witness, Point] | None:
+def find(r: Reduced, start: Point, *, hold: bool = False) -> tuple[Witness, Point] | None:
     """A valid witness near a relaxation's solution, with its scaled point; None if Newton finds none.
 
-    The commands of the witness's grasp are those of the load at its sigma, or what the driven
-    actuators turned out to need.
+    hold: at the end of the search for a maximum.
     """
-    tried = set()
     for tol in MODE_TOLERANCES:
-        modes = exact.read_modes(p, start, driven=driven, tol=tol)
-        if modes in tried:
+        z = newton.solve(r, r.z(start), tol=tol, hold=hold)
+        if z is None:
             continue
-        tried.add(modes)
-        x = exact.solve(p, load, start, modes)
-        if x is None:
-            continue
-        witness = as_witness(p, load, x, driven=driven)
-        inside = (x.c[0::3] <= p.cn_max + exact.SLACK).all() and (np.abs(x.f) <= p.f_max + exact.SLACK).all()
-        if inside and witness.valid:
+        x = r.point(z)
+        witness = as_witness(r, x)
+        if witness.valid:
             return witness, x
     return None
 
 
-def as_witness(p: Problem, load: Load, x: Point, *, driven: Mask | None = None) -> Witness:
-    """A scaled point in the grasp's units, with the disturbance and the commands it belongs to."""
-    f_c = load.f_a + x.sigma * load.f_b
-    if driven is not None:
-        turns = p.R @ x.q > 1e-12
-        f_c = np.where(driven, np.where(turns, np.maximum(x.f, 0.0), 0.0), f_c)
+def as_witness(r: Reduced, x: Point) -> Witness:
+    """A scaled point in the grasp's units, with the disturbance and the commands it belongs to.
+
+    The commands are those of the load at its sigma, or what the driven actuators turned out to need.
+    """
+    p = r.p
+    turns = p.R @ x.q > 1e-12
+    f_c = np.where(p.driven, np.where(turns, np.maximum(x.f, 0.0), 0.0), r.load.f_a + x.sigma * r.load.f_b)
     units = p.force * np.array([1.0] * 3 + [p.length] * 3)
-    wrench = units * (load.w_a + x.sigma * load.w_b)
+    wrench = units * (r.load.w_a + x.sigma * r.load.w_b)
     state = p.unscale(x.r, x.q, x.c, x.f, x.coupling)
     return Witness(p.grasp.with_preload(p.command(f_c)), wrench, state, p.eta, p.mdp)

@@ -1,0 +1,120 @@
+"""The `holdfast/certificate/1` file: a claim and its proof, numbers to the last bit."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from holdfast import grasp_file
+from holdfast.errors import InputError
+from holdfast.files import Strict, read_json, validate, write_text
+from holdfast.stability.certificate import NODE_ARRAYS, ROW_ARRAYS, Certificate, Question
+
+Int = Annotated[int, Field(strict=True, ge=-(2**31), lt=2**31)]
+Six = Annotated[list[float], Field(min_length=6, max_length=6)]
+
+
+class QuestionEntry(Strict):
+    grasp: dict[str, Any]
+    goal: Literal["check", "smallest preload", "largest", "torques"]
+    wrench: Six
+    direction: Six | None = None
+    eta: float = 0.0
+    mdp: bool = True
+    torque_limits: dict[str, float] = Field(default_factory=dict)
+    force_limit: float | None = None
+    driven: list[str] = Field(default_factory=list)
+    objective: Literal["max", "sum"] = "max"
+
+
+class NodesEntry(Strict):
+    parent: Annotated[list[Int], Field(min_length=1)]
+    part: list[Int]
+    state: list[Int]
+    left: list[Int]
+    right: list[Int]
+
+
+class RowsEntry(Strict):
+    start: Annotated[list[Int], Field(min_length=1)]
+    kind: list[Int]
+    index: list[Int]
+    a: list[Int]
+    b: list[Int]
+    multiplier: list[float]
+
+
+class CertificateFile(Strict):
+    """The file as it stands on disk."""
+
+    format: Literal["holdfast/certificate/1"] = Field(alias="schema")
+    question: QuestionEntry
+    cap_r: Six
+    cap_q: list[float]
+    scalar: tuple[float, float] | None = None
+    nodes: NodesEntry
+    leaves: list[Int]
+    rows: RowsEntry
+
+
+def to_dict(certificate: Certificate) -> dict[str, Any]:
+    """The certificate as a `holdfast/certificate/1` object; numbers come back exactly."""
+    c, q = certificate, certificate.question
+    return {
+        "schema": "holdfast/certificate/1",
+        "question": {
+            "grasp": grasp_file.to_dict(q.grasp),
+            "goal": str(q.goal),
+            "wrench": q.wrench.tolist(),
+            "direction": None if q.direction is None else q.direction.tolist(),
+            "eta": float(q.eta),
+            "mdp": bool(q.mdp),
+            "torque_limits": dict(q.torque_limits),
+            "force_limit": None if q.force_limit is None else float(q.force_limit),
+            "driven": list(q.driven),
+            "objective": q.objective,
+        },
+        "cap_r": c.cap_r.tolist(),
+        "cap_q": c.cap_q.tolist(),
+        "scalar": None if c.scalar is None else list(c.scalar),
+        "nodes": {name: getattr(c, name).tolist() for name in NODE_ARRAYS},
+        "leaves": c.leaves.tolist(),
+        "rows": {name: getattr(c, name).tolist() for name in ROW_ARRAYS},
+    }
+
+
+def from_dict(data: Any) -> Certificate:
+    """The certificate in a parsed object; raises `InputError` as `load_certificate` does."""
+    entry = validate(CertificateFile, data)
+    asked = entry.question.model_dump()
+    try:
+        asked["grasp"] = grasp_file.from_dict(asked["grasp"])
+    except InputError as fault:
+        raise InputError(fault.problem, field=f"question.grasp.{fault.field or ''}".rstrip(".")) from None
+    return Certificate(
+        question=Question(**asked),
+        cap_r=np.array(entry.cap_r),
+        cap_q=np.array(entry.cap_q),
+        scalar=entry.scalar,
+        leaves=np.array(entry.leaves, dtype=np.int64),
+        **entry.nodes.model_dump(),
+        **entry.rows.model_dump(),
+    )
+
+
+def load_certificate(path: str | Path) -> Certificate:
+    """Read a `holdfast/certificate/1` file. Raises `InputError`: one line with file, field and fault."""
+    data = read_json(path, "certificate")
+    try:
+        return from_dict(data)
+    except InputError as fault:
+        raise fault.at(str(path)) from None
+
+
+def save_certificate(certificate: Certificate, path: str | Path, *, force: bool = False) -> None:
+    """Write the file. Raises `InputError` if it exists and `force` is not set."""
+    write_text(path, json.dumps(to_dict(certificate), allow_nan=False) + "\n", force=force)

@@ -1,0 +1,75 @@
+"""The engine as the method of a query: reduce, search, judge the witness."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from holdfast.answer import Stop
+from holdfast.mechanism import Array
+from holdfast.stability import witness
+from holdfast.stability.engine.proof import Proof
+from holdfast.stability.engine.reduced import Reduced, reduce
+from holdfast.stability.engine.search import Search
+from holdfast.stability.goal import Goal, interval
+from holdfast.stability.outcome import INF, Outcome
+from holdfast.stability.problem import Problem
+from holdfast.stability.settings import OnStep, Progress, Settings
+
+ZERO = 1e-9  # [N m or N] torques below this count as none
+
+
+def search(
+    p: Problem,
+    goal: Goal,
+    settings: Settings,
+    on_step: OnStep | None = None,
+    *,
+    reduced: Reduced | None = None,
+    guess: Sequence[Array] = (),
+) -> Outcome:
+    """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
+
+    Args:
+        reduced: the reduced problem, if it is known already.
+        guess: reduced points (n,) to start Newton from, such as a neighbouring question's solution.
+    """
+    start = time.monotonic()
+    r = reduced or reduce(p, goal)
+    gap = settings.gap * (1 - 1e-6)  # leaves room for rounding
+    if goal is Goal.SMALLEST_PRELOAD:
+        gap /= 1 + gap
+    s = Search(
+        r,
+        gap=gap,
+        gap_absolute=0.0 if goal is Goal.SMALLEST_PRELOAD else ZERO / r.scale,
+        node_limit=settings.node_limit,
+        time_limit=settings.time_limit,
+        guess=guess,
+    )
+    try:
+        for state in s:
+            if on_step:
+                on_step(Progress(*interval(goal, state.best * r.scale, state.bound * r.scale), state.nodes))
+    except KeyboardInterrupt:
+        s.stop = Stop.INTERRUPTED
+    stop = s.stop or Stop.INTERRUPTED
+    found = None
+    if s.z is not None:
+        found = witness.as_witness(r, r.point(s.z))
+        if not found.valid:  # the judge has the last word; everything the search cut off by it is open again
+            return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, s.nodes)
+    value, bound = s.best * r.scale, s.bound * r.scale
+    if goal is Goal.EXISTS:
+        bound = INF if found is None and stop is Stop.COMPLETE else -INF
+        value = 0.0 if found else INF
+    elif found is None and stop is Stop.COMPLETE:
+        bound = INF
+    elif found is not None and goal in (Goal.SMALLEST_PRELOAD, Goal.LARGEST) and value <= r.lo[0] + 1e-6 * abs(r.lo[0]):
+        bound = -INF  # unbounded, as far as the search goes
+    elif goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE):
+        bound = max(bound, 0.0)
+    proof = Proof(s, bound) if bound > -INF else None
+    return Outcome(value, float(np.minimum(bound, INF)), found, stop, time.monotonic() - start, s.nodes, proof=proof)

@@ -1,0 +1,357 @@
+"""From an approximate solution to an exact one, compiled: fix what each contact does, then Newton on (1)-(8).
+
+An approximate point says which contacts are open, stick or slide and which actuators move. With these modes
+fixed, what is left of the model over the reduced unknowns z (the linear equations are gone) is a small
+system; minimum-norm Newton steps solve it to rounding. Where the result violates an inequality, that
+contact, actuator or bound changes its mode, in two ways tried in turn: to the border between two modes (the
+inequality becomes an equality, right where a maximum sits on a border), or across it (a sticking contact
+slides, right where everything is fixed). `stability/model` judges the result, never this file.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from holdfast.mechanism import Array
+from holdfast.stability.engine.rows import inner, quick, values
+
+if TYPE_CHECKING:
+    from holdfast.stability.engine.reduced import Reduced
+
+CONVERGED = 1e-13  # scaled residual at which Newton stops
+GOOD = 1e-11  # scaled residual that is accepted when it cannot be lowered further
+ITERATIONS = 16  # Newton steps and their halvings
+HALVINGS = 3
+REPAIRS = 5  # changes of modes before giving up
+STILL = 1e-9  # sliding less than this has no direction yet
+SLACK = 1e-11  # an inequality may be missed by this much; the judge allows 1e-9
+RANK = 1e-11  # a gradient whose independent part is shorter than this, relatively, adds nothing
+
+# what a contact does
+OPEN = 0  # c = 0, d^_n >= 0
+GRAZE = 1  # c = 0, d^_n = 0
+STICK = 2  # c_n = -d^_n, d_t = 0, inside the cone
+EDGE = 3  # sticks on the border of the cone
+SLIDE = 4  # c_n = -d^_n, friction against the motion
+LOOSE = 5  # closed, any friction in the cone: the model without the dissipation principle
+RIM = 6  # the same, on the border of the cone
+# what an actuator does
+HELD = 0  # commanded, t = 0, f >= f_c
+TURNS = 1  # commanded, f = f_c, t >= 0
+BALANCED = 2  # t = 0 and f = f_c
+DRIVEN = 3  # its command is what is sought: t >= 0, f >= 0 is the command
+HALTED = 4  # the same with t = 0, f free
+RELEASED = 5  # the same with f = 0
+
+
+@quick
+def least_step(J, g, E, q, step, size):  # type: ignore[no-untyped-def]
+    """The shortest step with J step = -g, by pivoted Gram-Schmidt on the rows of J (E, n), which is overwritten.
+
+    Rows that depend on others to working precision are left out.
+    """
+    n = J.shape[1]
+    for j in range(n):
+        step[j] = 0.0
+    for e in range(E):
+        total = 0.0
+        for j in range(n):
+            total += J[e, j] * J[e, j]
+        size[e] = total
+        q[e] = total
+    for _ in range(min(E, n)):
+        pick = -1
+        best = RANK * RANK
+        for e in range(E):
+            if size[e] > 0.0 and q[e] / size[e] > best:
+                pick = e
+                best = q[e] / size[e]
+        if pick < 0:
+            return
+        scale = 0.0
+        for j in range(n):
+            scale += J[pick, j] * J[pick, j]
+        scale = 1.0 / np.sqrt(scale)
+        y = -g[pick] * scale
+        for j in range(n):
+            J[pick, j] *= scale
+            step[j] += y * J[pick, j]
+        size[pick] = 0.0
+        for e in range(E):
+            if size[e] == 0.0:
+                continue
+            along = 0.0
+            for j in range(n):
+                along += J[pick, j] * J[e, j]
+            g[e] += along * y
+            left = 0.0
+            for j in range(n):
+                J[e, j] -= along * J[pick, j]
+                left += J[e, j] * J[e, j]
+            q[e] = left
+
+
+@inner
+def equations(m, a, cos, sin, B, off, mu, lo, hi, hold, touch, motor, side, v, G, J, g):  # type: ignore[no-untyped-def]
+    """Residuals into g, gradients over z into the rows of J; returns how many equations the modes ask for.
+
+    G (4, 6): room for the gradients of one part's equations over its base values.
+    """
+    n = B.shape[1]
+    parts = m + a + lo.shape[0]
+    e = 0
+    for part in range(parts):
+        for b in range(4):
+            for k in range(6):
+                G[b, k] = 0.0
+        count = 0
+        first = off.shape[0] - parts + part
+        width = 1
+        if part < m:
+            first = 6 * part
+            width = 6
+            cn = v[first]
+            c1 = v[first + 1]
+            c2 = v[first + 2]
+            d1 = v[first + 4]
+            d2 = v[first + 5]
+            mode = touch[part]
+            speed = np.sqrt(d1 * d1 + d2 * d2)
+            force = np.sqrt(c1 * c1 + c2 * c2)
+            u1 = d1 / max(speed, 1e-300)
+            u2 = d2 / max(speed, 1e-300)
+            gap = cos * v[first + 3] + sin * speed
+            count = 3
+            if mode <= GRAZE:
+                for b in range(3):
+                    g[e + b] = v[first + b]
+                    G[b, b] = 1.0
+            elif mode <= EDGE:
+                g[e] = cn + cos * v[first + 3]
+                g[e + 1] = d1
+                g[e + 2] = d2
+                G[0, 0] = G[1, 4] = G[2, 5] = 1.0
+                G[0, 3] = cos
+            else:
+                g[e] = cn + gap
+                G[0, 0] = 1.0
+                G[0, 3] = cos
+                G[0, 4] = sin * u1
+                G[0, 5] = sin * u2
+                count = 1
+            if mode == SLIDE:
+                count = 3
+                w = mu[part] * cn
+                x1 = u1
+                x2 = u2
+                if speed <= STILL and force > 0.0:  # not yet sliding: friction keeps its direction
+                    x1 = -c1 / force
+                    x2 = -c2 / force
+                else:  # (7) divided by |d_t|
+                    G[1, 4] = w * u2 * u2 / max(speed, 1e-300)
+                    G[1, 5] = G[2, 4] = -w * u1 * u2 / max(speed, 1e-300)
+                    G[2, 5] = w * u1 * u1 / max(speed, 1e-300)
+                g[e + 1] = c1 + w * x1
+                g[e + 2] = c2 + w * x2
+                G[1, 0] = mu[part] * x1
+                G[2, 0] = mu[part] * x2
+                G[1, 1] = G[2, 2] = 1.0
+            elif mode == GRAZE:
+                g[e + 3] = gap
+                G[3, 3] = cos
+                G[3, 4] = sin * u1
+                G[3, 5] = sin * u2
+                count = 4
+            elif mode in (EDGE, RIM):
+                g[e + count] = force - mu[part] * cn
+                G[count, 0] = -mu[part]
+                G[count, 1] = c1 / max(force, 1e-300)
+                G[count, 2] = c2 / max(force, 1e-300)
+                count += 1
+        elif part < m + a:
+            first = 6 * m + 3 * (part - m)
+            width = 2
+            mode = motor[part - m]
+            if mode in (HELD, BALANCED, HALTED):
+                g[e] = v[first]
+                G[0, 0] = 1.0
+                count = 1
+            if mode in (TURNS, BALANCED, RELEASED):
+                g[e + count] = v[first + 1]
+                G[count, 1] = 1.0
+                count += 1
+        else:
+            k = part - m - a
+            if side[k] != 0 or (k == 0 and hold):
+                G[0, 0] = 1.0
+                g[e] = v[first] - (hi[k] if side[k] > 0 else lo[k])
+                count = 1
+        for b in range(count):
+            for j in range(n):
+                J[e + b, j] = G[b, 0] * B[first, j]
+            for k in range(1, width):
+                x = G[b, k]
+                if x != 0.0:
+                    for j in range(n):
+                        J[e + b, j] += x * B[first + k, j]
+        e += count
+    return e
+
+
+@inner
+def read(m, a, mdp, driven, v, tol, touch, motor):  # type: ignore[no-untyped-def]
+    """The modes that a point shows; motions and forces below `tol` count as none."""
+    for i in range(m):
+        if v[6 * i] <= tol:
+            touch[i] = OPEN
+        elif not mdp:
+            touch[i] = LOOSE
+        else:
+            touch[i] = SLIDE if np.sqrt(v[6 * i + 4] ** 2 + v[6 * i + 5] ** 2) > tol else STICK
+    for j in range(a):
+        turns = v[6 * m + 3 * j] > tol
+        if driven[j]:
+            motor[j] = DRIVEN if turns else HALTED
+        else:
+            motor[j] = TURNS if turns else HELD
+
+
+@inner
+def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, across, touch, motor, side):  # type: ignore[no-untyped-def]
+    """Change modes where an inequality is violated; True if any was."""
+    changed = False
+    for i in range(m):
+        k = 6 * i
+        speed = np.sqrt(v[k + 4] ** 2 + v[k + 5] ** 2)
+        gap = cos * v[k + 3] + sin * speed
+        excess = np.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2) - mu[i] * v[k]
+        mode = touch[i]
+        new = mode
+        if mode == OPEN and gap < -slack:
+            closed = (SLIDE if speed > STILL else STICK) if mdp else LOOSE
+            new = closed if across else GRAZE
+        elif mode > GRAZE and v[k] < -slack:
+            new = OPEN
+        elif mode == STICK and excess > slack:
+            new = SLIDE if across else EDGE
+        elif mode == LOOSE and excess > slack:
+            new = RIM
+        if new != mode:
+            touch[i] = new
+            changed = True
+    for j in range(a):
+        t = v[6 * m + 3 * j]
+        e = v[6 * m + 3 * j + 1]
+        mode = motor[j]
+        new = mode
+        if mode == TURNS and t < -slack:
+            new = HELD if across else BALANCED
+        elif mode == HELD and e < -slack:
+            new = TURNS if across else BALANCED
+        elif mode == DRIVEN and t < -slack:
+            new = HALTED
+        elif mode == DRIVEN and e < -slack:
+            new = RELEASED
+        if new != mode:
+            motor[j] = new
+            changed = True
+    plain = v.shape[0] - lo.shape[0]
+    for k in range(objective + motions, lo.shape[0]):  # limits; the cap on motions binds the search alone
+        x = v[plain + k]
+        new = 1 if x > hi[k] + slack else (-1 if x < lo[k] - slack else 0)
+        if new != 0 and side[k] == 0:
+            side[k] = new
+            changed = True
+    return changed
+
+
+@inner
+def polish(  # type: ignore[no-untyped-def]
+    m, a, cos, sin, mdp, objective, motions, B, BT, off, mu, lo, hi, driven, hold, tol, start, z, v, touch, motor, side,
+    G, J, g, q, size, step, trial,
+):  # fmt: skip
+    """An exact solution near `start` into z (n,) and its base values into v; False if none was found.
+
+    hold: keep the objective at its lower bound. tol: below which motions and forces of the start are none.
+    """
+    n = z.shape[0]
+    for attempt in range(2):
+        for j in range(n):
+            z[j] = start[j]
+        values(BT, off, z, v)
+        read(m, a, mdp, driven, v, tol, touch, motor)
+        for k in range(side.shape[0]):
+            side[k] = 0
+        for _ in range(REPAIRS):
+            error = np.inf
+            halvings = 0
+            done = False
+            for j in range(n):
+                trial[j] = z[j]
+            for _ in range(ITERATIONS):
+                values(BT, off, trial, v)
+                E = equations(m, a, cos, sin, B, off, mu, lo, hi, hold, touch, motor, side, v, G, J, g)
+                worst = 0.0
+                force = 1.0
+                for e in range(E):
+                    worst = max(worst, abs(g[e]))
+                for i in range(m):
+                    force = max(force, abs(v[6 * i]))
+                if worst < error:
+                    error = worst
+                    halvings = 0
+                    for j in range(n):
+                        z[j] = trial[j]
+                    if error <= CONVERGED * force:
+                        done = True
+                        break
+                    least_step(J, g, E, q, step, size)
+                else:
+                    halvings += 1
+                    if halvings == HALVINGS:
+                        break
+                    for j in range(n):
+                        step[j] *= 0.5
+                for j in range(n):
+                    trial[j] = z[j] + step[j]
+            values(BT, off, z, v)
+            force = 1.0
+            for i in range(m):
+                force = max(force, abs(v[6 * i]))
+            if not done and not error <= GOOD * force:
+                break
+            slack = SLACK * force
+            if not repair(
+                m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, attempt == 1, touch, motor, side
+            ):
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _polished(m, a, cos, sin, mdp, objective, motions, B, BT, off, mu, lo, hi, driven, hold, tol, start, z):  # type: ignore[no-untyped-def]
+    n = B.shape[1]
+    most = 4 * m + 2 * a + lo.shape[0]
+    return polish(
+        m, a, cos, sin, mdp, objective, motions, B, BT, off, mu, lo, hi, driven, hold, tol, start, z,
+        np.empty(off.shape[0]), np.empty(m, np.int64), np.empty(a, np.int64), np.empty(lo.shape[0], np.int64),
+        np.empty((4, 6)), np.empty((most, n)), np.empty(most), np.empty(most), np.empty(most), np.empty(n), np.empty(n),
+    )  # fmt: skip
+
+
+def solve(r: Reduced, start: Array, *, tol: float = 1e-6, hold: bool = False) -> Array | None:
+    """An exact solution (n,) of the reduced problem near `start` (n,); None if none was found.
+
+    Args:
+        tol: (scaled) motions and forces of the start below this count as none.
+        hold: keep the objective at its lower bound.
+    """
+    z = np.empty_like(start)
+    found = _polished(
+        len(r.p.mu), len(r.active), float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.p.mdp, min(r.objective, 1),
+        r.motions, r.B, r.BT, r.off, r.p.mu, r.lo, r.hi, r.driven, hold, tol, start, z,
+    )  # fmt: skip
+    return z if found else None

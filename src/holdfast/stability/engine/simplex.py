@@ -1,0 +1,371 @@
+"""A node's program, compiled: a dense dual simplex that starts from the parent's working set.
+
+min cost . z subject to rows a . z >= b. The state is a working set of n independent rows: their ids, the
+matrix W of their coefficients, right-hand sides, the inverse of W, the point z = W^-1 rhs and multipliers
+y = W^-T cost >= 0. While a row is violated, the worst one enters and the ratio test picks the one that
+leaves. If none can leave, the entering row and the working set add up to 0 >= positive: the program is
+infeasible and the multipliers are a Farkas ray.
+
+Nothing is believed on the inverse's word: a ray counts only if it proves infeasibility for every z in the
+box with the coefficients themselves, small parts of the wrong sign dropped. Otherwise W is factorised
+afresh; if that does not help, the rows of that contact or actuator are left out, which only loosens the program.
+
+Tolerances are absolute, forces and motions being scaled by the force scale: `FEASIBLE` for rows, `CONE` for
+friction outside its cone (tangents are made where it leaves), `PIVOT` for pivots (`SMALL` where there is no other). W is refactorised after
+`REFRESH` exchanges; a singular W is reported, and the caller starts again from the box.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from holdfast.stability.engine.rows import (
+    ANGLE,
+    BOX_UP,
+    C_LEFT,
+    C_RIGHT,
+    CHORD,
+    CLOSED,
+    CN_DOWN,
+    CN_UP,
+    D_LEFT,
+    D_RIGHT,
+    DN_UP,
+    E_DOWN,
+    E_UP,
+    GAP_DOWN,
+    GAP_UP,
+    INDEX,
+    KIND,
+    LOCKED,
+    MOVES,
+    OPEN,
+    PLAIN_DOWN,
+    PLAIN_UP,
+    S_UP,
+    SLIDE,
+    STICK,
+    STILL,
+    T_DOWN,
+    T_UP,
+    TANGENT,
+    TURN,
+    inner,
+    row,
+    values,
+)
+
+OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
+FEASIBLE = 1e-9
+CONE = 1e-8
+PIVOT = 1e-7
+SMALL = 1e-10
+ROUNDING = 2e-13  # of the terms of a ray: more than its checker allows for
+REFRESH = 40
+EXCHANGES = 1000
+
+
+@inner
+def invert(W, inverse, work):  # type: ignore[no-untyped-def]
+    """Gauss-Jordan with row exchanges; False if W is singular to working precision."""
+    n = W.shape[0]
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = W[i, j]
+            inverse[i, j] = 0.0
+        inverse[i, i] = 1.0
+    for k in range(n):
+        best = k
+        size = abs(work[k, k])
+        for i in range(k + 1, n):
+            if abs(work[i, k]) > size:
+                best = i
+                size = abs(work[i, k])
+        if size < 1e-11:
+            return False
+        for j in range(n):
+            x = work[best, j]
+            work[best, j] = work[k, j]
+            work[k, j] = x / size
+            x = inverse[best, j]
+            inverse[best, j] = inverse[k, j]
+            inverse[k, j] = x / size
+        if work[k, k] < 0.0:
+            for j in range(n):
+                work[k, j] = -work[k, j]
+                inverse[k, j] = -inverse[k, j]
+        for i in range(n):
+            f = work[i, k]
+            if i != k and f != 0.0:
+                for j in range(n):
+                    work[i, j] -= f * work[k, j]
+                    inverse[i, j] -= f * inverse[k, j]
+    return True
+
+
+@inner
+def trigonometry(m, state, trig):  # type: ignore[no-untyped-def]
+    """Sector ends as unit vectors into trig (m, 4): cos and sin of the left end, of the right end."""
+    turn = 2 * np.pi / TURN
+    for i in range(m):
+        for k in range(2):
+            angle = state[(k + 1) * m + i] * turn
+            trig[i, 2 * k] = np.cos(angle)
+            trig[i, 2 * k + 1] = np.sin(angle)
+
+
+@inner
+def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, skip):  # type: ignore[no-untyped-def]
+    """The id of the row of the node that is violated most, -1 if none is by more than `tol`.
+
+    The rows of part k (contact, actuator, plain value) are left out if skip[k].
+    """
+    worst = tol
+    found = -1
+    turn = 2 * np.pi / TURN
+    loose = CONE - FEASIBLE  # what is made where it is violated may be missed by a little more
+    for i in range(m):
+        if skip[i]:
+            continue
+        touch = state[i]
+        la = state[m + i]
+        lb = state[2 * m + i]
+        k = 6 * i
+        cn = v[k]
+        c1 = v[k + 1]
+        c2 = v[k + 2]
+        d1 = v[k + 4]
+        d2 = v[k + 5]
+        here = i << INDEX
+        gap = cos * v[k + 3]
+        if -cn > worst:
+            worst = -cn
+            found = here | (CN_UP << KIND)
+        x = np.sqrt(c1 * c1 + c2 * c2) - mu[i] * cn - loose
+        if x > worst:
+            worst = x
+            steps = TURN // 4 if touch == OPEN else 1  # tangents along the axes bring c_t to zero at once
+            angle = np.int64(np.rint(np.arctan2(c2, c1) / (steps * turn))) * steps
+            found = here | (TANGENT << KIND) | ((angle % TURN) << ANGLE)
+        reach = 0.0  # sin(eta) |d_t|, from above
+        if lb > la:
+            xa = trig[i, 0]
+            ya = trig[i, 1]
+            xb = trig[i, 2]
+            yb = trig[i, 3]
+            h = 1.0 + xa * xb + ya * yb
+            x = xa * d2 - ya * d1
+            if x > worst:
+                worst = x
+                found = here | (D_LEFT << KIND) | (la << ANGLE)
+            x = yb * d1 - xb * d2
+            if x > worst:
+                worst = x
+                found = here | (D_RIGHT << KIND) | lb
+            reach = -sin * ((xa + xb) * d1 + (ya + yb) * d2) / h
+            if touch == SLIDE:
+                x = 0.5 * (mu[i] * h * cn - (xa + xb) * c1 - (ya + yb) * c2)
+                if x > worst:
+                    worst = x
+                    found = here | (CHORD << KIND) | (la << ANGLE) | lb
+                x = ya * c1 - xa * c2
+                if x > worst:
+                    worst = x
+                    found = here | (C_LEFT << KIND) | (la << ANGLE)
+                x = xb * c2 - yb * c1
+                if x > worst:
+                    worst = x
+                    found = here | (C_RIGHT << KIND) | lb
+        elif touch == STICK:
+            reach = -sin * d1  # d_t = 0 there: any direction will do
+        if sin == 0.0 or lb > la or touch == STICK:
+            kind = GAP_UP
+            x = -cn - gap - reach
+            if touch == OPEN:
+                kind = DN_UP
+                x = -gap - reach
+            if x > worst:
+                worst = x
+                found = here | (kind << KIND) | (la << ANGLE) | lb
+        if touch == OPEN:
+            if cn > worst:
+                worst = cn
+                found = here | (CN_DOWN << KIND)
+        elif touch >= CLOSED:
+            x = cn + gap
+            if sin > 0.0:
+                x += sin * np.sqrt(d1 * d1 + d2 * d2) - loose
+            if x > worst:
+                worst = x
+                found = here | (GAP_DOWN << KIND)
+                if sin > 0.0:
+                    angle = np.int64(np.rint(np.arctan2(-d2, -d1) / turn))
+                    found |= (angle % TURN) << ANGLE
+            if touch == STICK:
+                x = max(abs(d1), abs(d2))
+                if x > worst:
+                    worst = x
+                    kind = STILL + (0 if abs(d1) == x else 2)
+                    kind += 1 if (d1 if abs(d1) == x else d2) > 0.0 else 0
+                    found = here | (kind << KIND)
+    for j in range(a):
+        if skip[m + j]:
+            continue
+        moves = state[3 * m + j]
+        k = 6 * m + 3 * j
+        here = j << INDEX
+        if -v[k] > worst:
+            worst = -v[k]
+            found = here | (T_UP << KIND)
+        if moves == LOCKED and v[k] > worst:
+            worst = v[k]
+            found = here | (T_DOWN << KIND)
+        if (moves == MOVES or not driven[j]) and -v[k + 1] > worst:
+            worst = -v[k + 1]
+            found = here | (E_UP << KIND)
+        if moves == MOVES:
+            x = -v[k + 2] if driven[j] else v[k + 1]
+            if x > worst:
+                worst = x
+                found = here | ((S_UP if driven[j] else E_DOWN) << KIND)
+    first = v.shape[0] - lo.shape[0]
+    for k in range(lo.shape[0]):
+        if skip[m + a + k]:
+            continue
+        x = v[first + k]
+        if lo[k] - x > worst:
+            worst = lo[k] - x
+            found = (k << INDEX) | (PLAIN_UP << KIND)
+        if x - hi[k] > worst:
+            worst = x - hi[k]
+            found = (k << INDEX) | (PLAIN_DOWN << KIND)
+    return found
+
+
+@inner
+def solve(  # type: ignore[no-untyped-def]
+    m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
+    ids, W, rhs, inverse, y, z, v, enter_row, delta, work, stats, daring,
+):  # fmt: skip
+    """Solve a node's program from a working set; all of the state is changed in place.
+
+    `ids`, `W`, `inverse` must be given and consistent; ids has one place more, for the entering row of a
+    ray. daring: poor pivots are taken where there is no other. Returns OPTIMAL (z, y, v), INFEASIBLE (y: the ray's multipliers of `ids`, 1 for the last) or FAILED.
+    """
+    n = z.shape[0]
+    trigonometry(m, state, trig)
+    for k in range(skip.shape[0]):
+        skip[k] = False
+    for k in range(n):  # the bound on the objective may have moved since
+        if ids[k] == PLAIN_DOWN << KIND:
+            rhs[k] = -hi[0] + off[off.shape[0] - lo.shape[0]]
+    since = 0
+    fresh = True
+    least = PIVOT
+    for exchange in range(EXCHANGES):
+        if since >= REFRESH:
+            if not invert(W, inverse, work):
+                return FAILED
+            since = 0
+            fresh = True
+        if fresh:
+            for j in range(n):
+                total = 0.0
+                for k in range(n):
+                    total += inverse[j, k] * rhs[k]
+                z[j] = total
+            for k in range(n):
+                y[k] = 0.0
+            for j in range(n):
+                x = cost[j]
+                for k in range(n):
+                    y[k] += x * inverse[j, k]
+            fresh = False
+        values(BT, off, z, v)
+        largest = 0.0
+        for j in range(n):
+            largest = max(largest, abs(z[j]))
+        tol = FEASIBLE + 1e-14 * largest
+        enter = price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, skip)
+        if enter < 0:
+            stats[1] += exchange
+            return OPTIMAL
+        b = row(enter, m, cos, sin, B, off, mu, lo, hi, box, enter_row)
+        for k in range(n):
+            delta[k] = 0.0
+        missed = b
+        for j in range(n):
+            x = enter_row[j]
+            missed -= x * z[j]
+            if x != 0.0:
+                for k in range(n):
+                    delta[k] += x * inverse[j, k]
+        bound = np.inf
+        for k in range(n):
+            if delta[k] > least:
+                bound = min(bound, (max(y[k], 0.0) + 1e-10) / delta[k])
+        leave = -1
+        size = 0.0
+        for k in range(n):
+            if delta[k] > least and max(y[k], 0.0) <= bound * delta[k] and delta[k] > size:
+                leave = k
+                size = delta[k]
+        if leave < 0:
+            gap = b
+            slip = ROUNDING * abs(b)
+            for k in range(n):
+                if delta[k] < 0.0:
+                    gap -= delta[k] * rhs[k]
+                    slip += ROUNDING * abs(delta[k] * rhs[k])
+            for j in range(n):
+                total = enter_row[j]
+                terms = abs(total)
+                for k in range(n):
+                    if delta[k] < 0.0:
+                        total -= delta[k] * W[k, j]
+                        terms += abs(delta[k] * W[k, j])
+                slip += (2.0 * abs(total) + ROUNDING * terms) * box[j]
+            if gap > slip:
+                for k in range(n):
+                    y[k] = max(-delta[k], 0.0)
+                ids[n] = enter
+                y[n] = 1.0
+                stats[1] += exchange
+                return INFEASIBLE
+        if leave < 0 or missed <= 0.0:  # the ray is too weak, or z has drifted from the working set
+            if since > 0:
+                since = REFRESH  # once more with a fresh inverse
+                continue
+            if leave < 0 and least == PIVOT and daring:
+                least = SMALL  # nearly parallel rows: better a poor pivot than none
+                continue
+            part = (enter >> INDEX) & 255
+            if enter >> KIND >= T_UP:
+                part += m if enter >> KIND <= S_UP else m + a
+            if skip[part] or enter >> KIND >= BOX_UP:
+                return FAILED
+            skip[part] = True
+            stats[2] += 1
+            continue
+        step = missed / delta[leave]
+        theta = max(y[leave], 0.0) / delta[leave]
+        scale = 1.0 / delta[leave]
+        for k in range(n):
+            y[k] -= theta * delta[k]
+        y[leave] = theta
+        for j in range(n):
+            x = inverse[j, leave]
+            z[j] += step * x
+            x *= scale
+            if x != 0.0:
+                for k in range(n):
+                    inverse[j, k] -= x * delta[k]
+            inverse[j, leave] = x
+            W[leave, j] = enter_row[j]
+        rhs[leave] = b
+        ids[leave] = enter
+        since += 1
+        if least == SMALL:
+            least = PIVOT
+            since = REFRESH
+    return FAILED

@@ -1,0 +1,39 @@
+"""What a search returns, whichever method ran: a value achieved, a bound on it, and what backs them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from holdfast.answer import Stop
+from holdfast.stability.witness import Witness
+
+if TYPE_CHECKING:
+    from holdfast.stability.algorithm1 import Step
+    from holdfast.stability.engine.proof import Proof
+
+INF = float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Of a search for a small objective (see `goal`), or for any state at all.
+
+    Attributes:
+        value: the smallest objective that was witnessed; inf if none was.
+        bound: no state has a smaller one; inf if there is no state at all, -inf if nothing was shown.
+        witness: the state that achieves `value`.
+        stop: why it ended.
+        seconds, nodes: wall time, programs solved.
+        steps: of Algorithm 1.
+        proof: of `bound`, where the engine gave it.
+    """
+
+    value: float
+    bound: float
+    witness: Witness | None
+    stop: Stop
+    seconds: float
+    nodes: int
+    steps: tuple[Step, ...] = ()
+    proof: Proof | None = None

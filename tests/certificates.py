@@ -1,0 +1,252 @@
+"""Certificates for tests: questions, the rows written out a second time, a small prover with a program per leaf."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import linprog
+
+from holdfast.grasp import Grasp, GraspJoint
+from holdfast.mechanism import Mechanism
+from holdfast.stability.certificate import TURN, ActuatorState, Certificate, ContactState, Goal, Question, Row
+from holdfast.stability.certificate import directions as float_directions
+from holdfast.stability.claim import Claim
+from problems import nest, pinch
+
+FREE, LOCKED, MOVES = ActuatorState
+UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
+
+
+def float_direction(k):
+    return [float(v) for v in float_directions(np.array([k]))[0]]
+
+
+def exact_direction(k):
+    """A rational vector of exactly unit length, within rounding of direction k."""
+    quarter, rest = divmod(k % TURN, TURN // 4)
+    x, y = half_angle(2 * np.pi * rest / TURN)
+    return [(x, y), (-y, x), (-x, -y), (y, -x)][quarter]
+
+
+def half_angle(angle):
+    """Rational cosine and sine of (nearly) an angle."""
+    t = Fraction(float(np.tan(angle / 2)))
+    return (1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)
+
+
+def row(certificate, claim, kind, index, a, b, exact=False):
+    """{place in (x, d, t): coefficient}, rhs of one row, in floats or exactly. Written from `Row` alone."""
+    q, at = certificate.question, claim.columns
+    number = Fraction if exact else float
+    Ua, Ub = (exact_direction if exact else float_direction)(a), (exact_direction if exact else float_direction)(b)
+    cos, sin = half_angle(q.eta) if exact else (np.cos(q.eta), np.sin(q.eta))
+    kind, c, d = Row(kind), at.c.start + 3 * index, at.n + 3 * index
+    t, f = at.n + 3 * q.grasp.m + index, at.f.start + index
+    dot = 1 + Ua[0] * Ub[0] + Ua[1] * Ub[1]
+    if kind in (Row.BOUND_UP, Row.BOUND_DOWN):
+        up = kind is Row.BOUND_UP
+        return {index: 1 if up else -1}, number(claim.lo[index]) if up else -number(claim.hi[index])
+    if kind in (Row.E_UP, Row.E_DOWN, Row.S_UP, Row.T_UP, Row.T_DOWN):
+        if kind in (Row.T_UP, Row.T_DOWN):
+            return {t: 1 if kind is Row.T_UP else -1}, 0
+        if kind is Row.S_UP:
+            return {f: -1, (at.scalar.start if q.objective == "max" else at.e.start + index): 1}, 0
+        sign = 1 if kind is Row.E_UP else -1
+        f_c = 0 if q.goal is Goal.TORQUES else number(abs(q.grasp.command[index]))
+        if q.goal is Goal.SMALLEST_PRELOAD:
+            return {f: sign, at.scalar.start: -sign * f_c}, 0
+        return {f: sign}, sign * f_c
+    mu = number(q.grasp.mu[index])
+    worst = {d: cos}
+    if q.eta and dot:
+        worst |= {d + 1 + k: -sin * (Ua[k] + Ub[k]) / dot for k in (0, 1)}
+    return {
+        Row.CN_UP: {c: 1},
+        Row.CN_DOWN: {c: -1},
+        Row.GAP_UP: {c: 1} | worst,
+        Row.GAP_DOWN: {c: -1, d: -cos, d + 1: sin * Ua[0], d + 2: sin * Ua[1]},
+        Row.DN_UP: worst,
+        Row.TANGENT: {c: mu, c + 1: -Ua[0], c + 2: -Ua[1]},
+        Row.CHORD: {c: -mu * dot / 2, c + 1: (Ua[0] + Ub[0]) / 2, c + 2: (Ua[1] + Ub[1]) / 2},
+        Row.C_LEFT: {c + 1: -Ua[1], c + 2: Ua[0]},
+        Row.C_RIGHT: {c + 1: Ub[1], c + 2: -Ub[0]},
+        Row.D_LEFT: {d + 1: Ua[1], d + 2: -Ua[0]},
+        Row.D_RIGHT: {d + 1: -Ub[1], d + 2: Ub[0]},
+        Row.STILL_1_UP: {d + 1: 1},
+        Row.STILL_1_DOWN: {d + 1: -1},
+        Row.STILL_2_UP: {d + 2: 1},
+        Row.STILL_2_DOWN: {d + 2: -1},
+    }[kind], 0
+
+
+def dense(claim, entries):
+    """(n,) a row's coefficients on x."""
+    full = np.zeros(claim.columns.n + len(claim.Z))
+    for place, value in entries.items():
+        full[place] = value
+    return full[: claim.columns.n] + full[claim.columns.n :] @ claim.Z
+
+
+def rows_of(question, claim, case):
+    """Names of rows that hold in a case [(state, left, right) per part], enough of them for a proof."""
+    m, ring = question.grasp.m, [k * TURN // 8 for k in range(8)]
+    names = []
+    for i, (state, l, r) in enumerate(case[:m]):
+        around = [*ring, l, r] if l < r else ring
+        names += [(Row.CN_UP, i, 0, 0), *((Row.TANGENT, i, a, 0) for a in around)]
+        if question.eta == 0:
+            names.append((Row.GAP_UP, i, 0, 0))
+        if state == OPEN:
+            names.append((Row.CN_DOWN, i, 0, 0))
+            if l < r or question.eta == 0:
+                names.append((Row.DN_UP, i, l, r))
+        if state in (CLOSED, STICK, SLIDE):
+            names += [(Row.GAP_DOWN, i, a, 0) for a in around]
+        if state == STICK:
+            names += [(Row.GAP_UP, i, 0, 1), *((Row(k), i, 0, 0) for k in range(Row.STILL_1_UP, Row.T_UP))]
+        if l < r:
+            names += [(Row.D_LEFT, i, l, 0), (Row.D_RIGHT, i, 0, r), (Row.GAP_UP, i, l, r)]
+        if state == SLIDE:
+            names += [(Row.CHORD, i, l, r), (Row.C_LEFT, i, l, 0), (Row.C_RIGHT, i, 0, r)]
+    for j, (state, *_) in enumerate(case[m:]):
+        driven, moves = question.is_driven[j], state == MOVES
+        if question.may_move[j]:
+            names.append((Row.T_UP, j, 0, 0))
+        if state == LOCKED:
+            names.append((Row.T_DOWN, j, 0, 0))
+        if question.may_move[j] and (moves or not driven):
+            names.append((Row.E_UP, j, 0, 0))
+        if moves:
+            names.append((Row.S_UP if driven else Row.E_DOWN, j, 0, 0))
+    bounded = np.flatnonzero(np.isfinite(claim.reach)).tolist()
+    return names + [(kind, k, 0, 0) for k in bounded for kind in (Row.BOUND_UP, Row.BOUND_DOWN)]
+
+
+def multipliers(certificate, claim, names):
+    """(margin, y) with the largest y b + v h where y F + v E = 0: Farkas' lemma as a program."""
+    F, b = zip(*(row(certificate, claim, *name) for name in names), strict=True)
+    A = np.vstack([*(dense(claim, f) for f in F), claim.E])
+    A, rhs = A * np.where(claim.reach > 0, claim.reach, 1.0), np.array([*b, *claim.h], dtype=float)
+    size = np.maximum(np.linalg.norm(A, axis=1), 1e-12)
+    A, rhs = A / size[:, None], rhs / size
+    bounds = [(0, 1)] * len(F) + [(-1e3, 1e3)] * len(claim.E)
+    result = linprog(-rhs, A_eq=A.T, b_eq=np.zeros(A.shape[1]), bounds=bounds, method="highs")
+    assert result.status == 0, result.message
+    return -result.fun, (result.x / size)[: len(F)]
+
+
+def empty(question, cap_r, cap_q, scalar=None, names=(), y=()):
+    """A certificate whose tree is a root alone, with the given rows."""
+    kind, index, a, b = np.array(names, dtype=np.int64).reshape(-1, 4).T
+    none = np.zeros(1, dtype=np.int64)
+    return Certificate(
+        question, cap_r, cap_q, scalar, none - 1, none, none, none, none, none, np.array([0, len(kind)]),
+        kind, index, a, b, np.array(y, dtype=float),
+    )  # fmt: skip
+
+
+def prove(question, cap_r, cap_q, scalar=None, slices=3, limit=3000):
+    """A certificate by plain case distinction: contacts, actuators, then ever narrower sectors. None if it fails."""
+    m, a = question.grasp.m, question.grasp.mechanism.a
+    root = empty(question, cap_r, cap_q, scalar)
+    claim = Claim.of(root)
+    nodes, leaves, proofs = [(-1, 0, 0, 0, 0)], [], []
+    waiting = [(0, [(0, 0, 0)] * (m + a))]
+    while waiting:
+        node, case = waiting.pop()
+        names = rows_of(question, claim, case)
+        margin, y = multipliers(root, claim, names)
+        if margin > 1e-5:
+            keep = [i for i in range(len(y)) if y[i] > 1e-13 * y.max()]
+            leaves.append(node)
+            proofs.append(([names[i] for i in keep], y[keep]))
+            continue
+        part, states = split(question, case, slices)
+        if part is None or len(nodes) > limit:
+            return None
+        for state in states:
+            waiting.append((len(nodes), [*case[:part], state, *case[part + 1 :]]))
+            nodes.append((node, part, *state))
+    names = np.array([name for rows, _ in proofs for name in rows], dtype=np.int64).reshape(-1, 4)
+    start = np.cumsum([0, *(len(rows) for rows, _ in proofs)])
+    tree = np.array(nodes, dtype=np.int64).T
+    y = np.concatenate([y for _, y in proofs])
+    return Certificate(question, cap_r, cap_q, scalar, *tree, np.array(leaves), start, *names.T, y)
+
+
+def split(question, case, slices):
+    """(part, new states) of the next case distinction; (None, []) if there is none left."""
+    m, width = question.grasp.m, TURN // 1000
+    chosen = None
+    for i, (state, l, r) in enumerate(case):
+        if i >= m and state == FREE and question.may_move[i - m]:
+            return i, [(LOCKED, 0, 0), (MOVES, 0, 0)]
+        if i >= m or not (question.mdp or state == UNDECIDED):
+            continue
+        if state == UNDECIDED:
+            return i, [(OPEN, 0, 0), (CLOSED, 0, 0)]
+        if state == CLOSED or (state == OPEN and question.eta and l == r):
+            return i, ([(STICK, 0, 0)] if state == CLOSED else []) + [
+                (SLIDE if state == CLOSED else OPEN, u, w)
+                for u, w in pairwise(k * TURN // slices for k in range(slices + 1))
+            ]
+        if r - l > width:
+            chosen, width = i, r - l
+    if chosen is None:
+        return None, []
+    state, l, r = case[chosen]
+    return chosen, [(state, l, (l + r) // 2), (state, (l + r) // 2, r)]
+
+
+# --- questions with a proof ---------------------------------------------------------------------
+
+PUSH_X, PULL_Y, PULL_Z = np.eye(6)[:3]
+CAPS = np.array([50.0] * 3 + [2000.0] * 3)  # far more than the pinch's 1 N moves its object
+
+
+def turned(grasp: Grasp) -> Grasp:
+    """The same grasp with joints counted the other way: commands are negative."""
+    joints = [GraspJoint(j.name, -j.axis, j.origin, j.moves, j.type) for j in grasp.joints]
+    return Grasp(grasp.contacts, joints, preload=-grasp.command)
+
+
+def coupled(grasp: Grasp) -> Grasp:
+    """One motor for both fingers, coupled rigidly: half of its 0.2 N m each."""
+    mechanism = Mechanism(("motor",), np.array([[1.0, 0.0]]), np.array([[1.0, -1.0]]), (False,))
+    return Grasp(grasp.contacts, grasp.joints, mechanism, preload={"motor": 0.2})
+
+
+def slack(grasp: Grasp) -> Grasp:
+    """Driven by tendons that are not pulled."""
+    return Grasp(grasp.contacts, grasp.joints, Mechanism(("a", "b"), np.eye(2), np.zeros((0, 2)), (True, True)))
+
+
+BOTH = ("left", "right")
+CASES = {  # question, range of the scalar; the pinch resists 1 N, the nest with mu > sqrt(3) only without (6)
+    "check": (Question(pinch(), wrench=1.1 * PULL_Y), None),
+    "smallest preload": (Question(pinch(), "smallest preload", direction=PULL_Y), (0.0, 0.95)),
+    "largest": (Question(pinch(), "largest", 0.2 * PULL_Y, direction=PULL_Y), (0.85, 3.0)),
+    "max": (Question(pinch(), "torques", PULL_Y, driven=BOTH), (0.0, 0.095)),
+    "sum": (Question(pinch(), "torques", PULL_Y, driven=BOTH, objective="sum"), (0.0, 0.095)),
+    "max of turned": (Question(turned(pinch()), "torques", PULL_Y, driven=BOTH), (0.0, 0.095)),
+    "eta": (Question(pinch(), wrench=1.1 * PULL_Y, eta=0.05), None),
+    "no dissipation": (Question(pinch(), wrench=1.1 * PULL_Y, mdp=False), None),
+    "turned": (Question(turned(pinch()), wrench=1.1 * PULL_Y), None),
+    "coupled": (Question(coupled(pinch()), wrench=1.1 * PULL_Y), None),
+    "tendons": (Question(slack(pinch()), wrench=0.3 * PULL_Y), None),
+    "torque limit": (Question(pinch(), wrench=0.3 * PUSH_X, torque_limits={"right": 0.12}), None),  # 0.13 needed
+    "nest": (Question(nest(2.0), wrench=PULL_Z), None),
+    "nest with eta": (Question(nest(2.0), wrench=PULL_Z, eta=0.02), None),
+    "force limit": (Question(nest(), wrench=-10 * PULL_Z, force_limit=1.0), None),
+}
+
+
+@cache
+def proof(name):
+    question, scalar = CASES[name]
+    found = prove(question, CAPS, np.full(question.grasp.l, 100.0), scalar)
+    assert found is not None
+    return found

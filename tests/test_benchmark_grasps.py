@@ -1,0 +1,67 @@
+"""The published set of benchmark grasps: promised sizes, always the same, every grasp valid."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from holdfast.stability import problem
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+FINGERPRINT = "1aa80a0962ec617cde0b9c1b49c5ad4c64d6459fa4b32c99638de490d451a0c0"
+
+
+@pytest.fixture(scope="module")
+def grasps() -> ModuleType:
+    sys.path.insert(0, str(BENCHMARKS))
+    try:
+        import grasps
+    finally:
+        sys.path.remove(str(BENCHMARKS))
+    return grasps
+
+
+@pytest.fixture(scope="module")
+def chosen(grasps: ModuleType) -> list[Any]:
+    return grasps.cases()
+
+
+def test_the_set_has_the_promised_sizes(grasps: ModuleType, chosen: list[Any]) -> None:
+    count = Counter((c.family, c.contacts) for c in chosen)
+
+    for family in ("random", "barrett", "allegro", "fixture"):
+        assert {m: count[family, m] for m in grasps.SIZES} == dict.fromkeys(grasps.SIZES, grasps.PER_SIZE[family])
+    assert {m: count["power", m] for m in grasps.POWER} == dict.fromkeys((10, 12, 15), 15)
+    assert sum(3 <= c.contacts <= 8 for c in chosen) >= 200
+    assert len({c.name for c in chosen}) == len(chosen)
+
+
+def test_the_set_is_the_published_one(grasps: ModuleType, chosen: list[Any]) -> None:
+    assert grasps.fingerprint(chosen) == FINGERPRINT
+
+
+def test_every_case_is_a_question_that_can_be_asked(grasps: ModuleType, chosen: list[Any]) -> None:
+    for case in chosen:
+        g = case.grasp
+        p = problem.build(g, case.base, case.direction)  # raises if no forces could balance it
+
+        assert p.sizes[0] == case.contacts == g.m
+        assert np.linalg.norm(case.direction[:3]) == pytest.approx(1.0)
+        if g.l:
+            assert g.command.any()
+            assert not case.base.any()
+        else:
+            assert case.base[2] == pytest.approx(-grasps.WEIGHT)
+
+
+def test_random_preloads_press_the_contacts(grasps: ModuleType, chosen: list[Any]) -> None:
+    some = [c for c in chosen if c.family == "random"][::30]
+
+    assert len(some) == 4
+    assert all(grasps.presses(c.grasp) for c in some)
