@@ -14,7 +14,7 @@ import pytest
 from holdfast.stability import problem
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
-FINGERPRINT = "1aa80a0962ec617cde0b9c1b49c5ad4c64d6459fa4b32c99638de490d451a0c0"
+FINGERPRINT = "795e9b567f5f6719637db87607d74ff773c10cafc0a401d855cf5557109a8b9d"
 
 
 @pytest.fixture(scope="module")

@@ -47,7 +47,7 @@ def test_directions() -> None:
         (lambda d: d["question"].update(wrench=[0.0]), "question.wrench"),
         (lambda d: d["question"].update(eta=1.0), "eta: is 1 rad"),
         (lambda d: d["question"].update(direction=[1.0] * 6), "direction: has no meaning"),
-        (lambda d: d["question"].update(driven=["left"]), "driven: are needed"),
+        (lambda d: d["question"].update(driven=["left"]), "driven: have no meaning"),
         (lambda d: d["question"].update(goal="largest"), "direction: is needed"),
         (lambda d: d["question"].update(torque_limits={"middle": 1}), "unknown actuator 'middle'"),
         (lambda d: d["question"].update(force_limit=0), "is positive"),

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from holdfast.errors import InputError
-from holdfast.stability import mip, scip
+from holdfast.stability import mip
 from holdfast.stability.mip import INF, Program, Solution, Status
+
+scip = pytest.importorskip("holdfast.stability.scip", reason="pyscipopt is not installed", exc_type=ImportError)
 
 solvers = pytest.mark.parametrize(
     "solver",
@@ -132,8 +134,12 @@ def test_unknown_or_missing_solver_is_one_line(monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(InputError, match="solver: is 'glpk'; one of scip, gurobi is needed"):
         mip.solve(sos_program("sos1"), "glpk")  # type: ignore[arg-type]
     monkeypatch.setattr(mip, "available", lambda solver: False)
-    with pytest.raises(InputError, match=r"solver: 'gurobi' is not installed: pip install 'holdfast\[gurobi\]'"):
-        mip.solve(sos_program("sos1"), "gurobi")
+    for solver in mip.SOLVERS:
+        said = (
+            rf"solver: '{solver}' is not installed; --method algorithm1 on it needs pip install 'holdfast\[reference\]'"
+        )
+        with pytest.raises(InputError, match=said):
+            mip.solve(sos_program("sos1"), solver)
 
 
 @pytest.mark.skipif(not mip.available("gurobi"), reason="gurobipy is not installed")

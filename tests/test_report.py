@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from holdfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum, t
 from holdfast.stability.settings import Settings
 
 Y = np.eye(6)[1]
-QUICK = Settings(sectors=64, gap=0.02)
+QUICK = Settings(gap=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def test_check_page_has_verdict_forces_and_residuals(grasp: Grasp, tmp_path: Pat
         assert grasp.contacts[i].link in text
         if state != "open":
             assert f">{num(c[i, 0])}</td>" in text
-    for said in ("maximum dissipation principle demands", "(8) actuators", "scip (pyscipopt", "holdfast 0."):
+    for said in ("maximum dissipation principle demands", "(8) actuators", "tree search", "The search:", "holdfast 0."):
         assert said in text
     assert '<div class="warning">' not in text
 
@@ -99,15 +100,26 @@ def test_bounds_commands_and_slips(grasp: Grasp, tmp_path: Path) -> None:
     assert f">{num(largest.upper, 6)} N</td>" in text
     assert "0.09 N·m" in text
     assert '<b class="slips">SLIPS</b>' in text
-    assert "without any solution" in text
+    assert "every case of equations (1) to (8) was refuted: certificate of" in text
 
 
 def test_undecided_says_why(grasp: Grasp, tmp_path: Path) -> None:
-    answer = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, (), None)
+    answer = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, (), None, None)
     write_report(tmp_path / "a.html", grasp, [Entry("?", answer)], settings=Settings(time_limit=1.0))
     text = page(tmp_path / "a.html")
     assert '<b class="undecided">UNDECIDED</b>' in text
     assert "The time limit of 1 s was hit" in text
+
+
+def test_algorithm_1_is_told_by_its_steps(grasp: Grasp, tmp_path: Path) -> None:
+    settings = Settings(method="algorithm1", sectors=64)
+    point = SimpleNamespace(nodes=7, status="infeasible")
+    step = SimpleNamespace(number=1, edges=8, width=0.1, seconds=0.5, solution=point, finished=True)
+    answer = CheckAnswer(Verdict.SLIPS, Stop.COMPLETE, 1.0, 7, (step,), None, None)
+    write_report(tmp_path / "a.html", grasp, [Entry("?", answer)], settings=settings)
+    text = page(tmp_path / "a.html")
+    for said in ("The search: 1 step, 7 nodes", "Algorithm 1", "scip (pyscipopt", "wider than the model, has no"):
+        assert said in text
 
 
 def test_the_grasp_alone_and_no_writing_over(grasp: Grasp, tmp_path: Path) -> None:
@@ -120,7 +132,9 @@ def test_the_grasp_alone_and_no_writing_over(grasp: Grasp, tmp_path: Path) -> No
 
 
 def test_map_table_has_every_direction(grasp: Grasp, tmp_path: Path) -> None:
-    answers = [MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), None, v, v, False) for v in (1.25, 2.5, 3.75, 5)]
+    answers = [
+        MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), None, None, v, v, False) for v in (1.25, 2.5, 3.75, 5)
+    ]
     curve = Curve.of([*answers[:3], None])
     directions = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0.0]])
     answer = MapAnswer(grasp, "xy", 0.0, directions, curve, None, 1.0, 0)
@@ -166,7 +180,6 @@ def test_demo_tells_a_story(grasp: Grasp, tmp_path: Path, capsys, monkeypatch) -
     """The whole demo, on a small grasp and few directions; the bundled one has its own test."""
     monkeypatch.setattr(demo, "build", lambda: (grasp, []))
     monkeypatch.setattr(demo, "DIRECTIONS", 4)
-    monkeypatch.setattr(demo, "SECTORS", 64)
     monkeypatch.setattr(demo, "PATIENCE", 0.5)
     folder = tmp_path / "demo"
     assert main(["demo", "--output", str(folder)]) == 0

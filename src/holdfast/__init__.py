@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from holdfast.stability.queries import check as check
     from holdfast.stability.queries import maximum as maximum
     from holdfast.stability.queries import torques as torques
+    from holdfast.stability.replay import verify as verify
     from holdfast.stability.settings import Settings as Settings
 
 _HOME = {
@@ -58,6 +59,7 @@ _HOME = {
     "check": "stability.queries",
     "maximum": "stability.queries",
     "torques": "stability.queries",
+    "verify": "stability.replay",
     "Settings": "stability.settings",
 }
 

@@ -23,7 +23,8 @@ def unit(v: object, field: str) -> Array:
         raise InputError("is zero; a unit vector is needed", field=field)
     if abs(length - 1.0) > UNIT_TOLERANCE:
         raise InputError(f"has length {length:.6g}; a unit vector is needed", field=field)
-    return frozen(a / length, (3,), field)
+    # what is of unit length already is left as it is: files restore it exactly
+    return a if abs(length - 1.0) <= 4e-16 else frozen(a / length, (3,), field)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +201,9 @@ class Grasp:
 
     def with_preload(self, preload: Mapping[str, float] | Array | None) -> Grasp:
         """The same grasp with other commanded forces (absent actuators are locked)."""
-        return Grasp(self.contacts, self.joints, self.mechanism, preload, self.name)
+        out = Grasp(self.contacts, self.joints, self.mechanism, preload, self.name)
+        out.__dict__.update({k: self.__dict__[k] for k in ("mu", "G", "J", "size") if k in self.__dict__})
+        return out
 
     def with_friction(self, mu: float) -> Grasp:
         """The same grasp with one friction coefficient at every contact."""

@@ -24,6 +24,7 @@ from holdfast.cli.max import Max
 from holdfast.cli.options import Command, GraspOptions, is_number
 from holdfast.cli.sweep import Sweep
 from holdfast.cli.torques import Torques
+from holdfast.cli.verify import Verify
 from holdfast.errors import InputError
 
 COMMANDS: dict[str, type[Command]] = {
@@ -32,6 +33,7 @@ COMMANDS: dict[str, type[Command]] = {
     "torques": Torques,
     "map": Map,
     "sweep": Sweep,
+    "verify": Verify,
     "contacts": Contacts,
     "close": Close,
     "list": List,
@@ -41,11 +43,11 @@ COMMANDS: dict[str, type[Command]] = {
 ABOUT = """Will this grasp hold? Passive grasp stability for robot hands.
 
 Start with `holdfast demo` or `holdfast list`. SI units throughout; object frame. Exit status: 0 answered, \
-2 bad input, 3 undecided."""
+1 refused by verify, 2 bad input, 3 undecided."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns its exit status: 0 answered, 2 bad input, 3 undecided."""
+    """Run the program; returns its exit status: 0 answered, 1 refused by `verify`, 2 bad input, 3 undecided."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         if arguments in (["--version"], ["-V"]):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from holdfast.cli import console
-from holdfast.cli.options import Command, FrictionModel, Load, QueryOptions
+from holdfast.cli.options import Command, FrictionModel, Load, QueryOptions, Saved
 
 
 @dataclass(kw_only=True)
-class Check(Load, QueryOptions, FrictionModel, Command):
+class Check(Load, QueryOptions, Saved, FrictionModel, Command):
     """Does the grasp resist this disturbance?"""
 
     def run(self) -> int:
@@ -23,6 +23,8 @@ class Check(Load, QueryOptions, FrictionModel, Command):
         grasp, options, wrench = self.load(), self.options(), self.disturbance()
         with console.watch("check") as watch:
             answer = check(grasp, wrench, mdp=self.mdp, on_step=watch.step, **options)
+        if self.save:
+            answer.save(self.save, force=self.force)
         if self.report:
             title = f"Does it resist {load_text(wrench)}?"
             entry = Entry(title, answer, eta=options["eta"], mdp=self.mdp)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from holdfast.stability.settings import Progress
 
-ANSWERED, BAD_INPUT, UNDECIDED = 0, 2, 3
+ANSWERED, REFUSED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
 PATIENCE = 1.0  # [s] work shorter than this shows no progress
 
 
@@ -61,7 +61,7 @@ class Watch:
         return time.monotonic() - self.start
 
     def step(self, progress: Progress) -> None:
-        """After each step of one query."""
+        """As one query goes on."""
         text = f"{progress.nodes} nodes"
         if progress.step:
             text = f"step {progress.step.number} · sectors {progress.step.width * 57.29578:.3g}° wide"
@@ -77,7 +77,7 @@ class Watch:
         if not self._shows or self.seconds < PATIENCE:
             return
         if self._bar is None:
-            # no refreshing thread: the solver holds the interpreter, and the workers are forked
+            # no refreshing thread: a solver may hold the interpreter, and workers are forked
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 HAND, CONFIGURATION = "barrett-bh8-280", "fig1"
 SMALL, LARGE = 2.2, 2.5  # [N] the paper's two disturbances in y, one on each side of the limit
-DIRECTIONS, SECTORS, GAP = 24, 256, 1e-2  # of the map, coarse so that the demo is quick
+DIRECTIONS = 72  # of the map
 PATIENCE = 3.0  # [s] for a direction of the map; it is drawn as not decided if that was too short
 FILES = ("report.html", "map.png", "grasp.json")
 
@@ -65,14 +65,12 @@ class Demo(Command):
         half = 0.5 * largest.lower * y if largest.lower > 0 else SMALL * y
         load = words.load_text(half)
         with console.watch("torques") as watch:
-            best = torques(grasp, half, settings=replace(settings, gap=GAP), on_step=watch.step)
+            best = torques(grasp, half, settings=settings, on_step=watch.step)
         entries.append(Entry(f"Which commands resist {load}?", best))
         _say(out, "Torques", words.torques_sentence(best, load))
-        coarse = replace(settings, sectors=SECTORS, gap=GAP, time_limit=PATIENCE)
+        limited = replace(settings, time_limit=PATIENCE)
         with console.watch("map") as watch:
-            drawn = force_map(
-                grasp, "xy", steps=DIRECTIONS, settings=coarse, jobs=map_command.jobs(), on_item=watch.item
-            )
+            drawn = force_map(grasp, "xy", steps=DIRECTIONS, settings=limited, on_item=watch.item)
         entries.append(Entry(f"Which of {DIRECTIONS} directions of force in the xy plane does it resist?", drawn))
         named = zip(("locked", "preloaded"), drawn.curves, strict=False)
         _say(out, "Map", "; ".join(f"{name}: {_resisted(words.curve_states(c))}" for name, c in named))

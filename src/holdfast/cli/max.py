@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from holdfast.cli import console
-from holdfast.cli.options import Command, FrictionModel, QueryOptions, Wrench
+from holdfast.cli.options import Command, FrictionModel, QueryOptions, Saved, Wrench
 
 
 @dataclass(kw_only=True)
-class Max(QueryOptions, FrictionModel, Command):
+class Max(QueryOptions, Saved, FrictionModel, Command):
     """How large a disturbance along a direction does the grasp resist?
 
     The answer is a pair of bounds: the largest magnitude shown to be resisted, and one that no larger
@@ -31,6 +31,8 @@ class Max(QueryOptions, FrictionModel, Command):
         grasp, options = self.load(), self.options()
         with console.watch("max") as watch:
             answer = maximum(grasp, self.direction, base=self.base or None, mdp=self.mdp, on_step=watch.step, **options)
+        if self.save:
+            answer.save(self.save, force=self.force)
         if self.report:
             beside = f" beside {load_text(self.base)}" if self.base else ""
             title = f"How much {direction_text(self.direction)} does it resist{beside}?"

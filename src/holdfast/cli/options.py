@@ -138,16 +138,18 @@ class QueryOptions(GraspOptions):
     """largest torque (force) of an actuator with its gearing, passive reaction included"""
     force_limit: Annotated[float | None, arg(metavar="N")] = None
     """largest normal force at any contact [N]"""
-    method: Literal["engine", "algorithm1"] = "engine"
-    """algorithm1: the stability paper's, for comparison; needs holdfast[reference]"""
-    solver: Literal["scip", "gurobi"] = "scip"
-    """for algorithm1: mixed-integer solver"""
-    sectors: Annotated[int, arg(metavar="N")] = 2048
-    """for algorithm1: finest friction sectors per contact: 4, 8, 16, ... more are more exact"""
     gap: Annotated[float, arg(metavar="G")] = 1e-3
     """relative distance of the two bounds at which a number is exact enough"""
     time_limit: Annotated[float, arg(metavar="S")] = float("inf")
     """seconds for a question (in a map or sweep: for each direction)"""
+    node_limit: Annotated[float, arg(metavar="N")] = float("inf")
+    """nodes of the search for a question (in a map or sweep: for each direction)"""
+    method: Literal["engine", "algorithm1"] = "engine"
+    """engine, or algorithm1: the stability paper's, for comparison; needs pip install 'holdfast[reference]'"""
+    solver: Literal["scip", "gurobi"] = "scip"
+    """for algorithm1: mixed-integer solver"""
+    sectors: Annotated[int, arg(metavar="N")] = 2048
+    """for algorithm1: finest friction sectors per contact: 4, 8, 16, ... more are more exact"""
     full: bool = False
     """for algorithm1: all sectors at once, no refinement (the paper's comparison)"""
     as_printed: bool = False
@@ -168,6 +170,7 @@ class QueryOptions(GraspOptions):
             sectors=self.sectors,
             gap=self.gap,
             time_limit=self.time_limit,
+            node_limit=self.node_limit,
             full=self.full,
             as_printed=self.as_printed,
         )
@@ -177,12 +180,22 @@ class QueryOptions(GraspOptions):
         import numpy as np
 
         check_writable(self.report, self.force, (".html", ".htm"))
+        if isinstance(self, Saved):
+            check_writable(self.save, self.force, (".json",))
         return {
             "eta": float(np.radians(self.eta)),
             "torque_limits": assigned(self.torque_limit, "--torque-limit"),
             "force_limit": self.force_limit,
             "settings": self.settings(),
         }
+
+
+@dataclass(kw_only=True)
+class Saved:
+    """An answer that can be saved with what backs it."""
+
+    save: Annotated[Path | None, arg(metavar="FILE.json")] = None
+    """write answer, witness and certificate, for holdfast verify"""
 
 
 @dataclass(kw_only=True)

@@ -14,13 +14,16 @@ from rich.text import Text
 from holdfast.answer import Verdict
 from holdfast.report import words
 from holdfast.report.words import num, vector
+from holdfast.stability.result_file import Result
 
 if TYPE_CHECKING:
     from holdfast.cli.options import QueryOptions
     from holdfast.cli.torques import Torques
     from holdfast.grasp import Contact, Grasp
     from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
+    from holdfast.stability.certificate import Certificate
     from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
+    from holdfast.stability.replay import Verified
     from holdfast.stability.witness import Witness
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
@@ -60,6 +63,32 @@ def show_torques(out: Console, grasp: Grasp, wrench: Load, answer: TorquesAnswer
         out.print("\nThe equilibrium with these commands:", style="bold")
         show_witness(out, answer.witness)
     _written(out, asked)
+
+
+def show_verified(out: Console, what: Result | Certificate, done: Verified) -> None:
+    """What a saved answer claims and what of it was proved."""
+    word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
+    query = str(what.said["query"]) if isinstance(what, Result) else "certificate"
+    said = f"{what.answer.verdict.upper()}, stop {what.answer.stop}" if isinstance(what, Result) else "by itself"
+    out.print(Text.assemble((word, style), "  ", f"{query} of {what.question.grasp.name}: {said}"))
+    if not done.ok:
+        out.print(done.reason, style="yellow")
+    rows = []
+    if done.witness:
+        rows.append(["witness", done.witness.claim, f"residual {done.witness.residual:.1e}", done.witness.reason])
+    if done.certificate:
+        c = done.certificate
+        numbers = f"{words.count(c.leaves, 'leaf')}, margin {c.margin:.1e}, motions up to {num(c.motion)} N"
+        rows.append(["certificate", c.claim, numbers, c.reason])
+    if rows:
+        grid = table("", "claims", "replayed", "")
+        for *cells, refused in rows:
+            grid.add_row(*cells, "refused" if refused else "proved")
+        out.print()
+        out.print(grid)
+    elif done.ok:
+        out.print("Nothing is claimed, so there is nothing to prove.")
+    out.print(f"{num(done.seconds, 2)} s, without the engine and without any solver", style="dim")
 
 
 def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
@@ -153,8 +182,7 @@ def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: Q
     why = words.reason(answer, asked.settings())
     if why:
         out.print(why, style="yellow")
-    work = f"{words.count(len(answer.steps), 'program')}, {num(answer.seconds, 2)} s"
-    out.print(f"Algorithm 1 on {asked.solver}: {work}", style="dim")
+    out.print(words.work(answer, asked.settings()), style="dim")
 
 
 def _head(
@@ -168,7 +196,7 @@ def _head(
 
 
 def _written(out: Console, asked: QueryOptions) -> None:
-    for path in (getattr(asked, "output", None), asked.report):
+    for path in (getattr(asked, "output", None), getattr(asked, "save", None), asked.report):
         if path:
             out.print(f"Written: {path}", soft_wrap=True)
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from holdfast.cli import console
-from holdfast.cli.options import Command, Load, QueryOptions
+from holdfast.cli.options import Command, Load, QueryOptions, Saved
 
 
 @dataclass(kw_only=True)
-class Torques(Load, QueryOptions, Command):
+class Torques(Load, QueryOptions, Saved, Command):
     """Which motor commands resist this disturbance with the least effort?
 
     Sought are the commands of the actuators that the grasp preloads, or of all if it preloads none.
@@ -28,6 +28,8 @@ class Torques(Load, QueryOptions, Command):
         grasp, options, wrench = self.load(), self.options(), self.disturbance()
         with console.watch("torques") as watch:
             answer = torques(grasp, wrench, objective=self.objective, on_step=watch.step, **options)
+        if self.save:
+            answer.save(self.save, force=self.force)
         if self.report:
             title = f"Which commands resist {load_text(wrench)}?"
             entry = Entry(title, answer, eta=options["eta"])

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from holdfast.report import Entry
     from holdfast.stability.answers import Answer, TorquesAnswer
     from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
+    from holdfast.stability.settings import Settings
     from holdfast.stability.witness import Witness
 
 BAD = "\x00"  # in front of a cell: a number that should worry
@@ -184,8 +185,10 @@ def sweep_table(answer: SweepAnswer) -> str:
     return table(heads, rows, "Numbers")
 
 
-def search_table(answer: Answer) -> str:
-    """The steps of Algorithm 1, folded away."""
+def search_table(answer: Answer, settings: Settings) -> str:
+    """What the search took, and the steps of Algorithm 1, folded away."""
+    if not answer.steps:
+        return f'<p class="note">The search: {escape(words.work(answer, settings))}.</p>'
     heads = ["step", "friction edges", "widest active sector [°]", "nodes", "seconds", "#program"]
     rows = [
         [
@@ -199,7 +202,7 @@ def search_table(answer: Answer) -> str:
         for s in answer.steps
     ]
     total = f"{words.count(len(answer.steps), 'step')}, {answer.nodes} nodes, {answer.seconds:.2f} s"
-    return f"<details><summary>The search: {total}</summary>{table(heads, rows)}</details>" if rows else ""
+    return f"<details><summary>The search: {total}</summary>{table(heads, rows)}</details>"
 
 
 def grasp_table(grasp: Grasp) -> str:

@@ -105,11 +105,13 @@ def _answer(grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, mesh
         ]
         parts.append(numbers.residual_table(witness))
     elif answer.verdict is Verdict.SLIPS:
-        parts.append(
-            '<p class="note">There is no equilibrium to show: Algorithm 1 found a relaxation of '
-            "equations (1) to (8), wider than the model, without any solution.</p>"
+        why = (
+            f"every case of equations (1) to (8) was refuted: {words.certified(answer.certificate)}."
+            if answer.certificate
+            else "a relaxation of equations (1) to (8), wider than the model, has no solution."
         )
-    parts.append(numbers.search_table(answer))
+        parts.append(f'<p class="note">There is no equilibrium to show: {escape(why)}</p>')
+    parts.append(numbers.search_table(answer, settings))
     return parts
 
 
@@ -169,20 +171,24 @@ def _grasp_section(grasp: Grasp, meshes: Sequence[Mesh], *, draw: bool) -> str:
 
 
 def _settings_section(settings: Settings, entries: Sequence[Entry]) -> str:
-    package = {"scip": "pyscipopt", "gurobi": "gurobipy"}[settings.solver]
     limit = f"{num(settings.time_limit)} s" if np.isfinite(settings.time_limit) else "none"
+    nodes = num(settings.node_limit) if np.isfinite(settings.node_limit) else "none"
     etas = sorted({float(np.degrees(e.eta)) for e in entries}) or [0.0]
     versions = f"holdfast {holdfast.__version__}, Python {platform.python_version()}, numpy {np.__version__}"
-    rows = [
-        ["solver", f"{settings.solver} ({package} {_version(package)})"],
-        ["finest friction sectors", str(settings.sectors)],
-        ["gap of the bounds", f"{num(100 * settings.gap)} %"],
-        ["time limit per question", limit],
-        ["refinement", "all sectors at once" if settings.full else "where the solution lies"],
-        ["algorithm", "as printed" if settings.as_printed else "ends once an exact solution answers"],
-        ["uncertainty of the normals", ", ".join(f"{num(x)}°" for x in etas)],
-        ["versions", versions],
-    ]
+    rows = [["gap of the bounds", f"{num(100 * settings.gap)} %"], ["time limit per question", limit]]
+    if settings.method == "engine":
+        rows = [["method", "tree search with certificates"], *rows, ["node limit per question", nodes]]
+    else:
+        package = {"scip": "pyscipopt", "gurobi": "gurobipy"}[settings.solver]
+        rows = [
+            ["method", "Algorithm 1"],
+            ["solver", f"{settings.solver} ({package} {_version(package)})"],
+            ["finest friction sectors", str(settings.sectors)],
+            *rows,
+            ["refinement", "all sectors at once" if settings.full else "where the solution lies"],
+            ["algorithm", "as printed" if settings.as_printed else "ends once an exact solution answers"],
+        ]
+    rows += [["uncertainty of the normals", ", ".join(f"{num(x)}°" for x in etas)], ["versions", versions]]
     return (
         f"<section><h2>Settings</h2>{table(['', ''], rows)}"
         '<p class="note">SI units, object frame. Equation numbers are those of the model in the '

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from holdfast.grasp import Grasp
     from holdfast.mechanism import Array
     from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
+    from holdfast.stability.certificate import Certificate
     from holdfast.stability.maps import Curve
     from holdfast.stability.settings import Settings
     from holdfast.stability.witness import Witness
@@ -119,7 +120,8 @@ def grasp_text(grasp: Grasp) -> str:
 
 
 def count(n: int, thing: str) -> str:
-    return f"{n} {thing}{'' if n == 1 else 's'}"
+    plural = f"{thing[:-1]}ves" if thing.endswith("f") else f"{thing}s"
+    return f"{n} {thing if n == 1 else plural}"
 
 
 def actuators_that_turn(witness: Witness) -> list[bool]:
@@ -149,7 +151,7 @@ def check_sentence(answer: CheckAnswer, load: str) -> str:
         case Verdict.HOLDS:
             return f"The grasp resists {load} passively: an exact equilibrium was found and checked."
         case Verdict.SLIPS:
-            return f"The object slips under {load}: no contact forces obey the model, not even relaxed."
+            return f"The object slips under {load}: no contact forces obey the model."
         case _:
             return f"It was not decided whether the grasp resists {load}."
 
@@ -196,9 +198,13 @@ def reason(answer: Answer, settings: Settings) -> str:
             limit = num(settings.time_limit)
             return f"The time limit of {limit} s was hit; a larger --time-limit may decide it."
         case Stop.NODES:
-            return "The node limit was hit."
+            return f"The node limit of {num(settings.node_limit)} was hit; a larger --node-limit may decide it."
         case Stop.INTERRUPTED:
             return "It was interrupted; these are the bounds so far."
+        case _ if settings.method == "engine" and answer.verdict is Verdict.HOLDS:
+            return f"The bounds have not met to {num(100 * settings.gap)} %: the numbers did not suffice for all cases."
+        case _ if settings.method == "engine":
+            return "The search ended without an answer: the numbers did not suffice for all cases."
         case _ if answer.verdict is Verdict.HOLDS and settings.sectors < 2048:
             return (
                 f"The bounds have not met to {num(100 * settings.gap)} % with {settings.sectors} sectors "
@@ -214,6 +220,21 @@ def reason(answer: Answer, settings: Settings) -> str:
             )
         case _:
             return "The search ended without an answer: the solver's numbers did not suffice."
+
+
+def work(answer: Answer, settings: Settings) -> str:
+    """How an answer was found, and what proves it."""
+    seconds = f"{num(answer.seconds, 2)} s"
+    if settings.method == "algorithm1":
+        return f"Algorithm 1 on {settings.solver}: {count(len(answer.steps), 'program')}, {seconds}"
+    found = f"{count(answer.nodes, 'node')}, {seconds}"
+    return f"{found}; {certified(answer.certificate)}" if answer.certificate else found
+
+
+def certified(certificate: Certificate) -> str:
+    """'certificate of 4 leaves, for motions up to 20000 N'."""
+    leaves = count(len(certificate.leaves), "leaf")
+    return f"certificate of {leaves}, for motions up to {num(float(certificate.cap_r[0]))} N"
 
 
 def curve_states(curve: Curve) -> list[str]:

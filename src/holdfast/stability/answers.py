@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from holdfast.answer import Stop, Verdict
-from holdfast.stability.certificate import Certificate
+from holdfast.stability import asked
+from holdfast.stability.certificate import Certificate, Question
+from holdfast.stability.goal import Goal
 from holdfast.stability.mip import INF
+from holdfast.stability.problem import Problem
 from holdfast.stability.witness import Witness
 
 if TYPE_CHECKING:
@@ -53,6 +57,7 @@ class Answer:
         seconds, nodes: its cost: wall time, nodes of the tree. steps: those of Algorithm 1.
         witness: the exact solution behind `verdict` or `lower`.
         proof: what the other bound rests on; Algorithm 1 has none.
+        posed: the problem and the goal of the search.
     """
 
     verdict: Verdict
@@ -62,11 +67,36 @@ class Answer:
     steps: tuple[Step, ...]
     witness: Witness | None
     proof: Proof | None
+    posed: tuple[Problem, Goal] | None = field(default=None, kw_only=True, repr=False)
 
     @cached_property
     def certificate(self) -> Certificate | None:
         """The proof of SLIPS, or of the bound that no state was found for, for `verify`; None without."""
         return self.proof.certificate() if self.proof else None
+
+    @cached_property
+    def question(self) -> Question | None:
+        """What was asked, as certificates and result files say it."""
+        return asked.question(*self.posed) if self.posed else None
+
+    def proof_json(self) -> dict[str, Any]:
+        """Keys of every answer: is there a certificate, and up to which virtual motion of the object [N]?"""
+        c = self.certificate
+        return {"certified": c is not None, "motion_cap": float(c.cap_r[0]) if c else None}
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that the command line prints."""
+        raise NotImplementedError
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write a `holdfast/result/1` file: question, answer, witness, certificate. For `holdfast.verify`.
+
+        Raises:
+            InputError: the file exists and `force` is not set, or cannot be written.
+        """
+        from holdfast.stability import result_file
+
+        result_file.save_result(result_file.Result.of(self), path, force=force)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +107,7 @@ class CheckAnswer(Answer):
         empty: dict[str, Any] = dict.fromkeys(
             ("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion")
         )
-        return header(self, "check") | (self.witness.to_json() if self.witness else empty)
+        return header(self, "check") | self.proof_json() | (self.witness.to_json() if self.witness else empty)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +133,17 @@ class MaxAnswer(Answer):
         return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
 
     def to_json(self) -> dict[str, Any]:
-        return header(self, "max") | {
-            "lower": self.lower,
-            "upper": finite(self.upper),
-            "gap": finite(self.gap),
-            "unbounded": self.unbounded,
-            "holds_from_zero_to": None,
-        }
+        return (
+            header(self, "max")
+            | self.proof_json()
+            | {
+                "lower": self.lower,
+                "upper": finite(self.upper),
+                "gap": finite(self.gap),
+                "unbounded": self.unbounded,
+                "holds_from_zero_to": None,
+            }
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +160,15 @@ class TorquesAnswer(Answer):
     upper: float
 
     def to_json(self) -> dict[str, Any]:
-        return header(self, "torques") | {
-            "preload": self.preload,
-            "lower": finite(self.lower),
-            "upper": finite(self.upper),
-        }
+        return (
+            header(self, "torques")
+            | self.proof_json()
+            | {
+                "preload": self.preload,
+                "lower": finite(self.lower),
+                "upper": finite(self.upper),
+            }
+        )
 
 
 def finite(x: float) -> float | None:

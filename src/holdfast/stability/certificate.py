@@ -154,8 +154,8 @@ class Question:
             raise InputError("the smallest preload knows no base load and no limits", field="goal")
         put(self, "driven", tuple(self.driven))
         self.grasp.mechanism.commands(dict.fromkeys(self.driven, 1.0), field="driven")
-        if bool(self.driven) != (self.goal is Goal.TORQUES):
-            raise InputError("are needed for the goal 'torques', and for no other", field="driven")
+        if self.driven and self.goal is not Goal.TORQUES:
+            raise InputError(f"have no meaning where the goal is '{self.goal}'", field="driven")
         if self.objective not in ("max", "sum"):
             raise InputError(f"is '{self.objective}'; 'max' or 'sum' is needed", field="objective")
 

@@ -61,23 +61,38 @@ class CertificateFile(Strict):
     rows: RowsEntry
 
 
+def question_to_dict(q: Question) -> dict[str, Any]:
+    """The question as it stands in certificates and result files; numbers come back exactly."""
+    return {
+        "grasp": grasp_file.to_dict(q.grasp),
+        "goal": str(q.goal),
+        "wrench": q.wrench.tolist(),
+        "direction": None if q.direction is None else q.direction.tolist(),
+        "eta": float(q.eta),
+        "mdp": bool(q.mdp),
+        "torque_limits": dict(q.torque_limits),
+        "force_limit": None if q.force_limit is None else float(q.force_limit),
+        "driven": list(q.driven),
+        "objective": q.objective,
+    }
+
+
+def question_of(entry: QuestionEntry) -> Question:
+    """The question of a file's entry; raises `InputError` with fields from `question` on."""
+    asked = entry.model_dump()
+    try:
+        asked["grasp"] = grasp_file.from_dict(asked["grasp"])
+    except InputError as fault:
+        raise InputError(fault.problem, field=f"question.grasp.{fault.field or ''}".rstrip(".")) from None
+    return Question(**asked)
+
+
 def to_dict(certificate: Certificate) -> dict[str, Any]:
     """The certificate as a `holdfast/certificate/1` object; numbers come back exactly."""
-    c, q = certificate, certificate.question
+    c = certificate
     return {
         "schema": "holdfast/certificate/1",
-        "question": {
-            "grasp": grasp_file.to_dict(q.grasp),
-            "goal": str(q.goal),
-            "wrench": q.wrench.tolist(),
-            "direction": None if q.direction is None else q.direction.tolist(),
-            "eta": float(q.eta),
-            "mdp": bool(q.mdp),
-            "torque_limits": dict(q.torque_limits),
-            "force_limit": None if q.force_limit is None else float(q.force_limit),
-            "driven": list(q.driven),
-            "objective": q.objective,
-        },
+        "question": question_to_dict(c.question),
         "cap_r": c.cap_r.tolist(),
         "cap_q": c.cap_q.tolist(),
         "scalar": None if c.scalar is None else list(c.scalar),
@@ -90,13 +105,8 @@ def to_dict(certificate: Certificate) -> dict[str, Any]:
 def from_dict(data: Any) -> Certificate:
     """The certificate in a parsed object; raises `InputError` as `load_certificate` does."""
     entry = validate(CertificateFile, data)
-    asked = entry.question.model_dump()
-    try:
-        asked["grasp"] = grasp_file.from_dict(asked["grasp"])
-    except InputError as fault:
-        raise InputError(fault.problem, field=f"question.grasp.{fault.field or ''}".rstrip(".")) from None
     return Certificate(
-        question=Question(**asked),
+        question=question_of(entry.question),
         cap_r=np.array(entry.cap_r),
         cap_q=np.array(entry.cap_q),
         scalar=entry.scalar,

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -17,14 +13,12 @@ from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError, unknown_name
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array, Mask
-from holdfast.stability import problem
 from holdfast.stability.answers import MaxAnswer, finite, header
-from holdfast.stability.queries import maximum
+from holdfast.stability.many import Case, OnItem, Options, maxima
 from holdfast.stability.settings import Settings
 
 Plane = Literal["xy", "xz", "yz"]
 PLANES: tuple[Plane, ...] = ("xy", "xz", "yz")
-OnItem = Callable[[int, int], None]  # done, total
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +163,7 @@ def force_map(
     Args:
         plane: of the object frame; directions run from its first axis towards its second.
         steps: number of directions, evenly spaced.
-        jobs: processes; by default all cores on Linux, one elsewhere (give more under a guarded main module).
+        jobs: cores to use; by default all.
         on_item: called with (done, total).
 
     The other arguments and errors are those of `maximum`. Ctrl-C returns what was reached.
@@ -184,10 +178,11 @@ def force_map(
     directions[:, i], directions[:, j] = np.cos(angles), np.sin(angles)
     directions[np.abs(directions) < 1e-12] = 0.0
     grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
-    options = {"eta": eta, "torque_limits": torque_limits, "force_limit": force_limit, "settings": settings}
-    cases = [(g, np.r_[d, np.zeros(3)], options) for g in grasps for d in directions]
+    options = Options(eta=eta, torque_limits=torque_limits, force_limit=force_limit, settings=settings)
+    base = np.zeros(6)
+    cases = [Case(g, np.concatenate([d, base[:3]]), base) for g in grasps for d in directions]
     start = time.monotonic()
-    answers = _maxima(cases, jobs, on_item)
+    answers = maxima(cases, options, jobs, on_item)
     return MapAnswer(
         grasp=grasp,
         plane=plane,
@@ -226,14 +221,12 @@ def sweep(
         raise unknown_name("actuator", actuator, grasp.mechanism.actuators, field="joint")
     d = np.atleast_2d(np.asarray(directions, dtype=float))
     x = np.asarray(values, dtype=float)
-    options = {"eta": eta, "torque_limits": torque_limits, "force_limit": force_limit, "settings": settings}
-    cases = [
-        (grasp.with_preload(grasp.preload | {actuator: float(value)}), direction, options)
-        for direction in d
-        for value in x
-    ]
+    options = Options(eta=eta, torque_limits=torque_limits, force_limit=force_limit, settings=settings)
+    base = np.zeros(6)
+    grasps = [grasp.with_preload(grasp.preload | {actuator: float(value)}) for value in x]
+    cases = [Case(g, direction, base) for direction in d for g in grasps]
     start = time.monotonic()
-    answers = _maxima(cases, jobs, on_item)
+    answers = maxima(cases, options, jobs, on_item)
     n = len(x)
     return SweepAnswer(
         grasp=grasp,
@@ -244,52 +237,3 @@ def sweep(
         seconds=time.monotonic() - start,
         nodes=sum(a.nodes for a in answers if a),
     )
-
-
-# --- work on all cores -----------------------------------------------------------------------------
-
-Case = tuple[Grasp, Array, dict[str, Any]]
-# forked workers need no guarded main module in the caller's script; elsewhere one process is the safe default
-START = "fork" if sys.platform.startswith("linux") else "spawn"
-
-
-def _maximum(case: Case) -> MaxAnswer:
-    grasp, direction, options = case
-    answer = maximum(grasp, direction, **options)
-    # a thousand answers travel between processes: leave the search's history behind
-    return replace(answer, steps=(), witness=None, proof=None)
-
-
-def _maxima(cases: Sequence[Case], jobs: int | None, on_item: OnItem | None) -> list[MaxAnswer | None]:
-    """One answer per case, in order; None from the first one that Ctrl-C prevented."""
-    if cases:
-        grasp, direction, options = cases[0]
-        limits = {k: v for k, v in options.items() if k != "settings"}
-        problem.build(grasp, np.zeros(6), direction, **limits)  # bad input's one line is raised here, not in a worker
-    done: list[MaxAnswer | None] = []
-    try:
-        for answer in _results(cases, jobs or default_jobs()):
-            done.append(answer)
-            if on_item:
-                on_item(len(done), len(cases))
-            if answer.stop is Stop.INTERRUPTED:  # Ctrl-C during a solve ends in an answer, not in an exception
-                break
-    except KeyboardInterrupt:
-        pass
-    return done + [None] * (len(cases) - len(done))
-
-
-def default_jobs() -> int:
-    """All cores where worker processes need no guarded main module (Linux), otherwise one."""
-    return (os.cpu_count() or 1) if START == "fork" else 1
-
-
-def _results(cases: Sequence[Case], jobs: int) -> Iterator[MaxAnswer]:
-    jobs = min(jobs, len(cases))
-    if jobs <= 1:
-        yield from map(_maximum, cases)
-        return
-    # workers leave Ctrl-C to the parent, which then ends them
-    context = multiprocessing.get_context(START)
-    with context.Pool(jobs, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
-        yield from pool.imap(_maximum, cases)

@@ -112,8 +112,8 @@ def solve(program: Program, solver: Solver, *, time_limit: float = INF) -> Solut
     if solver not in SOLVERS:
         raise InputError(f"is '{solver}'; one of {', '.join(SOLVERS)} is needed", field="solver")
     if not available(solver):
-        extra = {"scip": "pip install pyscipopt", "gurobi": "pip install 'holdfast[gurobi]'"}[solver]
-        raise InputError(f"'{solver}' is not installed: {extra}", field="solver")
+        problem = f"'{solver}' is not installed; --method algorithm1 on it needs pip install 'holdfast[reference]'"
+        raise InputError(problem, field="solver")
     if time_limit <= 0:
         return Solution(Status.TIME, None, -INF, 0)
     if solver == "scip":

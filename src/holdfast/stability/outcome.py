@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from holdfast.answer import Stop
+from holdfast.mechanism import Array
 from holdfast.stability.witness import Witness
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ class Outcome:
         seconds, nodes: wall time, programs solved.
         steps: of Algorithm 1.
         proof: of `bound`, where the engine gave it.
+        point: (n,) the witness in the engine's unknowns, a start for neighbouring questions.
     """
 
     value: float
@@ -37,3 +39,4 @@ class Outcome:
     nodes: int
     steps: tuple[Step, ...] = ()
     proof: Proof | None = None
+    point: Array | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -73,6 +73,15 @@ class Problem:
     def relative_motion(self, r: Array, q: Array) -> Array:
         """(m, 3) scaled d = G^T r - J q, equation (3)."""
         return (self.G.T @ r - self.J @ q).reshape(-1, 3)
+
+    def towards(self, direction: Sequence[float] | Array) -> Problem:
+        """The same question with another direction (6,), in the same scales; raises as `build`."""
+        d = _wrench(direction, "direction")
+        if not d.any():
+            raise InputError("is zero; give a force, a torque or both", field="direction")
+        p = replace(self, along=d, direction=d * np.array([1.0] * 3 + [1.0 / self.length] * 3) / self.force)
+        _check_range(p, True)
+        return p
 
     def unscale(self, r: Array, q: Array, c: Array, f: Array, coupling: Array) -> State:
         """A solution of the scaled equations as a `State` in the grasp's own units."""

@@ -70,7 +70,7 @@ def check(
 def _exists(p: Problem, settings: Settings, on_step: OnStep | None) -> CheckAnswer:
     found = _search(p, Goal.EXISTS, settings, on_step)
     verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
-    return CheckAnswer(verdict, found.stop, *_cost(found), found.witness, found.proof)
+    return CheckAnswer(verdict, found.stop, *_cost(found), found.witness, found.proof, posed=(p, Goal.EXISTS))
 
 
 def maximum(
@@ -98,21 +98,28 @@ def maximum(
     settings = settings or Settings()
     w0 = np.zeros(6) if base is None else base
     p = problem.build(grasp, w0, direction, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
-    return largest(p, settings, on_step)
+    return largest(p, settings, on_step)[0]
 
 
-def largest(p: Problem, settings: Settings, on_step: OnStep | None = None, **hints: Any) -> MaxAnswer:
-    """The answer to a built problem; `hints` go to the engine's `search`."""
+def largest(
+    p: Problem, settings: Settings, on_step: OnStep | None = None, **hints: Any
+) -> tuple[MaxAnswer, Array | None]:
+    """The answer to a built problem, and its point for a neighbour's `hints`, which go to the engine's `search`."""
     end = search_end(p)
     goal = max_goal(p)
     if goal is Goal.EXISTS:  # nothing but the disturbance: resisted at every magnitude or at none
         p = replace(p, w0=p.direction, wrench=p.along)
     found = _search(p, goal, settings, on_step, **hints)
+
+    def answer(verdict: Verdict, witness: Witness | None, lower: float, upper: float, unbounded: bool) -> MaxAnswer:
+        cost = _cost(found)
+        return MaxAnswer(verdict, found.stop, *cost, witness, found.proof, lower, upper, unbounded, posed=(p, goal))
+
     if found.bound == INF:
-        return MaxAnswer(Verdict.SLIPS, found.stop, *_cost(found), None, found.proof, 0.0, 0.0, False)
+        return answer(Verdict.SLIPS, None, 0.0, 0.0, False), None
     if found.witness is None:
         upper = interval(goal, INF, found.bound)[1] if goal is not Goal.EXISTS else INF
-        return MaxAnswer(Verdict.UNDECIDED, found.stop, *_cost(found), None, found.proof, 0.0, upper, False)
+        return answer(Verdict.UNDECIDED, None, 0.0, upper, False), None
     w = found.witness
     if goal is Goal.EXISTS:
         s, upper, unbounded = end, INF, True
@@ -124,7 +131,7 @@ def largest(p: Problem, settings: Settings, on_step: OnStep | None = None, **hin
             w = _scaled(w, s)
     if unbounded:
         upper = INF
-    return MaxAnswer(Verdict.HOLDS, found.stop, *_cost(found), w, found.proof, s, upper, unbounded)
+    return answer(Verdict.HOLDS, w, s, upper, unbounded), found.point
 
 
 def max_goal(p: Problem) -> Goal:
@@ -171,23 +178,22 @@ def torques(
     p = problem.build(asked, wrench, eta=eta, torque_limits=torque_limits, force_limit=force_limit, driven=chosen)
     goal = Goal.SMALLEST_MAX_TORQUE if objective == "max" else Goal.SMALLEST_SUM_TORQUE
     found = _search(p, goal, settings, on_step)
+
+    def answer(verdict: Verdict, preload: dict[str, float] | None, lower: float, upper: float) -> TorquesAnswer:
+        cost = _cost(found)
+        return TorquesAnswer(
+            verdict, found.stop, *cost, found.witness, found.proof, preload, lower, upper, posed=(p, goal)
+        )
+
     if found.bound == INF:
-        return TorquesAnswer(Verdict.SLIPS, found.stop, *_cost(found), None, found.proof, None, INF, INF)
+        return answer(Verdict.SLIPS, None, INF, INF)
     lower = max(found.bound, 0.0)
     if found.witness is None:
-        return TorquesAnswer(Verdict.UNDECIDED, found.stop, *_cost(found), None, found.proof, None, lower, INF)
+        return answer(Verdict.UNDECIDED, None, lower, INF)
     commands = found.witness.grasp.command
     preload = dict(zip(found.witness.grasp.mechanism.actuators, commands.tolist(), strict=True))
-    return TorquesAnswer(
-        Verdict.HOLDS,
-        found.stop,
-        *_cost(found),
-        found.witness,
-        found.proof,
-        {n: preload[n] for n in names},
-        lower,
-        float(np.abs(commands).max(initial=0.0) if objective == "max" else np.abs(commands).sum()),
-    )
+    effort = np.abs(commands).max(initial=0.0) if objective == "max" else np.abs(commands).sum()
+    return answer(Verdict.HOLDS, {n: preload[n] for n in names}, lower, float(effort))
 
 
 # --- helpers ------------------------------------------------------------------------------------

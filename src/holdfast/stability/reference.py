@@ -11,17 +11,19 @@ import time
 import numpy as np
 
 from holdfast.answer import Stop
-from holdfast.stability import algorithm1, witness
+from holdfast.stability import algorithm1
 from holdfast.stability.algorithm1 import Step
-from holdfast.stability.engine.reduced import reduce
+from holdfast.stability.engine import newton
+from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.goal import Goal, Point, interval
 from holdfast.stability.mip import Status
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Progress, Settings
-from holdfast.stability.witness import Witness
+from holdfast.stability.witness import Witness, as_witness
 
 NEAR_END = 1e-6
+MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
 STOPS = {
     Status.OPTIMAL: Stop.COMPLETE,
     Status.INFEASIBLE: Stop.COMPLETE,
@@ -60,10 +62,10 @@ def search(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None = 
                 bound = max(bound, step.bound)
             if step.point is not None:
                 at_end = end > -INF and _cost(goal, step.point) <= last
-                hit = witness.find(r, step.point, hold=True) if at_end else None
-                hit = hit or witness.find(r, step.point)
+                hit = find(r, step.point, hold=True) if at_end else None
+                hit = hit or find(r, step.point)
                 if hit and end > -INF and _cost(goal, hit[1]) < end:  # past it: is there one right there?
-                    hit = witness.find(r, hit[1], hold=True)
+                    hit = find(r, hit[1], hold=True)
                 if hit:
                     achieved = _achieved(goal, *hit)
                     if achieved < value:
@@ -86,6 +88,22 @@ def search(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None = 
     if bound == INF:  # no state at all: whatever an earlier step seemed to find
         value, found = INF, None
     return Outcome(value, bound, found, stop, seconds, nodes, tuple(steps))
+
+
+def find(r: Reduced, start: Point, *, hold: bool = False) -> tuple[Witness, Point] | None:
+    """A valid witness near a relaxation's solution, with its scaled point; None if Newton finds none.
+
+    hold: at the end of the search for a maximum.
+    """
+    for tol in MODE_TOLERANCES:
+        z = newton.solve(r, r.z(start), tol=tol, hold=hold)
+        if z is None:
+            continue
+        x = r.point(z)
+        witness = as_witness(r, x)
+        if witness.valid:
+            return witness, x
+    return None
 
 
 def _cost(goal: Goal, x: Point) -> float:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array
 from holdfast.stability import model
-from holdfast.stability.engine import newton
-from holdfast.stability.engine.reduced import Reduced
-from holdfast.stability.goal import Point
 from holdfast.stability.model import Energy, Residuals, State
 
+if TYPE_CHECKING:
+    from holdfast.stability.engine.reduced import Reduced
+    from holdfast.stability.goal import Point
+
 VALID = 1e-9  # relative residual of a witness, every equation
-MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,22 +100,6 @@ class Witness:
             "object_motion": self.state.r.tolist(),
             "joint_motion": {j.name: float(q) for j, q in zip(self.grasp.joints, self.state.q, strict=True)},
         }
-
-
-def find(r: Reduced, start: Point, *, hold: bool = False) -> tuple[Witness, Point] | None:
-    """A valid witness near a relaxation's solution, with its scaled point; None if Newton finds none.
-
-    hold: at the end of the search for a maximum.
-    """
-    for tol in MODE_TOLERANCES:
-        z = newton.solve(r, r.z(start), tol=tol, hold=hold)
-        if z is None:
-            continue
-        x = r.point(z)
-        witness = as_witness(r, x)
-        if witness.valid:
-            return witness, x
-    return None
 
 
 def as_witness(r: Reduced, x: Point) -> Witness:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-import numpy as np
-
 from holdfast.answer import Stop
 from holdfast.mechanism import Array
 from holdfast.stability import witness
@@ -18,6 +16,7 @@ from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Progress, Settings
 
+NEAR_END = 1e-6
 ZERO = 1e-9  # [N m or N] torques below this count as none
 
 
@@ -61,15 +60,16 @@ def search(
         found = witness.as_witness(r, r.point(s.z))
         if not found.valid:  # the judge has the last word; everything the search cut off by it is open again
             return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, s.nodes)
-    value, bound = s.best * r.scale, s.bound * r.scale
+    torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
+    value = s.best * r.scale
+    shown = float(s.hi[0]) if found else INF
+    bound = r.scale * (shown if stop is Stop.COMPLETE else s.close())
     if goal is Goal.EXISTS:
-        bound = INF if found is None and stop is Stop.COMPLETE else -INF
-        value = 0.0 if found else INF
-    elif found is None and stop is Stop.COMPLETE:
-        bound = INF
-    elif found is not None and goal in (Goal.SMALLEST_PRELOAD, Goal.LARGEST) and value <= r.lo[0] + 1e-6 * abs(r.lo[0]):
+        value, bound = (0.0, -INF) if found else (INF, bound)
+    elif found and not torques and s.best <= r.lo[0] + NEAR_END * abs(r.lo[0]):
         bound = -INF  # unbounded, as far as the search goes
-    elif goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE):
+    proof = Proof(s) if bound > -INF else None
+    if torques:
         bound = max(bound, 0.0)
-    proof = Proof(s, bound) if bound > -INF else None
-    return Outcome(value, float(np.minimum(bound, INF)), found, stop, time.monotonic() - start, s.nodes, proof=proof)
+    s.trim()
+    return Outcome(value, bound, found, stop, time.monotonic() - start, s.nodes, proof=proof, point=s.z)

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from holdfast.stability.engine.reduced import Reduced
 
 CONVERGED = 1e-13  # scaled residual at which Newton stops
-GOOD = 1e-11  # scaled residual that is accepted when it cannot be lowered further
-ITERATIONS = 16  # Newton steps and their halvings
+GOOD = 1e-10  # scaled residual that is accepted when it cannot be lowered further: motions of 1e4 round to 1e-11
+ITERATIONS = 12  # Newton steps and their halvings
 HALVINGS = 3
 REPAIRS = 5  # changes of modes before giving up
 STILL = 1e-9  # sliding less than this has no direction yet
-SLACK = 1e-11  # an inequality may be missed by this much; the judge allows 1e-9
+SLACK = 1e-10  # an inequality may be missed by this much; the judge allows 1e-9
 RANK = 1e-11  # a gradient whose independent part is shorter than this, relatively, adds nothing
 
 # what a contact does
@@ -285,10 +285,9 @@ def polish(  # type: ignore[no-untyped-def]
         read(m, a, mdp, driven, v, tol, touch, motor)
         for k in range(side.shape[0]):
             side[k] = 0
-        for _ in range(REPAIRS):
+        for repairs in range(REPAIRS):
             error = np.inf
             halvings = 0
-            done = False
             for j in range(n):
                 trial[j] = z[j]
             for _ in range(ITERATIONS):
@@ -306,27 +305,24 @@ def polish(  # type: ignore[no-untyped-def]
                     for j in range(n):
                         z[j] = trial[j]
                     if error <= CONVERGED * force:
-                        done = True
                         break
                     least_step(J, g, E, q, step, size)
                 else:
                     halvings += 1
-                    if halvings == HALVINGS:
+                    if halvings == HALVINGS or error <= GOOD * force:
                         break
                     for j in range(n):
                         step[j] *= 0.5
                 for j in range(n):
                     trial[j] = z[j] + step[j]
-            values(BT, off, z, v)
-            force = 1.0
-            for i in range(m):
-                force = max(force, abs(v[6 * i]))
-            if not done and not error <= GOOD * force:
+            if not error <= GOOD * force:
+                if repairs == 0:
+                    return False  # the other way begins alike
                 break
+            values(BT, off, z, v)
             slack = SLACK * force
-            if not repair(
-                m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, attempt == 1, touch, motor, side
-            ):
+            across = attempt == 1
+            if not repair(m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, across, touch, motor, side):
                 return True
     return False
 

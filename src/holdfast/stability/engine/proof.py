@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from holdfast.mechanism import Array
+from holdfast.mechanism import Indices
 from holdfast.stability.certificate import Certificate, Columns, Question
 from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.engine import rows, tree
@@ -20,15 +21,13 @@ CLAIMS = {
     Goal.SMALLEST_MAX_TORQUE: Claimed.TORQUES,
     Goal.SMALLEST_SUM_TORQUE: Claimed.TORQUES,
 }
-MARGIN = 1e-6  # waiting nodes are closed this much (relatively) below the smallest of their bounds
 
 
 @dataclass(eq=False)
 class Proof:
-    """A search that showed that no state has an objective below `bound` (inf: that there is none at all)."""
+    """A finished search: every leaf of its tree is closed by a ray, under the cut in force at its end."""
 
     search: Search
-    bound: float
 
     def certificate(self) -> Certificate | None:
         """The certificate; None if nodes are left that no ray closes."""
@@ -36,12 +35,8 @@ class Proof:
         assert s.pool is not None
         used = int(s.stats[tree.USED])
         status = s.pool.status[:used]
-        if not r.solvable or (status == tree.UNRESOLVED).any():
+        if not r.solvable or np.isin(status, (tree.UNRESOLVED, tree.WAITING)).any():
             return None
-        if (status == tree.WAITING).any():
-            if not r.objective or not s.close(self.bound / r.scale, MARGIN):
-                return None
-            status = s.pool.status[:used]
         p, hi = r.p, float(s.hi[0])
         scalar = None
         if r.objective:
@@ -97,7 +92,7 @@ class Proof:
             objective="sum" if r.goal is Goal.SMALLEST_SUM_TORQUE else "max",
         )
 
-    def _rows(self, leaves: Array, at: Columns) -> tuple[Array, dict[str, Array]]:
+    def _rows(self, leaves: Indices, at: Columns) -> tuple[Indices, dict[str, Any]]:
         """Row pointers and entries of the leaves' rays, multipliers for rows in the grasp's units."""
         s, r, p = self.search, self.search.reduced, self.search.reduced.p
         assert s.pool is not None

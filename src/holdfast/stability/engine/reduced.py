@@ -9,7 +9,7 @@ Motions are capped at `MOTION_CAP` force scales. Every base value is then bounde
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,9 +19,10 @@ from holdfast.stability.engine import tree
 from holdfast.stability.goal import Goal, Load, Point, load, motion_cap, search_end
 from holdfast.stability.problem import Problem
 
-HIGHEST = 1e5  # of lambda: a maximum smaller than 1e-5 of the force scale counts as none
+HIGHEST = 1e4  # of lambda: a maximum smaller than 1e-4 of what was asked, in force scales, counts as none
 STRONGEST = 1e3  # of commands that are sought, in (scaled) forces
-PERTURBATION = 1e-7  # of the cost, against ties; nodes are closed by infeasibility only, which it does not touch
+PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
+PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
 RANK = 1e-10
 _NOISE = 1 + np.random.default_rng(0).random(1024)
 
@@ -46,10 +47,12 @@ class Reduced:
         B: (nb, n), off: (nb,): base values B z + off; BT: B's transpose.
         lo, hi: (P,) bounds of the plain base values; names: what each of them bounds.
         cap: largest (scaled) motion.
-        cost: (n,) objective over z, perturbed.
+        cost: (n,) objective over z, and what is preferred among equals.
         objective: what is sought, a constant of `tree`.
         scale: [N m or N] per unit of the objective, for torques.
         solvable: can (1) and (2) be met at all?
+        solve: (ny, e) pseudo-inverse of the equations; values, constants: base values over y. With them
+            another disturbance of the same grasp is cheap, see `redirected`.
     """
 
     p: Problem
@@ -72,6 +75,51 @@ class Reduced:
     objective: int
     scale: float
     solvable: bool
+    solve: Array
+    values: Array
+    constants: Array
+
+    def box(self, highest: float) -> Array:
+        """(n,) bounds of |z| while the objective is at most `highest` (of plain value 0).
+
+        From the cap on motions: c_n <= |d_n|, and by energy sum c_n^2 <= w . r + f_c . t where friction obeys the
+        dissipation principle.
+        """
+        p = self.p
+        top = max(abs(float(self.lo[0])), abs(min(highest, float(self.hi[0])))) if self.objective else 0.0
+        cn, K, R, M, Y = self._sizes
+        if p.mdp:
+            sought = top * self.scale / np.abs(p.command(np.ones(len(p.R))))
+            command = np.where(p.driven, sought, self.load.f_a + top * self.load.f_b)
+            force = np.abs(self.load.w_a) + top * np.abs(self.load.w_b)
+            cn = np.minimum(cn, np.sqrt((force.sum() + command @ R) * self.cap))
+        c = np.column_stack([cn, p.mu * cn, p.mu * cn]).reshape(-1)
+        f = np.minimum(K @ c, p.f_max)[self.kept]
+        y = np.concatenate([c, f, np.full(len(self.y0) - len(c) - len(f), top)])
+        return np.concatenate([M, Y @ (y + np.abs(self.y0))])
+
+    @cached_property
+    def _sizes(self) -> tuple[Array, Array, Array, Array, Array]:
+        """What `box` needs and no disturbance changes: c_n by the cap on motions, |f| over |c|, |t| over the cap."""
+        p = self.p
+        d = np.abs(p.G[:, 0::3]).sum(axis=0) + np.abs(p.J[0::3]).sum(axis=1)
+        columns = np.vstack([p.R, p.A]).T
+        K = (np.abs(np.linalg.pinv(columns)) @ np.abs(p.J.T))[: len(p.R)] if len(p.R) else np.zeros((0, len(p.J)))
+        M = np.abs(self.M).sum(axis=0) * self.cap
+        return np.minimum(d * self.cap, p.cn_max), K, np.abs(p.R).sum(axis=1), M, np.abs(self.Y).T
+
+    def redirected(self, p: Problem) -> Reduced:
+        """The same grasp and scales, the smallest preload, with another disturbance in `p`."""
+        load_ = load(p, self.goal)
+        h = np.zeros(self.solve.shape[1])
+        h[:6] = -load_.w_a
+        y0 = self.solve @ h
+        lo = self.lo.copy()
+        lo[0] = 1.0 / search_end(p)
+        out = replace(self, p=p, load=load_, y0=y0, off=self.values @ y0 + self.constants, lo=lo)
+        if "_sizes" in self.__dict__:
+            out.__dict__["_sizes"] = self._sizes
+        return out
 
     @cached_property
     def motions(self) -> int:
@@ -81,13 +129,13 @@ class Reduced:
     def point(self, z: Array) -> Point:
         """The model's scaled unknowns."""
         p = self.p
-        m, l, a, k = p.sizes
+        m, _, a, k = p.sizes
         nu = self.M.shape[1]
         x, y = self.M @ z[:nu], self.y0 + self.Y @ z[nu:]
         c = y[: 3 * m]
         f, coupling = np.zeros(a), np.zeros(k)
         f[self.kept] = y[3 * m : 3 * m + len(self.kept)]
-        rest = np.setdiff1d(np.arange(a), self.kept)
+        rest = np.flatnonzero(~(p.moves | np.isfinite(p.f_max)))
         if len(rest) + k:
             columns = np.vstack([p.R[rest], p.A]).T
             out = np.linalg.lstsq(columns, p.J.T @ c - p.R.T @ f, rcond=1e-12)[0]
@@ -111,7 +159,7 @@ def reduce(p: Problem, goal: Goal) -> Reduced:
         p: the scaled problem.
         goal: what is sought.
     """
-    m, l, a, k = p.sizes
+    m, l, a, _ = p.sizes
     drive, moves, load_ = p.driven, p.moves, load(p, goal)
     active = np.flatnonzero(moves)
     keep = moves | np.isfinite(p.f_max)
@@ -130,7 +178,7 @@ def reduce(p: Problem, goal: Goal) -> Reduced:
     Q = null_space(np.vstack([p.A, p.R[~moves]])) if l else np.zeros((0, 0))
     M = np.zeros((6 + l, 6 + Q.shape[1]))
     M[:6, :6], M[6:, 6:] = np.eye(6), Q
-    Z = null_space(np.vstack([p.A, p.R[~keep]])) if l else np.zeros((0, 0))
+    Z = Q if (keep == moves).all() else null_space(np.vstack([p.A, p.R[~keep]]))
 
     C, F, S = 3 * m, 3 * m + len(kept), 3 * m + len(kept) + (objective > 0)
     ny = S + len(efforts)
@@ -144,14 +192,14 @@ def reduce(p: Problem, goal: Goal) -> Reduced:
         E[-1, F], E[-1, S:] = 1.0, -1.0
     U, sv, Vt = np.linalg.svd(E)
     rank = int((sv > RANK * sv[0]).sum())
-    y0 = Vt[:rank].T @ ((U[:, :rank].T @ h) / sv[:rank])
+    inverse = (Vt[:rank].T / sv[:rank]) @ U[:, :rank].T
+    y0 = inverse @ h
     Y = Vt[rank:].T
     solvable = bool(np.abs(E @ y0 - h).max() < 1e-9)
 
-    nu, n = M.shape[1], M.shape[1] + Y.shape[1]
     cap = motion_cap(p, goal)
-    plain: list[tuple[str, int, float, float]] = []
-    if objective == tree.SCALAR and goal is Goal.SMALLEST_PRELOAD:
+    plain: list[tuple[str, int, float, float]] = []  # what is bounded, which, and between what
+    if goal is Goal.SMALLEST_PRELOAD:
         plain.append(("scalar", 0, 1.0 / search_end(p), HIGHEST))
     elif goal is Goal.LARGEST:
         plain.append(("scalar", 0, -search_end(p), 0.0))
@@ -163,41 +211,42 @@ def reduce(p: Problem, goal: Goal) -> Reduced:
     plain += [("force", int(i), -p.f_max[i], p.f_max[i]) for i in kept if np.isfinite(p.f_max[i])]
     plain += [("effort", int(i), 0.0, STRONGEST) for i in efforts]
 
-    a_ = len(active)
-    nb = 6 * m + 3 * a_ + len(plain)
-    B, off = np.zeros((nb, n)), np.zeros(nb)
-    contact = B[: 6 * m].reshape(m, 6, n)
-    contact[:, :3, nu:] = Y[:C].reshape(m, 3, -1)
-    off[: 6 * m].reshape(m, 6)[:, :3] = y0[:C].reshape(m, 3)
-    contact[:, 3:, :nu] = (np.hstack([p.G.T, -p.J]) @ M).reshape(m, 3, nu)
-    place = {int(i): C + n_ for n_, i in enumerate(kept)}
-    for j, i in enumerate(active):
-        k0 = 6 * m + 3 * j
-        B[k0, 6:nu] = p.R[i] @ Q
-        B[k0 + 1, nu:], off[k0 + 1] = Y[place[int(i)]], y0[place[int(i)]]
+    # base values as functions of the motions (r, q), of the forces y, and their constants
+    first = 6 * m + 3 * len(active)
+    D, V, constants = (
+        np.zeros((first + len(plain), 6 + l)),
+        np.zeros((first + len(plain), ny)),
+        np.zeros(first + len(plain)),
+    )
+    D[: 6 * m].reshape(m, 6, -1)[:, 3:] = np.hstack([p.G.T, -p.J]).reshape(m, 3, -1)
+    V[: 6 * m].reshape(m, 6, -1)[:, :3] = np.eye(C, ny).reshape(m, 3, -1)
+    force = {int(i): C + k for k, i in enumerate(kept)}
+    effort = {int(i): S + k for k, i in enumerate(efforts)}
+    for j, i in enumerate(active.tolist()):
+        t, excess, left = range(6 * m + 3 * j, 6 * m + 3 * j + 3)
+        D[t, 6:] = p.R[i]
+        V[excess, force[i]] = 1.0
         if drive[i]:
-            e = S + int(np.searchsorted(efforts, i)) if len(efforts) else F
-            share = lever[i] / scale
-            B[k0 + 2, nu:] = Y[e] - share * Y[place[int(i)]]
-            off[k0 + 2] = y0[e] - share * y0[place[int(i)]]
+            V[left, effort.get(i, F)], V[left, force[i]] = 1.0, -lever[i] / scale
         else:
-            off[k0 + 1] -= load_.f_a[i]
+            constants[excess] = -load_.f_a[i]
             if objective:
-                B[k0 + 1, nu:] -= load_.f_b[i] * Y[F]
-                off[k0 + 1] -= load_.f_b[i] * y0[F]
-    sign = -1.0 if goal is Goal.LARGEST else 1.0
-    for j, (kind, i, _, _) in enumerate(plain):
-        k0 = 6 * m + 3 * a_ + j
+                V[excess, F] -= load_.f_b[i]
+    for k, (kind, i, _, _) in enumerate(plain, start=first):
         if kind == "motion":
-            B[k0, :nu] = M[i]
-            continue
-        at = {"scalar": F, "normal": 3 * i, "force": place.get(i, 0), "effort": S + int(np.searchsorted(efforts, i))}
-        s = sign if kind == "scalar" else 1.0
-        B[k0, nu:], off[k0] = s * Y[at[kind]], s * y0[at[kind]]
+            D[k, i] = 1.0
+        elif kind == "scalar":
+            V[k, F] = -1.0 if goal is Goal.LARGEST else 1.0
+        else:
+            V[k, 3 * i if kind == "normal" else force[i] if kind == "force" else effort[i]] = 1.0
+    B = np.hstack([D @ M, V @ Y])
 
     lo, hi = np.array([b[2] for b in plain]), np.array([b[3] for b in plain])
-    cost = B[6 * m + 3 * a_].copy() if objective else np.zeros(n)
-    cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * _NOISE[:n]
+    turning = B[6 * m : first : 3].sum(axis=0)
+    cost = PREFERENCE * (B[0 : 6 * m : 6].sum(axis=0) + 0.1 * turning)
+    if objective:
+        cost += B[first]
+    cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * _NOISE[: len(cost)]
     return Reduced(
         p=p,
         goal=goal,
@@ -210,7 +259,7 @@ def reduce(p: Problem, goal: Goal) -> Reduced:
         y0=y0,
         B=B,
         BT=np.ascontiguousarray(B.T),
-        off=off,
+        off=V @ y0 + constants,
         lo=lo,
         hi=hi,
         names=tuple((b[0], b[1]) for b in plain),
@@ -219,27 +268,7 @@ def reduce(p: Problem, goal: Goal) -> Reduced:
         objective=objective,
         scale=scale,
         solvable=solvable,
+        solve=inverse,
+        values=V,
+        constants=constants,
     )
-
-
-def box(r: Reduced, highest: float) -> Array:
-    """(n,) bounds of |z| while the objective is at most `highest` (of plain value 0).
-
-    From the cap on motions: c_n <= |d_n|, and by energy sum c_n^2 <= w . r + f_c . t where friction obeys the
-    dissipation principle.
-    """
-    p = r.p
-    d = (np.abs(np.hstack([p.G.T, p.J])).sum(axis=1) * r.cap).reshape(-1, 3)
-    cn = np.minimum(d[:, 0], p.cn_max)
-    top = max(abs(float(r.lo[0])), abs(min(highest, float(r.hi[0])))) if r.objective else 0.0
-    if p.mdp:
-        sought = top * r.scale / np.abs(p.command(np.ones(len(p.R))))
-        command = np.where(p.driven, sought, r.load.f_a + top * r.load.f_b)
-        force = np.abs(r.load.w_a) + top * np.abs(r.load.w_b)
-        cn = np.minimum(cn, np.sqrt((force.sum() + command @ np.abs(p.R).sum(axis=1)) * r.cap))
-    c = np.column_stack([cn, p.mu * cn, p.mu * cn]).reshape(-1)
-    columns = np.vstack([p.R, p.A]).T
-    f = (np.abs(np.linalg.pinv(columns)) @ (np.abs(p.J.T) @ c))[: len(p.R)] if len(p.R) else np.zeros(0)
-    y = np.r_[c, np.minimum(f, p.f_max)[r.kept]]
-    y = np.r_[y, np.full(len(r.y0) - len(y), top)]
-    return np.r_[np.abs(r.M).T @ np.full(len(r.M), r.cap), np.abs(r.Y).T @ (y + np.abs(r.y0))]

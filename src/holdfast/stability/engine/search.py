@@ -5,14 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from holdfast.answer import Stop
-from holdfast.mechanism import Array
+from holdfast.mechanism import Array, Indices
 from holdfast.stability.engine import rows, tree
-from holdfast.stability.engine.reduced import Reduced, box
+from holdfast.stability.engine.reduced import Reduced
 
+CLOSING = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
 SLICE = 0.05  # [s] of kernel time between looks at the clock
 INF = float("inf")
 
@@ -21,19 +23,19 @@ INF = float("inf")
 class Pool:
     """The tree's arrays, one row per node; see `tree.run`."""
 
-    states: Array
-    ids: Array
+    states: Indices
+    ids: Indices
     data: Array
     key: Array
     bound: Array
-    parent: Array
-    part: Array
-    status: Array
-    heap: Array
+    parent: Indices
+    part: Indices
+    status: Indices
+    heap: Indices
 
     @classmethod
     def of(cls, room: int, m: int, a: int, n: int) -> Pool:
-        def whole(*shape: int) -> Array:
+        def whole(*shape: int) -> Indices:
             return np.zeros(shape, np.int64)
 
         return cls(
@@ -41,7 +43,7 @@ class Pool:
             np.zeros((room, n + 1)), np.zeros(room), np.zeros(room), whole(room), whole(room), whole(room), whole(room),
         )  # fmt: skip
 
-    def arrays(self) -> tuple[Array, ...]:
+    def arrays(self) -> tuple[Any, ...]:
         return (
             self.states, self.ids, self.data,
             self.key, self.bound, self.parent, self.part, self.status, self.heap,
@@ -82,8 +84,8 @@ class Search:
         r = self.reduced
         m, a, n = len(r.p.mu), len(r.active), len(r.cost)
         self.hi = r.hi.copy()
-        self.box = box(r, INF)
-        self.pool = Pool.of(64, m, a, n)
+        self.box = r.box(INF)
+        self.pool = Pool.of(512, m, a, n)
         corner = np.where(r.cost >= 0, rows.BOX_UP, rows.BOX_DOWN)
         self.pool.ids[0, :n] = ((corner * 256 + np.arange(n)) << 50).astype(np.int64)
         self.pool.parent[0] = -1
@@ -109,14 +111,37 @@ class Search:
         assert self.pool is not None
         return int((self.pool.status[: self.stats[tree.USED]] == tree.UNRESOLVED).sum())
 
-    def close(self, bound: float, margin: float) -> bool:
-        """Close what waits by a cut a little below `bound`; False if a node resists."""
+    def trim(self) -> None:
+        """Give back the room that no node took; nothing can be expanded afterwards."""
         assert self.pool is not None
-        self.hi[0] = bound - margin * max(abs(bound), 1e-3)
-        if not self.hi[0] >= self.reduced.lo[0]:
-            return False
-        self._run(10**9, close=True)
-        return not self.unresolved
+        used = int(self.stats[tree.USED])
+        self.pool = Pool(*(a[:used].copy() for a in self.pool.arrays()))
+
+    def close(self) -> float:
+        """Close all that waits by a cut below its bounds, as high as succeeds; returns it, -inf if none does.
+
+        The bounds of waiting nodes are those of their programs' points, good to `reduced.PREFERENCE` only, so
+        that several cuts are tried.
+        """
+        assert self.pool is not None
+        r, status = self.reduced, self.pool.status
+        used = self.stats[tree.USED]
+        if not r.objective:
+            return -INF
+        bound = self.bound
+        for margin in CLOSING:
+            waiting = np.flatnonzero(np.isin(status[:used], (tree.WAITING, tree.UNRESOLVED)))
+            cut = bound - margin * max(abs(bound), margin)
+            if not r.lo[0] <= cut < INF:
+                break
+            status[waiting] = tree.WAITING
+            self.pool.heap[: len(waiting)] = waiting  # any order: nothing is split
+            self.pool.key[waiting] = 0.0
+            self.stats[tree.HEAP], self.hi[0] = len(waiting), min(cut, self.hi[0])
+            self._run(10**9, close=True)
+            if not self.unresolved:
+                return float(self.hi[0])
+        return -INF
 
     def _run(self, budget: int, close: bool = False) -> int:
         assert self.pool is not None
@@ -124,35 +149,12 @@ class Search:
         m, a = len(r.p.mu), len(r.active)
         cos, sin = float(np.cos(r.p.eta)), float(np.sin(r.p.eta))
         guess = np.array(self.guess).reshape(-1, len(r.cost)) if len(self.guess) else np.zeros((0, len(r.cost)))
-        return int(
-            tree.run(
-                m,
-                a,
-                cos,
-                sin,
-                r.p.mdp,
-                r.objective,
-                r.motions,
-                self.gap,
-                self.gap_absolute,
-                r.B,
-                r.BT,
-                r.off,
-                r.p.mu,
-                r.lo,
-                self.hi,
-                self.box,
-                r.cost,
-                r.driven,
-                budget,
-                close,
-                guess,
-                self._best,
-                self._z,
-                self.stats,
-                *self.pool.arrays(),
-            )  # fmt: skip
-        )
+        why = tree.run(
+            m, a, cos, sin, r.p.mdp, r.objective, r.motions, self.gap, self.gap_absolute,
+            r.B, r.BT, r.off, r.p.mu, r.lo, self.hi, self.box, r.cost, r.driven,
+            budget, close, guess, self._best, self._z, self.stats, *self.pool.arrays(),
+        )  # fmt: skip
+        return int(why)
 
     def __iter__(self) -> Iterator[Search]:
         """Yields itself after every slice of work; `stop` says how it ended."""
@@ -168,7 +170,8 @@ class Search:
             why = self._run(budget)
             if self._best[0] < self.best:
                 self.best, self.z = float(self._best[0]), self._z.copy()
-                self.box = box(r, float(self.hi[0]))
+                if r.objective:
+                    self.box = r.box(float(self.hi[0]))
             if why == tree.ROOM:
                 self.pool = self.pool.grown(4 * len(self.pool.key))
                 continue

@@ -11,7 +11,8 @@ box with the coefficients themselves, small parts of the wrong sign dropped. Oth
 afresh; if that does not help, the rows of that contact or actuator are left out, which only loosens the program.
 
 Tolerances are absolute, forces and motions being scaled by the force scale: `FEASIBLE` for rows, `CONE` for
-friction outside its cone (tangents are made where it leaves), `PIVOT` for pivots (`SMALL` where there is no other). W is refactorised after
+friction outside its cone (tangents are made where it leaves), `PIVOT` for pivots (`SMALL` where there is no
+other, which nearly parallel rows need). W is refactorised after
 `REFRESH` exchanges; a singular W is reported, and the caller starts again from the box.
 """
 
@@ -62,7 +63,7 @@ PIVOT = 1e-7
 SMALL = 1e-10
 ROUNDING = 2e-13  # of the terms of a ray: more than its checker allows for
 REFRESH = 40
-EXCHANGES = 1000
+EXCHANGES = 500
 
 
 @inner
@@ -250,7 +251,9 @@ def solve(  # type: ignore[no-untyped-def]
     """Solve a node's program from a working set; all of the state is changed in place.
 
     `ids`, `W`, `inverse` must be given and consistent; ids has one place more, for the entering row of a
-    ray. daring: poor pivots are taken where there is no other. Returns OPTIMAL (z, y, v), INFEASIBLE (y: the ray's multipliers of `ids`, 1 for the last) or FAILED.
+    ray. daring: poor pivots are taken where there is no other, and no
+    row is left out. Returns OPTIMAL (z, y, v), INFEASIBLE (y: the
+    ray's multipliers of `ids`, 1 for the last) or FAILED.
     """
     n = z.shape[0]
     trigonometry(m, state, trig)
@@ -339,6 +342,8 @@ def solve(  # type: ignore[no-untyped-def]
             if leave < 0 and least == PIVOT and daring:
                 least = SMALL  # nearly parallel rows: better a poor pivot than none
                 continue
+            if daring:
+                return FAILED  # a poor working set: the caller starts again from the box
             part = (enter >> INDEX) & 255
             if enter >> KIND >= T_UP:
                 part += m if enter >> KIND <= S_UP else m + a

@@ -288,6 +288,7 @@ def run(  # type: ignore[no-untyped-def]
         expanded += 1
         children = 0
         pick = -1
+        warm = True  # is the node's working set worth starting from?
         k = 0
         while k <= children:
             # 0: the node itself from its own working set; k: its k-th child from the node's
@@ -309,7 +310,7 @@ def run(  # type: ignore[no-untyped-def]
             for i in range(3 * m + a):
                 state[i] = states[this, i]
             result = simplex.FAILED
-            for attempt in range(2):
+            for attempt in range(0 if warm or k == 0 else 1, 2):
                 ready = True
                 if k > 0 and attempt == 0:
                     for i in range(n):
@@ -344,12 +345,11 @@ def run(  # type: ignore[no-untyped-def]
                 continue
             if result == simplex.FAILED:
                 stats[FAILURES] += 1
-                if k > 0:  # keep what the node had: its child is split again from there
-                    for i in range(n):
-                        w_ids[i] = p_ids[i]
-                        z[i] = data[node, i]
-                    values(BT, off, z, v)
-            if k == 0 and (close or result == simplex.FAILED):
+                for i in range(n):  # keep the point it had, or its parent's: it is split from there
+                    z[i] = data[node, i]
+                    w_ids[i] = ((BOX_UP if cost[i] >= 0.0 else BOX_DOWN) << KIND) | (i << INDEX)
+                values(BT, off, z, v)
+            if k == 0 and close:
                 status[this] = UNRESOLVED
                 break
             target = select(m, a, cos, sin, mdp, mu, driven, state, v, amounts)
@@ -406,6 +406,7 @@ def run(  # type: ignore[no-untyped-def]
                     bound[node] = value
                     break
                 status[node] = SPLIT
+                warm = result == simplex.OPTIMAL
                 for i in range(n):
                     p_ids[i] = w_ids[i]
                     p_rhs[i] = rhs[i]

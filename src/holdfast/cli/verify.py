@@ -1,0 +1,37 @@
+"""`holdfast verify`: replays what backs a saved answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from holdfast.cli import console
+from holdfast.cli.options import Command
+
+
+@dataclass(kw_only=True)
+class Verify(Command):
+    """Is everything that a saved answer claims proved?
+
+    Replays its witness in the equations and its certificate, without the engine and without any solver.
+    Exit status: 0 all is proved, 1 something is refused, 2 bad input.
+    """
+
+    result: Annotated[Positional[str], arg(metavar="RESULT")]
+    """a file that --save wrote, or a holdfast/certificate/1 file"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+
+    def run(self) -> int:
+        from holdfast.cli import tables
+        from holdfast.stability.replay import load, verify
+
+        what = load(self.result)
+        done = verify(what)
+        if self.json:
+            console.print_json(done.to_json())
+        else:
+            tables.show_verified(console.out(), what, done)
+        return console.ANSWERED if done.ok else console.REFUSED

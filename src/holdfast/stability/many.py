@@ -1,0 +1,174 @@
+"""Maxima of many disturbances at once, on all cores, each helped by its neighbour.
+
+The engine works in threads: its kernel holds no interpreter lock. Consecutive cases of one grasp share the
+reduced problem, and each search starts from the solution before it. Algorithm 1 works in processes.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from threading import Event
+from typing import Any
+
+import numpy as np
+
+from holdfast.answer import Stop
+from holdfast.grasp import Grasp
+from holdfast.mechanism import Array
+from holdfast.stability import problem
+from holdfast.stability.answers import MaxAnswer
+from holdfast.stability.engine.reduced import Reduced, reduce
+from holdfast.stability.goal import Goal
+from holdfast.stability.problem import Problem
+from holdfast.stability.queries import largest, max_goal
+from holdfast.stability.settings import Settings
+
+OnItem = Callable[[int, int], None]  # done, total
+BLOCK = 12  # cases that a thread takes at a time: neighbours
+# forked workers need no guarded main module in the caller's script; elsewhere one process is the safe default
+START = "fork" if sys.platform.startswith("linux") else "spawn"
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One maximum: of which grasp, in which direction (6,), above which base load (6,)."""
+
+    grasp: Grasp
+    direction: Array
+    base: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Options:
+    """What all cases share, as in `maximum`."""
+
+    eta: float = 0.0
+    mdp: bool = True
+    torque_limits: Mapping[str, float] | None = None
+    force_limit: float | None = None
+    settings: Settings | None = None
+
+    def build(self, case: Case) -> Problem:
+        limits = {"torque_limits": self.torque_limits, "force_limit": self.force_limit}
+        return problem.build(case.grasp, case.base, case.direction, eta=self.eta, mdp=self.mdp, **limits)  # type: ignore[arg-type]
+
+
+def max_many(
+    grasp: Grasp,
+    directions: Sequence[Sequence[float]] | Array,
+    *,
+    base: Sequence[float] | Array | None = None,
+    eta: float = 0.0,
+    mdp: bool = True,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+    jobs: int | None = None,
+    on_item: OnItem | None = None,
+) -> list[MaxAnswer | None]:
+    """`maximum` in many directions; faster than one by one, in particular if neighbours follow each other.
+
+    Args:
+        directions: (n, 6) forces [N] and torques [N m].
+        jobs: cores to use; by default all.
+        on_item: called with (done, total).
+
+    The other arguments and errors are those of `maximum`.
+
+    Returns:
+        One answer per direction, in order; None where Ctrl-C came first.
+    """
+    options = Options(eta, mdp, torque_limits, force_limit, settings)
+    w0 = np.zeros(6) if base is None else np.asarray(base, dtype=float)
+    return maxima([Case(grasp, d, w0) for d in np.atleast_2d(np.asarray(directions, float))], options, jobs, on_item)
+
+
+def maxima(
+    cases: Sequence[Case], options: Options, jobs: int | None = None, on_item: OnItem | None = None
+) -> list[MaxAnswer | None]:
+    """One answer per case, in order; None from the first one that Ctrl-C prevented."""
+    if cases:
+        options.build(cases[0])  # bad input's one line is raised here, not in a worker
+    settings = options.settings or Settings()
+    run = _in_processes if settings.method == "algorithm1" else _in_threads
+    done: list[MaxAnswer | None] = []
+    try:
+        for answer in run(cases, options, min(jobs or default_jobs(), max(len(cases), 1))):
+            done.append(answer)
+            if on_item:
+                on_item(len(done), len(cases))
+            if answer.stop is Stop.INTERRUPTED:  # Ctrl-C during a solve ends in an answer, not in an exception
+                break
+    except KeyboardInterrupt:
+        pass
+    return done + [None] * (len(cases) - len(done))
+
+
+def default_jobs() -> int:
+    """All cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None) -> list[MaxAnswer]:
+    """Cases in turn, each with what the one before left."""
+    settings = options.settings or Settings()
+    out: list[MaxAnswer] = []
+    before: Case | None = None
+    p: Problem | None = None
+    reduced: Reduced | None = None
+    point: Array | None = None
+    for case in cases:
+        if stopped and stopped.is_set():
+            break
+        same = before is not None and before.grasp is case.grasp and before.base is case.base
+        p = p.towards(case.direction) if same and p is not None else options.build(case)
+        hints: dict[str, Any] = {}
+        if settings.method == "engine" and max_goal(p) is Goal.SMALLEST_PRELOAD:
+            reduced = reduced.redirected(p) if same and reduced is not None else reduce(p, Goal.SMALLEST_PRELOAD)
+            hints["reduced"] = reduced
+        else:
+            reduced = None
+        if settings.method == "engine" and point is not None and same:
+            hints["guess"] = [point]
+        answer, point = largest(p, settings, None, **hints)
+        before = case
+        out.append(answer)
+    return out
+
+
+def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:
+    if jobs <= 1:
+        for i in range(0, len(cases), BLOCK):
+            yield from _block(cases[i : i + BLOCK], options)
+        return
+    stopped = Event()
+    with ThreadPoolExecutor(jobs) as pool:
+        blocks = [pool.submit(_block, cases[i : i + BLOCK], options, stopped) for i in range(0, len(cases), BLOCK)]
+        try:
+            for block in blocks:
+                yield from block.result()
+        finally:
+            stopped.set()
+            pool.shutdown(cancel_futures=True)
+
+
+def _alone(task: tuple[Case, Options]) -> MaxAnswer:
+    # a thousand answers travel between processes: leave the search's history behind
+    return replace(_block([task[0]], task[1])[0], steps=(), witness=None)
+
+
+def _in_processes(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:
+    tasks = [(case, options) for case in cases]
+    if jobs <= 1 or START != "fork":
+        yield from map(_alone, tasks)
+        return
+    # workers leave Ctrl-C to the parent, which then ends them
+    context = multiprocessing.get_context(START)
+    with context.Pool(jobs, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
+        yield from pool.imap(_alone, tasks)

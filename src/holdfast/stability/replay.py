@@ -1,0 +1,356 @@
+"""Replays what backs an answer: the witness in the equations, the certificate in its checker, both against its words.
+
+Nothing of the engine and no solver is needed, only `model`, `verify` and the question.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from holdfast.answer import Verdict
+from holdfast.errors import InputError
+from holdfast.files import read_json
+from holdfast.mechanism import Array
+from holdfast.stability import asked, certificate_file, model, result_file
+from holdfast.stability import verify as checker
+from holdfast.stability.certificate import Certificate, Question
+from holdfast.stability.certificate import Goal as Claimed
+from holdfast.stability.certificate_file import question_to_dict
+from holdfast.stability.goal import motion_cap, search_end
+from holdfast.stability.problem import Problem
+from holdfast.stability.result_file import MaxEntry, Result, TorquesEntry
+from holdfast.stability.witness import VALID, Witness
+
+if TYPE_CHECKING:
+    from holdfast.stability.answers import Answer
+
+SAME = 1e-9  # relative: two numbers that say the same
+NEAR_END = 1e-6  # relative: where a search for a maximum ends
+NONE = 1e-5  # of the direction as given: a maximum that is smaller counts as none
+STRONGEST = 1e3  # (scaled) commands that were sought go as far
+
+
+class Refused(Exception):
+    """Why something is not proved."""
+
+
+@dataclass(frozen=True)
+class WitnessCheck:
+    """A replayed witness: what it stands for, its worst residual, and why it is refused ('' if it is not)."""
+
+    claim: str
+    residual: float
+    reason: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        return {"claim": self.claim, "residual": _number(self.residual), "ok": not self.reason, "reason": self.reason}
+
+
+@dataclass(frozen=True)
+class CertificateCheck:
+    """A replayed certificate.
+
+    Attributes:
+        claim: what it stands for.
+        motion: virtual translations of the object that it covers [N].
+        leaves, margin: of its proof, see `verify.Verification`.
+        reason: why it is refused, '' if it is not.
+    """
+
+    claim: str
+    motion: float
+    leaves: int
+    margin: float
+    reason: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "claim": self.claim,
+            "motion_cap": self.motion,
+            "leaves": self.leaves,
+            "margin": _number(self.margin),
+            "ok": not self.reason,
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What was claimed and replayed; a part that is None was neither claimed nor there.
+
+    Attributes:
+        seconds: wall time.
+        reason: why it is not all proved: one line; '' if it is.
+    """
+
+    witness: WitnessCheck | None
+    certificate: CertificateCheck | None
+    seconds: float
+    reason: str
+
+    @property
+    def ok(self) -> bool:
+        """Was all that is claimed proved?"""
+        return not self.reason
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "schema": "holdfast/verification/1",
+            "ok": self.ok,
+            "witness": self.witness.to_json() if self.witness else None,
+            "certificate": self.certificate.to_json() if self.certificate else None,
+            "seconds": round(self.seconds, 6),
+            "reason": self.reason,
+        }
+
+
+def verify(what: str | Path | Answer | Result | Certificate) -> Verified:
+    """Is everything that an answer claims proved? Replayed without the engine and without any solver.
+
+    Args:
+        what: a `holdfast/result/1` or `holdfast/certificate/1` file, or an answer, or a certificate.
+
+    Raises:
+        InputError: the file cannot be read, or is neither.
+    """
+    start = time.monotonic()
+    if isinstance(what, str | Path):
+        what = load(what)
+    elif not isinstance(what, Certificate | Result):
+        what = Result.of(what)
+    if isinstance(what, Certificate):
+        done = _replay_certificate(what, claim_text(what))
+        return Verified(None, done, time.monotonic() - start, done.reason and f"certificate: {done.reason}")
+    witness, certificate, reason = None, None, ""
+    try:
+        witness, certificate = _witness(what), _certificate(what)
+        for name, part in (("witness", witness), ("certificate", certificate)):
+            if part and part.reason and not reason:
+                reason = f"{name}: {part.reason}"
+        if not reason:
+            _other_numbers(what)
+    except Refused as fault:
+        reason = f"answer: {fault}"
+    return Verified(witness, certificate, time.monotonic() - start, reason)
+
+
+def load(path: str | Path) -> Result | Certificate:
+    """What a result file or a certificate file holds; `InputError` if it is neither."""
+    data = read_json(path, "result")
+    schema = data.get("schema") if isinstance(data, dict) else None
+    try:
+        if schema == "holdfast/certificate/1":
+            return certificate_file.from_dict(data)
+        if schema == "holdfast/result/1":
+            return result_file.from_dict(data)
+        needed = "holdfast/result/1 or holdfast/certificate/1 is needed"
+        raise InputError(f"is missing; {needed}" if schema is None else f"is '{schema}'; {needed}", field="schema")
+    except InputError as fault:
+        raise fault.at(str(path)) from None
+
+
+# --- the witness ----------------------------------------------------------------------------------
+
+
+def _witness(result: Result) -> WitnessCheck | None:
+    q, answer, w = result.question, result.answer, result.witness
+    holds = answer.verdict is Verdict.HOLDS
+    if w is None:
+        if holds:
+            raise Refused("HOLDS without a witness")
+        return None
+    if not holds:
+        raise Refused(f"{answer.verdict.upper()} with a witness")
+    wrench, command, claim = q.wrench, q.grasp.command, "the disturbance is resisted"
+    if isinstance(answer, MaxEntry):
+        constant, direction = _load(q)
+        wrench, claim = constant + answer.lower * direction, f"{answer.lower:.6g} times the direction is resisted"
+    if isinstance(answer, TorquesEntry):
+        command, claim = w.grasp.command, f"commands of {answer.upper or 0.0:.6g} suffice"
+    reason = _state_fault(q, w, wrench, command)
+    if not reason and isinstance(answer, TorquesEntry):
+        reason = _commands_fault(q, w, answer)
+    found = model.residuals(q.grasp, wrench, w.state, eta=q.eta, command=command, mdp=q.mdp).worst
+    if not reason and not found <= VALID:
+        reason = f"the residual is {found:.1e}, above {VALID:g}"
+    return WitnessCheck(claim, found, reason)
+
+
+def _state_fault(q: Question, w: Witness, wrench: Array, command: Array) -> str:
+    """Is the witness's load the claimed one, and are the limits kept?"""
+    if not _close(w.wrench, wrench):
+        return "it is a state under another disturbance"
+    if not _close(w.grasp.command, command):
+        return "it is a state with other commands"
+    scale = SAME * model.force_scale(q.grasp, wrench, w.state.c, command)
+    lever = model.actuator_arms(q.grasp)
+    for i, name in enumerate(q.grasp.mechanism.actuators):
+        if abs(w.state.f[i]) > q.torque_limits.get(name, np.inf) + scale * lever[i]:
+            return f"{name} carries more than its limit"
+    if q.force_limit is not None and w.state.c[0::3].max() > q.force_limit + scale:
+        return "a normal force is above its limit"
+    return ""
+
+
+def _commands_fault(q: Question, w: Witness, answer: TorquesEntry) -> str:
+    """Are the commands those that the answer gives, and do they cost what it says?"""
+    command, names = w.grasp.command, q.grasp.mechanism.actuators
+    if (command[~q.is_driven] != 0).any():
+        return "an actuator is commanded that was to stay locked"
+    if (q.sense * command < 0).any():
+        return "a command has the wrong sense"
+    said = answer.preload or {}
+    if set(said) != {n for n, d in zip(names, q.is_driven, strict=True) if d}:
+        return "the answer's commands are of other actuators"
+    if not _close(np.array([said.get(n, 0.0) for n in names]), command):
+        return "the answer gives other commands"
+    cost = np.abs(command).max(initial=0.0) if q.objective == "max" else np.abs(command).sum()
+    if answer.upper is None or not _close(np.array([answer.upper]), np.array([cost])):
+        return f"its commands cost {cost:.6g}; the answer says {answer.upper}"
+    return ""
+
+
+# --- the certificate --------------------------------------------------------------------------------
+
+
+def _certificate(result: Result) -> CertificateCheck | None:
+    q, answer, c = result.question, result.answer, result.certificate
+    need = _needed(q, result)
+    if need is None:
+        if c is not None:
+            raise Refused("has a certificate, but claims nothing that needs one")
+        return None
+    claim, lo, hi = need
+    if c is None:
+        raise Refused(f"{claim}: no certificate")
+    reason = ""
+    if question_to_dict(c.question) != question_to_dict(q):
+        reason = "it answers another question"
+    elif not isinstance(answer, TorquesEntry | MaxEntry):
+        reason = ""
+    elif c.scalar is not None and not (c.scalar[0] <= lo + SAME * abs(lo) and c.scalar[1] >= hi - SAME * abs(hi)):
+        reason = f"it covers {c.scalar[0]:.9g} to {c.scalar[1]:.9g}; the answer needs {lo:.9g} to {hi:.9g}"
+    p, goal = asked.posed(q)
+    cap = motion_cap(p, goal) * p.force * (1 - SAME)
+    if not reason and not (
+        (c.cap_r >= cap * np.array([1.0] * 3 + [1.0 / p.length] * 3)).all() and (c.cap_q >= cap / p.joint_scale).all()
+    ):
+        reason = "it covers smaller motions than a search does"
+    return _replay_certificate(c, claim, reason)
+
+
+def _replay_certificate(c: Certificate, claim: str, reason: str = "") -> CertificateCheck:
+    found = checker.verify(c)
+    return CertificateCheck(claim, float(c.cap_r[0]), found.leaves, found.margin, reason or found.reason)
+
+
+def _needed(q: Question, result: Result) -> tuple[str, float, float] | None:
+    """What a certificate has to show: in words, and as the range of its scalar; None if nothing needs one."""
+    answer, slips = result.answer, result.answer.verdict is Verdict.SLIPS
+    p, _ = asked.posed(q)
+    if isinstance(answer, MaxEntry):
+        return _needed_of_max(q, p, answer)
+    if isinstance(answer, TorquesEntry):
+        if q.goal is not Claimed.TORQUES:
+            raise Refused(f"is of torques, its question of '{q.goal}'")
+        if slips:
+            if answer.lower is not None or answer.upper is not None:
+                raise Refused("SLIPS with bounds")
+            lever = np.abs(p.command(np.ones(len(p.R))))[q.is_driven]
+            return "no commands suffice", 0.0, STRONGEST * float(lever.max(initial=0.0) or 1.0) * (1 - NEAR_END)
+        if answer.lower is None:
+            raise Refused("has no lower bound")
+        return (f"no commands below {answer.lower:.6g} suffice", 0.0, answer.lower) if answer.lower > 0 else None
+    if q.goal is not Claimed.CHECK:
+        raise Refused(f"is of a check, its question of '{q.goal}'")
+    return ("the disturbance is not resisted", 0.0, 0.0) if slips else None
+
+
+def _needed_of_max(q: Question, p: Problem, answer: MaxEntry) -> tuple[str, float, float] | None:
+    """For a maximum: no magnitude from the upper bound to the end of the search."""
+    _load(q)
+    slips = answer.verdict is Verdict.SLIPS
+    end = search_end(p) if q.goal is not Claimed.CHECK else np.inf
+    if slips and (answer.lower, answer.upper) != (0.0, 0.0):
+        raise Refused("SLIPS with bounds above 0")
+    if answer.unbounded:
+        if answer.upper is not None or answer.verdict is not Verdict.HOLDS:
+            raise Refused("unbounded, with a bound")
+        if q.goal is not Claimed.CHECK and not answer.lower >= end * (1 - 2 * NEAR_END):
+            raise Refused(f"unbounded, but shown up to {answer.lower:.6g} only; a search goes to {end:.6g}")
+        return None
+    if answer.upper is None:
+        return None
+    claim = "nothing is resisted" if slips else f"nothing above {answer.upper:.6g} times the direction is resisted"
+    if q.goal is Claimed.CHECK:  # homogeneous: what slips at one magnitude slips at all
+        if not slips:
+            raise Refused("has an upper bound where magnitudes make no difference")
+        return claim, 0.0, 0.0
+    if q.goal is Claimed.SMALLEST_PRELOAD:  # its scalar is 1 / s
+        least = answer.upper if answer.upper > 0 else NONE * (1 + NEAR_END)
+        return claim, (1 + NEAR_END) / end, 1.0 / least
+    return claim, answer.upper, end * (1 - NEAR_END)
+
+
+def _load(q: Question) -> tuple[Array, Array]:
+    """(6,) each: the disturbance of a maximum is the first plus s times the second; `Refused` if it is none."""
+    if q.direction is not None:
+        return q.wrench, q.direction
+    if q.goal is not Claimed.CHECK or q.grasp.command.any() or q.torque_limits or q.force_limit is not None:
+        raise Refused(f"is of a maximum, its question of '{q.goal}'")
+    return np.zeros(6), q.wrench
+
+
+def claim_text(c: Certificate) -> str:
+    """What a certificate claims, in words."""
+    q, at = c.question, "" if c.scalar is None else f"{c.scalar[0]:.6g} to {c.scalar[1]:.6g}"
+    return {
+        Claimed.CHECK: "the disturbance is not resisted",
+        Claimed.SMALLEST_PRELOAD: f"the direction is not resisted with {at} times the preload",
+        Claimed.LARGEST: f"{at} times the direction is not resisted",
+        Claimed.TORQUES: f"no commands of {at} suffice",
+    }[q.goal]
+
+
+# --- the rest of an answer ----------------------------------------------------------------------------
+
+
+def _other_numbers(result: Result) -> None:
+    """`Refused` if a number of the answer contradicts those that were replayed."""
+    answer, said, w = result.answer, result.said, result.witness
+    if answer.certified and result.certificate is None:
+        raise Refused("certified, but without a certificate")
+    if isinstance(answer, MaxEntry):
+        gap = 0.0 if answer.unbounded or answer.upper == 0 else None
+        if gap is None and answer.upper is not None and answer.lower > 0:
+            gap = (answer.upper - answer.lower) / answer.lower
+        if not _same(gap, answer.gap):
+            raise Refused(f"gap is {answer.gap}, of these bounds {gap}")
+    if answer.query == "check" and w is not None:
+        for key, value in w.to_json().items():
+            if key != "residual" and not _same(value, said.get(key)):
+                raise Refused(f"{key} is not what the witness says")
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Equal JSON, numbers within rounding."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(_same(a[k], b[k]) for k in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, float | int) and isinstance(b, float | int):
+        return abs(a - b) <= SAME * max(1.0, abs(a))
+    return bool(a == b)
+
+
+def _close(a: Array, b: Array) -> bool:
+    return bool(np.abs(a - b).max(initial=0.0) <= SAME * np.abs(b).max(initial=0.0))
+
+
+def _number(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None

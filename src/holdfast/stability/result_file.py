@@ -1,0 +1,166 @@
+"""The `holdfast/result/1` file: an answer with its question and what backs it, for `holdfast verify`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from holdfast.answer import Stop, Verdict
+from holdfast.errors import InputError
+from holdfast.files import Strict, read_json, validate, write_text
+from holdfast.stability import certificate_file
+from holdfast.stability.certificate import Certificate, Question
+from holdfast.stability.certificate_file import QuestionEntry, Six, question_of, question_to_dict
+from holdfast.stability.model import State
+from holdfast.stability.witness import Witness
+
+if TYPE_CHECKING:
+    from holdfast.stability.answers import Answer
+
+
+class AnswerEntry(Strict):
+    """What every answer says; it may say more than is verified."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False, populate_by_name=True)
+
+    format: Literal["holdfast/answer/1"] = Field(alias="schema")
+    verdict: Verdict
+    stop: Stop
+    certified: bool = False
+
+
+class CheckEntry(AnswerEntry):
+    query: Literal["check"]
+
+
+class MaxEntry(AnswerEntry):
+    query: Literal["max"]
+    lower: float
+    upper: float | None
+    gap: float | None
+    unbounded: bool
+
+
+class TorquesEntry(AnswerEntry):
+    query: Literal["torques"]
+    preload: dict[str, float] | None
+    lower: float | None
+    upper: float | None
+
+
+class WitnessEntry(Strict):
+    wrench: Six
+    command: dict[str, float]
+    r: Six
+    q: list[float]
+    c: list[float]
+    f: list[float]
+    coupling: list[float]
+
+
+class ResultFile(Strict):
+    """The file as it stands on disk."""
+
+    format: Literal["holdfast/result/1"] = Field(alias="schema")
+    question: QuestionEntry
+    answer: Annotated[CheckEntry | MaxEntry | TorquesEntry, Field(discriminator="query")]
+    witness: WitnessEntry | None
+    certificate: dict[str, Any] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """An answer as it stands in a file.
+
+    Attributes:
+        question: what was asked, as certificates say it.
+        answer: what was answered; `said`: all of it, as JSON.
+        witness: the state behind it; None without.
+        certificate: the proof behind it; None without.
+    """
+
+    question: Question
+    answer: CheckEntry | MaxEntry | TorquesEntry
+    said: dict[str, Any]
+    witness: Witness | None
+    certificate: Certificate | None
+
+    @classmethod
+    def of(cls, answer: Answer) -> Result:
+        """The result of a query; `InputError` for an answer that does not know its question."""
+        if answer.question is None:
+            raise InputError("does not know its question; save what a query returned", field="answer")
+        return from_dict(
+            {
+                "schema": "holdfast/result/1",
+                "question": question_to_dict(answer.question),
+                "answer": answer.to_json(),
+                "witness": None if answer.witness is None else _state(answer.witness),
+                "certificate": None if answer.certificate is None else certificate_file.to_dict(answer.certificate),
+            }
+        )
+
+
+def _state(w: Witness) -> dict[str, Any]:
+    s = w.state
+    arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
+    return {
+        "wrench": np.asarray(w.wrench).tolist(),
+        "command": dict(zip(w.grasp.mechanism.actuators, w.grasp.command.tolist(), strict=True)),
+        **{name: value.tolist() for name, value in arrays.items()},
+    }
+
+
+def to_dict(result: Result) -> dict[str, Any]:
+    """The result as a `holdfast/result/1` object; numbers come back exactly."""
+    return {
+        "schema": "holdfast/result/1",
+        "question": question_to_dict(result.question),
+        "answer": result.said,
+        "witness": None if result.witness is None else _state(result.witness),
+        "certificate": None if result.certificate is None else certificate_file.to_dict(result.certificate),
+    }
+
+
+def from_dict(data: Any) -> Result:
+    """The result in a parsed object; raises `InputError` as `load_result` does."""
+    entry = validate(ResultFile, data)
+    question = question_of(entry.question)
+    certificate = None
+    if entry.certificate is not None:
+        try:
+            certificate = certificate_file.from_dict(entry.certificate)
+        except InputError as fault:
+            raise InputError(fault.problem, field=f"certificate.{fault.field or ''}".rstrip(".")) from None
+    witness = _witness(entry.witness, question) if entry.witness else None
+    return Result(question, entry.answer, data["answer"], witness, certificate)
+
+
+def _witness(entry: WitnessEntry, question: Question) -> Witness:
+    g = question.grasp
+    sizes = {"q": g.l, "c": 3 * g.m, "f": g.mechanism.a, "coupling": len(g.mechanism.A)}
+    for name, size in sizes.items():
+        if len(getattr(entry, name)) != size:
+            raise InputError(f"has {len(getattr(entry, name))} numbers, needs {size}", field=f"witness.{name}")
+    arrays = {name: np.array(getattr(entry, name), dtype=float) for name in ("r", *sizes)}
+    command = g.mechanism.commands(entry.command, field="witness.command")
+    return Witness(g.with_preload(command), np.array(entry.wrench), State(**arrays), question.eta, question.mdp)
+
+
+def load_result(path: str | Path) -> Result:
+    """Read a `holdfast/result/1` file. Raises `InputError`: one line with file, field and fault."""
+    data = read_json(path, "result")
+    try:
+        return from_dict(data)
+    except InputError as fault:
+        raise fault.at(str(path)) from None
+
+
+def save_result(result: Result, path: str | Path, *, force: bool = False) -> None:
+    """Write the file. Raises `InputError` if it exists and `force` is not set."""
+    write_text(path, json.dumps(to_dict(result), allow_nan=False) + "\n", force=force)
