@@ -1,9 +1,9 @@
 """Make the pictures of the documentation with the program itself.
 
-    python docs/make_pictures.py [--solver gurobi] [--only NAME ...] [--numbers FOLDER]
+    python docs/make_pictures.py [--only NAME ...] [--numbers FOLDER]
 
-Writes docs/img/*.png. With SCIP on two cores the maps take about half an hour in all; `--only` makes
-one picture, `--numbers` also keeps the numbers behind the maps and the sweep as JSON.
+Writes docs/img/*.png. `--only` makes one picture, `--numbers` also keeps the numbers behind the maps and
+the sweep as JSON.
 """
 
 from __future__ import annotations
@@ -73,12 +73,10 @@ def beside(left: Any, right: Any, height: int) -> bytes:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--solver", default="scip", choices=["scip", "gurobi"])
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--numbers", type=Path)
     asked = parser.parse_args()
-    exact = Settings(solver=asked.solver)
-    quick = Settings(solver=asked.solver, gap=5e-3, time_limit=PATIENCE)
+    exact, quick = Settings(), Settings(time_limit=PATIENCE)
 
     def force(name: str, eta: float) -> Callable[[], Any]:
         def draw() -> Any:

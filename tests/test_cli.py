@@ -18,11 +18,13 @@ from holdfast import bundled
 from holdfast.cli import console, demo, main
 from holdfast.cli.app import COMMANDS, option_name
 from holdfast.grasp_file import save_grasp
+from holdfast.stability import mip
 from holdfast.stability.queries import maximum
 from problems import pinch, solved
 
-QUICK = ["--sectors", "64", "--gap", "0.02"]
+QUICK = ["--gap", "0.02"]
 COMMON = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
+PROOF = {"certified", "motion_cap"}
 Grasp = dict  # a parsed grasp file
 
 
@@ -70,8 +72,8 @@ def ask(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 0) ->
 
 
 def test_check(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
-    holds = ask(capsys, "check", grasp, "--wrench", "0", "2.2", "0", "0", "0", "0", *QUICK[:2])
-    keys = {"residual", "contacts", "joint_torques", "object_motion", "joint_motion"}
+    holds = ask(capsys, "check", grasp, "--wrench", "0", "2.2", "0", "0", "0", "0")
+    keys = PROOF | {"residual", "contacts", "joint_torques", "object_motion", "joint_motion"}
     assert COMMON | keys <= set(holds)
     assert holds["verdict"] == "holds"
     assert holds["stop"] == "complete"
@@ -80,14 +82,16 @@ def test_check(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert {c["state"] for c in holds["contacts"]} <= {"open", "stick", "slide"}
     assert np.sum([c["force"] for c in holds["contacts"]], axis=0) == pytest.approx([0, -2.2, 0])
 
-    slips = ask(capsys, "check", grasp, "--wrench", "0", "2.5", "0", *QUICK[:2])
+    slips = ask(capsys, "check", grasp, "--wrench", "0", "2.5", "0")
     assert set(slips) == set(holds)
     assert slips["verdict"] == "slips"
+    assert (holds["certified"], holds["motion_cap"], slips["certified"]) == (False, None, True)
+    assert slips["motion_cap"] >= 1e4
 
 
 def test_max(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     answer = ask(capsys, "max", grasp, "--direction", "0", "1", "0", *QUICK)
-    assert COMMON | {"lower", "upper", "gap", "unbounded", "holds_from_zero_to"} == set(answer)
+    assert COMMON | PROOF | {"lower", "upper", "gap", "unbounded", "holds_from_zero_to"} == set(answer)
     # each finger's command turns it about its joint: normal and friction force at full strength at the
     # tip, n (0.093 - 0.003 mu) = 0.1 N m, so 2 mu n = 2.222 N in all
     assert answer["lower"] == pytest.approx(2 * 0.1 / (0.093 - 0.003), rel=1e-9)
@@ -111,7 +115,7 @@ def test_max_with_a_constant_load(grasp: str, capsys: pytest.CaptureFixture[str]
 
 def test_torques(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     answer = ask(capsys, "torques", grasp, "--wrench", "0", "2", "0", *QUICK)
-    assert COMMON | {"preload", "lower", "upper"} == set(answer)
+    assert COMMON | PROOF | {"preload", "lower", "upper"} == set(answer)
     assert answer["upper"] == pytest.approx(0.09, rel=1e-6)
     assert max(answer["preload"].values()) == pytest.approx(answer["upper"])
 
@@ -163,6 +167,23 @@ def test_undecided_is_status_3(grasp: str, capsys: pytest.CaptureFixture[str]) -
     assert status == 3
     assert out.startswith("UNDECIDED")
     assert "--time-limit" in out
+
+
+def test_a_node_limit_is_undecided_too(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
+    question = ["max", grasp, "--direction", "0", "1", "0", "--node-limit", "1", "--gap", "1e-12"]
+    assert ask(capsys, *question, status=3)["stop"] == "nodes"
+    status, out, _ = run(capsys, *question)
+    assert status == 3
+    assert "The node limit of 1 was hit; a larger --node-limit may decide it." in out
+
+
+@pytest.mark.parametrize("solver", mip.SOLVERS)
+def test_a_missing_solver_is_one_line(
+    solver: str, grasp: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mip, "available", lambda solver: False)
+    question = ["check", grasp, "--wrench", "0", "1", "0", "--method", "algorithm1", "--solver", solver]
+    complains(capsys, question, [f"'{solver}' is not installed", "--method algorithm1", "'holdfast[reference]'"])
 
 
 # --- maps and sweeps ----------------------------------------------------------------------------
@@ -253,14 +274,21 @@ WRONG = {
     "missing file": (["check", "no.json", "--wrench", "0", "1", "0"], ["no.json", "no such file"]),
     "unknown command": (
         ["chekc", "g"],
-        ["chekc", "check, max, torques, map, sweep, contacts, close, list, demo"],
+        ["chekc", "check, max, torques, map, sweep, verify, contacts, close, list, demo"],
     ),
     "no command": ([], ["check, max"]),
     "unknown option": (
         ["check", "grasp.json", "--wrnch", "0", "1", "0"],
         ["--wrnch", "did you mean --wrench?"],
     ),
-    "interval": (["max", "grasp.json", "--direction", "0", "1", "0", "--interval"], ["--interval"]),
+    "node limit": (["check", "grasp.json", "--wrench", "0", "1", "0", "--node-limit", "0"], ["node limit", "0"]),
+    "method": (["check", "grasp.json", "--wrench", "0", "1", "0", "--method", "guess"], ["--method", "algorithm1"]),
+    "verify nothing": (["verify"], ["missing", "RESULT"]),
+    "verify no file": (["verify", "none.json"], ["none.json", "no such file"]),
+    "verify a grasp": (
+        ["verify", "grasp.json"],
+        ["grasp.json", "schema", "holdfast/result/1", "holdfast/certificate/1"],
+    ),
     "two numbers": (["check", "grasp.json", "--wrench", "0", "1"], ["--wrench", "2 numbers", "six"]),
     "no numbers": (["check", "grasp.json", "--wrench", "up"], ["--wrench", "'up' is not a number"]),
     "missing option": (["check", "grasp.json"], ["missing", "--wrench"]),

@@ -7,7 +7,7 @@ import pytest
 
 from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError
-from holdfast.stability import maps
+from holdfast.stability.many import default_jobs
 from holdfast.stability.maps import force_map, sweep
 from holdfast.stability.settings import Settings
 from problems import pinch
@@ -80,4 +80,4 @@ def test_refusals() -> None:
 
 
 def test_default_jobs() -> None:
-    assert maps.default_jobs() >= 1
+    assert default_jobs() >= 1

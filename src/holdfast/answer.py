@@ -9,7 +9,7 @@ class Verdict(StrEnum):
     """Does the grasp resist?"""
 
     HOLDS = "holds"  # an exact solution of the model was found and checked
-    SLIPS = "slips"  # no solution exists, not even of a relaxation
+    SLIPS = "slips"  # no solution exists
     UNDECIDED = "undecided"  # neither was shown; a limit was hit or the numbers did not suffice
 
 
@@ -20,5 +20,5 @@ class Stop(StrEnum):
     TIME = "time"  # the time limit
     NODES = "nodes"  # the node limit
     INTERRUPTED = "interrupted"  # Ctrl-C
-    RESOLUTION = "resolution"  # the finest sectors were reached and the bounds are still apart
-    NUMERICAL = "numerical"  # the solver failed, or its answer did not stand up to the check
+    RESOLUTION = "resolution"  # of Algorithm 1: the finest sectors were reached and the bounds are still apart
+    NUMERICAL = "numerical"  # rounding left a case open, or a solver's answer did not stand up to the check

@@ -13,14 +13,15 @@ class Max(QueryOptions, Saved, FrictionModel, Command):
     """How large a disturbance along a direction does the grasp resist?
 
     The answer is a pair of bounds: the largest magnitude shown to be resisted, and one that no larger
-    magnitude exceeds. Magnitudes below the largest are not always resisted too; up to which one
-    everything is (holds_from_zero_to) is null in this version.
+    magnitude exceeds. Magnitudes below the largest are not always resisted too; --interval samples them.
     """
 
     direction: Wrench
     """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
     base: Wrench = ()
     """a constant load beside it, such as the weight"""
+    interval: bool = False
+    """find out, by samples, up to which magnitude everything is resisted, and where there are holes"""
 
     def run(self) -> int:
         from holdfast.cli import tables
@@ -29,8 +30,9 @@ class Max(QueryOptions, Saved, FrictionModel, Command):
         from holdfast.stability.queries import maximum
 
         grasp, options = self.load(), self.options()
+        options |= {"base": self.base or None, "mdp": self.mdp, "interval": self.interval}
         with console.watch("max") as watch:
-            answer = maximum(grasp, self.direction, base=self.base or None, mdp=self.mdp, on_step=watch.step, **options)
+            answer = maximum(grasp, self.direction, on_step=watch.step, **options)
         if self.save:
             answer.save(self.save, force=self.force)
         if self.report:

@@ -53,6 +53,14 @@ def show_max(out: Console, grasp: Grasp, direction: Load, answer: MaxAnswer, ask
         factor, unit = words.magnitude(direction)
         out.print(f"\nThe equilibrium at {num(factor * answer.lower)} {unit}:", style="bold")
         show_witness(out, answer.witness)
+    if answer.interval:
+        factor, unit = words.magnitude(direction)
+        i = answer.interval
+        text = f"Every sampled magnitude up to {num(factor * i.holds_from_zero_to)} {unit} is resisted"
+        holes = ", ".join(f"{num(factor * a)} to {num(factor * b)}" for a, b in i.holes)
+        text += f"; it slips at {holes} {unit}, but not beyond" if holes else ""
+        text += f"; {i.undecided} stayed undecided" if i.undecided else ""
+        out.print(f"\n{text} ({i.samples} samples).")
     _written(out, asked)
 
 

@@ -20,6 +20,7 @@ from holdfast.stability.witness import Witness
 if TYPE_CHECKING:
     from holdfast.stability.algorithm1 import Step
     from holdfast.stability.engine.proof import Proof
+    from holdfast.stability.interval import Interval
 
 
 class Timed(Protocol):
@@ -52,7 +53,7 @@ class Answer:
     """What every query answers.
 
     Attributes:
-        verdict: HOLDS with a valid witness; SLIPS if a relaxation has no solution; else UNDECIDED.
+        verdict: HOLDS with a valid witness; SLIPS if every case is refuted; else UNDECIDED.
         stop: why the search ended.
         seconds, nodes: its cost: wall time, nodes of the tree. steps: those of Algorithm 1.
         witness: the exact solution behind `verdict` or `lower`.
@@ -66,7 +67,7 @@ class Answer:
     nodes: int
     steps: tuple[Step, ...]
     witness: Witness | None
-    proof: Proof | None
+    proof: Proof | None = field(repr=False)
     posed: tuple[Problem, Goal] | None = field(default=None, kw_only=True, repr=False)
 
     @cached_property
@@ -119,11 +120,13 @@ class MaxAnswer(Answer):
         upper: no larger magnitude is possible; inf if that could not be shown.
         unbounded: resisted as far as the search goes, ten thousand times the preload (or the base load,
             or the limits); `lower` is that magnitude and its witness, `upper` is inf.
+        interval: which magnitudes below are resisted too, if that was asked.
     """
 
     lower: float
     upper: float
     unbounded: bool
+    interval: Interval | None = field(default=None, kw_only=True)
 
     @property
     def gap(self) -> float:
@@ -141,8 +144,9 @@ class MaxAnswer(Answer):
                 "upper": finite(self.upper),
                 "gap": finite(self.gap),
                 "unbounded": self.unbounded,
-                "holds_from_zero_to": None,
+                "holds_from_zero_to": self.interval.holds_from_zero_to if self.interval else None,
             }
+            | ({"holes": [list(h) for h in self.interval.holes]} if self.interval else {})
         )
 
 

@@ -74,9 +74,9 @@ def _others(p: Problem) -> float:
     return float(others[np.isfinite(others)].max(initial=0.0)) or 1.0
 
 
-def motion_cap(p: Problem, goal: Goal) -> float:
-    """The largest (scaled) virtual motion that is searched."""
-    return MOTION_CAP * (_others(p) if goal is Goal.LARGEST else 1.0)
+def motion_cap(p: Problem, goal: Goal, cap: float = MOTION_CAP) -> float:
+    """The largest (scaled) virtual motion that is searched: `cap` times the forces in play."""
+    return cap * (_others(p) if goal is Goal.LARGEST else 1.0)
 
 
 def interval(goal: Goal, value: float, bound: float) -> tuple[float, float]:

@@ -17,10 +17,12 @@ from holdfast.answer import Verdict
 from holdfast.errors import InputError
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array
+from holdfast.stability import goal as goals
 from holdfast.stability import problem
 from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.engine import front
-from holdfast.stability.goal import Goal, interval, search_end
+from holdfast.stability.goal import Goal, search_end
+from holdfast.stability.interval import resisted
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Settings
@@ -82,6 +84,7 @@ def maximum(
     mdp: bool = True,
     torque_limits: Mapping[str, float] | None = None,
     force_limit: float | None = None,
+    interval: bool = False,
     settings: Settings | None = None,
     on_step: OnStep | None = None,
 ) -> MaxAnswer:
@@ -92,13 +95,17 @@ def maximum(
     Args:
         direction: (6,) force [N] and torque [N m]; s multiplies it as given, normalise it yourself.
         base: (6,) a constant load such as gravity.
+        interval: find out by samples which smaller magnitudes are resisted, see `stability/interval`.
 
     The other arguments and errors are those of `check`.
     """
     settings = settings or Settings()
     w0 = np.zeros(6) if base is None else base
     p = problem.build(grasp, w0, direction, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
-    return largest(p, settings, on_step)[0]
+    answer = largest(p, settings, on_step)[0]
+    if interval and answer.lower > 0:
+        answer = replace(answer, interval=resisted(p, answer.lower, settings, unbounded=answer.unbounded))
+    return answer
 
 
 def largest(
@@ -118,14 +125,14 @@ def largest(
     if found.bound == INF:
         return answer(Verdict.SLIPS, None, 0.0, 0.0, False), None
     if found.witness is None:
-        upper = interval(goal, INF, found.bound)[1] if goal is not Goal.EXISTS else INF
+        upper = goals.interval(goal, INF, found.bound)[1] if goal is not Goal.EXISTS else INF
         return answer(Verdict.UNDECIDED, None, 0.0, upper, False), None
     w = found.witness
     if goal is Goal.EXISTS:
         s, upper, unbounded = end, INF, True
         w = _scaled(w, s)
     else:
-        s, upper = interval(goal, found.value, found.bound)
+        s, upper = goals.interval(goal, found.value, found.bound)
         unbounded = s >= end * (1 - NEAR_END)
         if goal is Goal.SMALLEST_PRELOAD:
             w = _scaled(w, s)

@@ -21,7 +21,7 @@ from holdfast.stability import verify as checker
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.certificate_file import question_to_dict
-from holdfast.stability.goal import motion_cap, search_end
+from holdfast.stability.goal import search_end
 from holdfast.stability.problem import Problem
 from holdfast.stability.result_file import MaxEntry, Result, TorquesEntry
 from holdfast.stability.witness import VALID, Witness
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SAME = 1e-9  # relative: two numbers that say the same
 NEAR_END = 1e-6  # relative: where a search for a maximum ends
-NONE = 1e-5  # of the direction as given: a maximum that is smaller counts as none
+NONE = 1e-4  # of the direction as given: a maximum that is smaller counts as none
 STRONGEST = 1e3  # (scaled) commands that were sought go as far
 
 
@@ -235,12 +235,12 @@ def _certificate(result: Result) -> CertificateCheck | None:
         reason = ""
     elif c.scalar is not None and not (c.scalar[0] <= lo + SAME * abs(lo) and c.scalar[1] >= hi - SAME * abs(hi)):
         reason = f"it covers {c.scalar[0]:.9g} to {c.scalar[1]:.9g}; the answer needs {lo:.9g} to {hi:.9g}"
-    p, goal = asked.posed(q)
-    cap = motion_cap(p, goal) * p.force * (1 - SAME)
-    if not reason and not (
-        (c.cap_r >= cap * np.array([1.0] * 3 + [1.0 / p.length] * 3)).all() and (c.cap_q >= cap / p.joint_scale).all()
-    ):
-        reason = "it covers smaller motions than a search does"
+    cap = (answer.motion_cap or 0.0) * (1 - SAME)
+    turning = np.array([1.0] * 3 + [1.0 / q.grasp.size] * 3)
+    if not reason and not ((c.cap_r >= cap * turning).all() and (c.cap_q >= cap / model.joint_arms(q.grasp)).all()):
+        reason = f"it covers smaller motions than the answer says, {answer.motion_cap:.6g} N"
+    if not reason and not cap > 0:
+        reason = "the answer does not say which motions it covers"
     return _replay_certificate(c, claim, reason)
 
 

@@ -31,7 +31,8 @@ class AnswerEntry(Strict):
     format: Literal["holdfast/answer/1"] = Field(alias="schema")
     verdict: Verdict
     stop: Stop
-    certified: bool = False
+    certified: bool
+    motion_cap: float | None
 
 
 class CheckEntry(AnswerEntry):

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from holdfast.errors import InputError
+from holdfast.stability.goal import MOTION_CAP
 from holdfast.stability.mip import INF, SOLVERS, Solver
 
 if TYPE_CHECKING:
     from holdfast.stability.algorithm1 import Step
 
+LARGEST_CAP = 1e6  # beyond it rounding errors of the motions are forces
 Method = Literal["engine", "algorithm1"]
 METHODS: tuple[Method, ...] = ("engine", "algorithm1")
 
@@ -28,6 +30,7 @@ class Settings:
             torque is precise enough.
         time_limit: [s] for one query.
         node_limit: for one query of the engine.
+        motion_cap: of the engine: virtual motions beyond this many force scales are not searched.
         solver: of Algorithm 1: "scip" or "gurobi".
         sectors: of Algorithm 1, finest friction discretisation: 4, 8, .. 2048 .. (4 * 2^q).
         full: of Algorithm 1: all sectors at the finest level at once, no refinement (the paper's comparison).
@@ -42,6 +45,7 @@ class Settings:
     gap: float = 1e-3
     time_limit: float = INF
     node_limit: float = INF
+    motion_cap: float = MOTION_CAP
     solver: Solver = "scip"
     sectors: int = 2048
     full: bool = False
@@ -57,6 +61,8 @@ class Settings:
             raise InputError(f"is {self.time_limit:g} s; a positive number is needed", field="time limit")
         if not self.node_limit > 0:
             raise InputError(f"is {self.node_limit:g}; a positive number is needed", field="node limit")
+        if not 1 <= self.motion_cap <= LARGEST_CAP:
+            raise InputError(f"is {self.motion_cap:g}; 1 to {LARGEST_CAP:g} is possible", field="motion cap")
         if self.method not in METHODS:
             raise InputError(f"is '{self.method}'; one of {', '.join(METHODS)} is needed", field="method")
         if self.solver not in SOLVERS:

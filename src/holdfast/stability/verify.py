@@ -243,6 +243,7 @@ def equality_multipliers(rho0: Array, claim: Claim) -> Array:
     """(L, p) v that makes rho0 + v E small, each unknown weighed by its reach; any v would be sound."""
     weight = np.where(np.isfinite(claim.reach), claim.reach, 0.0)
     weight /= max(weight.max(), TINY)
+    weight[np.isfinite(claim.reach)] += 1e-9  # rows still say v where the reach is 0: no friction
     norms = np.linalg.norm(claim.E * weight, axis=1)
     scale = np.where(norms > 0, 1.0 / np.where(norms > 0, norms, 1.0), 0.0)[:, None]
     inverse = np.linalg.pinv(claim.E * weight * scale)

@@ -36,7 +36,7 @@ def search(
         guess: reduced points (n,) to start Newton from, such as a neighbouring question's solution.
     """
     start = time.monotonic()
-    r = reduced or reduce(p, goal)
+    r = reduced or reduce(p, goal, settings.motion_cap)
     gap = settings.gap * (1 - 1e-6)  # leaves room for rounding
     if goal is Goal.SMALLEST_PRELOAD:
         gap /= 1 + gap

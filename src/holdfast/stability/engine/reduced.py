@@ -15,8 +15,9 @@ from functools import cached_property
 import numpy as np
 
 from holdfast.mechanism import Array, Indices, Mask
+from holdfast.stability import goal as goals
 from holdfast.stability.engine import tree
-from holdfast.stability.goal import Goal, Load, Point, load, motion_cap, search_end
+from holdfast.stability.goal import MOTION_CAP, Goal, Load, Point, load, search_end
 from holdfast.stability.problem import Problem
 
 HIGHEST = 1e4  # of lambda: a maximum smaller than 1e-4 of what was asked, in force scales, counts as none
@@ -152,12 +153,13 @@ class Reduced:
         return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
 
 
-def reduce(p: Problem, goal: Goal) -> Reduced:
+def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
     """Eliminate the linear equations of a question.
 
     Args:
         p: the scaled problem.
         goal: what is sought.
+        motion_cap: virtual motions beyond this many force scales are not searched.
     """
     m, l, a, _ = p.sizes
     drive, moves, load_ = p.driven, p.moves, load(p, goal)
@@ -197,7 +199,7 @@ def reduce(p: Problem, goal: Goal) -> Reduced:
     Y = Vt[rank:].T
     solvable = bool(np.abs(E @ y0 - h).max() < 1e-9)
 
-    cap = motion_cap(p, goal)
+    cap = goals.motion_cap(p, goal, motion_cap)
     plain: list[tuple[str, int, float, float]] = []  # what is bounded, which, and between what
     if goal is Goal.SMALLEST_PRELOAD:
         plain.append(("scalar", 0, 1.0 / search_end(p), HIGHEST))

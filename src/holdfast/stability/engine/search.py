@@ -163,7 +163,9 @@ class Search:
             self.stop = Stop.COMPLETE
             self.pool.status[0] = tree.EMPTY
             return
-        r, start = self.reduced, time.monotonic()
+        r = self.reduced
+        self._run(0)  # compiles, the first time on a machine: no search's time
+        start = time.monotonic()
         budget = 16
         while self.stop is None:
             clock = time.monotonic()

@@ -61,7 +61,8 @@ FEASIBLE = 1e-9
 CONE = 1e-8
 PIVOT = 1e-7
 SMALL = 1e-10
-ROUNDING = 2e-13  # of the terms of a ray: more than its checker allows for
+BLUR, CAUTIOUS = 1e-9, 1e-6  # multipliers may turn negative by this for a better pivot; rays do not care
+ROUNDING = 1e-12  # of the terms of a ray: more than its checker allows for
 REFRESH = 40
 EXCHANGES = 500
 
@@ -265,6 +266,7 @@ def solve(  # type: ignore[no-untyped-def]
     since = 0
     fresh = True
     least = PIVOT
+    blur = BLUR if daring else CAUTIOUS
     for exchange in range(EXCHANGES):
         if since >= REFRESH:
             if not invert(W, inverse, work):
@@ -306,7 +308,7 @@ def solve(  # type: ignore[no-untyped-def]
         bound = np.inf
         for k in range(n):
             if delta[k] > least:
-                bound = min(bound, (max(y[k], 0.0) + 1e-10) / delta[k])
+                bound = min(bound, (max(y[k], 0.0) + blur) / delta[k])
         leave = -1
         size = 0.0
         for k in range(n):

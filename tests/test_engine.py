@@ -1,0 +1,189 @@
+"""The engine: limits, Ctrl-C, progress; constructed solutions are found, proofs hold, and no fault in them passes."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from holdfast.answer import Stop, Verdict
+from holdfast.stability import verify
+from holdfast.stability.certificate import Certificate, ContactState
+from holdfast.stability.queries import check, maximum, torques
+from holdfast.stability.settings import Settings
+from problems import bell, nest, pinch, solved, table
+
+
+def w(*force: float) -> np.ndarray:
+    return np.array([*force, 0, 0, 0], dtype=float)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled() -> None:
+    """Time limits are for searches, not for the compiler."""
+    maximum(pinch(), w(0, 1, 0))
+
+
+def hard(eta: float = 0.1):
+    """Fourteen contacts with uncertain normals: hours for a small gap."""
+    s = solved(1, 14, eta)
+    return s.grasp, s.wrench, {"eta": eta}
+
+
+# --- constructed solutions ------------------------------------------------------------------------------
+
+
+@hypothesis_settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.integers(3, 6), st.sampled_from([0.0, 0.05]), st.booleans())
+def test_a_constructed_solution_is_resisted(seed: int, m: int, eta: float, stick: bool) -> None:
+    s = solved(seed, m, eta, stick)
+    answer = check(s.grasp, s.wrench, eta=eta, settings=Settings(time_limit=60))
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.witness.residuals.worst <= 1e-9
+    np.testing.assert_allclose(answer.witness.wrench, s.wrench, rtol=1e-12, atol=1e-12)
+
+
+@hypothesis_settings(max_examples=120, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.integers(2, 4), st.sampled_from([0.0, 0.05]))
+def test_bounds_of_random_grasps_are_proved(seed: int, m: int, eta: float) -> None:
+    """The disturbance is resisted, so the maximum along it is at least 1, and commands exist; bounds are proved."""
+    s = solved(seed, m, eta)
+    if not s.wrench.any():
+        return
+    settings = Settings(time_limit=60)
+    answers = [check(s.grasp, 3 * s.wrench, eta=eta, settings=settings)]
+    answers.append(maximum(s.grasp, s.wrench, eta=eta, settings=settings))
+    assert answers[1].upper >= 1 - 1e-9
+    if s.grasp.preload:
+        answers.append(torques(s.grasp, s.wrench, eta=eta, settings=settings))
+        assert answers[2].lower <= np.abs(s.grasp.command).max() * (1 + 1e-9)
+    for answer in answers:
+        assert answer.witness is None or answer.witness.valid
+        if answer.stop is Stop.COMPLETE:
+            unbounded = getattr(answer, "unbounded", False)
+            needed = answer.verdict is Verdict.SLIPS or getattr(answer, "lower", 0) > 0
+            assert answer.certificate is not None or unbounded or not needed
+        if answer.certificate is not None:
+            found = verify.verify(answer.certificate)
+            assert found.ok, found.reason
+
+
+# --- limits ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("limit", "stop"), [({"time_limit": 1e-6}, Stop.TIME), ({"node_limit": 1}, Stop.NODES)])
+def test_a_limit_leaves_it_undecided(limit: dict, stop: Stop) -> None:
+    settings = Settings(gap=1e-12, **limit)
+    grasp, wrench, eta = hard()
+    answer = check(grasp, -wrench, settings=settings, **eta)
+    assert (answer.verdict, answer.stop) == (Verdict.UNDECIDED, stop)
+    best = maximum(bell(), w(0, 1, 0), settings=settings)
+    assert best.stop is stop
+    assert best.lower <= 0.2 / 0.09 <= best.upper * (1 + 1e-9)
+    least = torques(bell(), w(0, 1, 0), settings=settings)
+    assert least.stop is stop
+    assert least.lower <= 0.045 * (1 + 1e-9) <= least.upper * (1 + 2e-9)
+
+
+@pytest.mark.parametrize("nodes", [3, 10, 30, 100, 300])
+def test_bounds_at_a_node_limit_are_true_and_proved(nodes: int) -> None:
+    for answer, exact in (
+        (maximum(bell(), w(0, 1, 0), settings=Settings(node_limit=nodes, gap=1e-9)), 0.2 / 0.09),
+        (maximum(table(), w(1, 0, 0), base=w(0, 0, -10), settings=Settings(node_limit=nodes, gap=1e-9)), 4.0),
+        (torques(bell(), w(0, 1, 0), settings=Settings(node_limit=nodes, gap=1e-9)), 0.045),
+    ):
+        assert answer.lower <= exact * (1 + 1e-9)
+        assert answer.upper >= exact * (1 - 1e-9)
+        assert answer.nodes <= 5 * nodes + 80  # counted with up to four children each, after sixteen of them
+        assert answer.witness is None or answer.witness.valid
+        if answer.certificate is not None:
+            assert verify.verify(answer.certificate).ok
+
+
+# --- while it runs --------------------------------------------------------------------------------------
+
+
+def test_progress_has_falling_gaps() -> None:
+    grasp, wrench, eta = hard()
+    seen = []
+    answer = maximum(grasp, wrench, settings=Settings(gap=1e-9, time_limit=2.0), on_step=seen.append, **eta)
+    assert len(seen) > 3
+    assert all(p.lower <= p.upper for p in seen)
+    for before, after in itertools.pairwise(seen):
+        assert after.nodes >= before.nodes
+        assert after.lower >= before.lower
+        assert after.upper <= before.upper * (1 + 1e-12)
+    assert answer.nodes >= seen[-1].nodes
+    assert answer.lower == pytest.approx(seen[-1].lower)
+
+
+def test_ctrl_c_leaves_the_bounds_so_far() -> None:
+    def interrupt(progress) -> None:
+        if progress.lower > 0:
+            raise KeyboardInterrupt
+
+    s = solved(1, 8)
+    answer = maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14, time_limit=60), on_step=interrupt)
+    assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.INTERRUPTED)
+    assert answer.witness.valid
+    assert 0 < answer.lower <= answer.upper
+
+    def at_once(progress) -> None:
+        raise KeyboardInterrupt
+
+    assert maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14), on_step=at_once).stop is Stop.INTERRUPTED
+
+
+# --- certificates ---------------------------------------------------------------------------------------
+
+PROVED = {
+    "check": lambda: check(bell(), w(0, 2.3, 0)),
+    "check with eta": lambda: check(bell(), w(0, 2.5, 0), eta=0.05),
+    "nest": lambda: check(nest(), w(0.1, 0, 1)),
+    "smallest preload": lambda: maximum(bell(), w(0, 1, 0)),
+    "largest": lambda: maximum(table(), w(1, 0, 0), base=w(0, 0, -10)),
+    "limits": lambda: maximum(pinch(), w(1, 0, 0), torque_limits={"right": 0.3}),
+    "largest command": lambda: torques(bell(), w(0, 1, 0)),
+    "sum of commands": lambda: torques(bell(), w(0, 1, 0), objective="sum"),
+}
+
+
+def put(array: np.ndarray, i: int, value: int) -> np.ndarray:
+    out = array.copy()
+    out[i] = value
+    return out
+
+
+def tampered(c: Certificate) -> list[Certificate]:
+    """A certificate with one fault each, of those that can be planted in it."""
+    largest = int(c.multiplier.argmax())
+    out = [
+        replace(c, multiplier=put(c.multiplier, largest, -c.multiplier[largest])),
+        replace(c, multiplier=np.zeros_like(c.multiplier)),
+        replace(c, cap_r=1e6 * c.cap_r, cap_q=1e6 * c.cap_q, multiplier=-c.multiplier),
+    ]
+    if len(c.leaves) > 1:  # one is forgotten, its rows stand with the one before
+        out.append(replace(c, leaves=c.leaves[:-1], start=np.append(c.start[:-2], c.start[-1])))
+    sector = np.flatnonzero(c.state == ContactState.SLIDE)
+    if len(sector):
+        out.append(replace(c, right=put(c.right, sector[0], c.right[sector[0]] - 1)))
+    if c.scalar:
+        lo, hi = c.scalar
+        out.append(replace(c, scalar=(0.9 * lo, hi) if c.question.goal == "largest" else (lo, 1.1 * hi)))
+    return out
+
+
+@pytest.mark.parametrize("name", PROVED)
+def test_certificates_pass_and_faults_in_them_do_not(name: str) -> None:
+    answer = PROVED[name]()
+    assert answer.stop is Stop.COMPLETE
+    found = verify.verify(answer.certificate)
+    assert found.ok, found.reason
+    assert found.margin > 0
+    for other in tampered(answer.certificate):
+        assert not verify.verify(other).ok

@@ -1,0 +1,66 @@
+"""Many maxima at once are the maxima one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from holdfast.answer import Stop
+from holdfast.errors import InputError
+from holdfast.stability.many import max_many
+from holdfast.stability.queries import maximum
+from holdfast.stability.settings import Settings
+from holdfast.stability.verify import verify
+from problems import bell, pinch, table
+
+CIRCLE = [[np.cos(a), np.sin(a), 0, 0, 0, 0] for a in np.linspace(0, 2 * np.pi, 24, endpoint=False)]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("make", [pinch, bell])
+def test_neighbours_help_but_do_not_change_the_answer(make, jobs: int) -> None:
+    """Shared reductions and first guesses: the bounds of both ways overlap, verdicts are the same."""
+    grasp = make()
+    for direction, answer in zip(CIRCLE, max_many(grasp, CIRCLE, jobs=jobs), strict=True):
+        alone = maximum(grasp, direction)
+        assert (answer.verdict, answer.unbounded) == (alone.verdict, alone.unbounded)
+        assert answer.lower <= alone.upper * (1 + 1e-9)
+        assert alone.lower <= answer.upper * (1 + 1e-9)
+        if answer.witness:
+            assert answer.witness.valid
+            np.testing.assert_allclose(answer.witness.wrench, answer.lower * np.array(direction), rtol=1e-9, atol=1e-12)
+
+
+def test_every_bound_is_certified() -> None:
+    for answer in max_many(bell(), CIRCLE):
+        if not answer.unbounded:
+            assert verify(answer.certificate).ok
+
+
+def test_base_loads_and_limits() -> None:
+    answers = max_many(table(), [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]], base=[0, 0, -10, 0, 0, 0])
+    assert [a.lower for a in answers] == pytest.approx([4.0, 4.0], rel=1e-3)
+    (pressed,) = max_many(table(), [[0, 0, -1, 0, 0, 0]], force_limit=2.0)
+    assert pressed.lower == pytest.approx(8.0, rel=1e-3)
+
+
+def test_ctrl_c_leaves_none() -> None:
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    answers = max_many(pinch(), CIRCLE, jobs=1, on_item=stop)
+    assert answers[0] is not None
+    assert answers[-1] is None
+
+
+def test_limits_hold_for_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = max_many(bell(), CIRCLE[:3], settings=Settings(node_limit=3))
+    assert {a.stop for a in answers} <= {Stop.NODES, Stop.COMPLETE}
+    assert Stop.NODES in {a.stop for a in answers}
+
+
+def test_bad_directions() -> None:
+    with pytest.raises(InputError, match="direction: has 3 numbers; six are needed"):
+        max_many(pinch(), [[0, 1, 0]])
+    with pytest.raises(InputError, match="direction: is zero"):
+        max_many(pinch(), [[0, 1, 0, 0, 0, 0], [0] * 6])
