@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from holdfast.hand import load_hand as load_hand
     from holdfast.mechanism import Mechanism as Mechanism
     from holdfast.planning.close import close as close
+    from holdfast.stability.many import max_many as max_many
     from holdfast.stability.maps import force_map as force_map
     from holdfast.stability.maps import sweep as sweep
     from holdfast.stability.queries import check as check
@@ -54,6 +55,7 @@ _HOME = {
     "load_hand": "hand",
     "Mechanism": "mechanism",
     "close": "planning.close",
+    "max_many": "stability.many",
     "force_map": "stability.maps",
     "sweep": "stability.maps",
     "check": "stability.queries",

@@ -76,6 +76,8 @@ def show_torques(out: Console, grasp: Grasp, wrench: Load, answer: TorquesAnswer
 def show_verified(out: Console, what: Result | Certificate, done: Verified) -> None:
     """What a saved answer claims and what of it was proved."""
     word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
+    if done.ok and not (done.witness or done.certificate):
+        word, style = "NOTHING CLAIMED", "bold yellow"
     query = str(what.said["query"]) if isinstance(what, Result) else "certificate"
     said = f"{what.answer.verdict.upper()}, stop {what.answer.stop}" if isinstance(what, Result) else "by itself"
     out.print(Text.assemble((word, style), "  ", f"{query} of {what.question.grasp.name}: {said}"))
@@ -86,16 +88,15 @@ def show_verified(out: Console, what: Result | Certificate, done: Verified) -> N
         rows.append(["witness", done.witness.claim, f"residual {done.witness.residual:.1e}", done.witness.reason])
     if done.certificate:
         c = done.certificate
-        numbers = f"{words.count(c.leaves, 'leaf')}, margin {c.margin:.1e}, motions up to {num(c.motion)} N"
-        rows.append(["certificate", c.claim, numbers, c.reason])
+        rows.append(["certificate", c.claim, f"{words.count(c.leaves, 'leaf')}, margin {c.margin:.1e}", c.reason])
     if rows:
         grid = table("", "claims", "replayed", "")
         for *cells, refused in rows:
             grid.add_row(*cells, "refused" if refused else "proved")
         out.print()
         out.print(grid)
-    elif done.ok:
-        out.print("Nothing is claimed, so there is nothing to prove.")
+    if done.certificate:
+        out.print(f"The certificate covers virtual motions up to {num(done.certificate.motion)} N.")
     out.print(f"{num(done.seconds, 2)} s, without the engine and without any solver", style="dim")
 
 

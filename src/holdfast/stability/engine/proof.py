@@ -109,11 +109,10 @@ class Proof:
         actuator = (kind >= rows.T_UP) & (kind <= rows.S_UP)
         if actuator.any():
             moved = r.active[index[actuator]]
-            k = kind[actuator]
+            of = kind[actuator]
             effort = p.force / r.scale
-            y[actuator] *= np.where(
-                k <= rows.T_DOWN, lever[moved], np.where(k <= rows.E_DOWN, 1 / lever[moved], effort)
-            )
+            forces = np.where(of <= rows.E_DOWN, 1 / lever[moved], effort)
+            y[actuator] *= np.where(of <= rows.T_DOWN, lever[moved], forces)
             index[actuator] = moved
         flip = np.zeros(len(kind), bool)
         columns, factors = np.zeros(len(r.names), int), np.ones(len(r.names))

@@ -134,13 +134,14 @@ class Reduced:
         nu = self.M.shape[1]
         x, y = self.M @ z[:nu], self.y0 + self.Y @ z[nu:]
         c = y[: 3 * m]
-        f, coupling = np.zeros(a), np.zeros(k)
+        f: Array = np.zeros(a)
+        coupling = np.zeros(k)
         f[self.kept] = y[3 * m : 3 * m + len(self.kept)]
         rest = np.flatnonzero(~(p.moves | np.isfinite(p.f_max)))
         if len(rest) + k:
             columns = np.vstack([p.R[rest], p.A]).T
             out = np.linalg.lstsq(columns, p.J.T @ c - p.R.T @ f, rcond=1e-12)[0]
-            f[rest], coupling = out[: len(rest)], out[len(rest) :]
+            f[rest], coupling = out[: len(rest)], np.array(out[len(rest) :])
         sigma = float(y[3 * m + len(self.kept)]) if self.objective else 0.0
         return Point(x[:6], x[6:], c, f, coupling, sigma)
 

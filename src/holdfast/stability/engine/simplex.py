@@ -147,7 +147,7 @@ def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, skip):  # typ
         if x > worst:
             worst = x
             steps = TURN // 4 if touch == OPEN else 1  # tangents along the axes bring c_t to zero at once
-            angle = np.int64(np.rint(np.arctan2(c2, c1) / (steps * turn))) * steps
+            angle = int(np.rint(np.arctan2(c2, c1) / (steps * turn))) * steps
             found = here | (TANGENT << KIND) | ((angle % TURN) << ANGLE)
         reach = 0.0  # sin(eta) |d_t|, from above
         if lb > la:
@@ -201,7 +201,7 @@ def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, skip):  # typ
                 worst = x
                 found = here | (GAP_DOWN << KIND)
                 if sin > 0.0:
-                    angle = np.int64(np.rint(np.arctan2(-d2, -d1) / turn))
+                    angle = int(np.rint(np.arctan2(-d2, -d1) / turn))
                     found |= (angle % TURN) << ANGLE
             if touch == STICK:
                 x = max(abs(d1), abs(d2))

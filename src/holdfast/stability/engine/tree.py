@@ -141,7 +141,7 @@ def split(m, state, v, pick, child):  # type: ignore[no-untyped-def]
     if (touch == SLIDE) or (touch == CLOSED and speed < 1e-9):
         x += v[k + 1] / force
         y += v[k + 2] / force
-    along = np.int64(np.rint(np.arctan2(y, x) * TURN / (2 * np.pi))) % TURN
+    along = int(np.rint(np.arctan2(y, x) * TURN / (2 * np.pi))) % TURN
     if width == 0:  # stick, or one of three sectors with a border along the motion
         count = 0
         if touch == CLOSED:
@@ -158,7 +158,7 @@ def split(m, state, v, pick, child):  # type: ignore[no-untyped-def]
     ahead = (along - left) % TURN
     if ahead > (width + TURN) // 2:
         ahead = 0  # behind the sector's start
-    cut = left + np.int64(min(max(ahead / width, 0.15), 0.85) * width)
+    cut = left + int(min(max(ahead / width, 0.15), 0.85) * width)
     child[0, 0] = touch
     child[0, 1] = left
     child[0, 2] = cut

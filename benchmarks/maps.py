@@ -1,0 +1,58 @@
+"""Maps of 360 directions: one by one, neighbours helping each other, and on all cores.
+
+    python benchmarks/maps.py
+
+Four contacts: the paper's fig1 and fig7 and two random grasps, the curve with the preload in the xy plane, gap
+1e-3. Writes results/maps.json and prints a Markdown table.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasps import random_case
+from holdfast.grasp_file import load_grasp
+from holdfast.stability.many import default_jobs, max_many
+from holdfast.stability.queries import maximum
+from machine import describe
+
+RESULTS = Path(__file__).parent / "results" / "maps.json"
+STEPS = 360
+
+
+def timed(run: Callable[[], list[Any]]) -> tuple[float, float, list[Any]]:
+    """Wall and processor time [s], and what came out."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    out = run()
+    return time.perf_counter() - wall, time.process_time() - cpu, out
+
+
+def main() -> None:
+    angles = 2 * np.pi * np.arange(STEPS) / STEPS
+    circle = np.column_stack([np.cos(angles), np.sin(angles), *np.zeros((4, STEPS))])
+    grasps = [load_grasp("fig1"), load_grasp("fig7"), random_case(4, 4).grasp, random_case(4, 22).grasp]
+    maximum(grasps[0], circle[0])
+    rows = []
+    jobs = default_jobs()
+    print(f"| grasp | one by one | neighbours | {jobs} cores | nodes | undecided |")
+    print("|---|---:|---:|---:|---:|---:|")
+    for grasp in grasps:
+        alone = timed(lambda g=grasp: [maximum(g, d) for d in circle])
+        one = timed(lambda g=grasp: max_many(g, circle, jobs=1))
+        many = timed(lambda g=grasp: max_many(g, circle, jobs=jobs))
+        open_ = sum(a.stop != "complete" for a in many[2])
+        nodes = [sum(a.nodes for a in run[2]) for run in (alone, one)]
+        rows.append({"grasp": grasp.name, "alone": alone[:2], "one": one[:2], "many": many[:2], "jobs": jobs,
+                     "nodes": nodes, "undecided": open_})  # fmt: skip
+        print(f"| {grasp.name} | {alone[0]:.2f} s | {one[0]:.2f} s | {many[0]:.2f} s | {nodes[1]} | {open_} |")
+    RESULTS.write_text(json.dumps({"machine": describe(), "steps": STEPS, "rows": rows}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
