@@ -64,3 +64,20 @@ def test_bad_directions() -> None:
         max_many(pinch(), [[0, 1, 0]])
     with pytest.raises(InputError, match="direction: is zero"):
         max_many(pinch(), [[0, 1, 0, 0, 0, 0], [0] * 6])
+
+
+@pytest.mark.parametrize("length", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
+    """However long the direction is given, the force resisted is the same 2.2222 N, and so is its proof."""
+    answer = maximum(bell(), length * np.array([0, 1.0, 0, 0, 0, 0]))
+    assert answer.lower * length == pytest.approx(0.2 / 0.09, rel=1e-3)
+    assert answer.upper * length == pytest.approx(0.2 / 0.09, rel=1.1e-3)
+    assert verify(answer.certificate).ok
+    np.testing.assert_allclose(answer.witness.wrench[1], answer.lower * length, rtol=1e-9)
+    loaded = maximum(table(), [length, 0, 0, 0, 0, 0], base=[0, 0, -10, 0, 0, 0])
+    assert loaded.lower * length == pytest.approx(4.0, rel=1e-3)
+    assert verify(loaded.certificate).ok
+    pressed = maximum(table(), [0, 0, -length, 0, 0, 0], force_limit=2.0)
+    assert pressed.lower * length == pytest.approx(8.0, rel=1e-3)
+    (first, second) = max_many(bell(), [[0, length, 0, 0, 0, 0], [0, 1e3 * length, 0, 0, 0, 0]], jobs=1)
+    assert first.lower == pytest.approx(1e3 * second.lower, rel=1e-3)

@@ -64,7 +64,7 @@ def load(p: Problem, goal: Goal) -> Load:
 
 
 def search_end(p: Problem) -> float:
-    """The magnitude s at which the search for a maximum ends: `ENDLESS` times the other forces in play."""
+    """The magnitude s / stretch at which the search for a maximum ends: `ENDLESS` times the other forces in play."""
     return ENDLESS * _others(p) / float(np.abs(p.direction).max())
 
 
@@ -79,10 +79,10 @@ def motion_cap(p: Problem, goal: Goal, cap: float = MOTION_CAP) -> float:
     return cap * (_others(p) if goal is Goal.LARGEST else 1.0)
 
 
-def interval(goal: Goal, value: float, bound: float) -> tuple[float, float]:
+def interval(p: Problem, goal: Goal, value: float, bound: float) -> tuple[float, float]:
     """(lower, upper) of what the user asked about, from a value achieved and a bound on it, inf without."""
     if goal is Goal.SMALLEST_PRELOAD:
-        return 1.0 / value if value > 0 else np.inf, 1.0 / bound if bound > 0 else np.inf
+        return p.stretch / value if value > 0 else np.inf, p.stretch / bound if bound > 0 else np.inf
     if goal is Goal.LARGEST:
-        return max(-value, 0.0), max(-bound, 0.0)
+        return max(-value * p.stretch, 0.0), max(-bound * p.stretch, 0.0)
     return bound, value

@@ -78,7 +78,7 @@ class _Asker:
 
     def __call__(self, s: float) -> Verdict:
         p = self.p
-        at = replace(p, w0=p.w0 + s * p.direction, wrench=p.wrench + s * p.along)
+        at = replace(p, w0=p.w0 + s / p.stretch * p.direction, wrench=p.wrench + s * p.along)
         guess = [] if self._point is None else [self._point]
         found = front.search(at, Goal.EXISTS, self.settings, guess=guess)
         self.asked += 1

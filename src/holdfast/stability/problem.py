@@ -29,7 +29,8 @@ class Problem:
         torque_limits, force_limit: as asked.
         eta: uncertainty of contact normals [rad].
         mdp: with the maximum dissipation principle.
-        w0, direction: (6,) scaled: the disturbance is w0 + s direction.
+        w0, direction: (6,) scaled: the disturbance is w0 + s / stretch * direction.
+        stretch: a power of two that brings the direction to the size of the other forces, however long it was given.
         f_c: (a,) scaled commands, >= 0.
         moves: (a,) bool, actuators that may move.
         driven: (a,) bool, those among them whose command is what is sought.
@@ -49,6 +50,7 @@ class Problem:
     mdp: bool
     w0: Array
     direction: Array
+    stretch: float
     f_c: Array
     moves: Mask
     driven: Mask
@@ -79,7 +81,10 @@ class Problem:
         d = _wrench(direction, "direction")
         if not d.any():
             raise InputError("is zero; give a force, a torque or both", field="direction")
-        p = replace(self, along=d, direction=d * np.array([1.0] * 3 + [1.0 / self.length] * 3) / self.force)
+        scaled = d * np.array([1.0] * 3 + [1.0 / self.length] * 3) / self.force
+        old = float(np.abs(self.direction).max())
+        stretch = 1.0 if not self.f_c.any() and not self.w0.any() else _power_of_two(old / float(np.abs(scaled).max()))
+        p = replace(self, along=d, direction=stretch * scaled, stretch=stretch)
         _check_range(p, True)
         return p
 
@@ -146,7 +151,8 @@ def build(
     actuator_scale = sense / np.linalg.norm(R, axis=1) if mech.a else np.zeros(0)
     coupling_scale = 1.0 / np.linalg.norm(A, axis=1) if len(A) else np.zeros(0)
     # the force scale is what is asked about: it must not depend on an answer that is not known yet
-    force = model.force_scale(grasp, w0 if w0.any() or direction is None else d)
+    stretch = _stretch(grasp, w0, d, torque_limits or {}, force_limit) if direction is not None else 1.0
+    force = model.force_scale(grasp, w0 if w0.any() or direction is None else stretch * d)
 
     drive = np.zeros(mech.a, dtype=bool) if driven is None else driven
     f_c = grasp.command if driven is None else np.zeros(mech.a)
@@ -165,7 +171,8 @@ def build(
         eta=float(eta),
         mdp=mdp,
         w0=row * w0 / force,
-        direction=row * d / force,
+        direction=row * (stretch * d) / force,
+        stretch=stretch,
         f_c=f_c / (force * actuator_scale),
         moves=model.commanded(grasp, f_c) | drive,
         driven=drive,
@@ -184,6 +191,22 @@ def build(
     )
     _check_range(p, direction is not None)
     return p
+
+
+def _stretch(grasp: Grasp, w0: Array, d: Array, torque_limits: Mapping[str, float], force_limit: float | None) -> float:
+    """The power of two that brings a direction to the size of commands and base load, else of limits, else 1."""
+    if w0.any() or grasp.command.any():
+        others = model.force_scale(grasp, w0)
+    else:
+        arms = dict(zip(grasp.mechanism.actuators, model.actuator_arms(grasp), strict=True))
+        limits = [v / arms[name] for name, v in torque_limits.items() if name in arms]
+        others = max([*limits, *([] if force_limit is None else [force_limit])], default=0.0)
+    size = max(float(np.abs(d[:3]).max()), float(np.abs(d[3:]).max()) / grasp.size)
+    return _power_of_two(others / size) if others > 0 else 1.0
+
+
+def _power_of_two(x: float) -> float:
+    return float(2.0 ** np.round(np.log2(x)))
 
 
 def _wrench(w: object, field: str) -> Array:

@@ -112,7 +112,7 @@ def largest(
     p: Problem, settings: Settings, on_step: OnStep | None = None, **hints: Any
 ) -> tuple[MaxAnswer, Array | None]:
     """The answer to a built problem, and its point for a neighbour's `hints`, which go to the engine's `search`."""
-    end = search_end(p)
+    end = p.stretch * search_end(p)
     goal = max_goal(p)
     if goal is Goal.EXISTS:  # nothing but the disturbance: resisted at every magnitude or at none
         p = replace(p, w0=p.direction, wrench=p.along)
@@ -125,17 +125,17 @@ def largest(
     if found.bound == INF:
         return answer(Verdict.SLIPS, None, 0.0, 0.0, False), None
     if found.witness is None:
-        upper = goals.interval(goal, INF, found.bound)[1] if goal is not Goal.EXISTS else INF
+        upper = goals.interval(p, goal, INF, found.bound)[1] if goal is not Goal.EXISTS else INF
         return answer(Verdict.UNDECIDED, None, 0.0, upper, False), None
     w = found.witness
     if goal is Goal.EXISTS:
         s, upper, unbounded = end, INF, True
         w = _scaled(w, s)
     else:
-        s, upper = goals.interval(goal, found.value, found.bound)
+        s, upper = goals.interval(p, goal, found.value, found.bound)
         unbounded = s >= end * (1 - NEAR_END)
         if goal is Goal.SMALLEST_PRELOAD:
-            w = _scaled(w, s)
+            w = _scaled(w, s / p.stretch)
     if unbounded:
         upper = INF
     return answer(Verdict.HOLDS, w, s, upper, unbounded), found.point

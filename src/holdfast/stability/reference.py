@@ -71,7 +71,7 @@ def search(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None = 
                     if achieved < value:
                         value, found = achieved, hit[0]
             if on_step:
-                on_step(Progress(*interval(goal, value, bound), sum(s.solution.nodes for s in steps), step))
+                on_step(Progress(*interval(p, goal, value, bound), sum(s.solution.nodes for s in steps), step))
             if ((goal is Goal.EXISTS and found) or value <= last or _near(goal, value, bound, settings.gap)) and (
                 not settings.as_printed
             ):

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SAME = 1e-9  # relative: two numbers that say the same
 NEAR_END = 1e-6  # relative: where a search for a maximum ends
-NONE = 1e-4  # of the direction as given: a maximum that is smaller counts as none
+NONE = 1e-4  # of the other forces in play: a maximum that is smaller counts as none
 STRONGEST = 1e3  # (scaled) commands that were sought go as far
 
 
@@ -275,7 +275,7 @@ def _needed_of_max(q: Question, p: Problem, answer: MaxEntry) -> tuple[str, floa
     """For a maximum: no magnitude from the upper bound to the end of the search."""
     _load(q)
     slips = answer.verdict is Verdict.SLIPS
-    end = search_end(p) if q.goal is not Claimed.CHECK else np.inf
+    end = p.stretch * search_end(p) if q.goal is not Claimed.CHECK else np.inf
     if slips and (answer.lower, answer.upper) != (0.0, 0.0):
         raise Refused("SLIPS with bounds above 0")
     if answer.unbounded:
@@ -292,7 +292,7 @@ def _needed_of_max(q: Question, p: Problem, answer: MaxEntry) -> tuple[str, floa
             raise Refused("has an upper bound where magnitudes make no difference")
         return claim, 0.0, 0.0
     if q.goal is Claimed.SMALLEST_PRELOAD:  # its scalar is 1 / s
-        least = answer.upper if answer.upper > 0 else NONE * (1 + NEAR_END)
+        least = answer.upper if answer.upper > 0 else NONE * p.stretch * (1 + NEAR_END)
         return claim, (1 + NEAR_END) / end, 1.0 / least
     return claim, answer.upper, end * (1 - NEAR_END)
 

@@ -17,6 +17,7 @@ from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Progress, Settings
 
 NEAR_END = 1e-6
+TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
 
 
@@ -37,13 +38,13 @@ def search(
     """
     start = time.monotonic()
     r = reduced or reduce(p, goal, settings.motion_cap)
-    gap = settings.gap * (1 - 1e-6)  # leaves room for rounding
+    gap = settings.gap * (1 - 1e-5)  # leaves room for rounding
     if goal is Goal.SMALLEST_PRELOAD:
         gap /= 1 + gap
     s = Search(
         r,
         gap=gap,
-        gap_absolute=0.0 if goal is Goal.SMALLEST_PRELOAD else ZERO / r.scale,
+        gap_absolute=(0.0 if goal is Goal.SMALLEST_PRELOAD else TINY if goal is Goal.LARGEST else ZERO / r.scale),
         node_limit=settings.node_limit,
         time_limit=settings.time_limit,
         guess=guess,
@@ -51,7 +52,7 @@ def search(
     try:
         for state in s:
             if on_step:
-                on_step(Progress(*interval(goal, state.best * r.scale, state.bound * r.scale), state.nodes))
+                on_step(Progress(*interval(p, goal, state.best * r.scale, state.bound * r.scale), state.nodes))
     except KeyboardInterrupt:
         s.stop = Stop.INTERRUPTED
     stop = s.stop or Stop.INTERRUPTED

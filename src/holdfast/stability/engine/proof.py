@@ -8,19 +8,11 @@ from typing import Any
 import numpy as np
 
 from holdfast.mechanism import Indices
-from holdfast.stability.certificate import Certificate, Columns, Question
-from holdfast.stability.certificate import Goal as Claimed
+from holdfast.stability import asked
+from holdfast.stability.certificate import Certificate, Columns
 from holdfast.stability.engine import rows, tree
 from holdfast.stability.engine.search import Search
 from holdfast.stability.goal import Goal
-
-CLAIMS = {
-    Goal.EXISTS: Claimed.CHECK,
-    Goal.SMALLEST_PRELOAD: Claimed.SMALLEST_PRELOAD,
-    Goal.LARGEST: Claimed.LARGEST,
-    Goal.SMALLEST_MAX_TORQUE: Claimed.TORQUES,
-    Goal.SMALLEST_SUM_TORQUE: Claimed.TORQUES,
-}
 
 
 @dataclass(eq=False)
@@ -38,12 +30,16 @@ class Proof:
         if not r.solvable or np.isin(status, (tree.UNRESOLVED, tree.WAITING)).any():
             return None
         p, hi = r.p, float(s.hi[0])
+        # of the smallest preload everything is homogeneous: w = d is the search's w = stretch d, divided
+        homogeneous = r.goal is Goal.SMALLEST_PRELOAD
+        force = p.force / p.stretch if homogeneous else p.force
+        unit = 1.0 / p.stretch if homogeneous else r.scale
         scalar = None
         if r.objective:
             lo = float(r.lo[0])
-            scalar = (-hi, -lo) if r.goal is Goal.LARGEST else (lo * r.scale, hi * r.scale)
-        lengths = p.force * np.array([1.0] * 3 + [1.0 / p.length] * 3)
-        question = self._question()
+            scalar = (-hi * p.stretch, -lo * p.stretch) if r.goal is Goal.LARGEST else (lo * unit, hi * unit)
+        lengths = force * np.array([1.0] * 3 + [1.0 / p.length] * 3)
+        question = asked.question(p, r.goal)
         leaves = np.flatnonzero(status == tree.EMPTY)
         start, entries = self._rows(leaves, Columns.of(question))
         parent = s.pool.parent[:used].copy()
@@ -62,7 +58,7 @@ class Proof:
         return Certificate(
             question=question,
             cap_r=r.cap * lengths,
-            cap_q=r.cap * p.force / p.joint_scale,
+            cap_q=r.cap * force / p.joint_scale,
             scalar=scalar,
             parent=parent,
             part=part,
@@ -72,24 +68,6 @@ class Proof:
             leaves=leaves,
             start=start,
             **entries,
-        )
-
-    def _question(self) -> Question:
-        r, p = self.search.reduced, self.search.reduced.p
-        claimed = CLAIMS[r.goal]
-        homogeneous = claimed is Claimed.SMALLEST_PRELOAD
-        names = p.grasp.mechanism.actuators
-        return Question(
-            grasp=p.grasp,
-            goal=claimed,
-            wrench=np.zeros(6) if homogeneous else p.wrench,
-            direction=p.along if homogeneous or claimed is Claimed.LARGEST else None,
-            eta=p.eta,
-            mdp=p.mdp,
-            torque_limits=p.torque_limits,
-            force_limit=p.force_limit,
-            driven=[n for n, d in zip(names, p.driven, strict=True) if d],
-            objective="sum" if r.goal is Goal.SMALLEST_SUM_TORQUE else "max",
         )
 
     def _rows(self, leaves: Indices, at: Columns) -> tuple[Indices, dict[str, Any]]:
@@ -118,7 +96,8 @@ class Proof:
         columns, factors = np.zeros(len(r.names), int), np.ones(len(r.names))
         for k, (name, i) in enumerate(r.names):
             if name == "scalar":
-                columns[k], factors[k] = at.scalar.start, p.force / r.scale
+                columns[k] = at.scalar.start
+                factors[k] = p.force / (p.stretch if r.goal is Goal.LARGEST else r.scale)
             elif name == "motion":
                 columns[k] = at.r.start + i
                 factors[k] = (1.0 if i < 3 else p.length) if i < 6 else p.joint_scale[i - 6]
