@@ -16,6 +16,9 @@ from holdfast.mechanism import Array
 from holdfast.stability.problem import Problem
 
 ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
+NONE = 1e-4  # of the other forces in play: a maximum that is smaller counts as none
+STRONGEST = 1e3  # (scaled) commands that are sought go as far
+NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
 MOTION_CAP = 1e4  # (scaled) virtual motions beyond this many force scales are not searched
 
 

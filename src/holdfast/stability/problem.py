@@ -72,6 +72,11 @@ class Problem:
         """(m, l, a, k): contacts, joints, actuators, couplings."""
         return len(self.mu), self.J.shape[1], len(self.R), len(self.A)
 
+    @property
+    def lengths(self) -> Array:
+        """(6,) 1 for translations and forces, 1 / length for rotations and torques: scaled wrench over wrench."""
+        return _lengths(self.length)
+
     def relative_motion(self, r: Array, q: Array) -> Array:
         """(m, 3) scaled d = G^T r - J q, equation (3)."""
         return (self.G.T @ r - self.J @ q).reshape(-1, 3)
@@ -81,18 +86,16 @@ class Problem:
         d = _wrench(direction, "direction")
         if not d.any():
             raise InputError("is zero; give a force, a torque or both", field="direction")
-        scaled = d * np.array([1.0] * 3 + [1.0 / self.length] * 3) / self.force
-        old = float(np.abs(self.direction).max())
-        stretch = 1.0 if not self.f_c.any() and not self.w0.any() else _power_of_two(old / float(np.abs(scaled).max()))
-        p = replace(self, along=d, direction=stretch * scaled, stretch=stretch)
+        stretch = _stretch(self.grasp, self.wrench, d, self.torque_limits, self.force_limit)
+        direction = self.lengths * (stretch * d) / self.force
+        p = replace(self, along=d, direction=direction, stretch=stretch)
         _check_range(p, True)
         return p
 
     def unscale(self, r: Array, q: Array, c: Array, f: Array, coupling: Array) -> State:
         """A solution of the scaled equations as a `State` in the grasp's own units."""
-        lengths = np.array([1.0] * 3 + [1.0 / self.length] * 3)
         return State(
-            r=self.force * lengths * r,
+            r=self.force * self.lengths * r,
             q=self.force * q / self.joint_scale,
             c=self.force * c,
             f=self.force * f * self._actuator_scale,
@@ -144,7 +147,7 @@ def build(
 
     mech = grasp.mechanism
     length = grasp.size
-    row = np.array([1.0] * 3 + [1.0 / length] * 3)
+    row = _lengths(length)
     joint_scale = model.joint_arms(grasp)
     R, A = mech.R / joint_scale, mech.A / joint_scale
     sense = np.where(grasp.command < 0, -1.0, 1.0)
@@ -202,11 +205,11 @@ def _stretch(grasp: Grasp, w0: Array, d: Array, torque_limits: Mapping[str, floa
         limits = [v / arms[name] for name, v in torque_limits.items() if name in arms]
         others = max([*limits, *([] if force_limit is None else [force_limit])], default=0.0)
     size = max(float(np.abs(d[:3]).max()), float(np.abs(d[3:]).max()) / grasp.size)
-    return _power_of_two(others / size) if others > 0 else 1.0
+    return float(2.0 ** np.round(np.log2(others / size))) if others > 0 else 1.0
 
 
-def _power_of_two(x: float) -> float:
-    return float(2.0 ** np.round(np.log2(x)))
+def _lengths(length: float) -> Array:
+    return np.array([1.0] * 3 + [1.0 / length] * 3)
 
 
 def _wrench(w: object, field: str) -> Array:

@@ -21,7 +21,7 @@ from holdfast.stability import goal as goals
 from holdfast.stability import problem
 from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.engine import front
-from holdfast.stability.goal import Goal, search_end
+from holdfast.stability.goal import NEAR_END, Goal, search_end
 from holdfast.stability.interval import resisted
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
@@ -29,8 +29,6 @@ from holdfast.stability.settings import OnStep, Settings
 from holdfast.stability.witness import Witness
 
 MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
-
-NEAR_END = 1e-6
 
 
 def check(

@@ -15,14 +15,13 @@ from holdfast.stability import algorithm1
 from holdfast.stability.algorithm1 import Step
 from holdfast.stability.engine import newton
 from holdfast.stability.engine.reduced import Reduced, reduce
-from holdfast.stability.goal import Goal, Point, interval
+from holdfast.stability.goal import NEAR_END, Goal, Point, interval
 from holdfast.stability.mip import Status
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Progress, Settings
 from holdfast.stability.witness import Witness, as_witness
 
-NEAR_END = 1e-6
 MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
 STOPS = {
     Status.OPTIMAL: Stop.COMPLETE,

@@ -21,7 +21,7 @@ from holdfast.stability import verify as checker
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.certificate_file import question_to_dict
-from holdfast.stability.goal import search_end
+from holdfast.stability.goal import NEAR_END, NONE, STRONGEST, search_end
 from holdfast.stability.problem import Problem
 from holdfast.stability.result_file import MaxEntry, Result, TorquesEntry
 from holdfast.stability.witness import VALID, Witness
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from holdfast.stability.answers import Answer
 
 SAME = 1e-9  # relative: two numbers that say the same
-NEAR_END = 1e-6  # relative: where a search for a maximum ends
-NONE = 1e-4  # of the other forces in play: a maximum that is smaller counts as none
-STRONGEST = 1e3  # (scaled) commands that were sought go as far
 
 
 class Refused(Exception):
@@ -231,8 +228,6 @@ def _certificate(result: Result) -> CertificateCheck | None:
     reason = ""
     if question_to_dict(c.question) != question_to_dict(q):
         reason = "it answers another question"
-    elif not isinstance(answer, TorquesEntry | MaxEntry):
-        reason = ""
     elif c.scalar is not None and not (c.scalar[0] <= lo + SAME * abs(lo) and c.scalar[1] >= hi - SAME * abs(hi)):
         reason = f"it covers {c.scalar[0]:.9g} to {c.scalar[1]:.9g}; the answer needs {lo:.9g} to {hi:.9g}"
     cap = (answer.motion_cap or 0.0) * (1 - SAME)

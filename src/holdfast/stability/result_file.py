@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field
 
 from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError
-from holdfast.files import Strict, read_json, validate, write_text
+from holdfast.files import Strict, validate, write_text
 from holdfast.stability import certificate_file
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate_file import QuestionEntry, Six, question_of, question_to_dict
@@ -96,15 +96,10 @@ class Result:
         """The result of a query; `InputError` for an answer that does not know its question."""
         if answer.question is None:
             raise InputError("does not know its question; save what a query returned", field="answer")
-        return from_dict(
-            {
-                "schema": "holdfast/result/1",
-                "question": question_to_dict(answer.question),
-                "answer": answer.to_json(),
-                "witness": None if answer.witness is None else _state(answer.witness),
-                "certificate": None if answer.certificate is None else certificate_file.to_dict(answer.certificate),
-            }
-        )
+        said = answer.to_json()
+        bare = {"schema": "holdfast/result/1", "question": question_to_dict(answer.question), "answer": said}
+        entry = validate(ResultFile, bare | {"witness": None, "certificate": None})
+        return cls(answer.question, entry.answer, said, answer.witness, answer.certificate)
 
 
 def _state(w: Witness) -> dict[str, Any]:
@@ -129,7 +124,7 @@ def to_dict(result: Result) -> dict[str, Any]:
 
 
 def from_dict(data: Any) -> Result:
-    """The result in a parsed object; raises `InputError` as `load_result` does."""
+    """The result in a parsed object; raises `InputError` with field and fault."""
     entry = validate(ResultFile, data)
     question = question_of(entry.question)
     certificate = None
@@ -151,15 +146,6 @@ def _witness(entry: WitnessEntry, question: Question) -> Witness:
     arrays = {name: np.array(getattr(entry, name), dtype=float) for name in ("r", *sizes)}
     command = g.mechanism.commands(entry.command, field="witness.command")
     return Witness(g.with_preload(command), np.array(entry.wrench), State(**arrays), question.eta, question.mdp)
-
-
-def load_result(path: str | Path) -> Result:
-    """Read a `holdfast/result/1` file. Raises `InputError`: one line with file, field and fault."""
-    data = read_json(path, "result")
-    try:
-        return from_dict(data)
-    except InputError as fault:
-        raise fault.at(str(path)) from None
 
 
 def save_result(result: Result, path: str | Path, *, force: bool = False) -> None:

@@ -11,12 +11,11 @@ from holdfast.stability import witness
 from holdfast.stability.engine.proof import Proof
 from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.engine.search import Search
-from holdfast.stability.goal import Goal, interval
+from holdfast.stability.goal import NEAR_END, Goal, interval
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Progress, Settings
 
-NEAR_END = 1e-6
 TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
 
@@ -69,8 +68,10 @@ def search(
         value, bound = (0.0, -INF) if found else (INF, bound)
     elif found and not torques and s.best <= r.lo[0] + NEAR_END * abs(r.lo[0]):
         bound = -INF  # unbounded, as far as the search goes
-    proof = Proof(s) if bound > -INF else None
+    proof = None
+    if bound > -INF:
+        s.trim()
+        proof = Proof(s)
     if torques:
         bound = max(bound, 0.0)
-    s.trim()
     return Outcome(value, bound, found, stop, time.monotonic() - start, s.nodes, proof=proof, point=s.z)

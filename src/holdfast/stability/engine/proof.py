@@ -38,7 +38,6 @@ class Proof:
         if r.objective:
             lo = float(r.lo[0])
             scalar = (-hi * p.stretch, -lo * p.stretch) if r.goal is Goal.LARGEST else (lo * unit, hi * unit)
-        lengths = force * np.array([1.0] * 3 + [1.0 / p.length] * 3)
         question = asked.question(p, r.goal)
         leaves = np.flatnonzero(status == tree.EMPTY)
         start, entries = self._rows(leaves, Columns.of(question))
@@ -57,7 +56,7 @@ class Proof:
         left, right = np.where(contact, left, 0), np.where(contact, right, 0)
         return Certificate(
             question=question,
-            cap_r=r.cap * lengths,
+            cap_r=r.cap * force * p.lengths,
             cap_q=r.cap * force / p.joint_scale,
             scalar=scalar,
             parent=parent,

@@ -17,11 +17,10 @@ import numpy as np
 from holdfast.mechanism import Array, Indices, Mask
 from holdfast.stability import goal as goals
 from holdfast.stability.engine import tree
-from holdfast.stability.goal import MOTION_CAP, Goal, Load, Point, load, search_end
+from holdfast.stability.goal import MOTION_CAP, NONE, STRONGEST, Goal, Load, Point, load, search_end
 from holdfast.stability.problem import Problem
 
-HIGHEST = 1e4  # of lambda: a maximum smaller than 1e-4 of what was asked, in force scales, counts as none
-STRONGEST = 1e3  # of commands that are sought, in (scaled) forces
+HIGHEST = 1 / NONE  # of lambda
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
 RANK = 1e-10

@@ -87,7 +87,7 @@ class Search:
         self.box = r.box(INF)
         self.pool = Pool.of(512, m, a, n)
         corner = np.where(r.cost >= 0, rows.BOX_UP, rows.BOX_DOWN)
-        self.pool.ids[0, :n] = ((corner * 256 + np.arange(n)) << 50).astype(np.int64)
+        self.pool.ids[0, :n] = (corner << rows.KIND) | (np.arange(n) << rows.INDEX)
         self.pool.parent[0] = -1
         self.pool.bound[0] = r.lo[0] if r.objective else 0.0
         self.stats[tree.USED] = self.stats[tree.HEAP] = 1

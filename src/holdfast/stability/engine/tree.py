@@ -52,6 +52,12 @@ NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = 0, 1, 2
 
 
 @inner
+def corner(cost, i):  # type: ignore[no-untyped-def]
+    """The i-th row of the box's corner that the cost points to: where a program starts that has no working set."""
+    return ((BOX_UP if cost[i] >= 0.0 else BOX_DOWN) << KIND) | (i << INDEX)
+
+
+@inner
 def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-untyped-def]
     """Where to split: the contact i or m + actuator j with the largest violation, into out the sum of all.
 
@@ -324,7 +330,7 @@ def run(  # type: ignore[no-untyped-def]
                     for i in range(n):
                         w_ids[i] = ids[node, i]
                         if attempt == 1:
-                            w_ids[i] = ((BOX_UP if cost[i] >= 0.0 else BOX_DOWN) << KIND) | (i << INDEX)
+                            w_ids[i] = corner(cost, i)
                         rhs[i] = row(w_ids[i], m, cos, sin, B, off, mu, lo, hi, box, W[i])
                     ready = simplex.invert(W, inverse, work)
                 if ready:
@@ -347,7 +353,7 @@ def run(  # type: ignore[no-untyped-def]
                 stats[FAILURES] += 1
                 for i in range(n):  # keep the point it had, or its parent's: it is split from there
                     z[i] = data[node, i]
-                    w_ids[i] = ((BOX_UP if cost[i] >= 0.0 else BOX_DOWN) << KIND) | (i << INDEX)
+                    w_ids[i] = corner(cost, i)
                 values(BT, off, z, v)
             if k == 0 and close:
                 status[this] = UNRESOLVED
