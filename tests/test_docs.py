@@ -31,6 +31,9 @@ from holdfast.files import Strict
 from holdfast.grasp_file import GraspFile, load_grasp
 from holdfast.stability.certificate_file import CertificateFile, NodesEntry, QuestionEntry, RowsEntry
 from holdfast.stability.result_file import ResultFile, WitnessEntry
+from holdfast.synthesis.existence import ExistenceEntry
+from holdfast.synthesis.result_file import AnswerEntry, StateEntry, SynthesisFile
+from holdfast.synthesis.task_file import TaskFile, load_task
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -39,6 +42,7 @@ LOADERS: dict[str, Callable[[str], object]] = {
     "holdfast/grasp/1": load_grasp,
     "holdfast/configuration/1": load_configuration,
     "holdfast/body/1": load_body,
+    "holdfast/task/1": load_task,
 }
 BLOCK = re.compile(
     r"(?:^<!-- not run: (?P<skip>[^\n]+) -->\n)?^```(?P<kind>\w+)(?P<rest>[^\n]*)\n(?P<text>.*?)^```$",
@@ -207,6 +211,32 @@ def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
         assert all(f"`{name}`" in page for name in entry.model_fields), entry.__name__
 
 
+def fields_in_tables(text: str) -> set[str]:
+    lines = [line for line in text.splitlines() if line.startswith("| `")]
+    return {name for line in lines for name in re.findall(r"`([^`]+)`", line.split("|")[1])}
+
+
+def test_every_field_of_a_task_is_in_its_table() -> None:
+    written = fields_in_tables(section((DOCS / "file-formats.md").read_text("utf-8"), "Task: `holdfast/task/1`"))
+    kinds = {name for name in written if name.startswith("{")}
+    assert sorted(re.findall(r"^\{\"(\w+)", "\n".join(sorted(kinds)), re.MULTILINE)) == ["bezier", "cap"]
+    regions = {f"contacts[].{side}.region.{name}" for side in ("hand", "object") for name in ("bezier", "cap", "flip")}
+    caps = {f"contacts[].{side}.region.cap." for side in ("hand", "object")}
+    known = {key for key in keys_of(TaskFile) - regions if not key.startswith(tuple(caps))}
+    assert written - kinds == known
+
+
+def test_every_field_of_a_synthesis_is_in_its_table() -> None:
+    page = (DOCS / "file-formats.md").read_text("utf-8")
+    text = section(page, "Synthesis: `holdfast/synthesis/1`")
+    named = {model: {i.alias or n for n, i in model.model_fields.items()} for model in (SynthesisFile, ExistenceEntry)}
+    assert fields_in_tables(text) == named[SynthesisFile] | named[ExistenceEntry]
+    assert all(f"`{name}`" in text for name in StateEntry.model_fields)
+    keys = {info.alias or name for name, info in AnswerEntry.model_fields.items()}
+    answers = section((DOCS / "answers.md").read_text("utf-8"), "JSON")
+    assert all(f"| `{key}` |" in answers for key in keys)
+
+
 def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = (DOCS / "answers.md").read_text("utf-8")
     up, proof = ["--direction", "0", "0", "1"], {"certified", "motion_cap"}
@@ -216,6 +246,7 @@ def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.Capture
         "torques": ["torques", "fig11", "--wrench", "0", "0", "0.5"],
         "map": ["map", "fig11", "--plane", "xz", "--steps", "4"],
         "sweep": ["sweep", "fig11", "--joint", "finger_3_prox", "--to", "0.01", "--steps", "2", *up],
+        "synthesize": ["synthesize", "scalpel-upholding"],
     }
     common = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
     for name, arguments in asked.items():

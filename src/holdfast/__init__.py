@@ -1,4 +1,4 @@
-"""Holdfast: will this grasp hold? Passive grasp stability with proofs, for real hands.
+"""Holdfast: will this grasp hold, and can the hand take that hold? With proofs, for real hands.
 
 The names below load on first use, so that `import holdfast` stays quick.
 """
@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from holdfast.answer import Reach as Reach
     from holdfast.answer import Stop as Stop
     from holdfast.answer import Verdict as Verdict
     from holdfast.body import Body as Body
@@ -27,16 +28,24 @@ if TYPE_CHECKING:
     from holdfast.hand import load_hand as load_hand
     from holdfast.mechanism import Mechanism as Mechanism
     from holdfast.planning.close import close as close
+    from holdfast.region import Bezier as Bezier
+    from holdfast.region import Cap as Cap
+    from holdfast.replay import verify as verify
     from holdfast.stability.many import max_many as max_many
     from holdfast.stability.maps import force_map as force_map
     from holdfast.stability.maps import sweep as sweep
     from holdfast.stability.queries import check as check
     from holdfast.stability.queries import maximum as maximum
     from holdfast.stability.queries import torques as torques
-    from holdfast.stability.replay import verify as verify
     from holdfast.stability.settings import Settings as Settings
+    from holdfast.synthesis.queries import synthesize as synthesize
+    from holdfast.synthesis.task import PoseBounds as PoseBounds
+    from holdfast.synthesis.task import Task as Task
+    from holdfast.synthesis.task import Touch as Touch
+    from holdfast.synthesis.task_file import load_task as load_task
 
 _HOME = {
+    "Reach": "answer",
     "Stop": "answer",
     "Verdict": "answer",
     "Body": "body",
@@ -55,14 +64,21 @@ _HOME = {
     "load_hand": "hand",
     "Mechanism": "mechanism",
     "close": "planning.close",
+    "Bezier": "region",
+    "Cap": "region",
+    "verify": "replay",
     "max_many": "stability.many",
     "force_map": "stability.maps",
     "sweep": "stability.maps",
     "check": "stability.queries",
     "maximum": "stability.queries",
     "torques": "stability.queries",
-    "verify": "stability.replay",
     "Settings": "stability.settings",
+    "synthesize": "synthesis.queries",
+    "PoseBounds": "synthesis.task",
+    "Task": "synthesis.task",
+    "Touch": "synthesis.task",
+    "load_task": "synthesis.task_file",
 }
 
 __all__ = sorted(_HOME)

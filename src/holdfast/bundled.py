@@ -1,4 +1,4 @@
-"""What comes with the package, by name: grasps, hands, objects, configurations."""
+"""What comes with the package, by name: grasps, hands, objects, configurations, tasks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from holdfast.errors import InputError
 
-KINDS = ("grasps", "hands", "objects", "configurations")
+KINDS = ("grasps", "hands", "objects", "configurations", "tasks")
 
 
 def folder(kind: str) -> Path:

@@ -23,6 +23,7 @@ from holdfast.cli.map import Map
 from holdfast.cli.max import Max
 from holdfast.cli.options import Command, GraspOptions, is_number
 from holdfast.cli.sweep import Sweep
+from holdfast.cli.synthesize import Synthesize
 from holdfast.cli.torques import Torques
 from holdfast.cli.verify import Verify
 from holdfast.errors import InputError
@@ -33,6 +34,7 @@ COMMANDS: dict[str, type[Command]] = {
     "torques": Torques,
     "map": Map,
     "sweep": Sweep,
+    "synthesize": Synthesize,
     "verify": Verify,
     "contacts": Contacts,
     "close": Close,
@@ -40,7 +42,10 @@ COMMANDS: dict[str, type[Command]] = {
     "demo": Demo,
 }
 
-ABOUT = """Will this grasp hold? Passive grasp stability for robot hands.
+ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
+
+check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? synthesize looks for \
+configurations that bring regions of the hand onto regions of an object. verify replays what backs an answer.
 
 Start with `holdfast demo` or `holdfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""

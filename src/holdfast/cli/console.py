@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from holdfast.answer import Stop, Verdict
+from holdfast.answer import Reach, Stop, Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,10 +26,10 @@ def complain(message: str) -> int:
     return BAD_INPUT
 
 
-def status(verdict: Verdict, stop: Stop) -> int:
+def status(verdict: Verdict | Reach, stop: Stop) -> int:
     """Exit status of an answer. A limit that was hit leaves the question open, whatever is known by then."""
     cut_short = stop in (Stop.TIME, Stop.NODES, Stop.INTERRUPTED)
-    return UNDECIDED if verdict is Verdict.UNDECIDED or cut_short else ANSWERED
+    return UNDECIDED if verdict in (Verdict.UNDECIDED, Reach.UNDECIDED) or cut_short else ANSWERED
 
 
 def print_json(answer: dict[str, Any]) -> None:
@@ -72,6 +72,10 @@ class Watch:
     def item(self, done: int, total: int) -> None:
         """After each case of a map or sweep."""
         self._show(f"{done} of {total}", done, total)
+
+    def say(self, text: str) -> None:
+        """As anything else goes on."""
+        self._show(text, None, None)
 
     def _show(self, text: str, done: int | None, total: int | None) -> None:
         if not self._shows or self.seconds < PATIENCE:

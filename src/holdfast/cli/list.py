@@ -24,7 +24,7 @@ PAPER = {
 
 @dataclass(kw_only=True)
 class List(Command):
-    """Grasps, hands, objects and configurations that come with the package."""
+    """Grasps, hands, objects, configurations and tasks that come with the package."""
 
     json: bool = False
     """print one JSON object instead of a table"""
@@ -44,6 +44,7 @@ class List(Command):
             "hands": "holdfast contacts HAND OBJECT --configuration NAME",
             "objects": "the same, as OBJECT",
             "configurations": "the same, as NAME",
+            "tasks": "holdfast synthesize NAME",
         }
         for kind, entries in found.items():
             grid = Table(box=SIMPLE, show_header=False, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
@@ -65,6 +66,8 @@ def describe(kind: str, name: str) -> str:
             text = _grasp(data)
         case "objects":
             text = _object(data)
+        case "tasks":
+            text = _task(data)
         case _:
             text = f"{data.get('object') or 'an object'} in {data.get('hand') or 'a hand'}"
     return "; ".join(t for t in (known, text) if t)
@@ -85,3 +88,8 @@ def _object(data: dict[str, Any]) -> str:
     parts += [f"{data['mass']:g} kg"] if data.get("mass") is not None else []
     parts += [f"friction {data['friction']:g}"] if data.get("friction") is not None else []
     return ", ".join(parts)
+
+
+def _task(data: dict[str, Any]) -> str:
+    links = [contact["hand"]["link"] for contact in data.get("contacts", [])]
+    return f"{len(links)} contacts on {data.get('object') or 'an object'}: {', '.join(links)}"

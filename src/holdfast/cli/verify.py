@@ -15,7 +15,8 @@ from holdfast.cli.options import Command
 class Verify(Command):
     """Is everything that a saved answer claims proved?
 
-    Replays its witness in the equations and its certificate, without the engine and without any solver.
+    Replays its witness in the equations and its certificate, or the proofs that its configurations exist, without
+    the engine and without any solver.
     Exit status: 0 all is proved, 1 something is refused, 2 bad input.
     """
 
@@ -25,13 +26,16 @@ class Verify(Command):
     """print one JSON object instead of a table"""
 
     def run(self) -> int:
-        from holdfast.cli import tables
-        from holdfast.stability.replay import load, verify
+        from holdfast.cli import synthesis_tables, tables
+        from holdfast.replay import load, verify
+        from holdfast.synthesis.answers import Replayed
 
         what = load(self.result)
         done = verify(what)
         if self.json:
             console.print_json(done.to_json())
+        elif isinstance(done, Replayed):
+            synthesis_tables.show_replayed(console.out(), what, done)
         else:
             tables.show_verified(console.out(), what, done)
         return console.ANSWERED if done.ok else console.REFUSED

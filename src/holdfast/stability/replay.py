@@ -139,16 +139,21 @@ def verify(what: str | Path | Answer | Result | Certificate) -> Verified:
 def load(path: str | Path) -> Result | Certificate:
     """What a result file or a certificate file holds; `InputError` if it is neither."""
     data = read_json(path, "result")
-    schema = data.get("schema") if isinstance(data, dict) else None
     try:
-        if schema == "holdfast/certificate/1":
-            return certificate_file.from_dict(data)
-        if schema == "holdfast/result/1":
-            return result_file.from_dict(data)
-        needed = "holdfast/result/1 or holdfast/certificate/1 is needed"
-        raise InputError(f"is missing; {needed}" if schema is None else f"is '{schema}'; {needed}", field="schema")
+        return from_dict(data)
     except InputError as fault:
         raise fault.at(str(path)) from None
+
+
+def from_dict(data: Any) -> Result | Certificate:
+    """What the parsed JSON of one holds; `InputError` if it is neither."""
+    schema = data.get("schema") if isinstance(data, dict) else None
+    if schema == "holdfast/certificate/1":
+        return certificate_file.from_dict(data)
+    if schema == "holdfast/result/1":
+        return result_file.from_dict(data)
+    needed = "holdfast/result/1 or holdfast/certificate/1 is needed"
+    raise InputError(f"is missing; {needed}" if schema is None else f"is '{schema}'; {needed}", field="schema")
 
 
 # --- the witness ----------------------------------------------------------------------------------
