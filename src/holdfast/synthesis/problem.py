@@ -247,7 +247,9 @@ def _chain(
             led_by = unit if hand.joints[leader].type == "prismatic" else 1.0
             kind = PRISMATIC if joint.type == "prismatic" else REVOLUTE
             joints.append((kind, free.index(leader), ratio * led_by / scale, (offset - joint.ref) / scale))
-            T = np.asarray(np.linalg.inv(to_axis), dtype=float)
+            T = np.eye(4)
+            T[:3, :3] = to_axis[:3, :3].T
+            T[:3, 3] = -to_axis[:3, :3].T @ joint.anchor
     motions.append(T)
     for M in motions:
         M[:3, 3] /= unit
@@ -255,8 +257,12 @@ def _chain(
 
 
 def _onto_z(axis: Array) -> Array:
-    """(3, 3) a rotation that takes z to the axis."""
-    return Cap(np.zeros(3), 1.0, axis, 1.0).frame
+    """(3, 3) a rotation that takes z to the unit vector `axis`."""
+    x, y, z = axis.tolist()
+    if z < -0.5:  # the formula below divides by 1 + z
+        return np.diag([1.0, -1.0, -1.0]) @ _onto_z(np.array([x, -y, -z]))
+    f = 1 / (1 + z)
+    return np.array([[1 - f * x * x, -f * x * y, x], [-f * x * y, 1 - f * y * y, y], [-x, -y, z]])
 
 
 def _chains(chains: list[_Chain]) -> dict[str, Any]:

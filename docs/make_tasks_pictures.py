@@ -1,0 +1,69 @@
+"""Make the pictures of the bundled tasks, docs/img/task-*.png, from the configurations that the tests keep.
+
+python docs/make_tasks_pictures.py [TASK ...]
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from holdfast import bundled
+from holdfast.plot import picture
+from holdfast.shape import quaternion_matrix, transform
+from holdfast.synthesis.drawing import DENSE, draw_task
+from holdfast.synthesis.task import Task
+from holdfast.synthesis.task_file import load_task
+
+Array = NDArray[np.float64]
+IMAGES = Path(__file__).parent / "img"
+STORED = Path(__file__).parents[1] / "tests" / "data" / "feasible.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """A stored configuration as `draw_task` takes it."""
+
+    q: Array
+    pose: Array
+    points: Array
+    normals: Array
+
+
+def stored(task: Task) -> Stored:
+    """The configuration that the tests keep of a bundled task."""
+    data = json.loads(STORED.read_text())["tasks"][task.name]
+    pose = transform(data["position"], quaternion_matrix(data["quaternion"]))
+    points, normals = [], []
+    for touch, parameters in zip(task.touches, data["parameters"], strict=True):
+        normal = touch.object.normal(*parameters[:2])
+        points.append(pose[:3, :3] @ touch.object.at(*parameters[:2]) + pose[:3, 3])
+        normals.append(-pose[:3, :3] @ normal / np.linalg.norm(normal))
+    return Stored(task.hand.configuration(data["joints"]), pose, np.array(points), np.array(normals))
+
+
+def small(png: bytes) -> bytes:
+    """The picture in 96 colours."""
+    data = io.BytesIO()
+    image = Image.open(io.BytesIO(png)).convert("RGB")
+    image.quantize(96, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(data, "png", optimize=True)
+    return data.getvalue()
+
+
+def main() -> None:
+    for name in sys.argv[1:] or bundled.names("tasks"):
+        task = load_task(name)
+        data = small(picture(draw_task(task, stored(task)), dpi=DENSE))
+        (IMAGES / f"task-{name}.png").write_bytes(data)
+        print(f"task-{name}.png  {len(data)} bytes", flush=True)
+
+
+if __name__ == "__main__":
+    main()
