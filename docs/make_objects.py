@@ -122,13 +122,13 @@ def teapot() -> list[Array]:
     pieces = [np.vstack(whole), turned("belly", 0.55, 0.7), turned("belly", 0.7, 0.85), np.vstack(foot)]
     cuts = {"lid": [0, 0.12, 0.24, 0.36, 1], "knob": [0, 0.45, 0.54, 0.63, 0.72, 0.86, 1]}
     pieces += [turned(part, *ends, quarter_steps=9) for part, at in cuts.items() for ends in pairwise(at)]
-    for part, slices in (("handle-top", 12), ("handle-bottom", 10), ("spout", 9), ("mouth", 2)):
+    for part, slices in (("handle-top", 12), ("handle-bottom", 10), ("spout", 7), ("mouth", 2)):
         last = 0.5 if part == "mouth" else 1.0  # the rest of the mouth turns inwards
         pieces += [np.vstack(pair) for pair in pairwise(ring(part, u) for u in np.linspace(0, last, slices + 1))]
     return pieces
 
 
-def turned(part: str, start: float, end: float, quarter_steps: int = 16) -> Array:
+def turned(part: str, start: float, end: float, quarter_steps: int = 15) -> Array:
     """(n, 3) [mm] points of a surface of revolution between two parameters of its profile."""
     down = max(4, round((30 if part == "knob" else 10) * (end - start)))
     u, v = np.meshgrid(np.linspace(start, end, down), np.arange(quarter_steps) / quarter_steps, indexing="ij")
@@ -137,8 +137,8 @@ def turned(part: str, start: float, end: float, quarter_steps: int = 16) -> Arra
 
 def ring(part: str, u: float) -> Array:
     """(n, 3) [mm] the cross-section of a tube at a parameter along it."""
-    v = np.linspace(0, 1, 9)
-    return np.vstack([evaluate(half_tube(part, side), np.full(9, u), v) for side in (1.0, -1.0)])
+    v = np.linspace(0, 1, 13 if part.startswith("handle") else 7)
+    return np.vstack([evaluate(half_tube(part, side), np.full(len(v), u), v) for side in (1.0, -1.0)])
 
 
 # --- the guitar ------------------------------------------------------------------------------------

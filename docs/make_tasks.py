@@ -209,14 +209,14 @@ MADE: dict[str, Callable[[], dict[str, Any]]] = {
         {"ring": FIST, "middle": FIST},
         {"y_axis": axis(z=(-1.0, -0.5))},
     ),
-    # By the handle, upright: the thumb on top, the index finger's middle phalanx beside it, the middle finger
-    # lower down on the inside.
+    # By the handle, upright: the thumb on top, the middle finger below and nearer to the body, so that both bear the
+    # weight beside the handle, and the index finger's middle phalanx at the side.
     "teapot-service": lambda: task(
         "teapot",
         [
-            (tip("middle"), handle("handle-bottom", 1, (0.4, 0.9), (0.1, 0.55))),
+            (tip("middle"), handle("handle-bottom", 1, (0.45, 0.92), (0.5, 1.0))),
             (phalanx("index"), handle("handle-top", 1, (0.4, 1.0), (0.2, 0.7))),
-            (tip("thumb"), handle("handle-top", -1, (0.1, 0.8), (0.55, 1.0))),
+            (tip("thumb"), handle("handle-top", -1, (0.4, 0.9), (0.55, 1.0))),
         ],
         {"ring": FIST},
         {"x_axis": axis(x=(0.6, 1.0)), "y_axis": axis(y=(0.6, 1.0))},
@@ -238,7 +238,7 @@ MADE: dict[str, Callable[[], dict[str, Any]]] = {
         "guitar",
         [(tip("index"), key(1, 1)), (tip("thumb"), key(1, -1))],
         {"ring": FIST, "middle": FIST},
-        {"y_axis": axis(z=(-1.0, -0.5))},
+        {"y_axis": axis(z=(-1.0, -0.75))},
     ),
     # Second string behind the first fret, fourth string behind the second one, the thumb anywhere behind.
     "guitar-playing": lambda: task(

@@ -50,10 +50,10 @@ def stored(task: Task) -> Stored:
 
 
 def small(png: bytes) -> bytes:
-    """The picture in 96 colours."""
+    """The picture in 160 colours."""
     data = io.BytesIO()
     image = Image.open(io.BytesIO(png)).convert("RGB")
-    image.quantize(96, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(data, "png", optimize=True)
+    image.quantize(160, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(data, "png", optimize=True)
     return data.getvalue()
 
 

@@ -45,7 +45,7 @@ RANGES = {
     "distal": (4, 75),
     "base": (0, 90),
 }  # [degrees]
-NEAR, ALIGNED = 5e-4, np.cos(np.radians(12))  # [m] and between normals: what facets may cost
+NEAR, ALIGNED = 5e-4, np.cos(np.radians(15))  # [m] and between normals: what facets may cost
 
 
 @cache

@@ -36,7 +36,7 @@ AROUND = {
 }
 ABOVE = {-25: ", from below", 15: "", 50: ", from above"}
 APART = (View.of(28.0, 20.0, "regions on the hand"), View.of(28.0, 30.0, "regions on the object"))
-SECOND = 0.5  # cosine between the two directions of view, at most
+SECOND = 0.8  # cosine between the two directions of view, at most
 GRID = 12  # facets along each side of a region
 LIFT = 6e-4  # [m] by which a region is drawn above its surface
 LIGHT = np.array([0.25, 0.35, 0.9]) / np.linalg.norm([0.25, 0.35, 0.9])

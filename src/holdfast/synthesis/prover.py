@@ -31,7 +31,7 @@ RESOLUTION = 1e-5  # [m] a box within which no point strays farther is set aside
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
 DEEPEST = 4000  # boxes on a kernel's stack
 KEPT = 256  # small boxes of one call
-PARTS = 4  # a patch's least normal is sought in so many parts each way
+CELLS = 8  # each way, of a region: each has constants of its own
 UP = 1.0 + 1e-9  # over the rounding of the constants below
 
 
@@ -282,36 +282,45 @@ def _name(subset: tuple[int, ...]) -> str:
 
 
 def _bends(problem: Problem) -> Array:
-    """(b, 2, 12) constants of the object's and the hand's regions, see `engine.exclude.element`; units."""
-    out = np.zeros((len(problem.task.touches), 2, 12))
+    """(b, 2, CELLS, CELLS, 10) constants of the object's and the hand's regions, see `taylor.worst`; units."""
+    out = np.zeros((len(problem.task.touches), 2, CELLS, CELLS, 10))
     for k, touch in enumerate(problem.task.touches):
         radius = touch.hand.radius if isinstance(touch.hand, Cap) else 0.0
         for i, region in enumerate((touch.object, touch.hand)):
             if isinstance(region, Bezier) or i == 0:
                 surface, normal = bounds(region)
-                out[k, i, :5] = (surface + (radius if i == 0 else 0.0) * normal) / problem.unit
-                out[k, i, 5:10] = normal
-    return out * UP
+                outward = radius * normal if i == 0 else 0.0
+                out[k, i] = np.concatenate([(surface + outward) / problem.unit, normal], axis=2) * UP
+                if isinstance(region, Cap):  # its parameters are no fractions; the constants hold everywhere
+                    out[k, i, 0, 1] = np.nan
+    return out
 
 
 def bounds(region: Region) -> tuple[Array, Array]:
-    """Bounds (5,) of |p_s|, |p_t|, |p_ss|, |p_st|, |p_tt| [m], and (5,) of the same of the unit normal.
+    """Bounds (CELLS, CELLS, 5) in each cell of |p_s|, |p_t|, |p_ss|, |p_st|, |p_tt| [m], and of the unit normal's.
 
     From Bernstein coefficients: a polynomial lies in the hull of them. With n the normal, not normalised,
     and f' and f'' its derivatives, those of n / |n| are at most |f'| / |n| and |f''| / |n| + (2 / sqrt 3)
     |f'|^2 / |n|^2 (mixed ones alike).
     """
-    orders = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+    shape = (CELLS, CELLS, 5)
     if isinstance(region, Cap):
-        return np.full(5, region.radius), np.ones(5)
-    longest = [np.linalg.norm(differences(region.points, *o), axis=2).max() for o in orders]
-    n = region.normal_points
-    cuts = np.linspace(0, 1, PARTS + 1)
-    least = min(_least(restrict(n, (u0, u1), (v0, v1))) for u0, u1 in pairwise(cuts) for v0, v1 in pairwise(cuts))
-    f = [np.linalg.norm(differences(n, *o), axis=2).max() / least for o in orders]
+        return np.full(shape, region.radius), np.ones(shape)
+    surface, normal = np.zeros(shape), np.zeros(shape)
+    cuts = list(pairwise(np.linspace(0, 1, CELLS + 1).tolist()))
     curve = 2 / np.sqrt(3)
-    normal = [f[0], f[1], f[2] + curve * f[0] ** 2, f[3] + curve * f[0] * f[1], f[4] + curve * f[1] ** 2]
-    return np.array(longest), np.array(normal)
+    for i, j in np.ndindex(CELLS, CELLS):
+        points, n = (restrict(p, cuts[i], cuts[j]) for p in (region.points, region.normal_points))
+        surface[i, j], least = _largest(points), _least(n)
+        f = _largest(n) / least
+        normal[i, j] = f + curve * np.array([0, 0, f[0] ** 2, f[0] * f[1], f[1] ** 2])
+    return surface, normal
+
+
+def _largest(points: Array) -> Array:
+    """(5,) bounds of a polynomial's derivatives over a cell, in the parameters of the whole."""
+    orders = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+    return np.array([CELLS ** sum(o) * np.linalg.norm(differences(points, *o), axis=2).max() for o in orders])
 
 
 def _least(n: Array, depth: int = 0) -> float:

@@ -36,12 +36,12 @@ def spread(g, h, use):  # type: ignore[no-untyped-def]
 
 @inner
 def workspace(flat):  # type: ignore[no-untyped-def]
-    """Arrays for `element`: pose, axes and points on them, two surfaces, weights."""
+    """Arrays for `element`: pose, axes and points on them, two surfaces, weights, constants of a surface."""
     most, degree = flat.var.shape[1], 1
     for i in range(flat.degree.shape[0]):
         degree = max(degree, flat.degree[i, 0], flat.degree[i, 1])
     pose, axes, spots = np.empty((2, 3, 4)), np.empty((most + 1, 3)), np.empty((most + 1, 3))
-    return pose, axes, spots, np.empty((9, 3)), np.empty((9, 3)), np.empty((2, 4, degree + 1))
+    return pose, axes, spots, np.empty((9, 3)), np.empty((9, 3)), np.empty((2, 4, degree + 1)), np.empty(10)
 
 
 @inner
@@ -161,16 +161,35 @@ def _cross(a, b, out):  # type: ignore[no-untyped-def]
 
 
 @inner
+def worst(bend, s, hs, t, ht, out):  # type: ignore[no-untyped-def]
+    """Largest constants over a box of a surface's parameters, into out (10,).
+
+    bend (g, g, 10): for each of g x g cells of the unit square |p_s|, |p_t|, |p_ss|, |p_st|, |p_tt| of the
+    (moved out) surface, and the same of its unit normal. NaN in the second cell: the first holds everywhere.
+    """
+    g = bend.shape[0]
+    if g == 1 or np.isnan(bend[0, 1, 0]):
+        out[:] = bend[0, 0]
+        return
+    i0, i1 = max(0, int((s - hs) * g - 1e-9)), min(g - 1, int((s + hs) * g + 1e-9))
+    j0, j1 = max(0, int((t - ht) * g - 1e-9)), min(g - 1, int((t + ht) * g + 1e-9))
+    out[:] = 0.0
+    for i in range(min(i0, g - 1), i1 + 1):
+        for j in range(min(j0, g - 1), j1 + 1):
+            for c in range(10):
+                out[c] = max(out[c], bend[i, j, c])
+
+
+@inner
 def element(k, x, h, flat, bend, V, D, E, work):  # type: ignore[no-untyped-def]
     """Taylor polynomials of contact k about the middle of a box.
 
     x (n,): the middle; h (n,): half widths. Out, V (4, 3) middles of C, hand direction, O, object direction
     (the one that R takes to the hand direction); D (4, n, 3) their derivatives; E (4,) remainders.
-    bend (b, 2, 12): for the object's and the hand's region the constants |p_s|, |p_t|, |p_ss|, |p_st|, |p_tt|
-    of the (moved out) surface, and the same of its unit normal. k = b: the object's origin, which is a point
-    on both bodies too, where the task bounds its position; it has no direction.
+    bend (b, 2, g, g, 10): constants of the object's and the hand's regions, see `worst`. k = b: the object's
+    origin, which is a point on both bodies too, where the task bounds its position; it has no direction.
     """
-    pose, axes, spots, o, f, W = work
+    pose, axes, spots, o, f, W, a = work
     T = pose[0]
     D[:, :, :] = 0.0
     if k == flat.steps.shape[0]:
@@ -191,7 +210,7 @@ def element(k, x, h, flat, bend, V, D, E, work):  # type: ignore[no-untyped-def]
         V[2, i], V[3, i] = o[0, i] + out * o[6, i], faces * o[6, i]
         D[2, first, i], D[2, first + 1, i] = o[1, i] + out * o[7, i], o[2, i] + out * o[8, i]
         D[3, first, i], D[3, first + 1, i] = faces * o[7, i], faces * o[8, i]
-    a = bend[k, 0]
+    worst(bend[k, 0], x[first], hs, x[first + 1], ht, a)
     E[2] = (0.5 * (a[2] * hs * hs + 2 * a[3] * hs * ht + a[4] * ht * ht) + ROUNDING) * WIDER
     E[3] = (0.5 * (a[7] * hs * hs + 2 * a[8] * hs * ht + a[9] * ht * ht) + ROUNDING) * WIDER
     # the hand's side
@@ -206,7 +225,7 @@ def element(k, x, h, flat, bend, V, D, E, work):  # type: ignore[no-untyped-def]
     else:
         surface(flat.steps.shape[0] + k, k, x[first + 2], x[first + 3], flat, f, W)
         hu, hv = h[first + 2], h[first + 3]
-        a = bend[k, 1]
+        worst(bend[k, 1], x[first + 2], hu, x[first + 3], hv, a)
         slide, tilt = a[0] * hu + a[1] * hv, a[5] * hu + a[6] * hv
         curve = 0.5 * (a[2] * hu * hu + 2 * a[3] * hu * hv + a[4] * hv * hv)
         bow = 0.5 * (a[7] * hu * hu + 2 * a[8] * hu * hv + a[9] * hv * hv)
