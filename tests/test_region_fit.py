@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
 
 from holdfast.errors import InputError
 from holdfast.region import Bezier
@@ -125,3 +127,84 @@ def test_what_is_refused():
         fit(corners, closed, np.arange(4))
     with pytest.raises(InputError, match="no four corners"):
         fit(corners, closed, [0])
+
+
+# --- pieces of a closed mesh, as one selects them ----------------------------------------------------
+
+
+def icosphere(radius: float = 0.03) -> tuple[np.ndarray, np.ndarray]:
+    mesh = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+    return np.array(mesh.vertices), np.array(mesh.faces)
+
+
+def within(vertices: np.ndarray, faces: np.ndarray, axis: np.ndarray, degrees: float) -> np.ndarray:
+    middles = vertices[faces].mean(axis=1)
+    return middles @ axis > np.cos(np.radians(degrees)) * np.linalg.norm(middles, axis=1)
+
+
+@pytest.mark.parametrize("degrees", [15, 30, 50, 70])
+def test_a_round_selection_of_a_sphere(degrees: float) -> None:
+    """The corners of the patch need an angle: it covers most of a disc, and lies on the sphere where it does."""
+    vertices, faces = icosphere()
+    axis = np.array([0.36, 0.48, 0.8])
+    fitted = fit(vertices, faces, within(vertices, faces, axis, degrees), (5, 5))
+    assert 0.75 < fitted.coverage < 1.05
+    u, v = np.meshgrid(np.linspace(0, 1, 30), np.linspace(0, 1, 30))
+    points = fitted.patch.at(u, v).reshape(-1, 3)
+    sagitta = 0.03 - np.linalg.norm(vertices[faces].mean(axis=1), axis=1).min()
+    assert np.abs(np.linalg.norm(points, axis=1) - 0.03).max() < fitted.error_max + 2 * sagitta
+    assert fitted.error_max < 1.5e-4
+    assert fitted.error_rms < 4e-5
+    normals = fitted.patch.normal(u, v).reshape(-1, 3)
+    cosines = np.einsum("ij,ij->i", normals, points) / np.linalg.norm(normals, axis=1) / np.linalg.norm(points, axis=1)
+    assert cosines.min() > np.cos(np.radians(8))
+    assert (points @ axis / np.linalg.norm(points, axis=1)).min() > np.cos(np.radians(degrees + 5))
+
+
+def test_a_worse_degree_has_the_larger_error() -> None:
+    vertices, faces = icosphere()
+    chosen = within(vertices, faces, np.array([0.0, 0.0, 1.0]), 50)
+    errors = [fit(vertices, faces, chosen, (d, d)).error_rms for d in (1, 2, 4)]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[0] > 10 * errors[-1]
+
+
+def test_the_place_of_the_mesh_does_not_matter() -> None:
+    vertices, faces = sheet(hill)
+    turn = Rotation.from_rotvec([0.3, -1.2, 0.7]).as_matrix()
+    here = fit(vertices, faces, np.arange(len(faces)))
+    there = fit(vertices @ turn.T + [1.0, -2.0, 0.5], faces, np.arange(len(faces)))
+    assert there.error_max == pytest.approx(here.error_max, rel=1e-4)
+    assert there.coverage == pytest.approx(here.coverage, rel=1e-6)
+    assert there.patch.at(0.5, 0.5) == pytest.approx(turn @ here.patch.at(0.5, 0.5) + [1.0, -2.0, 0.5], abs=1e-5)
+
+
+def test_errors_against_brute_force() -> None:
+    """Both ways, against trimesh: points of the patch to the mesh, inner vertices of the mesh to the patch."""
+    vertices, faces = sheet(drum, cells=8)
+    fitted = fit(vertices, faces, np.arange(len(faces)), (1, 2))
+    spots, cells = sheet(lambda u, v: np.moveaxis(fitted.patch.at(u, v), -1, 0), cells=60)
+    inner = vertices.reshape(9, 9, 3)[1:-1, 1:-1].reshape(-1, 3)  # the rim may stand out a little
+    away = np.concatenate([to_mesh(spots[::7], vertices, faces), to_mesh(inner, spots, cells)])
+    assert fitted.error_max == pytest.approx(away.max(), rel=0.15)
+
+
+def to_mesh(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Distances to a mesh; in millimetres inside, because the tolerances of trimesh are absolute."""
+    mesh = trimesh.Trimesh(1e3 * vertices, faces, process=False)
+    return 1e-3 * trimesh.proximity.closest_point_naive(mesh, 1e3 * points)[1]
+
+
+def test_more_that_is_refused() -> None:
+    vertices, faces = icosphere()
+    with pytest.raises(InputError, match=r"selection: turns by 8[0-9] degrees .* like a hemisphere or more"):
+        fit(vertices, faces, within(vertices, faces, np.array([0.0, 0.0, 1.0]), 84))
+    with pytest.raises(InputError, match=r"selection: has shape \(3,\); a mask of the mesh needs \(5120,\)"):
+        fit(vertices, faces, np.array([True, False, True]))
+    with pytest.raises(InputError, match="selection: has no such face"):
+        fit(vertices, faces, [-1])
+    flat, cells = sheet(lambda u, v: (0.03 * u, 0.03 * v, 0 * u), cells=30)
+    middles = np.abs(flat[cells].mean(axis=1) - 0.015)
+    cross = (middles[:, 0] < 0.003) | (middles[:, 1] < 0.003)
+    with pytest.raises(InputError, match="selection: has an outline that cannot be taken as four sides"):
+        fit(flat, cells, cross)

@@ -236,7 +236,7 @@ def around(R: Any, width: Any) -> PoseBounds:
 
 def test_no_bounds_that_a_rotation_meets_are_refused() -> None:
     rng = np.random.default_rng(1)
-    for R in Rotation.random(40, random_state=rng).as_matrix():
+    for R in Rotation.random(20, random_state=rng).as_matrix():
         for width in (1e-12, 1e-3, 0.2 * rng.random((3, 3)), 0.9 * rng.random((3, 3))):
             refuse_contradiction(around(R, width))
     refuse_contradiction(PoseBounds.none())
@@ -260,9 +260,9 @@ def test_true_contradictions_are_refused(axes: dict[int, list[float]], names: st
 
 def test_refusals_agree_with_sampling() -> None:
     rng = np.random.default_rng(2)
-    turns = Rotation.random(100_000, random_state=rng).as_matrix().swapaxes(1, 2)
+    turns = Rotation.random(50_000, random_state=rng).as_matrix().swapaxes(1, 2)
     refused = 0
-    for _ in range(30):
+    for _ in range(20):
         middle = rng.uniform(-1, 1, (3, 3))
         bounds = np.stack([np.clip(middle - 0.4, -1, 1), np.clip(middle + 0.4, -1, 1)], axis=-1)
         try:
@@ -271,7 +271,7 @@ def test_refusals_agree_with_sampling() -> None:
         except InputError:
             refused += 1
             assert not ((turns >= bounds[..., 0]) & (turns <= bounds[..., 1])).all(axis=(1, 2)).any()
-    assert 10 < refused < 30
+    assert 7 < refused < 20
 
 
 # --- the authors' tasks ----------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,9 +15,10 @@ from holdfast.shape import Faces
 STEEPEST = np.radians(80)  # a triangle further from the mean direction than this cannot be projected along it
 SIDES = (1.0, 0.75, 0.5, 0.25, 0.0)  # how far the patch's sides follow the outline, from the corners' chords on
 REGULAR = 0.2  # least sine of the angle between the parameter lines, and least ratio of areas over the patch
-OUTSIDE = 1e-2  # of the selection's size, by which a parameter line may leave it
+OUTSIDE = 0.01, 0.6  # of the selection's size, and of its edges, by which a parameter line may leave it
+LEAST, MOST = 0.6, 1.2  # coverage
 GRID = 25  # samples along each side of the patch
-CHECK = 41  # points along each side at which the errors are measured
+CHECK = 25  # points along each side at which the errors are measured
 ROUNDS = 8  # of moving the samples' parameters to their foot points
 
 
@@ -26,8 +28,8 @@ class Fitted:
 
     Attributes:
         patch: its outward normal agrees with the faces' winding.
-        error_max, error_rms: [m] distances over both ways, from the patch to the faces and from the covered
-            faces to the patch.
+        error_max, error_rms: [m] distances over both ways, from the patch to the mesh and from the part of the
+            selection that it covers to the patch.
         coverage: the patch's area over that of the selection; a round selection is covered in part, because
             the normal of a four-sided patch vanishes in a corner without an angle.
     """
@@ -41,9 +43,10 @@ class Fitted:
 def fit(vertices: Array, faces: Faces, selection: object, degree: tuple[int, int] = (3, 3)) -> Fitted:
     """The Bezier patch of a degree that is nearest, in the least squares sense, to some faces of a mesh.
 
-    The faces are projected along their mean direction, the outline is taken as four sides between the points
-    nearest to the corners of the smallest rectangle about it, and the plane between them (a Coons patch)
-    gives each sample its first parameters; foot points improve them.
+    The faces are projected along their mean direction, the outline is taken as four smooth sides between the
+    points furthest into the corners of the smallest rectangle about it, and the plane between them (a Coons
+    patch) gives each sample its first parameters; foot points improve them. Vertices at the same place count
+    as one.
 
     Args:
         vertices: (n, 3) [m].
@@ -57,8 +60,9 @@ def fit(vertices: Array, faces: Faces, selection: object, degree: tuple[int, int
     """
     if min(degree) < 1:
         raise InputError(f"is {degree[0]} x {degree[1]}; at least 1 x 1 is needed", field="degree")
-    vertices = np.asarray(vertices, dtype=float)
-    chosen = np.asarray(faces)[_selected(selection, len(faces))]
+    vertices, same = np.unique(np.asarray(vertices, dtype=float), axis=0, return_inverse=True)
+    faces = same.reshape(-1)[np.asarray(faces)]
+    chosen = faces[_selected(selection, len(faces))]
     outline = _outline(chosen)
     corners = vertices[chosen]
     area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
@@ -66,14 +70,20 @@ def fit(vertices: Array, faces: Faces, selection: object, degree: tuple[int, int
     middle = corners.reshape(-1, 3).mean(axis=0)
     local = (corners - middle) @ frame.T
     samples, u, v = _samples(local, (vertices[outline] - middle) @ frame.T)
-    points = _least_squares(samples, u, v, degree)
     try:
+        points = _least_squares(samples, u, v, degree)
         patch = Bezier(points @ frame + middle)
     except InputError as fault:
         raise InputError(f"cannot be fitted: the patch {fault.problem}", field="selection") from None
-    errors = np.concatenate([_to_faces(points, local), _to_patch(points, samples, u, v)])
-    whole = float(np.linalg.norm(area, axis=1).sum())
-    return Fitted(patch, float(errors.max()), float(np.sqrt((errors**2).mean())), _area(points) / whole)
+    everything = (vertices[faces] - middle) @ frame.T
+    errors = np.concatenate([_to_faces(points, everything), _to_patch(points, samples, u, v, local)])
+    coverage = _area(points) / float(np.linalg.norm(area, axis=1).sum())
+    if not LEAST < coverage < MOST:
+        problem = (
+            f"has an outline that cannot be taken as four sides: the patch would cover {100 * coverage:.0f} % of it"
+        )
+        raise InputError(problem, field="selection")
+    return Fitted(patch, float(errors.max()), float(np.sqrt((errors**2).mean())), coverage)
 
 
 # --- the selection -----------------------------------------------------------------------------------
@@ -88,8 +98,10 @@ def _selected(selection: object, count: int) -> Indices:
         given = np.flatnonzero(given)
     if not given.size:
         raise InputError("is empty; at least one face is needed", field="selection")
-    if given.dtype.kind not in "iu" or given.min() < 0 or given.max() >= count:
-        raise InputError(f"has no such face; indices from 0 to {count - 1} are needed", field="selection")
+    if given.dtype.kind not in "iu" or given.min() < 0:
+        raise InputError("has no such face; indices from 0 on, or a mask, are needed", field="selection")
+    if given.max() >= count:
+        raise InputError(f"has face {given.max()}, beyond the mesh's {count}; they count from 0", field="selection")
     return np.unique(given)
 
 
@@ -100,7 +112,7 @@ def _outline(faces: Faces) -> Indices:
 
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     if len(np.unique(edges, axis=0)) < len(edges):
-        raise InputError("is wound both ways, or has an edge with more than two faces", field="selection")
+        raise InputError("has both windings, or an edge with more than two faces", field="selection")
     owner = np.tile(np.arange(len(faces)), 3)
     _, same = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
     order = np.argsort(same.ravel(), kind="stable")
@@ -109,7 +121,7 @@ def _outline(faces: Faces) -> Indices:
     joined = coo_array((np.ones(len(pairs[0])), pairs), (len(faces), len(faces)))
     pieces, _ = connected_components(joined, directed=False)
     if pieces > 1:
-        raise InputError(f"falls into {pieces} pieces that share no edge; one is needed", field="selection")
+        raise InputError(f"falls into several pieces ({pieces}) that share no edge; one is needed", field="selection")
     shared = {(int(b), int(a)) for a, b in edges}
     border = [(int(a), int(b)) for a, b in edges if (int(a), int(b)) not in shared]
     if not border:
@@ -119,7 +131,7 @@ def _outline(faces: Faces) -> Indices:
     while len(after) == len(border) and len(loop) < len(border) and after[loop[-1]] != loop[0]:
         loop.append(after[loop[-1]])
     if len(loop) < len(border) or len(np.unique(faces)) - len(edges) + int(twin.sum()) + len(faces) != 1:
-        raise InputError("is no disc: it has a hole, or touches itself in a corner", field="selection")
+        raise InputError("has holes, or touches itself in a corner; a disc is needed", field="selection")
     return np.array(loop)
 
 
@@ -138,7 +150,8 @@ def _frame(area: Array, outline: Array) -> Array:
     steepest = float(np.arccos(np.clip((area[real] / size[real, None]) @ up, -1, 1)).max())
     if steepest > STEEPEST:
         turned, most = np.degrees([steepest, STEEPEST])
-        problem = f"turns by {turned:.0f} degrees from its mean direction; select less, at most {most:.0f}"
+        what = f"turns by {turned:.0f} degrees from its mean direction, like a hemisphere or more"
+        problem = f"{what}; up to {most:.0f} can be fitted"
         raise InputError(problem, field="selection")
     e1 = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     e1 /= np.linalg.norm(e1)
@@ -166,34 +179,39 @@ def _frame(area: Array, outline: Array) -> Array:
 def _samples(corners: Array, outline: Array) -> tuple[Array, Array, Array]:
     """(m, 3) points of the faces, and their first parameters u (m,) and v (m,); local frame, z the mean direction."""
     flat, size = outline[:, :2], float(np.ptp(outline[:, :2], axis=0).max())
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    wanted = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-    at = [int(np.linalg.norm(flat - w, axis=1).argmin()) for w in wanted]
+    within = (flat - flat.min(axis=0)) / np.ptp(flat, axis=0) - 0.5
+    at = [int((within @ d).argmax()) for d in np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])]
     turned = [(a - at[0]) % len(flat) for a in at]
     if sorted(set(turned)) != turned:
-        raise InputError("has no outline of four sides: two corners fall together", field="selection")
-    loop = np.roll(flat, -at[0], axis=0)
-    ends = [*turned, len(flat)]
-    loop = np.vstack([loop, loop[:1]])
-    sides = [loop[a : b + 1] for a, b in zip(ends, ends[1:], strict=False)]
+        raise InputError("has an outline with no four corners: two of them fall together", field="selection")
+    ring = np.roll(flat, -at[0], axis=0)
+    ring = np.vstack([ring, ring[:1]])
+    sides = [ring[a : b + 1] for a, b in pairwise([*turned, len(flat)])]
+    allowed = max(OUTSIDE[0] * size, OUTSIDE[1] * float(np.linalg.norm(np.diff(ring, axis=0), axis=1).mean()))
     steps = np.linspace(0, 1, GRID)
     for follow in SIDES:
         grid = _coons([_along(side, steps, follow) for side in sides], steps)
         if not _regular(grid):
             continue
         points, outside = _lifted(grid.reshape(-1, 2), corners)
-        if outside <= OUTSIDE * size:
+        if outside <= allowed:
             u, v = np.meshgrid(steps, steps, indexing="ij")
             return points, u.ravel(), v.ravel()
     raise InputError("has an outline that cannot be taken as four sides; select a simpler one", field="selection")
 
 
 def _along(side: Array, steps: Array, follow: float) -> Array:
-    """(g, 2) points along a polyline by length, drawn towards its chord as `follow` goes from 1 to 0."""
+    """(g, 2) points along the cubic that is nearest to a polyline, ends kept, drawn to its chord as `follow` falls."""
+
+    def bends(t: Array) -> Array:
+        return np.column_stack([t * (1 - t), t * (1 - t) * (2 * t - 1)])
+
     run = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(side, axis=0), axis=1))])
-    curve = np.column_stack([np.interp(steps, run / run[-1], side[:, i]) for i in (0, 1)])
-    chord = side[0] + steps[:, None] * (side[-1] - side[0])
-    return chord + follow * (curve - chord)
+    dense = np.linspace(0, 1, 8 * GRID)
+    line = np.column_stack([np.interp(dense, run / run[-1], side[:, i]) for i in (0, 1)])
+    chord = side[0] + dense[:, None] * (side[-1] - side[0])
+    bulge = np.linalg.lstsq(bends(dense), line - chord, rcond=None)[0]
+    return side[0] + steps[:, None] * (side[-1] - side[0]) + follow * bends(steps) @ bulge
 
 
 def _coons(sides: list[Array], steps: Array) -> Array:
@@ -218,7 +236,10 @@ def _regular(grid: Array) -> bool:
 
 
 def _lifted(flat: Array, corners: Array) -> tuple[Array, float]:
-    """Points (m, 3) of the faces above or below points (m, 2), and how far [m] the worst of these is outside."""
+    """Points (m, 3) of the faces above or below points (m, 2), and how far [m] the worst of these is outside.
+
+    Where a point is outside, the nearest face is continued.
+    """
     a, b, c = (corners[:, i, :2] for i in range(3))
     det = _cross(b - a, c - a)
     keep = det > 1e-12 * det.max()
@@ -230,8 +251,7 @@ def _lifted(flat: Array, corners: Array) -> tuple[Array, float]:
         short = np.maximum(-w.min(axis=1), 0) * height
         best = int(short.argmin())
         worst = max(worst, float(short[best]))
-        weights = np.clip(w[best], 0, None)
-        points[i] = weights / weights.sum() @ kept[best]
+        points[i] = w[best] @ kept[best]
     return points, worst
 
 
@@ -249,7 +269,7 @@ def _least_squares(samples: Array, u: Array, v: Array, degree: tuple[int, int]) 
 
     def solve(u: Array, v: Array) -> tuple[Array, float]:
         A = np.einsum("mi,mj->mij", bernstein(degree[0], u), bernstein(degree[1], v)).reshape(len(u), -1)
-        b = np.linalg.lstsq(A, samples, rcond=None)[0]
+        b = np.linalg.solve(A.T @ A, A.T @ samples)  # well enough conditioned for the degrees in use
         return b.reshape(shape), float(((A @ b - samples) ** 2).sum())
 
     best, least = solve(u, v)
@@ -277,11 +297,19 @@ def _foot(points: Array, samples: Array, u: Array, v: Array, rounds: int) -> tup
     return u, v
 
 
-def _to_patch(points: Array, samples: Array, u: Array, v: Array) -> Array:
-    """(m,) [m] distance of samples to the patch: never less than the nearest point that the iteration finds."""
-    before = np.linalg.norm(samples - Bezier(points).at(u, v), axis=1)
-    u, v = _foot(points, samples, u, v, 10)
-    return np.minimum(before, np.linalg.norm(samples - Bezier(points).at(u, v), axis=1))
+def _to_patch(points: Array, samples: Array, u: Array, v: Array, corners: Array) -> Array:
+    """(m,) [m] distance to the patch of the samples and of the vertices that are above it or below it."""
+    from scipy.spatial import KDTree
+
+    spots = np.unique(corners.reshape(-1, 3), axis=0)
+    nearest = KDTree(samples).query(spots)[1]
+    spots, u, v = np.vstack([samples, spots]), np.append(u, u[nearest]), np.append(v, v[nearest])
+    before = np.linalg.norm(spots - Bezier(points).at(u, v), axis=1)
+    u, v = _foot(points, spots, u, v, 10)
+    after = np.linalg.norm(spots - Bezier(points).at(u, v), axis=1)
+    covered = (np.minimum(u, v) > 0) & (np.maximum(u, v) < 1)
+    covered[: len(samples)] = True
+    return np.minimum(before, after)[covered]
 
 
 def _to_faces(points: Array, corners: Array) -> Array:
@@ -291,11 +319,13 @@ def _to_faces(points: Array, corners: Array) -> Array:
     steps = np.linspace(0, 1, CHECK)
     u, v = np.meshgrid(steps, steps)
     spots = Bezier(points).at(u, v).reshape(-1, 3)
+    far = np.array([np.linalg.norm(corners[:, 0] - p, axis=1).min() for p in spots]) + 1e-12  # to the nearest corner
+    least, most = corners.min(axis=1), corners.max(axis=1)
+    close = ((least <= spots.max(axis=0) + far.max()) & (most >= spots.min(axis=0) - far.max())).all(axis=1)
+    corners, least, most = corners[close], least[close], most[close]
     found = np.empty(len(spots))
     for i, spot in enumerate(spots):
-        low = np.linalg.norm(np.clip(spot, corners.min(axis=1), corners.max(axis=1)) - spot, axis=1)  # to the boxes
-        far = np.linalg.norm(corners - spot, axis=2).min()  # to the nearest corner
-        near = low <= far
+        near = np.linalg.norm(np.clip(spot, least, most) - spot, axis=1) <= far[i]  # to the boxes about the faces
         nearest = closest_point(corners[near], np.tile(spot, (int(near.sum()), 1)))
         found[i] = np.linalg.norm(nearest - spot, axis=1).min()
     return found
