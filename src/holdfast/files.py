@@ -11,6 +11,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from holdfast.errors import InputError
 
+SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
+
 
 class Strict(BaseModel):
     """Base of every file format: unknown fields, NaN and infinity are errors."""
@@ -85,3 +87,14 @@ def validate(model: type[T], data: Any) -> T:
             raise InputError("is missing", field=field) from None
         message = first["msg"].removeprefix("Value error, ")
         raise InputError(message[0].lower() + message[1:], field=field or None) from None
+
+
+def same_json(a: Any, b: Any) -> bool:
+    """Equal JSON, numbers within `SAME`, absolute or relative."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(same_json(a[k], b[k]) for k in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(same_json(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, float | int) and isinstance(b, float | int):
+        return abs(a - b) <= SAME * max(1.0, abs(a))
+    return bool(a == b)

@@ -14,7 +14,7 @@ import numpy as np
 
 from holdfast.answer import Verdict
 from holdfast.errors import InputError
-from holdfast.files import read_json
+from holdfast.files import SAME, read_json, same_json
 from holdfast.mechanism import Array
 from holdfast.stability import asked, certificate_file, model, result_file
 from holdfast.stability import verify as checker
@@ -28,8 +28,6 @@ from holdfast.stability.witness import VALID, Witness
 
 if TYPE_CHECKING:
     from holdfast.stability.answers import Answer
-
-SAME = 1e-9  # relative: two numbers that say the same
 
 
 class Refused(Exception):
@@ -329,23 +327,12 @@ def _other_numbers(result: Result) -> None:
         gap = 0.0 if answer.unbounded or answer.upper == 0 else None
         if gap is None and answer.upper is not None and answer.lower > 0:
             gap = (answer.upper - answer.lower) / answer.lower
-        if not _same(gap, answer.gap):
+        if not same_json(gap, answer.gap):
             raise Refused(f"gap is {answer.gap}, of these bounds {gap}")
     if answer.query == "check" and w is not None:
         for key, value in w.to_json().items():
-            if key != "residual" and not _same(value, said.get(key)):
+            if key != "residual" and not same_json(value, said.get(key)):
                 raise Refused(f"{key} is not what the witness says")
-
-
-def _same(a: Any, b: Any) -> bool:
-    """Equal JSON, numbers within rounding."""
-    if isinstance(a, dict) and isinstance(b, dict):
-        return a.keys() == b.keys() and all(_same(a[k], b[k]) for k in a)
-    if isinstance(a, list) and isinstance(b, list):
-        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
-    if isinstance(a, float | int) and isinstance(b, float | int):
-        return abs(a - b) <= SAME * max(1.0, abs(a))
-    return bool(a == b)
 
 
 def _close(a: Array, b: Array) -> bool:

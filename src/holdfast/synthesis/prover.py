@@ -88,7 +88,7 @@ class Together:
         kept, kept_share = np.empty((KEPT, n, 2)), np.empty(KEPT)
         resolution = RESOLUTION / self.problem.unit
         flat, use = self.problem.flat, self.use
-        count, found, nodes, _ = explore(
+        count, found, nodes = explore(
             stack, share, 1, flat, self.subset, use, self.bend, self.cones, budget, resolution, kept, kept_share
         )
         if count == found == 0:

@@ -458,7 +458,7 @@ def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolut
 
     cones (m, 5): bounds of the object's axes: index of the axis, direction of the palm frame, and the angle
     from it that is allowed. Boxes that stray by less than `resolution` [units] go to `kept` (., n, 2).
-    Returns (boxes on the stack, kept, nodes, share discarded).
+    Returns (boxes on the stack, kept, nodes).
     """
     n, contacts, many = stack.shape[1], subset.shape[0], subset.shape[0] + cones.shape[0]
     V, D, E, swing = np.zeros((many, 4, 3)), np.zeros((many, 4, n, 3)), np.zeros((many, 4)), np.zeros((many, 4))
@@ -478,14 +478,13 @@ def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolut
         np.zeros((16, 3)), np.zeros((16, n)), np.zeros((many, 5)),
     )  # fmt: skip
     S = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), V, D, E, swing, workspace(flat), L)
-    nodes, found, gone = 0, 0, 0.0
+    nodes, found = 0, 0
     while count > 0 and nodes < budget and count + 2 < stack.shape[0] and found < kept.shape[0]:
         count -= 1
         nodes += 1
         box = stack[count]
         split, stray = examine(box, flat, subset, use, bend, slack, S)
         if split < 0:
-            gone += share[count]
             continue
         if stray < resolution:
             kept[found] = box
@@ -499,4 +498,4 @@ def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolut
         stack[count, split, 0] = middle
         stack[count + 1, split, 1] = middle
         count += 2
-    return count, found, nodes, gone
+    return count, found, nodes

@@ -56,19 +56,9 @@ def start(numbers, flat, lower, upper, x):  # type: ignore[no-untyped-def]
             edge = max(flat.cone[k], -1.0)
             c = edge + (1 - edge) * numbers[at]
             s = np.sqrt(max(0.0, 1 - c * c))
-            turn = 2 * np.pi * numbers[at + 1]
-            a = flat.axis[k]
-            l = 0
+            frame(flat.axis[k], 2 * np.pi * numbers[at + 1], M)
             for i in range(3):
-                if abs(a[i]) < abs(a[l]):
-                    l = i
-            e = np.zeros(3)
-            e[l] = 1.0
-            e1 = np.cross(e, a)
-            e1 /= np.sqrt(e1 @ e1)
-            e2 = np.cross(a, e1)
-            for i in range(3):
-                inward[i] = flat.sign[k] * (c * a[i] + s * (np.cos(turn) * e1[i] + np.sin(turn) * e2[i]))
+                inward[i] = flat.sign[k] * (c * flat.axis[k, i] + s * M[i, 0])
                 spot[i] = flat.center[k, i]
         # turn the object so that its normal opposes the hand's, with a random spin about it
         target = np.zeros(3)
