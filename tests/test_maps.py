@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import settings as given_settings
+from hypothesis import strategies as st
 
 from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError
-from holdfast.stability.many import default_jobs
+from holdfast.grasp import Grasp
+from holdfast.stability import maps
+from holdfast.stability.answers import MaxAnswer
+from holdfast.stability.many import Case, default_jobs, maxima
 from holdfast.stability.maps import force_map, sweep
 from holdfast.stability.settings import Settings
-from problems import pinch
+from problems import bell, pinch, table
 
 QUICK = Settings(sectors=64, gap=1e-2, time_limit=30)
 
@@ -81,3 +89,66 @@ def test_refusals() -> None:
 
 def test_default_jobs() -> None:
     assert default_jobs() >= 1
+
+
+def test_a_force_beside_the_origin_has_its_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every case is (f, at x f); at the origin there is no moment, and the answer is the one of a plain map."""
+    asked: list[Case] = []
+
+    def watched(cases: list[Case], *rest: object) -> list[MaxAnswer | None]:
+        asked.extend(cases)
+        return maxima(cases, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(maps, "maxima", watched)
+    at = np.array([0.01, -0.02, 0.03])
+    answer = force_map(bell(), "xz", at=at, steps=4, settings=QUICK, jobs=1)
+    np.testing.assert_array_equal(answer.at, at)
+    assert answer.to_json()["at"] == at.tolist()
+    f = answer.directions
+    by_hand = [[at[1] * z - at[2] * y, at[2] * x - at[0] * z, at[0] * y - at[1] * x] for x, y, z in f]
+    np.testing.assert_allclose([c.direction for c in asked[:4]], np.hstack([f, by_hand]), atol=1e-18)
+    origin = force_map(bell(), "xz", at=(0, 0, 0), steps=4, settings=QUICK, jobs=1)
+    plain = force_map(bell(), "xz", steps=4, settings=QUICK, jobs=1)
+    assert origin.to_json() | {"seconds": 0} == plain.to_json() | {"seconds": 0}
+    assert origin.to_json()["at"] == [0, 0, 0]
+
+
+def test_a_load_beyond_the_edge_tips_the_box_by_hand() -> None:
+    """Four corners of a 100 mm square carry any press between them and none beyond; nothing carries a pull."""
+    inside = force_map(table(), "xz", at=(0.03, 0.01, 0.2), steps=4, settings=QUICK, jobs=1)
+    assert inside.passive.unbounded.tolist() == [False, False, False, True]  # down, along -z
+    outside = force_map(table(), "xz", at=(0.06, 0.01, 0.2), steps=4, settings=QUICK, jobs=1)
+    assert (outside.passive.upper == 0).all()
+    assert outside.verdict is Verdict.SLIPS
+
+
+@given_settings(max_examples=12, deadline=None, derandomize=True)
+@given(
+    shift=st.tuples(*3 * [st.floats(-0.2, 0.2)]),
+    at=st.tuples(*3 * [st.floats(-0.05, 0.05)]),
+)
+def test_a_map_belongs_to_the_physical_point(shift: tuple[float, ...], at: tuple[float, ...]) -> None:
+    """Moving the object's origin, with the contacts, joints and the point given from the new one, changes nothing."""
+    grasp, t = bell(), np.array(shift)
+    contacts = [replace(c, position=c.position + t) for c in grasp.contacts]
+    joints = [replace(j, origin=j.origin + t) for j in grasp.joints]
+    moved = Grasp(contacts, joints, preload=grasp.preload)
+    here = force_map(grasp, "xy", at=at, steps=5, settings=QUICK, jobs=1)
+    there = force_map(moved, "xy", at=np.array(at) + t, steps=5, settings=QUICK, jobs=1)
+    for a, b in zip(here.curves, there.curves, strict=True):
+        assert a.unbounded.tolist() == b.unbounded.tolist()
+        assert a.verdicts == b.verdicts
+        bounded = np.logical_not(a.unbounded)
+        for low, high in ((a.lower, b.upper), (b.lower, a.upper)):  # the same maximum lies between both pairs of bounds
+            assert (low[bounded] <= high[bounded] * (1 + 1e-7) + 1e-12).all()
+
+
+def test_refuses_a_point_that_is_none_or_that_no_force_could_balance() -> None:
+    with pytest.raises(InputError, match=r"at: has shape \(2,\), needs \(3,\)"):
+        force_map(pinch(), at=(0, 1), steps=2)
+    with pytest.raises(InputError, match="at: contains NaN or infinity"):
+        force_map(pinch(), at=(0, 0, np.nan), steps=2)
+    seen: list[int] = []
+    with pytest.raises(InputError, match=r"cannot be balanced by any forces at these 2 contacts"):
+        force_map(pinch(), "xy", at=(0, 0, 0.01), steps=4, on_item=lambda done, total: seen.append(done))
+    assert not seen  # before any work

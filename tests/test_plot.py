@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon, Wedge
+from matplotlib.patches import Arc, Polygon, Wedge
 
 from holdfast.answer import Stop, Verdict
 from holdfast.cli import map as map_command
 from holdfast.cli import sweep as sweep_command
 from holdfast.errors import InputError
 from holdfast.grasp import Contact, Grasp, GraspJoint
-from holdfast.plot import draw_grasp, draw_map, draw_scene, draw_sweep, picture, scene_meshes
+from holdfast.plot import HELD, draw_grasp, draw_map, draw_scene, draw_sweep, picture, scene_meshes
+from holdfast.report import words
 from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
 
 ORIGIN = np.zeros(3)
@@ -96,6 +97,28 @@ def test_map_limit_is_the_callers_or_one(mapped: MapAnswer) -> None:
 def test_a_few_long_directions_do_not_shrink_the_map(mapped: MapAnswer) -> None:
     spiky = replace(mapped, preloaded=curve([2, 2, 2, 2, 2, 2, 2, 500]), passive=curve([0.0] * 8))
     assert draw_map(spiky).axes[0].get_xlim()[1] == 8
+
+
+def test_the_weight_is_a_circle_that_shows_where_it_is_too_much(mapped: MapAnswer) -> None:
+    """Weight 2.5 N: the preloaded grasp holds it in five directions, not in two, and one is open (2 to 5 N)."""
+    assert words.weight_states(mapped.preloaded, 2.5) == ["enough", "weak", "open", "weak", *["enough"] * 4]
+    figure = draw_map(mapped, weight=2.5)
+    arcs = [p for p in figure.axes[0].patches if isinstance(p, Arc)]
+    assert len(arcs) == 8
+    assert {(a.width, a.height) for a in arcs} == {(5.0, 5.0)}
+    widths = [a.get_linewidth() for a in arcs]
+    assert widths == [HELD[s][1] for s in words.weight_states(mapped.preloaded, 2.5)]
+    assert (arcs[1].theta1, arcs[1].theta2) == (22.5, 67.5)
+    assert "5 of 8 directions resist as much, 2 less, 1 not decided." in " ".join(texts(figure).split())
+    assert figure.axes[0].get_xlim() == draw_map(mapped).axes[0].get_xlim()
+    assert draw_map(mapped, weight=20.0).axes[0].get_xlim()[1] == 25  # room for the circle
+    alone = replace(mapped, preloaded=None)
+    assert "3 of 8 directions resist as much, 5 less." in " ".join(texts(draw_map(alone, weight=1.0)).split())
+
+
+def test_the_picture_says_where_the_force_acts(mapped: MapAnswer) -> None:
+    assert "Forces act" not in texts(draw_map(mapped))
+    assert "Forces act at (0, 20, −5) mm" in texts(draw_map(replace(mapped, at=np.array([0, 0.02, -0.005]))))
 
 
 def test_an_interrupted_map_is_drawn(mapped: MapAnswer) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -44,7 +45,8 @@ def page(path: Path) -> str:
         assert link.startswith("data:")
     assert "@import" not in text
     assert "url(" not in text
-    assert "<script" not in text
+    assert text.count("<script") == 2  # the 3-D view's data and its program
+    assert "<script>(() =>" in text
     return text
 
 
@@ -142,6 +144,60 @@ def test_map_table_has_every_direction(grasp: Grasp, tmp_path: Path) -> None:
     text = page(tmp_path / "a.html")
     for said in (">1.25<", ">2.5<", ">3.75<", ">not reached<", ">270<", "1 not decided"):
         assert said in text
+
+
+def test_facts_are_a_table_near_the_top(grasp: Grasp, tmp_path: Path) -> None:
+    facts = [("clearance", "3.2 mm"), ("rank of G", "6"), ("a <b>", "& c")]
+    write_report(tmp_path / "a.html", grasp, [], facts=facts, notes=["Taken as it lies."])
+    text = page(tmp_path / "a.html")
+    assert "<td>clearance</td><td>3.2 mm</td>" in text
+    assert "<td>a &lt;b&gt;</td><td>&amp; c</td>" in text
+    assert text.index("Taken as it lies.") < text.index("3.2 mm") < text.index('class="view3d"') < text.index("<h2>")
+
+
+def test_many_loads_are_drawn_once_and_listed(grasp: Grasp, tmp_path: Path) -> None:
+    """Up to three checks have pictures of their own; of four, the first that holds, and a table of all."""
+    loads = [2.5, 1.0, 1.5, 2.0]
+    entries = [Entry(f"{f} N?", check(grasp, f * Y, settings=QUICK)) for f in loads]
+    assert [str(e.answer.verdict) for e in entries] == ["slips", "holds", "holds", "holds"]
+    write_report(tmp_path / "three.html", grasp, entries[1:])
+    three = page(tmp_path / "three.html")
+    assert three.count("<img") == 3
+    assert "The loads" not in three
+    write_report(tmp_path / "four.html", grasp, entries)
+    four = page(tmp_path / "four.html")
+    assert four.count("<img") == 1
+    assert four.count("<summary>The equilibrium in numbers</summary>") == 2
+    assert four.index("<h2>1.0 N?") < four.index("<img") < four.index("<h2>1.5 N?")
+    assert "<h3>The loads</h3>" in four
+    witness = entries[1].answer.witness
+    assert witness is not None
+    largest = num(float(witness.state.c.reshape(-1, 3)[:, 0].max()))
+    assert f'>1.0 N?</td><td>holds</td><td class="n">{largest}</td>' in four
+    assert '>2.5 N?</td><td class="bad">slips</td><td class="n">–</td>' in four
+    shares = [int(x) for x in re.findall(r"(\d+) %</td></tr>", four.split("The loads")[1].split("</table>")[0])]
+    assert len(shares) == 3
+    assert max(shares) <= 100  # noise at a contact that carries nothing is no share of its friction
+
+
+def test_a_slip_names_its_load(grasp: Grasp, tmp_path: Path) -> None:
+    write_report(tmp_path / "a.html", grasp, [Entry("?", check(grasp, 2.5 * Y, settings=QUICK))])
+    assert "The object slips under 2.5 N along +y" in page(tmp_path / "a.html")
+
+
+def test_a_map_says_where_its_forces_act_and_what_the_weight_meets(grasp: Grasp, tmp_path: Path) -> None:
+    holds = [MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), None, None, v, v, False) for v in (1.0, 3.0)]
+    directions = np.array([[1, 0, 0], [-1, 0, 0.0]])
+    plain = MapAnswer(grasp, "xy", 0.0, directions, Curve.of(holds), None, 1.0, 0)
+    entry = Entry("map", replace(plain, at=np.array([0, 0.02, 0])), weight=2.0)
+    write_report(tmp_path / "a.html", grasp, [entry])
+    text = page(tmp_path / "a.html")
+    assert "they act at (0, 20, 0) mm." in text
+    assert "A weight of 2 N: 1 of 2 directions resist as much, 1 less." in text
+    write_report(tmp_path / "b.html", grasp, [Entry("map", plain)])
+    text = page(tmp_path / "b.html")
+    assert "they act at the object&#x27;s origin." in text
+    assert "A weight of" not in text
 
 
 @pytest.mark.parametrize(

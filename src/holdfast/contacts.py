@@ -114,6 +114,37 @@ def contact_grasp(
     contacts = find_contacts(hand, q, body, object_pose, threshold, friction, scene=scene)
     if not contacts:
         raise nothing_near(scene, q, checked_pose(object_pose), threshold)
+    return grasp_of(
+        hand,
+        q,
+        contacts,
+        object_pose,
+        preload=preload,
+        lock=lock,
+        mechanism=mechanism,
+        name=name or f"{hand.name} on {body.name}",
+    )
+
+
+def grasp_of(
+    hand: Hand,
+    q: Array,
+    contacts: Sequence[Contact],
+    object_pose: Array,
+    *,
+    preload: Mapping[str, float] | None = None,
+    lock: Sequence[str] = (),
+    mechanism: Literal["hand", "direct"] = "hand",
+    name: str | None = None,
+) -> Grasp:
+    """The grasp of a hand at q with contacts that are known already: `contact_grasp` without the detection.
+
+    Args:
+        contacts: object frame; `link` names the hand link of each.
+
+    Raises:
+        InputError: no contacts, an unknown link, joint or actuator.
+    """
     moving = [hand.moved_by(hand.link(c.link)) for c in contacts]
     whole = Mechanism.direct(hand.joint_names) if mechanism == "direct" else hand.mechanism
     kept = _connected({j for chain in moving for j in chain}, whole)
@@ -136,7 +167,7 @@ def contact_grasp(
         joints,
         _restricted(whole, kept, sign, hand.closing != 0, held),
         preload,
-        name or f"{hand.name} on {body.name}",
+        name or hand.name,
     )
 
 

@@ -13,14 +13,13 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Polygon, Wedge
+from matplotlib.patches import Arc, Patch, Polygon, Wedge
 
 from holdfast.report import words
-from holdfast.report.drawing import BLUE, GREY, INK, MAROON, Mesh, draw_grasp, draw_scene, scene_meshes
+from holdfast.report.drawing import AMBER, BLUE, GREY, INK, MAROON, Mesh, draw_grasp, draw_scene, scene_meshes
 from holdfast.report.words import num
 
 if TYPE_CHECKING:
-    from holdfast.grasp import Grasp
     from holdfast.mechanism import Array
     from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
 
@@ -28,6 +27,8 @@ __all__ = ["Mesh", "draw_grasp", "draw_map", "draw_scene", "draw_sweep", "pictur
 
 DPI = 100
 FILL = {BLUE: "#6c9fd6", MAROON: MAROON}  # far apart in lightness too, for print and colour-blind eyes
+WEAK = "#d0021b"
+HELD = {"enough": (INK, 1.2, "-"), "weak": (WEAK, 4.5, "-"), "open": (AMBER, 3.0, ":")}  # arcs of the weight's circle
 FEW = 72  # directions; up to here each one is marked by a dot
 
 
@@ -45,7 +46,7 @@ def picture(figure: Figure, ending: str = "png", *, dpi: int = DPI) -> bytes:
 # --- maps ---------------------------------------------------------------------------------------
 
 
-def draw_map(answer: MapAnswer, *, limit: float | None = None) -> Figure:
+def draw_map(answer: MapAnswer, *, limit: float | None = None, weight: float | None = None) -> Figure:
     """The resisted forces in a plane as a region: stability paper, Figs 6, 8 and 10.
 
     Blue is resisted with every actuator locked, maroon is what the preload adds. The radius in a
@@ -54,8 +55,11 @@ def draw_map(answer: MapAnswer, *, limit: float | None = None) -> Figure:
 
     Args:
         limit: half width of the picture [N]; by default chosen from the finite radii.
+        weight: of the object [N], drawn as a circle. Where the grasp, with its preload if it has one,
+            resists less, the circle is red and thick. A larger maximum does not say that the weight itself
+            is held, as smaller forces may slip where larger ones do not: `check` tells.
     """
-    radius = limit or _radius(answer)
+    radius = limit or max(_radius(answer), 1.25 * (weight or 0.0))
     figure = Figure(figsize=(8.0, 5.4), dpi=DPI)
     ax = figure.add_axes((0.085, 0.115, 0.575, 0.80))
     i, j = ("xyz".index(a) for a in answer.plane)
@@ -68,14 +72,16 @@ def draw_map(answer: MapAnswer, *, limit: float | None = None) -> Figure:
     if answer.preloaded is not None:  # where the preload takes resistance away, its outline shows it
         ax.add_patch(Polygon(_outline(d, answer.preloaded, radius), fill=False, ec=MAROON, lw=1.4, zorder=4))
     open_ones = sum(_undecided(ax, d, curve, radius) for curve in answer.curves)
+    if weight:
+        _circle(ax, d, answer.curves[-1], weight)
     ax.set(xlim=(-radius, radius), ylim=(-radius, radius), aspect="equal")
     ax.set_xlabel(f"force along {answer.plane[0]} [N]")
     ax.set_ylabel(f"force along {answer.plane[1]} [N]")
     ax.set_title(f"Forces resisted in the {answer.plane} plane", loc="left", fontsize=12, color=INK)
     ax.grid(color="#e4e4e4", lw=0.6, zorder=0)
     _tidy(ax)
-    _map_key(figure, answer, hatched=open_ones > 0)
-    _inset(figure, answer.grasp, (i, j), answer.plane)
+    bottom = _map_key(figure, answer, weight, hatched=open_ones > 0)
+    _inset(figure, answer, (i, j), min(0.34, bottom - 0.135))
     return figure
 
 
@@ -115,7 +121,19 @@ def _undecided(ax: Any, d: Array, curve: Curve, radius: float) -> int:
     return seen
 
 
-def _map_key(figure: Figure, answer: MapAnswer, *, hatched: bool) -> None:
+def _circle(ax: Any, d: Array, curve: Curve, weight: float) -> None:
+    """The object's weight, arc by arc: is as much resisted in that direction?"""
+    half = 180.0 / len(d)
+    for (x, y), state in zip(d, words.weight_states(curve, weight), strict=True):
+        angle = float(np.degrees(np.arctan2(y, x)))
+        color, width, dash = HELD[state]
+        arc = Arc((0, 0), 2 * weight, 2 * weight, theta1=angle - half, theta2=angle + half)
+        arc.set(color=color, lw=width, ls=dash, zorder=8)
+        ax.add_patch(arc)
+
+
+def _map_key(figure: Figure, answer: MapAnswer, weight: float | None, *, hatched: bool) -> float:
+    """What the colours mean and the facts of the map; returns where they end in the figure."""
     states = [words.curve_states(c) for c in answer.curves]
     entries: list[Any] = [Patch(fc=FILL[BLUE], label="resisted with no preload")]
     if answer.preloaded is not None:
@@ -125,6 +143,13 @@ def _map_key(figure: Figure, answer: MapAnswer, *, hatched: bool) -> None:
     if len(answer.directions) <= FEW:
         few = Line2D([], [], ls="", marker="o", ms=4, mfc="white", mec=INK, label="computed direction")
         entries.append(few)
+    if weight:
+        labels = {"enough": f"weight of {num(weight)} N", "weak": "less is resisted there"}
+        labels["open"] = "weight: not decided"
+        held = {"enough", *words.weight_states(answer.curves[-1], weight)}
+        for state, (color, width, dash) in HELD.items():
+            if state in held:
+                entries.append(Line2D([], [], color=color, lw=width, ls=dash, label=labels[state]))
     place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.675, 0.93)}
     figure.legend(handles=entries, frameon=False, fontsize=9.5, **place)
     facts = [f"Preload {words.preload_text(answer.grasp)}", words.grasp_text(answer.grasp)]
@@ -132,29 +157,39 @@ def _map_key(figure: Figure, answer: MapAnswer, *, hatched: bool) -> None:
     facts.append(f"Normals off by up to {eta}°" if answer.eta else "Normals taken as exact")
     if any("unbounded" in s for s in states):
         facts.append("Colour to the edge: any force is resisted")
-    lines = [line for f in [answer.grasp.name, *facts] for line in textwrap.wrap(f, 36)][:11]
+    if answer.at.any():
+        facts.append(f"Forces act {words.place_text(answer.at)}")
+    if weight:
+        facts.append(words.weight_sentence(answer.curves[-1], weight))
+    lines = [line for f in [answer.grasp.name, *facts] for line in textwrap.wrap(f, 38)][:11]
     top = 0.93 - 0.048 * len(entries) - 0.03
     figure.text(0.685, top, "\n".join(lines), va="top", fontsize=8.5, color=INK, linespacing=1.45)
+    return top - 0.033 * len(lines)
 
 
-def _inset(figure: Figure, grasp: Grasp, axes: tuple[int, int], plane: str) -> None:
-    """The contacts in the plane with their normals: which way the picture lies."""
-    ax = figure.add_axes((0.735, 0.085, 0.235, 0.34))
+def _inset(figure: Figure, answer: MapAnswer, axes: tuple[int, int], height: float) -> None:
+    """The contacts in the plane with their normals, and where the forces act: which way the picture lies."""
+    grasp, plane = answer.grasp, answer.plane
+    ax = figure.add_axes((0.735, 0.085, 0.235, height))
     p = 1e3 * np.array([c.position for c in grasp.contacts])[:, axes]
     n = np.array([c.normal for c in grasp.contacts])[:, axes]
-    p0 = np.vstack([p, np.zeros((1, 2))])
+    at = 1e3 * answer.at[list(axes)]
+    p0 = np.vstack([p, np.zeros((1, 2)), at])
     middle, half = (p0.max(0) + p0.min(0)) / 2, 0.5 * max(float(np.ptp(p0, axis=0).max()), 1.0)
     arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.014}
     ax.quiver(*p.T, *(0.45 * half * n).T, color=INK, zorder=3, **arrows)
     ax.plot(*p.T, "o", ms=5, color=INK, zorder=4)
     ax.plot(0, 0, "+", ms=8, mew=1.4, color=GREY)
+    if answer.at.any():
+        ax.plot(*at, "x", ms=7, mew=2.0, color=AMBER, zorder=5)
     ax.set(xlim=middle[0] + np.array([-1.35, 1.35]) * half, ylim=middle[1] + np.array([-1.35, 1.35]) * half)
     ax.set_aspect("equal")
     ax.set_xlabel(f"{plane[0]} [mm]", fontsize=8, labelpad=1)
     ax.set_ylabel(f"{plane[1]} [mm]", fontsize=8, labelpad=0)
     ax.tick_params(labelsize=7)
     ax.locator_params(nbins=4)
-    ax.set_title("contacts and normals", fontsize=8.5, loc="left", color=INK, pad=4)
+    title = "contacts; × force" if answer.at.any() else "contacts and normals"
+    ax.set_title(title, fontsize=8.5, loc="left", color=INK, pad=4)
     _tidy(ax)
 
 

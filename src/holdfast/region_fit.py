@@ -86,6 +86,44 @@ def fit(vertices: Array, faces: Faces, selection: object, degree: tuple[int, int
     return Fitted(patch, float(errors.max()), float(np.sqrt((errors**2).mean())), coverage)
 
 
+def fit_grid(points: Array, degree: tuple[int, int] = (3, 3)) -> Fitted:
+    """The Bezier patch of a degree through a grid of points of a surface, in least squares.
+
+    Point (i, j) keeps the parameters i / (g - 1), j / (h - 1), as is right for a grid that was drawn on the surface
+    evenly, and quick. The errors are distances of patch and grid, taken as bilinear between its points, at the same
+    parameters: upper bounds of the distances between the two surfaces there.
+
+    Args:
+        points: (g, h, 3) [m], more along each side than the degree.
+        degree: of the patch in both directions.
+
+    Raises:
+        InputError: too few points for the degree, or the patch's normal vanishes.
+    """
+    points = np.asarray(points, dtype=float)
+    least = min(degree[0], degree[1])
+    enough = points.ndim == 3 and points.shape[2] == 3 and least >= 1
+    if not enough or points.shape[0] <= degree[0] or points.shape[1] <= degree[1]:
+        problem = f"has shape {points.shape}; more points a side than the degree, of three coordinates, are needed"
+        raise InputError(problem, field="points")
+    u, v = (np.linspace(0, 1, n) for n in points.shape[:2])
+    A, B = (np.linalg.pinv(bernstein(d, x)) for d, x in zip(degree, (u, v), strict=True))
+    try:
+        patch = Bezier(np.einsum("ai,bj,ijk->abk", A, B, points))
+    except InputError as fault:
+        raise InputError(f"cannot be fitted: the patch {fault.problem}", field="points") from None
+    errors = []
+    for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)):  # the points, and the middles of sides and cells
+        a = (points[1:] + points[:-1]) / 2 if i else points
+        a = (a[:, 1:] + a[:, :-1]) / 2 if j else a
+        at = np.meshgrid((u[1:] + u[:-1]) / 2 if i else u, (v[1:] + v[:-1]) / 2 if j else v, indexing="ij")
+        errors.append(np.linalg.norm(patch.at(*at) - a, axis=2).ravel())
+    error = np.concatenate(errors)
+    diagonals = points[1:, 1:] - points[:-1, :-1], points[:-1, 1:] - points[1:, :-1]
+    area = float(np.linalg.norm(np.cross(*diagonals), axis=2).sum()) / 2
+    return Fitted(patch, float(error.max()), float(np.sqrt((error**2).mean())), _area(patch.points) / area)
+
+
 # --- the selection -----------------------------------------------------------------------------------
 
 

@@ -9,6 +9,8 @@ from holdfast.errors import InputError
 from holdfast.files import read_json
 
 if TYPE_CHECKING:
+    from holdfast.planning.grasps_file import SavedGrasps
+    from holdfast.planning.replay import ReplayedGrasps
     from holdfast.stability.answers import Answer
     from holdfast.stability.certificate import Certificate
     from holdfast.stability.replay import Verified
@@ -16,25 +18,30 @@ if TYPE_CHECKING:
     from holdfast.synthesis.answers import Replayed, Synthesis
     from holdfast.synthesis.result_file import Saved
 
-SCHEMAS = ("holdfast/result/1", "holdfast/certificate/1", "holdfast/synthesis/1")
+SCHEMAS = ("holdfast/result/1", "holdfast/certificate/1", "holdfast/synthesis/1", "holdfast/grasps/1")
 
 
-def verify(what: str | Path | Answer | Result | Certificate | Synthesis | Saved) -> Verified | Replayed:
+def verify(
+    what: str | Path | Answer | Result | Certificate | Synthesis | Saved | SavedGrasps,
+) -> Verified | Replayed | ReplayedGrasps:
     """Is everything that an answer claims proved? Replayed without any search and without any solver.
 
     Args:
-        what: a `holdfast/result/1`, `holdfast/certificate/1` or `holdfast/synthesis/1` file, or an answer of
-            either half, or a certificate.
+        what: a file of one of the `SCHEMAS`, or what it holds; an answer of either half, or a certificate.
 
     Raises:
         InputError: the file cannot be read, or is none of these.
     """
+    from holdfast.planning import replay as grasps
+    from holdfast.planning.grasps_file import SavedGrasps
     from holdfast.stability import replay as stability
     from holdfast.synthesis import replay as synthesis
     from holdfast.synthesis.answers import Synthesis
     from holdfast.synthesis.result_file import Saved
 
     loaded = load(what) if isinstance(what, str | Path) else what
+    if isinstance(loaded, SavedGrasps):
+        return grasps.verify(loaded)
     return synthesis.verify(loaded) if isinstance(loaded, Synthesis | Saved) else stability.verify(loaded)
 
 
@@ -47,6 +54,10 @@ def load(path: str | Path) -> Any:
             from holdfast.synthesis import result_file
 
             return result_file.from_dict(data)
+        if schema == "holdfast/grasps/1":
+            from holdfast.planning import grasps_file
+
+            return grasps_file.from_dict(data)
         if schema not in SCHEMAS:
             needed = f"{', '.join(SCHEMAS[:-1])} or {SCHEMAS[-1]} is needed"
             raise InputError(f"is missing; {needed}" if schema is None else f"is '{schema}'; {needed}", field="schema")

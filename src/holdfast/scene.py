@@ -41,6 +41,25 @@ class Near:
     normal: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """The nearest points of shapes of two links of the hand that may meet.
+
+    Attributes:
+        first, second: indices of the links, one of `Scene.self_pairs`.
+        distance: [m], negative in penetration.
+        on_first, on_second: (3,) [m], base frame.
+        normal: (3,) unit, base frame, from the first into the second.
+    """
+
+    first: int
+    second: int
+    distance: float
+    on_first: Array
+    on_second: Array
+    normal: Array
+
+
 class Scene:
     """A hand and an object, compiled once and placed as often as needed. Frame: the hand's base.
 
@@ -51,6 +70,7 @@ class Scene:
         hand, body: as given.
         self_pairs: pairs of links that may meet: not a parent and its child, nor two that move as one.
         link_radius: (n_links,) [m], of a sphere about each link's origin that holds its shapes.
+        placed: (n_links + 1, 4, 4) the links' poses as last placed and the object's, base frame.
 
     Raises:
         InputError: a shape that mujoco cannot take as a convex solid.
@@ -73,6 +93,7 @@ class Scene:
         )
         self._between = np.zeros(6)
         self._radius = m.geom_rbound.copy()
+        self.placed = np.tile(np.eye(4), (len(hand.links) + 1, 1, 1))
         mine, its = np.flatnonzero(self.owner >= 0), np.flatnonzero(self.owner < 0)
         self._to_object = (np.repeat(mine, len(its)), np.tile(its, len(mine)))
         self.self_pairs = self._meeting_links()
@@ -83,8 +104,8 @@ class Scene:
 
     def place(self, q: Array, object_pose: Array) -> None:
         """Put the hand at q (l,) and the object at its pose (4, 4) in the hand's base frame."""
-        poses = np.concatenate([self.hand.link_poses(q), np.asarray(object_pose, dtype=float)[None]])
-        world = poses[self.owner] @ self._local  # owner -1, the object, is the last pose
+        self.placed = np.concatenate([self.hand.link_poses(q), np.asarray(object_pose, dtype=float)[None]])
+        world = self.placed[self.owner] @ self._local  # owner -1, the object, is the last pose
         self._data.geom_xpos[:] = world[:, :3, 3]
         self._data.geom_xmat[:] = world[:, :3, :3].reshape(-1, 9)
 
@@ -96,6 +117,24 @@ class Scene:
     def nearest(self, q: Array, object_pose: Array, cutoff: float) -> list[Near]:
         """Every pair of hand shape and object piece nearer than `cutoff` [m], in the order of the shapes."""
         self.place(q, object_pose)
+        return self._nearest(cutoff)
+
+    def neighbours(self, q: Array, object_pose: Array, cutoff: float) -> tuple[list[Near], list[Meeting]]:
+        """`nearest`, and every pair of shapes of two links that may meet and are nearer than `cutoff` [m]."""
+        self.place(q, object_pose)
+        return self._nearest(cutoff), self._meetings(cutoff)
+
+    def meetings(self, q: Array, cutoff: float) -> list[Meeting]:
+        """Every pair of shapes of two links that may meet and are nearer than `cutoff` [m]."""
+        self.place(q, self.placed[-1])
+        return self._meetings(cutoff)
+
+    def clearances(self, q: Array, object_pose: Array, cutoff: float = 0.05) -> tuple[Array, Array]:
+        """Signed distances [m] of the links to the object (n_links,), and of the `self_pairs` (k,)."""
+        self.place(q, object_pose)
+        return self._link_distances(cutoff), self._self_distances(cutoff)
+
+    def _nearest(self, cutoff: float) -> list[Near]:
         found = []
         for i in self._close(self._to_object, cutoff):
             a, b = (int(g[i]) for g in self._to_object)
@@ -106,10 +145,17 @@ class Scene:
                 found.append(Near(link, int(self.number[a]), piece, d, on_hand, on_object, normal))
         return found
 
-    def clearances(self, q: Array, object_pose: Array, cutoff: float = 0.05) -> tuple[Array, Array]:
-        """Signed distances [m] of the links to the object (n_links,), and of the `self_pairs` (k,)."""
-        self.place(q, object_pose)
-        return self._link_distances(cutoff), self._self_distances(cutoff)
+    def _meetings(self, cutoff: float) -> list[Meeting]:
+        found = []
+        first, second, pair = self._to_self
+        for i in self._close((first, second), cutoff):
+            a, b = int(first[i]), int(second[i])
+            d, on_first, on_second = self._pair(a, b, cutoff)
+            if d < cutoff:
+                normal = self._normal(a, b, d, on_first, on_second)
+                one, other = self.self_pairs[pair[i]]
+                found.append(Meeting(one, other, d, on_first, on_second, normal))
+        return found
 
     def _link_distances(self, cutoff: float) -> Array:
         out = np.full(len(self.hand.links), cutoff)

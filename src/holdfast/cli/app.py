@@ -18,6 +18,7 @@ from holdfast.cli.check import Check
 from holdfast.cli.close import Close
 from holdfast.cli.contacts import Contacts
 from holdfast.cli.demo import Demo
+from holdfast.cli.grasp import Grasp
 from holdfast.cli.list import List
 from holdfast.cli.map import Map
 from holdfast.cli.max import Max
@@ -35,6 +36,7 @@ COMMANDS: dict[str, type[Command]] = {
     "map": Map,
     "sweep": Sweep,
     "synthesize": Synthesize,
+    "grasp": Grasp,
     "verify": Verify,
     "contacts": Contacts,
     "close": Close,
@@ -45,7 +47,8 @@ COMMANDS: dict[str, type[Command]] = {
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
 
 check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? synthesize looks for \
-configurations that bring regions of the hand onto regions of an object. verify replays what backs an answer.
+configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
+hold with its torques. verify replays what backs an answer.
 
 Start with `holdfast demo` or `holdfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""

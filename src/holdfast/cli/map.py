@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from holdfast.cli import console
-from holdfast.cli.options import Command, QueryOptions, check_writable
+from holdfast.cli.options import Command, QueryOptions, Triple, check_writable
 from holdfast.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,12 +28,16 @@ class Map(QueryOptions, Command):
 
     plane: Literal["xy", "xz", "yz"] = "xy"
     """plane of the object frame"""
+    at: Triple = (0.0, 0.0, 0.0)
+    """point of the object at which the forces act [m], object frame; its centre of mass, for a map of weights"""
     steps: Annotated[int, arg(metavar="N")] = 360
     """number of directions"""
     output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
     """picture (.png, .svg) or numbers (.csv, .json)"""
     limit: Annotated[float | None, arg(metavar="N")] = None
     """radius of the picture [N]"""
+    weight: Annotated[float | None, arg(metavar="N")] = None
+    """weight of the object [N], a circle in the picture: red where the grasp resists less"""
 
     def run(self) -> int:
         from holdfast.cli import tables
@@ -42,15 +46,17 @@ class Map(QueryOptions, Command):
 
         grasp, options = self.load(), self.options()
         check_writable(self.output, self.force, ENDINGS)
-        if self.limit is not None and not 0 < self.limit < float("inf"):
-            raise InputError(f"is {self.limit:g}; a force above 0 [N] is needed", field="--limit")
+        for name, force in (("--limit", self.limit), ("--weight", self.weight)):
+            if force is not None and not 0 < force < float("inf"):
+                raise InputError(f"is {force:g}; a force above 0 [N] is needed", field=name)
         with console.watch("map") as watch:
-            answer = force_map(grasp, self.plane, steps=self.steps, jobs=jobs(), on_item=watch.item, **options)
+            options |= {"at": self.at, "steps": self.steps, "jobs": jobs(), "on_item": watch.item}
+            answer = force_map(grasp, self.plane, **options)
         if self.output:
-            save(answer, self.output, limit=self.limit, force=self.force)
+            save(answer, self.output, limit=self.limit, weight=self.weight, force=self.force)
         if self.report:
             title = f"Which forces in the {self.plane} plane does it resist?"
-            entry = Entry(title, answer, eta=options["eta"], limit=self.limit)
+            entry = Entry(title, answer, eta=options["eta"], limit=self.limit, weight=self.weight)
             write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
         if self.json:
             console.print_json(answer.to_json())
@@ -66,8 +72,10 @@ def jobs() -> int:
     return os.cpu_count() or 1
 
 
-def save(answer: MapAnswer, path: Path, *, limit: float | None = None, force: bool = False) -> None:
-    """Write a map as picture or numbers, by the file's ending."""
+def save(
+    answer: MapAnswer, path: Path, *, limit: float | None = None, weight: float | None = None, force: bool = False
+) -> None:
+    """Write a map as picture or numbers, by the file's ending; limit and weight are those of `draw_map`."""
     import json
 
     from holdfast.files import write_bytes, write_text
@@ -80,7 +88,8 @@ def save(answer: MapAnswer, path: Path, *, limit: float | None = None, force: bo
         case ending:
             from holdfast.plot import draw_map, picture
 
-            write_bytes(path, picture(draw_map(answer, limit=limit), ending.removeprefix(".")), force=force)
+            figure = draw_map(answer, limit=limit, weight=weight)
+            write_bytes(path, picture(figure, ending.removeprefix(".")), force=force)
 
 
 def csv(answer: MapAnswer) -> str:

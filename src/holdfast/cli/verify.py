@@ -15,8 +15,8 @@ from holdfast.cli.options import Command
 class Verify(Command):
     """Is everything that a saved answer claims proved?
 
-    Replays its witness in the equations and its certificate, or the proofs that its configurations exist, without
-    the engine and without any solver.
+    Replays its witness in the equations and its certificate, the proofs that its configurations exist, or both for
+    each grasp of a task, without the engine and without any solver.
     Exit status: 0 all is proved, 1 something is refused, 2 bad input.
     """
 
@@ -26,7 +26,8 @@ class Verify(Command):
     """print one JSON object instead of a table"""
 
     def run(self) -> int:
-        from holdfast.cli import synthesis_tables, tables
+        from holdfast.cli import grasp_tables, synthesis_tables, tables
+        from holdfast.planning.replay import ReplayedGrasps
         from holdfast.replay import load, verify
         from holdfast.synthesis.answers import Replayed
 
@@ -36,6 +37,8 @@ class Verify(Command):
             console.print_json(done.to_json())
         elif isinstance(done, Replayed):
             synthesis_tables.show_replayed(console.out(), what, done)
+        elif isinstance(done, ReplayedGrasps):
+            grasp_tables.show_replayed_grasps(console.out(), what, done)
         else:
             tables.show_verified(console.out(), what, done)
         return console.ANSWERED if done.ok else console.REFUSED

@@ -153,6 +153,12 @@ class Hand:
         return tuple(joint.name for joint in self.joints)
 
     @cached_property
+    def closing_actuators(self) -> tuple[str, ...]:
+        """Names of the actuators that drive a joint which closes: those that squeeze, without spreads."""
+        squeezes = (self.mechanism.R != 0) @ (self.closing != 0)
+        return tuple(n for n, yes in zip(self.mechanism.actuators, squeezes, strict=True) if yes)
+
+    @cached_property
     def limits(self) -> Array:
         """(l, 2) lower and upper joint limits."""
         return frozen([[j.lower, j.upper] for j in self.joints], (self.l, 2), "limits")

@@ -83,8 +83,7 @@ def close(
     if np.shape(q0) != (hand.l,) or not np.isfinite(q0).all():
         raise InputError(f"needs {hand.l} finite joint values, in the order of the hand's joints", field="q0")
     scene = scene or Scene(hand, body)
-    motion = _Motion(hand, np.asarray(q0, dtype=float), hand.breakaway if breakaway is None else breakaway)
-    links, meetings = scene.clearances(motion.q, pose, REACH)
+    links, meetings = scene.clearances(np.asarray(q0, dtype=float), pose, REACH)
     worst = int(links.argmin())
     if links[worst] < -OVERLAP:
         raise InputError(
@@ -92,6 +91,7 @@ def close(
             "open it or move the object",
             field="q0",
         )
+    motion = _Motion(hand, q0, (links, meetings), hand.breakaway if breakaway is None else breakaway)
     watched = np.flatnonzero(meetings > GAP)  # those that meet already are allowed to
     motion.arrive(links, meetings, scene.self_pairs, watched)
     while motion.rate.any():
@@ -101,10 +101,10 @@ def close(
 
 
 class _Motion:
-    """The state of a closing hand: q, the joint rates now, and what has stopped."""
+    """The state of a closing hand: q, the distances seen there, the joint rates now, and what has stopped."""
 
-    def __init__(self, hand: Hand, q: Array, breakaway: bool) -> None:
-        self.hand, self.q, self.breakaway = hand, q.copy(), breakaway
+    def __init__(self, hand: Hand, q: Array, seen: tuple[Array, Array], breakaway: bool) -> None:
+        self.hand, self.q, self.seen, self.breakaway = hand, np.array(q, dtype=float), seen, breakaway
         self.chains = [hand.moved_by(i) for i in range(len(hand.links))]
         self.speed = np.array([SLIDE if j.type == "prismatic" else 1.0 for j in hand.joints])
         self.leader = {c.joint: c for c in hand.couplings if c.leader >= 0}
@@ -135,7 +135,7 @@ class _Motion:
     def advance(self, scene: Scene, pose: Array, watched: Indices) -> None:
         """One step: as far as the distances allow, to the first touch or limit at the latest."""
         start = self.q
-        links, meetings = scene.clearances(start, pose, REACH)
+        links, meetings = self.seen
         pairs = scene.self_pairs
         fast = self._link_speeds(scene)
         moves = fast > 0
@@ -162,6 +162,7 @@ class _Motion:
         lower, upper = self.hand.limits.T
         inside = self.rate != 0
         self.q[inside] = np.clip(self.q, np.minimum(lower, start), np.maximum(upper, start))[inside]
+        self.seen = links, meetings
         stop_at = links.copy()
         stop_at[~moves] = np.inf
         self.arrive(stop_at, meetings, pairs, live)
@@ -227,8 +228,14 @@ class _Motion:
 
     def _link_speeds(self, scene: Scene) -> Array:
         """(n_links,) an upper bound of the speed of any point of each link [m/s]."""
-        _, origins = self.hand.joint_axes(self.q)
-        poses = self.hand.link_poses(self.q)
+        poses = scene.placed  # where the distances were seen last, at q
+        origins = np.zeros((self.hand.l, 3))
+        for i, link in enumerate(self.hand.links):
+            if len(link.joints) > 1:  # the joints between see each other's motion
+                origins = self.hand.joint_axes(self.q)[1]
+                break
+            for j in link.joints:  # turning about its axis, a joint leaves the points on it where they are
+                origins[j] = poses[i][:3, :3] @ self.hand.joints[j].anchor + poses[i][:3, 3]
         out = np.zeros(len(self.hand.links))
         for i, chain in enumerate(self.chains):
             radius = scene.link_radius[i]

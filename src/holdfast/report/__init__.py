@@ -27,6 +27,7 @@ class Entry:
         direction: (6,) of a `maximum`.
         objective: of `torques`.
         limit: radius of a map's picture [N].
+        weight: of the object [N], a circle in a map's picture.
     """
 
     title: str
@@ -36,6 +37,7 @@ class Entry:
     direction: Sequence[float] | None = None
     objective: str = "max"
     limit: float | None = None
+    weight: float | None = None
 
 
 def write_report(
@@ -46,9 +48,13 @@ def write_report(
     settings: Settings | None = None,
     meshes: Sequence[Mesh] = (),
     notes: Sequence[str] = (),
+    facts: Sequence[tuple[str, str]] = (),
     force: bool = False,
 ) -> None:
     """Write a page that works offline: no entry is possible, then it shows the grasp alone.
+
+    A view in three dimensions shows the grasp with the forces of each entry, in a browser with WebGL. Still
+    pictures show the same; with more than three checks only those of the first that holds.
 
     Args:
         grasp: the grasp that was asked about.
@@ -56,6 +62,7 @@ def write_report(
         settings: what the answers were computed with, for the record.
         meshes: hand and object to draw behind the contacts, see `holdfast.plot.scene_meshes`.
         notes: sentences above the answers.
+        facts: rows of a table above the answers, name and value, such as clearances and ranks.
 
     Raises:
         InputError: the file exists and `force` is not set, or cannot be written.
@@ -63,5 +70,5 @@ def write_report(
     from holdfast.files import write_text
     from holdfast.report.page import render
 
-    text = render(grasp, entries, settings=settings, meshes=meshes, notes=notes)
+    text = render(grasp, entries, settings=settings, meshes=meshes, notes=notes, facts=facts)
     write_text(path, text, force=force)

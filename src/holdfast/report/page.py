@@ -14,10 +14,10 @@ import numpy as np
 import holdfast
 from holdfast.answer import Verdict
 from holdfast.plot import draw_grasp, draw_map, draw_scene, draw_sweep, picture
-from holdfast.report import numbers, words
+from holdfast.report import numbers, view3d, words
 from holdfast.report.numbers import table
 from holdfast.report.words import num
-from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
+from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.maps import MapAnswer, SweepAnswer
 from holdfast.stability.settings import Settings
 
@@ -25,10 +25,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from holdfast.grasp import Grasp
+    from holdfast.mechanism import Array
     from holdfast.report import Entry
     from holdfast.report.drawing import Mesh
-    from holdfast.stability.answers import Answer
     from holdfast.stability.witness import Witness
+
+
+MANY = 3  # checks; from one more on, only the first one that holds is drawn in still pictures
 
 
 def render(
@@ -38,15 +41,19 @@ def render(
     settings: Settings | None = None,
     meshes: Sequence[Mesh] = (),
     notes: Sequence[str] = (),
+    facts: Sequence[tuple[str, str]] = (),
 ) -> str:
     """The whole page; see `holdfast.report.write_report`."""
     settings = settings or Settings()
-    parts = [_section(grasp, entry, settings, meshes) for entry in entries]
+    checks = [e for e in entries if isinstance(e.answer, CheckAnswer)]
+    held = [e for e in checks if getattr(e.answer, "witness", None)]
+    folded = {id(e) for e in held[1:]} if len(checks) > MANY else set()
+    parts = [_section(grasp, entry, settings, meshes, folded=id(entry) in folded) for entry in entries]
     witnessed = any(getattr(e.answer, "witness", None) for e in entries)
     parts.append(_grasp_section(grasp, () if witnessed else meshes, draw=not witnessed))
     parts.append(_settings_section(settings, entries))
     css = (resources.files("holdfast.report") / "page.css").read_text("utf-8")
-    facts = f"{words.grasp_text(grasp)}. Preload {words.preload_text(grasp)}."
+    about = f"{words.grasp_text(grasp)}. Preload {words.preload_text(grasp)}."
     return "\n".join(
         [
             "<!doctype html>",
@@ -54,31 +61,59 @@ def render(
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f"<title>{escape(grasp.name)} – Holdfast</title>",
             f"<style>\n{css}</style></head><body><main>",
-            f'<h1>{escape(grasp.name)}</h1><p class="facts">{escape(facts)}</p>',
+            f'<h1>{escape(grasp.name)}</h1><p class="facts">{escape(about)}</p>',
             *(f"<p>{escape(note)}</p>" for note in notes),
+            _overview(facts, checks if len(checks) > MANY else []),
+            view3d.view(grasp, [_load(e, e.answer) for e in entries if isinstance(e.answer, Answer)], meshes),
             *parts,
             "</main></body></html>\n",
         ]
     )
 
 
-def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Mesh]) -> str:
+def _overview(facts: Sequence[tuple[str, str]], checks: Sequence[Entry]) -> str:
+    """The facts, and with many loads their verdicts at a glance."""
+    parts = [table(["", "#"], facts), numbers.checks_table(checks)]
+    return f'<section class="overview">{"".join(parts)}</section>' if any(parts) else ""
+
+
+def _load(entry: Entry, answer: Answer) -> view3d.Load:
+    wrench, witness = _state(answer)
+    verdict = answer.verdict.upper() + ("?" if words.unphysical(witness) else "")
+    return view3d.Load(entry.title, f"{verdict}: {_sentence(entry, answer)}", wrench, witness)
+
+
+def _state(answer: Answer) -> tuple[Array | None, Witness | None]:
+    """The disturbance that an answer is about, and the equilibrium under it, as far as there are any."""
+    if answer.witness is not None:
+        return answer.witness.wrench, answer.witness
+    if answer.posed is None or isinstance(answer, MaxAnswer):
+        return None, None
+    return answer.posed[0].wrench, None
+
+
+def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Mesh], *, folded: bool) -> str:
     answer = entry.answer
     parts = [f"<h2>{escape(entry.title)}</h2>"]
     if isinstance(answer, MapAnswer):
         parts.append(_verdict(answer.verdict, _map_sentence(answer)))
-        parts.append(_figure(draw_map(answer, limit=entry.limit), f"Forces resisted in the {answer.plane} plane."))
+        caption = f"Forces resisted in the {answer.plane} plane; they act {words.place_text(answer.at)}."
+        if entry.weight:
+            caption += f" {words.weight_sentence(answer.curves[-1], entry.weight)}"
+        parts.append(_figure(draw_map(answer, limit=entry.limit, weight=entry.weight), caption))
         parts.append(numbers.map_table(answer))
     elif isinstance(answer, SweepAnswer):
         parts.append(_verdict(answer.verdict, f"The command of {answer.actuator} varies, the others stay."))
         parts.append(_figure(draw_sweep(answer), "Largest resisted disturbances over the command."))
         parts.append(numbers.sweep_table(answer))
     else:
-        parts += _answer(grasp, entry, answer, settings, meshes)
+        parts += _answer(grasp, entry, answer, settings, meshes, folded=folded)
     return f"<section>{''.join(parts)}</section>"
 
 
-def _answer(grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, meshes: Sequence[Mesh]) -> list[str]:
+def _answer(
+    grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, meshes: Sequence[Mesh], *, folded: bool
+) -> list[str]:
     witness = answer.witness
     unreal = words.unphysical(witness)
     parts = [_verdict(answer.verdict, _sentence(entry, answer), unreal=unreal)]
@@ -90,20 +125,16 @@ def _answer(grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, mesh
     if witness is not None:
         if unreal:
             parts.append(_warning(witness))
-        caption = (
-            f"An equilibrium under {words.load_text(witness.wrench)}. Arrows of force share one scale; "
-            "the virtual motion is that of the object relative to the finger."
+        tables = (
+            numbers.contact_table(witness)
+            + numbers.actuator_table(witness)
+            + numbers.energy_table(witness)
+            + numbers.residual_table(witness)
         )
-        if meshes:
-            parts.append(_figure(draw_scene(meshes, grasp, witness), caption))
-            caption = "The same without the solids: fingers as lines from joint to joint to contact."
-        parts.append(_figure(draw_grasp(grasp, witness), caption))
-        parts += [
-            numbers.contact_table(witness),
-            numbers.actuator_table(witness),
-            numbers.energy_table(witness),
-        ]
-        parts.append(numbers.residual_table(witness))
+        if folded:
+            parts.append(f"<details><summary>The equilibrium in numbers</summary>{tables}</details>")
+        else:
+            parts += [*_pictures(grasp, witness, meshes), tables]
     elif answer.verdict is Verdict.SLIPS:
         why = (
             f"every case of equations (1) to (8) was refuted: {words.certified(answer.certificate)}."
@@ -115,6 +146,17 @@ def _answer(grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, mesh
     return parts
 
 
+def _pictures(grasp: Grasp, witness: Witness, meshes: Sequence[Mesh]) -> list[str]:
+    caption = (
+        f"An equilibrium under {words.load_text(witness.wrench)}. Arrows of force share one scale; "
+        "the virtual motion is that of the object relative to the finger."
+    )
+    if not meshes:
+        return [_figure(draw_grasp(grasp, witness), caption)]
+    bare = "The same without the solids: fingers as lines from joint to joint to contact."
+    return [_figure(draw_scene(meshes, grasp, witness), caption), _figure(draw_grasp(grasp, witness), bare)]
+
+
 def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False) -> str:
     word, style = (f"{verdict}?", "unreal") if unreal else (str(verdict), str(verdict))
     return f'<p class="verdict"><b class="{style}">{word.upper()}</b><span>{escape(sentence)}</span></p>'
@@ -123,7 +165,8 @@ def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False) -> str:
 def _sentence(entry: Entry, answer: Answer) -> str:
     if isinstance(answer, MaxAnswer):
         return words.max_sentence(answer, entry.direction if entry.direction is not None else np.eye(6)[0])
-    load = words.load_text(answer.witness.wrench) if answer.witness else "this load"
+    wrench = _state(answer)[0]
+    load = "this load" if wrench is None else words.load_text(wrench)
     if isinstance(answer, TorquesAnswer):
         return words.torques_sentence(answer, load, entry.objective)
     assert isinstance(answer, CheckAnswer)

@@ -62,6 +62,12 @@ def load_text(w: Sequence[float] | Array) -> str:
     return " with ".join(parts) or "no load"
 
 
+def place_text(at: Sequence[float] | Array) -> str:
+    """Where a force acts: 'at the object's origin', 'at (0, 20, −5) mm'."""
+    point = 1e3 * np.asarray(at, dtype=float)
+    return f"at {vector(point, 4)} mm" if point.any() else "at the object's origin"
+
+
 def direction_text(d: Sequence[float] | Array) -> str:
     """What kind of disturbance a direction is: 'force along +y', 'moment about −x'."""
     d = np.asarray(d, dtype=float)
@@ -250,3 +256,18 @@ def curve_states(curve: Curve) -> list[str]:
         else:
             out.append("resisted")
     return out
+
+
+def weight_states(curve: Curve, weight: float) -> list[str]:
+    """Per direction "enough" (a force of at least the weight is resisted), "weak" (none is) or "open"."""
+    enough = curve.unbounded | (np.nan_to_num(curve.lower) >= weight)
+    weak = np.nan_to_num(curve.upper, nan=np.inf) < weight
+    return ["enough" if a else "weak" if b else "open" for a, b in zip(enough, weak, strict=True)]
+
+
+def weight_sentence(curve: Curve, weight: float) -> str:
+    """'A weight of 5 N: 30 of 36 directions resist as much, 6 less.'"""
+    states = weight_states(curve, weight)
+    text = f"A weight of {num(weight)} N: {states.count('enough')} of {len(states)} directions resist as much"
+    text += f", {states.count('weak')} less" if "weak" in states else ""
+    return text + (f", {states.count('open')} not decided." if "open" in states else ".")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError, unknown_name
 from holdfast.grasp import Grasp
-from holdfast.mechanism import Array, Mask
+from holdfast.mechanism import Array, Mask, frozen
 from holdfast.stability.answers import MaxAnswer, finite, header
 from holdfast.stability.many import Case, OnItem, Options, maxima
 from holdfast.stability.settings import Settings
@@ -85,6 +85,7 @@ class MapAnswer(_Curves):
         directions: (n, 3) unit forces.
         passive: the curve with every actuator locked.
         preloaded: the curve with the grasp's preload; None if it has none.
+        at: (3,) [m] the point of the object at which the forces act, object frame.
     """
 
     grasp: Grasp
@@ -95,6 +96,7 @@ class MapAnswer(_Curves):
     preloaded: Curve | None
     seconds: float
     nodes: int
+    at: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def curves(self) -> tuple[Curve, ...]:  # type: ignore[override]
@@ -103,6 +105,7 @@ class MapAnswer(_Curves):
     def to_json(self) -> dict[str, Any]:
         return header(self, "map") | {
             "plane": self.plane,
+            "at": self.at.tolist(),
             "eta": float(np.degrees(self.eta)),
             "directions": self.directions.tolist(),
             "preload": self.grasp.preload,
@@ -150,6 +153,7 @@ def force_map(
     grasp: Grasp,
     plane: Plane = "xy",
     *,
+    at: Sequence[float] | Array = (0.0, 0.0, 0.0),
     steps: int = 360,
     eta: float = 0.0,
     torque_limits: Mapping[str, float] | None = None,
@@ -162,16 +166,22 @@ def force_map(
 
     Args:
         plane: of the object frame; directions run from its first axis towards its second.
+        at: (3,) [m] the point of the object at which the forces act, object frame: the disturbance is
+            (f, at x f). With the centre of mass it is a map of weights, one for every way to hold the object.
         steps: number of directions, evenly spaced.
         jobs: cores to use; by default all.
         on_item: called with (done, total).
 
     The other arguments and errors are those of `maximum`. Ctrl-C returns what was reached.
+
+    Raises:
+        InputError: also for an unknown plane, no directions, and a point that is not three finite numbers.
     """
     if plane not in PLANES:
         raise InputError(f"is '{plane}'; one of {', '.join(PLANES)} is needed", field="plane")
     if steps < 1:
         raise InputError(f"is {steps}; at least 1 direction is needed", field="steps")
+    point = frozen(at, (3,), "at")
     angles = 2 * np.pi * np.arange(steps) / steps
     i, j = ("xyz".index(axis) for axis in plane)
     directions = np.zeros((steps, 3))
@@ -180,7 +190,11 @@ def force_map(
     grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
     options = Options(eta=eta, torque_limits=torque_limits, force_limit=force_limit, settings=settings)
     base = np.zeros(6)
-    cases = [Case(g, np.concatenate([d, base[:3]]), base) for g in grasps for d in directions]
+    wrenches = np.hstack([directions, np.cross(point, directions)]) + 0.0  # no -0
+    cases = [Case(g, w, base) for g in grasps for w in wrenches]
+    asked = options.build(cases[0])
+    for w in wrenches:
+        asked.towards(w)  # bad input's one line is raised here, not half way through
     start = time.monotonic()
     answers = maxima(cases, options, jobs, on_item)
     return MapAnswer(
@@ -192,6 +206,7 @@ def force_map(
         preloaded=Curve.of(answers[steps:]) if grasp.preload else None,
         seconds=time.monotonic() - start,
         nodes=sum(a.nodes for a in answers if a),
+        at=point,
     )
 
 

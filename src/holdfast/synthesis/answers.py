@@ -36,8 +36,6 @@ class Solution:
         pose: (4, 4) of the object in the palm frame.
         points: (b, 3) [m] the contacts, palm frame.
         normals: (b, 3) outward unit normals of the hand there, palm frame: they point into the object.
-        slacks: how far each bound is away, by label: "joint:NAME" [rad, m], "position:0" [m], "x_axis:0"
-            [-, a component], "contact:0:s" [-, of a patch's side; rad on a cap], "contact:0:cone" [rad].
     """
 
     task: Task = field(repr=False)
@@ -46,7 +44,6 @@ class Solution:
     pose: Array
     points: Array
     normals: Array
-    slacks: Mapping[str, float] = field(repr=False)
 
     @classmethod
     def of(cls, task: Task, proof: Existence) -> Solution:
@@ -58,7 +55,7 @@ class Solution:
             point, normal = point_and_normal(touch.object, *spot.object)
             points.append(pose[:3, :3] @ point + pose[:3, 3])
             normals.append(-pose[:3, :3] @ normal)
-        b, slacks = len(task.touches), _slacks(task, proof, q, pose, np.array(normals))
+        b = len(task.touches)
         return cls(
             task,
             proof,
@@ -66,8 +63,16 @@ class Solution:
             frozen(pose, (4, 4), "pose"),
             frozen(points, (b, 3), "points"),
             frozen(normals, (b, 3), "normals"),
-            MappingProxyType(slacks),
         )
+
+    @cached_property
+    def slacks(self) -> Mapping[str, float]:
+        """How far each bound is away, by label.
+
+        "joint:NAME" [rad, m], "position:0" [m], "x_axis:0" [-, a component], "contact:0:s" [-, of a patch's
+        side; rad on a cap], "contact:0:cone" [rad].
+        """
+        return MappingProxyType(_slacks(self.task, self.existence, self.q, self.pose, self.normals))
 
     @property
     def joints(self) -> dict[str, float]:

@@ -32,15 +32,24 @@ class Walks:
 
     def run(self, pool: Sequence[Certified]) -> list[Certified]:
         """New certified configurations, each a step from one of the pool, picked at random."""
-        p, m = self.problem, WALKS if pool else 0
+        n, m = self.problem.n, WALKS if pool else 0
         rng = np.random.default_rng([self.starts.seed, WALK_SEED, self.round])
-        begin = np.zeros((m, p.n))
+        begin = np.zeros((m, n))
         for row, k in zip(begin, rng.integers(max(len(pool), 1), size=m), strict=True):
             row[:] = pool[k].x
-        xs, radii, chosen = np.zeros((m, p.n)), np.zeros((m, p.equations)), np.zeros((m, p.equations), dtype=np.intp)
-        numbers, lengths = rng.standard_normal((m, p.n)), STEP * rng.random(m)
-        proved, unproved = walk(begin, numbers, lengths, self.weight, p.flat, p.equations, xs, chosen, radii)
         self.round += bool(pool)
+        return self.steps(begin, rng.standard_normal((m, n)), STEP * rng.random(m))
+
+    def steps(self, begin: Array, directions: Array, lengths: Array) -> list[Certified]:
+        """Those steps from configurations `begin` (m, n) that end in certified ones, in order.
+
+        Args:
+            directions: (m, n) in coordinates times `weight`; what is tangent of them is gone along.
+            lengths: (m,) in the measure of `distance`.
+        """
+        p, m = self.problem, len(begin)
+        xs, radii, chosen = np.zeros((m, p.n)), np.zeros((m, p.equations)), np.zeros((m, p.equations), dtype=np.intp)
+        proved, unproved = walk(begin, directions, lengths, self.weight, p.flat, p.equations, xs, chosen, radii)
         self.starts.unproved += unproved
         return [Certified(xs[i], chosen[i], radii[i]) for i in range(proved)]
 

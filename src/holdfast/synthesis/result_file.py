@@ -119,7 +119,8 @@ def from_dict(data: Any) -> Saved:
         )
     if entry.state is not None and entry.state.fingerprint != fingerprint(entry.task):
         raise InputError("is of another task", field="state.fingerprint")
-    solutions = tuple(_solution(task, c, f"answer.configurations[{i}]") for i, c in enumerate(said.configurations))
+    proofs = [c.existence for c in said.configurations]
+    solutions = tuple(solution_of(task, e, f"answer.configurations[{i}].existence") for i, e in enumerate(proofs))
     synthesis = Synthesis(
         task,
         said.verdict,
@@ -135,13 +136,14 @@ def from_dict(data: Any) -> Saved:
     return Saved(synthesis, tuple(data["answer"]["configurations"]), said.spread)
 
 
-def _solution(task: Task, entry: ConfigurationEntry, field: str) -> Solution:
+def solution_of(task: Task, existence: dict[str, Any], field: str) -> Solution:
+    """The configuration of a saved proof; `InputError` if it cannot be one of the task, `field` is where it stands."""
     try:
-        proof = existence_from_dict(entry.existence)
+        proof = existence_from_dict(existence)
         _refuse_misfit(task, proof)
         return Solution.of(task, proof)
     except InputError as fault:
-        raise InputError(fault.problem, field=f"{field}.existence.{fault.field or ''}".rstrip(".")) from None
+        raise InputError(fault.problem, field=f"{field}.{fault.field or ''}".rstrip(".")) from None
 
 
 def _refuse_misfit(task: Task, proof: Existence) -> None:

@@ -215,7 +215,7 @@ def to_dict(task: Task, *, folder: str | Path = ".") -> dict[str, Any]:
         if (bounds > -1).any(where=[True, False]) or (bounds < 1).any(where=[False, True]):
             pose[f"{axis}_axis"] = bounds.tolist()
     contacts = [
-        {"hand": {"link": t.link, "region": _region(t.hand)}, "object": {"region": _region(t.object)}}
+        {"hand": {"link": t.link, "region": region_to_dict(t.hand)}, "object": {"region": region_to_dict(t.object)}}
         for t in task.touches
     ]
     return {
@@ -265,7 +265,8 @@ def _relative(source: str, names: Any, folder: str | Path) -> str:
         return str(Path(source).absolute())
 
 
-def _region(region: Region) -> dict[str, Any]:
+def region_to_dict(region: Region) -> dict[str, Any]:
+    """A region as a task file writes it; `RegionEntry.region` reads it."""
     data: dict[str, Any]
     if isinstance(region, Bezier):
         data = {"bezier": region.points.tolist()}

@@ -1,0 +1,175 @@
+"""Plan the twelve bundled Barrett grasps, and draw them.
+
+    python docs/make_twelve.py [--check] [--only OBJECT ...]
+
+Twelve grasps of `barrett-bh8-280` on differently shaped objects, with as many contacts as those of the stability
+paper's Fig. 13: four with three contacts, five with four, one with five, two with six. Each object is planned
+for with a fixed seed and a fixed number of attempts; among the distinct grasps that hold the object's weight from
+all six axis directions, touch with all three fingers at the wanted number of contacts, and whose preload squeezes
+with at least two actuators, the one with the smallest largest command is taken. So they are good among many, not
+typical.
+
+Writes src/holdfast/data/{configurations,grasps}/barrett-OBJECT.json and docs/img/twelve.png; `--check` only
+compares what it plans with the files that are there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from holdfast import load_body, load_configuration, load_grasp, load_hand
+from holdfast.configuration import Configuration, save_configuration
+from holdfast.files import same_json, write_bytes
+from holdfast.grasp import Grasp
+from holdfast.grasp_file import save_grasp, to_dict
+from holdfast.planning.attempt import Held
+from holdfast.planning.plan import Plan, plan
+from holdfast.plot import picture, scene_meshes
+from holdfast.report.drawing import View
+
+HAND = "barrett-bh8-280"
+CONTACTS = {  # object: contacts, in the order of Fig. 13's letters
+    "ball": 3,
+    "can": 3,
+    "mug": 3,
+    "pear": 3,
+    "block": 4,
+    "egg": 4,
+    "torch": 4,
+    "wedge": 4,
+    "mallet": 4,
+    "ring": 5,
+    "bottle": 6,
+    "jar": 6,
+}
+ATTEMPTS = 300  # per object ..
+MORE: dict[str, int] = {}  # .. but for these
+SEED = 0
+COLUMNS = 4
+HAND_COLOR, OBJECT_COLOR = np.array([0.62, 0.67, 0.73]), np.array([0.93, 0.76, 0.48])
+ROOT = Path(__file__).parents[1]
+DATA = ROOT / "src" / "holdfast" / "data"
+IMAGE = ROOT / "docs" / "img" / "twelve.png"
+
+
+def suits(held: Held, contacts: int) -> bool:
+    """As many contacts as wanted, on all three fingers, and at least two actuators that squeeze."""
+    fingers = {c.link.split("_")[1] for c in held.grasp.contacts if c.link.startswith("finger")}
+    return held.grasp.m == contacts and len(fingers) == 3 and len(held.grasp.preload) >= 2
+
+
+def chosen(planned: Plan, contacts: int) -> Held | None:
+    """The suitable grasp with the smallest largest command; the first of equals."""
+    fitting = [g for g in planned.grasps if suits(g, contacts)]
+    return min(fitting, key=lambda g: g.answer.upper, default=None)
+
+
+def made(name: str, contacts: int) -> tuple[Held, Configuration]:
+    """The grasp of an object, planned, and its configuration file.
+
+    Raises:
+        LookupError: none suits.
+    """
+    hand, body = load_hand(HAND), load_body(name)
+    planned = plan(hand, body, count=ATTEMPTS, attempts=MORE.get(name, ATTEMPTS), seed=SEED, timeout=3600)
+    counts = sorted(g.grasp.m for g in planned.grasps)
+    print(f"{name}: {len(counts)} of {planned.tried} in {planned.seconds:.0f} s, contacts {counts}", file=sys.stderr)
+    held = chosen(planned, contacts)
+    if held is None:
+        raise LookupError(f"{name}: no suitable grasp with {contacts} contacts")
+    placed = Configuration.of(hand, held.q, held.pose, hand=HAND, object=name, preload=held.grasp.preload)
+    return held, placed
+
+
+def best_view(grasp: Grasp) -> View:
+    """From where the contacts lie farthest apart in the picture."""
+    points = np.array([c.position for c in grasp.contacts])
+
+    def spread(view: View) -> float:
+        flat = points @ view.matrix[:2].T
+        apart = np.linalg.norm(flat[:, None] - flat[None], axis=2)
+        return float(apart[np.triu_indices(len(flat), 1)].min())
+
+    return max((View.of(a, e, "") for a in range(0, 360, 15) for e in (15, 30, 45)), key=spread)
+
+
+def panel(ax: Any, name: str) -> None:
+    """One stored grasp: solids, contacts as dots with their normals."""
+    placed = load_configuration(f"barrett-{name}")
+    hand, q = placed.applied(load_hand(HAND))
+    grasp = load_grasp(f"barrett-{name}")
+    V = best_view(grasp).matrix
+    corners, colors = [], []
+    for mesh in scene_meshes(hand, q, load_body(name), placed.pose):
+        triangles = mesh.vertices[mesh.faces] @ V.T
+        normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        light = 0.55 + 0.45 * np.abs(normal / length @ np.array([0.25, 0.35, 0.9]))
+        color = OBJECT_COLOR if mesh.kind == "object" else HAND_COLOR
+        corners.append(triangles)
+        colors.append(np.column_stack([light[:, None] * color, np.full(len(light), 0.85)]))
+    triangles, shade = np.vstack(corners), np.vstack(colors)
+    order = np.argsort(triangles[:, :, 2].mean(axis=1))
+    ax.add_collection(PolyCollection(list(triangles[order][:, :, :2]), fc=shade[order], ec="none", rasterized=True))
+    for c in grasp.contacts:
+        at, step = V[:2] @ c.position, 0.03 * V[:2] @ c.normal
+        ax.plot(*np.array([at - step, at]).T, color="#8c1d40", lw=1.6, zorder=3)
+        ax.plot(*at, "o", ms=5, color="#8c1d40", mec="white", mew=0.8, zorder=4)
+    seen = triangles[:, :, :2].reshape(-1, 2)
+    middle, half = (seen.min(0) + seen.max(0)) / 2, 0.52 * np.ptp(seen, axis=0).max()
+    ax.set(xlim=middle[0] + np.array([-half, half]), ylim=middle[1] + np.array([-half, half]), aspect="equal")
+    ax.axis("off")
+    ax.set_title(f"{name}, {grasp.m} contacts", fontsize=10)
+
+
+def drawn() -> bytes:
+    """All twelve as a PNG."""
+    rows = -(-len(CONTACTS) // COLUMNS)
+    figure = Figure(figsize=(2.6 * COLUMNS, 2.8 * rows), dpi=110)
+    for k, name in enumerate(CONTACTS):
+        panel(figure.add_subplot(rows, COLUMNS, k + 1), name)
+    figure.tight_layout(pad=0.4)
+    return picture(figure)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare with the stored files, write nothing")
+    parser.add_argument("--only", nargs="*", default=[], metavar="OBJECT")
+    asked = parser.parse_args()
+    wrong = 0
+    for name, contacts in CONTACTS.items():
+        if asked.only and name not in asked.only:
+            continue
+        try:
+            held, placed = made(name, contacts)
+        except LookupError as fault:
+            print(fault, file=sys.stderr)
+            wrong += 1
+            continue
+        grasp = held.grasp
+        files = DATA / "configurations" / f"barrett-{name}.json", DATA / "grasps" / f"barrett-{name}.json"
+        if asked.check:
+            texts = json.loads(placed.dumped()), to_dict(grasp)
+            same = [same_json(json.loads(f.read_text("utf-8")), t) for f, t in zip(files, texts, strict=True)]
+            print(f"{name}: {'as stored' if all(same) else 'differs from the stored files'}", flush=True)
+            wrong += not all(same)
+        else:
+            save_configuration(placed, files[0], force=True)
+            save_grasp(grasp, files[1], force=True)
+            print(f"{name}: {grasp.m} contacts, preload {grasp.preload}", flush=True)
+    if not asked.check and not wrong:
+        write_bytes(IMAGE, drawn(), force=True)
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

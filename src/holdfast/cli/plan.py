@@ -1,0 +1,171 @@
+"""`holdfast plan`: grasps of a hand on an object that hold their loads."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import UseAppendAction, arg
+
+from holdfast.cli import console
+from holdfast.cli.options import Assignments, Command, Triple, Wrench, assigned
+from holdfast.cli.scene import SceneOptions
+from holdfast.errors import InputError
+
+if TYPE_CHECKING:
+    from holdfast.body import Body
+    from holdfast.planning.plan import Plan
+    from holdfast.stability.loads import Loads
+
+
+@dataclass(kw_only=True)
+class PlanGrasps(SceneOptions, Command):
+    """Look for grasps that hold an object, and differ from each other.
+
+    Starts the hand at random before the object's surface, closes it, and keeps what holds every load under one
+    preload. By default the loads are the object's weight with gravity along its axes, both ways. The same seed
+    gives the same grasps.
+    """
+
+    count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 20
+    """grasps to look for"""
+    gravity: UseAppendAction[tuple[Annotated[str, arg(metavar="all|AXIS")], ...]] = ()
+    """direction in which gravity pulls, object axes: x, +x, -x, ... or all, the default; may be repeated"""
+    load: UseAppendAction[tuple[Wrench, ...]] = ()
+    """a wrench to be held, instead of the weight or with --gravity beside it; may be repeated"""
+    seed: int = 0
+    """of the random starts"""
+    timeout: Annotated[float, arg(metavar="S")] = 300.0
+    """seconds after which what was found is returned"""
+    attempts: Annotated[int, arg(metavar="N")] = 100_000
+    """largest number of starts"""
+    pool: Annotated[int | None, arg(metavar="N")] = None
+    """gather so many grasps, then keep those that differ most"""
+    approach: Triple = ()
+    """direction in which the palm approaches, in the hand's base frame; guessed"""
+    closing: Assignments = ()
+    """sense in which a joint closes: JOINT=1, JOINT=-1, or JOINT=0 to sample it as a spread"""
+    command_limit: Annotated[float | None, arg(metavar="V")] = None
+    """largest command of a grasp [N m or N]; by default ten times the largest load at the grasp's size"""
+    torque_limit: Assignments = ()
+    """largest torque (force) of an actuator with its gearing, passive reaction included"""
+    force_limit: Annotated[float | None, arg(metavar="N")] = None
+    """largest normal force at any contact [N]"""
+    eta: Annotated[float, arg(metavar="DEG")] = 0.0
+    """how far the contact normals may be off [degrees]"""
+    jobs: Annotated[int | None, arg(metavar="N")] = None
+    """processes to use; all cores by default"""
+    output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
+    """write a configuration and a grasp file for each grasp, and plan.json"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+        import numpy as np
+
+        from holdfast.planning.plan import plan
+
+        self._check_folder()
+        hand, body = self.load_scene()
+        senses = assigned(self.closing, "--closing")
+        if any(s not in (-1, 0, 1) for s in senses.values()):
+            raise InputError("each needs -1, 0 or 1", field="--closing")
+        hand = hand.with_closing({n: int(s) for n, s in senses.items()})
+        with console.watch("plan") as progress:
+            planned = plan(
+                hand,
+                body,
+                count=self.count,
+                loads=self._loads(body),
+                seed=self.seed,
+                timeout=self.timeout,
+                attempts=self.attempts,
+                pool=self.pool,
+                approach=self.approach or None,
+                command_limit=self.command_limit,
+                torque_limits=assigned(self.torque_limit, "--torque-limit"),
+                force_limit=self.force_limit,
+                eta=float(np.radians(self.eta)),
+                jobs=self.jobs,
+                on_attempt=lambda tried, kept: progress.item(kept, max(self.count, self.pool or 0)),
+            )
+        answer = planned.to_json()
+        if self.output:
+            self._write(planned, answer, {n: int(s) for n, s in senses.items()})
+        if self.json:
+            console.print_json(answer)
+        else:
+            self._show(planned)
+        return console.status(planned.verdict, planned.stop)
+
+    def _loads(self, body: Body) -> Loads:
+        from holdfast.stability.loads import Loads
+
+        wrenches = [Loads.wrench(w, f"load {k}") for k, w in enumerate(self.load, 1)]
+        if body.mass is None and (self.gravity or not wrenches):
+            raise InputError("is unknown; give --mass KG", source=self.object, field="mass")
+        weights = []
+        if self.gravity or not wrenches:
+            weights = [Loads.gravity(body, "all" if "all" in (self.gravity or ("all",)) else list(self.gravity))]
+        first, *others = weights + wrenches
+        return sum(others, start=first)
+
+    def _check_folder(self) -> None:
+        """Refuse a folder that could not be filled before the work that would fill it."""
+        if self.output is None:
+            return
+        if self.output.exists() and not self.output.is_dir():
+            raise InputError("is a file; a folder is needed", source=str(self.output))
+        if (self.output / "plan.json").exists() and not self.force:
+            raise InputError("holds a plan already; give --force to write over it", source=str(self.output))
+
+    def _write(self, planned: Plan, answer: dict[str, Any], closing: dict[str, int]) -> None:
+        """The files of every grasp, and plan.json naming them."""
+        from holdfast.configuration import Configuration, save_configuration
+        from holdfast.files import write_text
+        from holdfast.grasp_file import save_grasp
+
+        assert self.output is not None
+        hand, thing = (_from_anywhere(name) for name in (self.hand, self.object))
+        for k, g in enumerate(planned.grasps):
+            entry = answer["grasps"][k]
+            entry["configuration_file"], entry["grasp_file"] = f"{k:03d}.configuration.json", f"{k:03d}.grasp.json"
+            placed = Configuration.of(
+                planned.hand, g.q, g.pose, hand=hand, object=thing, closing=closing or None, preload=g.grasp.preload
+            )
+            save_configuration(placed, self.output / entry["configuration_file"], force=self.force)
+            save_grasp(g.grasp, self.output / entry["grasp_file"], force=self.force)
+        write_text(self.output / "plan.json", json.dumps(answer, indent=1) + "\n", force=self.force)
+
+    def _show(self, planned: Plan) -> None:
+        from holdfast.cli import tables
+        from holdfast.report import words
+
+        out = console.out()
+        found = words.count(len(planned.grasps), "grasp")
+        asked = "" if planned.stop == "complete" else f" of {planned.count} asked for (stopped: {planned.stop})"
+        out.print(f"{found}{asked}, {planned.tried} starts, {planned.seconds:.1f} s", style="bold")
+        out.print(f"Each holds, under its preload: {', '.join(planned.loads.names)}")
+        if planned.grasps:
+            grid = tables.table("grasp", "start", "contacts", "links", "preload", "largest")
+            for k, g in enumerate(planned.grasps):
+                links = ", ".join(sorted({c.link for c in g.grasp.contacts}))
+                preload = ", ".join(f"{n} {v:.3g}" for n, v in g.grasp.preload.items()) or "none: locked"
+                grid.add_row(str(k), str(g.index), str(g.grasp.m), links, preload, f"{g.answer.upper:.3g}")
+            out.print(grid)
+        grid = tables.table("what became of the starts", "")
+        for fate, number in planned.fates.items():
+            if number:
+                grid.add_row(str(fate), str(number))
+        out.print(grid)
+        if self.output:
+            out.print(f"Written: {self.output}", soft_wrap=True)
+
+
+def _from_anywhere(name: str) -> str:
+    """A path that is right wherever the files are read from; a bundled name as it is."""
+    return str(Path(name).resolve()) if Path(name).is_file() else name

@@ -1,0 +1,200 @@
+"""One attempt at a grasp: a random start, push up, close, and every reason why it may be dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from holdfast.answer import Verdict
+from holdfast.body import Body
+from holdfast.collision import always_meeting
+from holdfast.contacts import contact_grasp
+from holdfast.errors import InputError
+from holdfast.grasp import Grasp
+from holdfast.hand.model import Hand
+from holdfast.mechanism import Array
+from holdfast.planning import palm_poses
+from holdfast.planning.close import close
+from holdfast.planning.palm_poses import Palm, Sampling, Surface
+from holdfast.scene import Scene
+from holdfast.stability.hold import HoldAnswer, hold
+from holdfast.stability.loads import Loads
+from holdfast.stability.settings import Settings
+
+PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
+SIDES = 8  # of the polygon around a friction cone in the test of balance
+STRENGTH = 10.0  # default bound of a command: so many times the largest load at the grasp's size
+PER_QUERY = 4000  # nodes of the search after which a question about a load is left open
+DEFAULT = Settings(node_limit=PER_QUERY)
+SHORT = 1e-6  # share of a wrench that must be missing before it counts as not balanced
+ROUNDING = 1e-9
+
+
+class Fate(StrEnum):
+    """What became of an attempt; all but the first are reasons to drop it."""
+
+    KEPT = "kept"
+    PAST = "passed the object by"
+    INSIDE = "started with the hand in the object or in itself"
+    FEW = "touches with fewer than two fingers or a finger and the palm"
+    PENETRATES = "penetrates by more than 1 mm"
+    UNBALANCED = "no contact forces balance a load (shown)"
+    SLIPS = "no preload resists a load (shown)"
+    UNDECIDED = "no preload was found"
+    STRONG = "needs larger commands than allowed"
+    ALIKE = "like one that was kept"
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A hand around an object that holds its loads.
+
+    Attributes:
+        q: (l,) configuration; pose: (4, 4) of the object in the hand's base frame.
+        grasp: with the preload in force, object frame.
+        answer: what `hold` says, a witness for each load.
+        penetration: [m] largest overlap of hand and object, 0 if none; self_penetration: of two links.
+        index: number of the attempt, which with the seed reproduces it.
+    """
+
+    q: Array
+    pose: Array
+    grasp: Grasp
+    answer: HoldAnswer
+    penetration: float
+    self_penetration: float
+    index: int
+
+
+@dataclass(frozen=True, eq=False)
+class Attempts:
+    """All that attempts share. `run(i)` depends on i and the seed alone, not on the attempts before it.
+
+    Attributes:
+        loads: what is to be held. command_limit: largest command [N m, N]; None for `STRENGTH`.
+        torque_limits, force_limit, eta: as in `hold`.
+        sampling: of the starts.
+        settings: of each query; nodes rather than seconds, so that the outcome does not hang on the machine.
+    """
+
+    hand: Hand
+    body: Body
+    palm: Palm
+    loads: Loads
+    seed: int
+    command_limit: float | None = None
+    torque_limits: Mapping[str, float] | None = None
+    force_limit: float | None = None
+    eta: float = 0.0
+    settings: Settings = DEFAULT
+    sampling: Sampling = Sampling()
+
+    def begin(self) -> Runner:
+        """A runner, with what cannot travel between processes."""
+        return Runner(self)
+
+
+class Runner:
+    """Attempts in one process: the compiled scene and what is worth keeping between attempts."""
+
+    def __init__(self, asked: Attempts) -> None:
+        self.asked = asked
+        self.scene = Scene(asked.hand, asked.body)
+        self.surface = Surface(asked.body)
+        apart = set(self.scene.self_pairs) - set(always_meeting(self.scene))
+        self.watched = np.array([pair in apart for pair in self.scene.self_pairs], dtype=bool)
+
+    def run(self, index: int) -> tuple[Fate, Held | None]:
+        """The attempt of a number: what became of it, and the grasp if it holds."""
+        a = self.asked
+        rng = np.random.default_rng([a.seed, index])
+        start = palm_poses.draw(rng, a.hand, a.palm, self.surface, a.sampling)
+        pose = palm_poses.pushed(self.scene, start, rng.exponential(a.sampling.back))
+        if pose is None:
+            return Fate.PAST, None
+        if max(self._depths(start.q, pose)) > PENETRATION:
+            return Fate.INSIDE, None
+        try:
+            closed = close(a.hand, start.q, a.body, pose, scene=self.scene)
+        except InputError:  # it started deeper in the object than closing allows
+            return Fate.INSIDE, None
+        if len({self._finger(c.link) for c in closed.contacts}) < 2:
+            return Fate.FEW, None
+        inside, itself = self._depths(closed.q, pose)
+        inside = max(inside, closed.penetration)
+        if max(inside, itself) > PENETRATION:
+            return Fate.PENETRATES, None
+        grasp = contact_grasp(a.hand, closed.q, a.body, pose, scene=self.scene)
+        if not all(balances(grasp, w) for w in a.loads.wrenches):
+            return Fate.UNBALANCED, None
+        drivers = driven(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
+        if not drivers:
+            return Fate.UNDECIDED, None
+        answer = hold(
+            grasp,
+            a.loads,
+            actuators=drivers,
+            least=False,
+            torque_limits=a.torque_limits,
+            force_limit=a.force_limit,
+            eta=a.eta,
+            settings=a.settings,
+        )
+        if answer.verdict is not Verdict.HOLDS:
+            return Fate.SLIPS if answer.verdict is Verdict.SLIPS else Fate.UNDECIDED, None
+        if answer.upper > self._strongest(grasp):
+            return Fate.STRONG, None
+        grasp = grasp.with_preload(answer.preload)
+        return Fate.KEPT, Held(closed.q, pose, grasp, answer, inside, itself, index)
+
+    def _strongest(self, grasp: Grasp) -> float:
+        a = self.asked
+        if a.command_limit is not None:
+            return a.command_limit
+        w = a.loads.wrenches
+        forces = np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size
+        return STRENGTH * float(forces.max()) * grasp.size
+
+    def _depths(self, q: Array, pose: Array) -> tuple[float, float]:
+        """Largest overlap [m] of hand and object, and of two links, 0 if none."""
+        links, meetings = self.scene.clearances(q, pose)
+        return max(0.0, -links.min()), max(0.0, -meetings[self.watched].min(initial=0.0))
+
+    def _finger(self, link: str) -> int:
+        """Fingers are told apart by the joint next to the base; -1 is the palm."""
+        return (self.asked.hand.moved_by(self.asked.hand.link(link)) or (-1,))[0]
+
+
+def balances(grasp: Grasp, wrench: Array) -> bool:
+    """Whether forces within the friction cones can balance a wrench (6,) at all, whatever the joints do.
+
+    Necessary for every passive resistance, and quick: nonnegative forces along the edges of polygons around the
+    cones. If they fall short, what is missing separates the wrench from all of them (Farkas), which is checked.
+    """
+    from scipy.optimize import nnls
+
+    around = np.arange(SIDES) * 2 * np.pi / SIDES
+    edges = np.vstack([np.ones(SIDES), np.cos(around), np.sin(around)])
+    wide = grasp.mu / np.cos(np.pi / SIDES)  # a polygon around the circle, not in it
+    columns = [grasp.G[:, 3 * i : 3 * i + 3] @ (edges * np.array([1.0, mu, mu])[:, None]) for i, mu in enumerate(wide)]
+    scale = np.array([1.0, 1.0, 1.0, *[1 / grasp.size] * 3])
+    A, b = scale[:, None] * np.hstack(columns), -scale * wrench
+    length = float(np.linalg.norm(b))
+    if not length:
+        return True
+    x, missing = nnls(A, b / length)
+    if missing < SHORT:
+        return True
+    y = b / length - A @ x
+    return bool((A.T @ y).max() > ROUNDING * missing)  # True: not separated after all
+
+
+def driven(grasp: Grasp, stopped: set[str]) -> tuple[str, ...]:
+    """The actuators of joints that a touch stopped: those whose command squeezes."""
+    names = np.array([j.name in stopped for j in grasp.joints])
+    return tuple(
+        n for n, row in zip(grasp.mechanism.actuators, grasp.mechanism.R, strict=True) if (row[names] != 0).any()
+    )

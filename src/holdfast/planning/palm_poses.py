@@ -1,0 +1,207 @@
+"""Where a hand may start: palm poses around an object and pre-shapes, drawn at random and pushed up to the object.
+
+Nothing here knows a particular hand: which way a hand reaches follows from where its fingertips go when it
+closes. All of this is a heuristic; what becomes of a start is judged afterwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from holdfast.body import Body
+from holdfast.errors import InputError
+from holdfast.hand.model import Hand
+from holdfast.mechanism import Array, frozen
+from holdfast.scene import Scene
+from holdfast.shape import transform
+
+MIDWAY = 0.5  # share of closing at which the fingertips surround what is grasped
+TOUCH = 2e-4  # [m] the push ends when the hand is this near
+FAR = 0.05  # [m] distances beyond this are not computed
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How starts are drawn.
+
+    Attributes:
+        cone: [rad] the palm's approach is drawn this far about the hand's axis.
+        tilt: [rad] and it points this far about the direction into the object, against the normal.
+        aside: [m] standard deviation of the offset of the hand's centre from the surface point.
+        opening: the pre-shape is closed by at most this share of the joints' ranges ..
+        jitter: .. with this standard deviation from joint to joint.
+        back: [m] mean of the step back after the push, exponential.
+    """
+
+    cone: float = np.radians(40)
+    tilt: float = np.radians(20)
+    aside: float = 0.01
+    opening: float = 0.6
+    jitter: float = 0.1
+    back: float = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Palm:
+    """Where a hand grasps and which way it approaches. Frame: the hand's base.
+
+    Attributes:
+        center: (3,) [m] in the middle of the half-closed fingertips.
+        axis: (3,) unit, from the base's solids to the centre: the way the palm approaches an object.
+        opened, closed: (l,) configurations with every closing joint at its two ends, the others midway.
+    """
+
+    center: Array
+    axis: Array
+    opened: Array
+    closed: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A pre-shape q (l,), the object's pose (4, 4) and the palm's approach (3,), both in the hand's base frame."""
+
+    q: Array
+    pose: Array
+    approach: Array
+
+
+class Surface:
+    """Points on an object's mesh, equally likely everywhere on its surface. Object frame."""
+
+    def __init__(self, body: Body) -> None:
+        a, b, c = (body.vertices[body.faces[:, k]] for k in range(3))
+        cross = np.cross(b - a, c - a)
+        double = np.linalg.norm(cross, axis=1)
+        kept = double > 1e-12
+        self._corners = a[kept], b[kept], c[kept]
+        self._normals = cross[kept] / double[kept, None]
+        self._share = double[kept] / double[kept].sum()
+        self._middle = body.center_of_mass
+
+    def draw(self, rng: np.random.Generator) -> tuple[Array, Array]:
+        """A point (3,) [m] and the unit normal (3,) out of the object there.
+
+        A mesh may be wound either way, so a normal that looks at the centre of mass is turned round.
+        """
+        k = rng.choice(len(self._share), p=self._share)
+        u, v = rng.random(2)
+        u, v = (u, v) if u + v <= 1 else (1 - u, 1 - v)
+        a, b, c = (x[k] for x in self._corners)
+        point, normal = a + u * (b - a) + v * (c - a), self._normals[k]
+        return point, normal if normal @ (point - self._middle) >= 0 else -normal
+
+
+def palm_of(hand: Hand, approach: object = None) -> Palm:
+    """Where the palm is and which way it approaches, from the closing senses.
+
+    Args:
+        approach: (3,) in place of the axis, base frame, any length.
+
+    Raises:
+        InputError: no joint that closes or no fingertip with a solid, a zero approach.
+    """
+    lower, upper = hand.limits.T
+    middle = np.where(hand.closing == 0, np.clip((lower + upper) / 2, lower, upper), 0.0)
+    opened = coupled(hand, np.where(hand.closing > 0, lower, np.where(hand.closing < 0, upper, middle)))
+    closed = coupled(hand, np.where(hand.closing > 0, upper, np.where(hand.closing < 0, lower, middle)))
+    tips = fingertips(hand)
+    if not tips:
+        raise InputError("no link with a solid is moved by a closing joint; give closing senses", field="closing")
+    center = _middles(hand, coupled(hand, opened + MIDWAY * (closed - opened)), tips).mean(axis=0)
+    fixed = [i for i, link in enumerate(hand.links) if link.shapes and not hand.moved_by(i)]
+    base = _middles(hand, opened, fixed).mean(axis=0) if fixed else np.zeros(3)
+    axis = center - base if approach is None else frozen(approach, (3,), "approach")
+    if np.linalg.norm(axis) < 1e-9:
+        raise InputError("is zero; the direction in which the palm approaches is needed", field="approach")
+    return Palm(center, axis / np.linalg.norm(axis), opened, closed)
+
+
+def fingertips(hand: Hand) -> list[int]:
+    """The links with solids that a closing joint moves and beyond which no link has a solid."""
+    solid = [i for i, link in enumerate(hand.links) if link.shapes]
+    inner = set()
+    for i in solid:
+        above = hand.links[i].parent
+        while above >= 0:
+            inner.add(above)
+            above = hand.links[above].parent
+    return [i for i in solid if i not in inner and any(hand.closing[j] for j in hand.moved_by(i))]
+
+
+def coupled(hand: Hand, q: Array) -> Array:
+    """q (l,) with the coupled joints where their leaders put them, within the limits."""
+    q = q.copy()
+    for _ in hand.couplings:  # a leader may itself be led
+        for c in hand.couplings:
+            q[c.joint] = c.offset + (c.ratio * q[c.leader] if c.leader >= 0 else 0.0)
+    return np.clip(q, *hand.limits.T)
+
+
+def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: Surface, how: Sampling) -> Start:
+    """A random start, the hand's centre on a point of the object's surface: the hand is to be pushed up from afar."""
+    share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
+    q = palm.opened + share * (palm.closed - palm.opened)
+    lower, upper = hand.limits.T
+    q = coupled(hand, np.where(hand.closing == 0, lower + rng.random(hand.l) * (upper - lower), q))
+    point, normal = surface.draw(rng)
+    into = _near(rng, -normal, how.tilt)
+    approach = _near(rng, palm.axis, how.cone)
+    R = _turned(rng, into, approach)
+    point = point + how.aside * rng.standard_normal(3)
+    return Start(q, transform(palm.center - R @ point, R), approach)
+
+
+def pushed(scene: Scene, start: Start, back: float) -> Array | None:
+    """The object's pose (4, 4) once the hand was pushed along its approach up to the object, then `back` [m].
+
+    Every step of the push is as long as the distance that is left, so that no surface is passed. None if the
+    hand passes the object by.
+    """
+    size = float(np.linalg.norm(scene.body.vertices - scene.body.center_of_mass, axis=1).max())
+    reach = float(np.linalg.norm(scene.hand.link_poses(start.q)[:, :3, 3], axis=1).max() + scene.link_radius.max())
+    pose = start.pose.copy()
+    ahead = size + reach + float(np.linalg.norm(start.pose[:3, 3]))
+    last = -ahead
+    while ahead > last:
+        pose[:3, 3] = start.pose[:3, 3] + ahead * start.approach
+        gap = scene.distance(start.q, pose, FAR).min()
+        if gap < TOUCH:
+            pose[:3, 3] += back * start.approach
+            return pose
+        ahead -= gap
+    return None
+
+
+def _middles(hand: Hand, q: Array, links: list[int]) -> Array:
+    """(k, 3) middles of the links' solids, base frame."""
+    poses = hand.link_poses(q)
+    middles = [np.mean([s.centroid for s in hand.links[i].shapes], axis=0) for i in links]
+    return np.array([poses[i][:3, :3] @ p + poses[i][:3, 3] for i, p in zip(links, middles, strict=True)])
+
+
+def _near(rng: np.random.Generator, direction: Array, angle: float) -> Array:
+    """A unit vector, equally likely anywhere within an angle [rad] of a unit direction."""
+    height = 1 - rng.random() * (1 - np.cos(angle))
+    around = rng.uniform(0, 2 * np.pi)
+    frame = _frame(direction)
+    flat = np.sqrt(1 - height**2)
+    return frame @ np.array([height, flat * np.cos(around), flat * np.sin(around)])
+
+
+def _turned(rng: np.random.Generator, source: Array, target: Array) -> Array:
+    """(3, 3) a rotation that takes one unit vector to another, with a random roll."""
+    roll = rng.uniform(0, 2 * np.pi)
+    turn = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+    return _frame(target) @ turn @ _frame(source).T
+
+
+def _frame(n: Array) -> Array:
+    """(3, 3) right-handed orthonormal columns, the first one n."""
+    e = np.zeros(3)
+    e[np.argmin(np.abs(n))] = 1.0
+    t = np.cross(n, e)
+    t /= np.linalg.norm(t)
+    return np.column_stack([n, t, np.cross(n, t)])

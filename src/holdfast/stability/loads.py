@@ -1,0 +1,121 @@
+"""Loads: the wrenches that one grasp has to hold, each with a name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from holdfast.errors import InputError
+from holdfast.mechanism import Array, frozen
+
+if TYPE_CHECKING:
+    from holdfast.body import Body
+
+AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """Wrenches on the object, one at a time. Object frame, at its origin.
+
+    Attributes:
+        names: k, unique, for reports.
+        wrenches: (k, 6) force [N] and torque [N m].
+
+    Raises:
+        InputError: none at all, a name twice, a wrench that is not finite.
+    """
+
+    names: tuple[str, ...]
+    wrenches: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        if not self.names:
+            raise InputError("are empty; at least one is needed", field="loads")
+        twice = [n for i, n in enumerate(self.names) if n in self.names[:i]]
+        if twice:
+            raise InputError(f"has '{twice[0]}' twice", field="loads")
+        object.__setattr__(self, "wrenches", frozen(self.wrenches, (len(self.names), 6), "loads"))
+
+    @classmethod
+    def wrench(cls, wrench: Sequence[float] | Array, name: str = "wrench") -> Loads:
+        """A single wrench (6,) [N, N m]."""
+        return cls((name,), np.asarray(wrench, dtype=float)[None])
+
+    @classmethod
+    def gravity(cls, body: Body, directions: str | Sequence[str] | Array = "all", g: float = 9.81) -> Loads:
+        """The object's weight at its centre of mass, gravity pulling along each of some directions.
+
+        Args:
+            directions: "all", the axes of the object both ways; names of axes such as "-z"; or vectors (n, 3)
+                of any length, object axes. Six directions stand for all of them; more are a longer (n, 3).
+            g: [m/s^2].
+
+        Raises:
+            InputError: the mass is unknown, a direction of another name, or zero.
+        """
+        if isinstance(directions, str):
+            directions = AXES if directions == "all" else [directions]
+        names, vectors = [], []
+        for k, d in enumerate(directions):
+            names.append(f"gravity {_axis_name(d)}" if isinstance(d, str) else f"gravity {k}")
+            vectors.append(_axis(d) if isinstance(d, str) else np.asarray(d, dtype=float))
+        return cls(tuple(names), np.array([body.gravity_wrench(v, g) for v in vectors]).reshape(-1, 6))
+
+    @classmethod
+    def tilt(
+        cls,
+        body: Body,
+        axis: Sequence[float] | Array,
+        angle: float,
+        steps: int = 7,
+        down: Sequence[float] | Array = (0.0, 0.0, -1.0),
+        g: float = 9.81,
+    ) -> Loads:
+        """The weight while the object is tipped: from upright to `angle` [rad] about an axis of the object.
+
+        Args:
+            axis: (3,) about which the object turns, object axes, any length; gravity turns the other way.
+            steps: orientations, both ends included.
+            down: (3,) where gravity pulls while the object is upright, object axes.
+        """
+        from scipy.spatial.transform import Rotation
+
+        k = frozen(axis, (3,), "axis")
+        if np.linalg.norm(k) < 1e-12:
+            raise InputError("is zero; give the axis about which the object is tipped", field="axis")
+        if steps < 1:
+            raise InputError(f"is {steps}; at least 1 orientation is needed", field="steps")
+        k = k / np.linalg.norm(k)
+        angles = np.linspace(0.0, angle, steps) if steps > 1 else np.array([angle])
+        names = tuple(f"tipped {np.degrees(a):.4g}°" for a in angles)
+        wrenches = [body.gravity_wrench(Rotation.from_rotvec(-a * k).apply(down), g) for a in angles]
+        return cls(names, np.array(wrenches))
+
+    def scaled(self, factor: float) -> Loads:
+        """The same loads, larger by a safety factor."""
+        if not (np.isfinite(factor) and factor > 0):
+            raise InputError(f"is {factor:g}; a positive number is needed", field="safety")
+        return self if factor == 1 else Loads(self.names, factor * self.wrenches)
+
+    def __add__(self, other: Loads) -> Loads:
+        return Loads(self.names + other.names, np.vstack([self.wrenches, other.wrenches]))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def _axis_name(name: str) -> str:
+    return name if name[:1] in "+-" else f"+{name}"
+
+
+def _axis(name: str) -> Array:
+    """(3,) unit vector of a direction such as "-z" or "x"."""
+    if _axis_name(name) not in AXES:
+        raise InputError(f"is '{name}'; all, {', '.join(AXES)} or a vector is needed", field="gravity")
+    sign = -1.0 if name[0] == "-" else 1.0
+    return sign * np.eye(3)["xyz".index(name[-1])]
