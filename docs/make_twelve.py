@@ -1,6 +1,6 @@
 """Plan the twelve bundled Barrett grasps, and draw them.
 
-    python docs/make_twelve.py [--check] [--only OBJECT ...]
+    python docs/make_twelve.py [--check | --picture] [--only OBJECT ...]
 
 Twelve grasps of `barrett-bh8-280` on differently shaped objects, with as many contacts as those of the stability
 paper's Fig. 13: four with three contacts, five with four, one with five, two with six. Each object is planned
@@ -10,7 +10,7 @@ with at least two actuators, the one with the smallest largest command is taken.
 typical.
 
 Writes src/holdfast/data/{configurations,grasps}/barrett-OBJECT.json and docs/img/twelve.png; `--check` only
-compares what it plans with the files that are there.
+compares what it plans with the files that are there, `--picture` only draws them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ from holdfast.configuration import Configuration, save_configuration
 from holdfast.files import same_json, write_bytes
 from holdfast.grasp import Grasp
 from holdfast.grasp_file import save_grasp, to_dict
+from holdfast.mechanism import Array
 from holdfast.planning.attempt import Held
+from holdfast.planning.palm_poses import Sampling
 from holdfast.planning.plan import Plan, plan
 from holdfast.plot import picture, scene_meshes
 from holdfast.report.drawing import View
@@ -43,16 +45,17 @@ CONTACTS = {  # object: contacts, in the order of Fig. 13's letters
     "pear": 3,
     "block": 4,
     "egg": 4,
-    "torch": 4,
+    "dumbbell": 4,
     "wedge": 4,
     "mallet": 4,
     "ring": 5,
     "bottle": 6,
-    "jar": 6,
+    "torch": 6,
 }
 ATTEMPTS = 300  # per object ..
 MORE: dict[str, int] = {}  # .. but for these
 SEED = 0
+SAMPLING = Sampling(aligned=0.0, central=0.0)
 COLUMNS = 4
 HAND_COLOR, OBJECT_COLOR = np.array([0.62, 0.67, 0.73]), np.array([0.93, 0.76, 0.48])
 ROOT = Path(__file__).parents[1]
@@ -79,7 +82,9 @@ def made(name: str, contacts: int) -> tuple[Held, Configuration]:
         LookupError: none suits.
     """
     hand, body = load_hand(HAND), load_body(name)
-    planned = plan(hand, body, count=ATTEMPTS, attempts=MORE.get(name, ATTEMPTS), seed=SEED, timeout=3600)
+    planned = plan(
+        hand, body, count=ATTEMPTS, attempts=MORE.get(name, ATTEMPTS), seed=SEED, timeout=3600, sampling=SAMPLING
+    )
     counts = sorted(g.grasp.m for g in planned.grasps)
     print(f"{name}: {len(counts)} of {planned.tried} in {planned.seconds:.0f} s, contacts {counts}", file=sys.stderr)
     held = chosen(planned, contacts)
@@ -89,8 +94,8 @@ def made(name: str, contacts: int) -> tuple[Held, Configuration]:
     return held, placed
 
 
-def best_view(grasp: Grasp) -> View:
-    """From where the contacts lie farthest apart in the picture."""
+def best_view(grasp: Grasp, forward: Array) -> View:
+    """From where the contacts lie farthest apart in the picture, not from behind the palm, which looks `forward`."""
     points = np.array([c.position for c in grasp.contacts])
 
     def spread(view: View) -> float:
@@ -98,7 +103,8 @@ def best_view(grasp: Grasp) -> View:
         apart = np.linalg.norm(flat[:, None] - flat[None], axis=2)
         return float(apart[np.triu_indices(len(flat), 1)].min())
 
-    return max((View.of(a, e, "") for a in range(0, 360, 15) for e in (15, 30, 45)), key=spread)
+    sides = [View.of(a, e, "") for a in range(0, 360, 15) for e in (-30, -15, 15, 30, 45)]
+    return max((v for v in sides if v.matrix[2] @ forward > 0.2 * np.linalg.norm(forward)), key=spread)
 
 
 def panel(ax: Any, name: str) -> None:
@@ -106,9 +112,11 @@ def panel(ax: Any, name: str) -> None:
     placed = load_configuration(f"barrett-{name}")
     hand, q = placed.applied(load_hand(HAND))
     grasp = load_grasp(f"barrett-{name}")
-    V = best_view(grasp).matrix
+    body = load_body(name)
+    palm = np.linalg.inv(placed.pose)[:3, 3]
+    V = best_view(grasp, body.center_of_mass - palm).matrix
     corners, colors = [], []
-    for mesh in scene_meshes(hand, q, load_body(name), placed.pose):
+    for mesh in scene_meshes(hand, q, body, placed.pose):
         triangles = mesh.vertices[mesh.faces] @ V.T
         normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
@@ -143,9 +151,13 @@ def drawn() -> bytes:
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare with the stored files, write nothing")
+    parser.add_argument("--picture", action="store_true", help="draw the stored files, plan nothing")
     parser.add_argument("--only", nargs="*", default=[], metavar="OBJECT")
     asked = parser.parse_args()
     wrong = 0
+    if asked.picture:
+        write_bytes(IMAGE, drawn(), force=True)
+        return 0
     for name, contacts in CONTACTS.items():
         if asked.only and name not in asked.only:
             continue

@@ -30,6 +30,7 @@ from holdfast.configuration import Configuration, load_configuration
 from holdfast.files import Strict
 from holdfast.grasp_file import GraspFile, load_grasp
 from holdfast.stability.certificate_file import CertificateFile, NodesEntry, QuestionEntry, RowsEntry
+from holdfast.stability.loads_file import load_loads
 from holdfast.stability.result_file import ResultFile, WitnessEntry
 from holdfast.synthesis.existence import ExistenceEntry
 from holdfast.synthesis.result_file import AnswerEntry, StateEntry, SynthesisFile
@@ -43,6 +44,7 @@ LOADERS: dict[str, Callable[[str], object]] = {
     "holdfast/configuration/1": load_configuration,
     "holdfast/body/1": load_body,
     "holdfast/task/1": load_task,
+    "holdfast/loads/1": load_loads,
 }
 BLOCK = re.compile(
     r"(?:^<!-- not run: (?P<skip>[^\n]+) -->\n)?^```(?P<kind>\w+)(?P<rest>[^\n]*)\n(?P<text>.*?)^```$",
@@ -119,7 +121,7 @@ def test_console_lines_are_commands_that_exist() -> None:
             for arguments in block.commands() if block.kind == "console" else []:
                 if arguments[0].startswith("--"):
                     continue
-                known = {option_name(f) for f in fields(COMMANDS[arguments[0]])} | {"--help", "-o"}  # type: ignore[arg-type]
+                known = {option_name(f) for f in fields(COMMANDS[arguments[0]])} | {"--help", "-o", "-n"}  # type: ignore[arg-type]
                 asked = {w for w in arguments[1:] if re.match(r"--?[a-z]", w)}
                 assert asked <= known, f"{page.name}: {asked - known}"
 
@@ -247,6 +249,7 @@ def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.Capture
         "map": ["map", "fig11", "--plane", "xz", "--steps", "4"],
         "sweep": ["sweep", "fig11", "--joint", "finger_3_prox", "--to", "0.01", "--steps", "2", *up],
         "synthesize": ["synthesize", "scalpel-upholding"],
+        "grasp": ["grasp", "scalpel-incision", "--count", "1", "--up", "z"],
     }
     common = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
     for name, arguments in asked.items():

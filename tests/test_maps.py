@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +13,10 @@ from hypothesis import settings as given_settings
 from hypothesis import strategies as st
 
 from holdfast.answer import Stop, Verdict
+from holdfast.cli import main
 from holdfast.errors import InputError
 from holdfast.grasp import Grasp
+from holdfast.grasp_file import save_grasp
 from holdfast.stability import maps
 from holdfast.stability.answers import MaxAnswer
 from holdfast.stability.many import Case, default_jobs, maxima
@@ -152,3 +156,18 @@ def test_refuses_a_point_that_is_none_or_that_no_force_could_balance() -> None:
     with pytest.raises(InputError, match=r"cannot be balanced by any forces at these 2 contacts"):
         force_map(pinch(), "xy", at=(0, 0, 0.01), steps=4, on_item=lambda done, total: seen.append(done))
     assert not seen  # before any work
+
+
+def test_the_command_line_maps_at_a_point(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(tmp_path / "bell.json")
+    save_grasp(bell(), file)
+    asked = ["map", file, "--steps", "2", "--at", "0", "0.02", "0", "--weight", "3", "--json"]
+    picture, report = str(tmp_path / "m.svg"), str(tmp_path / "m.html")
+    assert main([*asked, "-o", picture, "--report", report]) == 0
+    assert json.loads(capsys.readouterr().out)["at"] == [0, 0.02, 0]
+    assert "they act at (0, 20, 0) mm. A weight of 3 N:" in Path(report).read_text("utf-8")
+    for wrong, says in (("0", "--weight: is 0; a force above 0"), ("nan", "--weight: is nan; a force above 0")):
+        assert main(["map", file, "--weight", wrong]) == 2
+        assert says in capsys.readouterr().err
+    assert main(["map", file, "--at", "0", "1"]) == 2
+    assert "three are needed, X Y Z" in capsys.readouterr().err

@@ -175,9 +175,10 @@ def test_many_loads_are_drawn_once_and_listed(grasp: Grasp, tmp_path: Path) -> N
     largest = num(float(witness.state.c.reshape(-1, 3)[:, 0].max()))
     assert f'>1.0 N?</td><td>holds</td><td class="n">{largest}</td>' in four
     assert '>2.5 N?</td><td class="bad">slips</td><td class="n">–</td>' in four
-    shares = [int(x) for x in re.findall(r"(\d+) %</td></tr>", four.split("The loads")[1].split("</table>")[0])]
-    assert len(shares) == 3
-    assert max(shares) <= 100  # noise at a contact that carries nothing is no share of its friction
+    rows = four.split("The loads")[1].split("</table>")[0]
+    states = witness.contact_states
+    said = ", ".join(f"{states.count(s)} {s}" for s in ("stick", "slide", "open") if s in states)
+    assert f'<td class="n">{largest}</td><td>{said}</td>' in rows
 
 
 def test_a_slip_names_its_load(grasp: Grasp, tmp_path: Path) -> None:

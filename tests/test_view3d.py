@@ -166,7 +166,7 @@ def test_the_fallback_needs_no_script(entries: list[Entry], tmp_path: Path) -> N
     write_report(tmp_path / "a.html", bell(), entries[:1])
     text = (tmp_path / "a.html").read_text("utf-8")
     assert '<figure class="view3d">' in text  # the script adds "live" once there is WebGL
-    assert "the pictures below show the same" in text
+    assert "the pictures below need neither" in text
     assert ".view3d:not(.live)" in text
     assert "data:image/svg+xml;base64," in text
 

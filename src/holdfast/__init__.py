@@ -28,9 +28,14 @@ if TYPE_CHECKING:
     from holdfast.hand import load_hand as load_hand
     from holdfast.mechanism import Mechanism as Mechanism
     from holdfast.planning.close import close as close
+    from holdfast.planning.grasp_for import grasp_for as grasp_for
+    from holdfast.planning.plan import plan as plan
     from holdfast.region import Bezier as Bezier
     from holdfast.region import Cap as Cap
     from holdfast.replay import verify as verify
+    from holdfast.stability.hold import hold as hold
+    from holdfast.stability.loads import Loads as Loads
+    from holdfast.stability.loads_file import load_loads as load_loads
     from holdfast.stability.many import max_many as max_many
     from holdfast.stability.maps import force_map as force_map
     from holdfast.stability.maps import sweep as sweep
@@ -64,9 +69,14 @@ _HOME = {
     "load_hand": "hand",
     "Mechanism": "mechanism",
     "close": "planning.close",
+    "grasp_for": "planning.grasp_for",
+    "plan": "planning.plan",
     "Bezier": "region",
     "Cap": "region",
     "verify": "replay",
+    "hold": "stability.hold",
+    "Loads": "stability.loads",
+    "load_loads": "stability.loads_file",
     "max_many": "stability.many",
     "force_map": "stability.maps",
     "sweep": "stability.maps",

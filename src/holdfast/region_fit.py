@@ -77,7 +77,7 @@ def fit(vertices: Array, faces: Faces, selection: object, degree: tuple[int, int
         raise InputError(f"cannot be fitted: the patch {fault.problem}", field="selection") from None
     everything = (vertices[faces] - middle) @ frame.T
     errors = np.concatenate([_to_faces(points, everything), _to_patch(points, samples, u, v, local)])
-    coverage = _area(points) / float(np.linalg.norm(area, axis=1).sum())
+    coverage = _area(patch) / float(np.linalg.norm(area, axis=1).sum())
     if not LEAST < coverage < MOST:
         problem = (
             f"has an outline that cannot be taken as four sides: the patch would cover {100 * coverage:.0f} % of it"
@@ -121,7 +121,7 @@ def fit_grid(points: Array, degree: tuple[int, int] = (3, 3)) -> Fitted:
     error = np.concatenate(errors)
     diagonals = points[1:, 1:] - points[:-1, :-1], points[:-1, 1:] - points[1:, :-1]
     area = float(np.linalg.norm(np.cross(*diagonals), axis=2).sum()) / 2
-    return Fitted(patch, float(error.max()), float(np.sqrt((error**2).mean())), _area(patch.points) / area)
+    return Fitted(patch, float(error.max()), float(np.sqrt((error**2).mean())), _area(patch) / area)
 
 
 # --- the selection -----------------------------------------------------------------------------------
@@ -369,8 +369,8 @@ def _to_faces(points: Array, corners: Array) -> Array:
     return found
 
 
-def _area(points: Array) -> float:
+def _area(patch: Bezier) -> float:
     """[m^2] by quadrature."""
     x, w = np.polynomial.legendre.leggauss(12)
     u, v = np.meshgrid((x + 1) / 2, (x + 1) / 2)
-    return float(np.linalg.norm(Bezier(points).normal(u, v), axis=-1) @ w @ w / 4)
+    return float(np.linalg.norm(patch.normal(u, v), axis=-1) @ w @ w / 4)

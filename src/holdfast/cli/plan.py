@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import UseAppendAction, arg
+from tyro.conf import arg
 
 from holdfast.cli import console
-from holdfast.cli.options import Assignments, Command, Triple, Wrench, assigned
+from holdfast.cli.loads import LoadsOptions
+from holdfast.cli.options import Assignments, Command, Triple, assigned
 from holdfast.cli.scene import SceneOptions
 from holdfast.errors import InputError
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class PlanGrasps(SceneOptions, Command):
+class PlanGrasps(SceneOptions, LoadsOptions, Command):
     """Look for grasps that hold an object, and differ from each other.
 
     Starts the hand at random before the object's surface, closes it, and keeps what holds every load under one
@@ -31,10 +32,6 @@ class PlanGrasps(SceneOptions, Command):
 
     count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 20
     """grasps to look for"""
-    gravity: UseAppendAction[tuple[Annotated[str, arg(metavar="all|AXIS")], ...]] = ()
-    """direction in which gravity pulls, object axes: x, +x, -x, ... or all, the default; may be repeated"""
-    load: UseAppendAction[tuple[Wrench, ...]] = ()
-    """a wrench to be held, instead of the weight or with --gravity beside it; may be repeated"""
     seed: int = 0
     """of the random starts"""
     timeout: Annotated[float, arg(metavar="S")] = 300.0
@@ -103,16 +100,9 @@ class PlanGrasps(SceneOptions, Command):
         return console.status(planned.verdict, planned.stop)
 
     def _loads(self, body: Body) -> Loads:
-        from holdfast.stability.loads import Loads
-
-        wrenches = [Loads.wrench(w, f"load {k}") for k, w in enumerate(self.load, 1)]
-        if body.mass is None and (self.gravity or not wrenches):
+        if body.mass is None and (self.up or self.tilt or not (self.wrench or self.loads)):
             raise InputError("is unknown; give --mass KG", source=self.object, field="mass")
-        weights = []
-        if self.gravity or not wrenches:
-            weights = [Loads.gravity(body, "all" if "all" in (self.gravity or ("all",)) else list(self.gravity))]
-        first, *others = weights + wrenches
-        return sum(others, start=first)
+        return self.asked(body)
 
     def _check_folder(self) -> None:
         """Refuse a folder that could not be filled before the work that would fill it."""

@@ -106,7 +106,7 @@ def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
     for name, curve in named:
         if curve is not None:
             grid.add_row(name, *_counts(curve))
-    plane = f"{len(answer.directions)} directions of force in the {answer.plane} plane"
+    plane = f"{len(answer.directions)} directions of force in the {answer.plane} plane, {words.place_text(answer.at)}"
     _head(out, answer.grasp, answer.verdict, f"{plane} in {num(answer.seconds, 3)} s.", asked)
     out.print()
     out.print(grid)

@@ -18,7 +18,7 @@ from holdfast.hand.model import Hand
 from holdfast.mechanism import Array
 from holdfast.planning import palm_poses
 from holdfast.planning.close import close
-from holdfast.planning.palm_poses import Palm, Sampling, Surface
+from holdfast.planning.palm_poses import STANDARD, Palm, Sampling, Surface
 from holdfast.scene import Scene
 from holdfast.stability.hold import HoldAnswer, hold
 from holdfast.stability.loads import Loads
@@ -39,6 +39,7 @@ class Fate(StrEnum):
     KEPT = "kept"
     PAST = "passed the object by"
     INSIDE = "started with the hand in the object or in itself"
+    MISSES = "would miss, as a few steps of closing show (heuristic)"
     FEW = "touches with fewer than two fingers or a finger and the palm"
     PENETRATES = "penetrates by more than 1 mm"
     UNBALANCED = "no contact forces balance a load (shown)"
@@ -90,7 +91,7 @@ class Attempts:
     force_limit: float | None = None
     eta: float = 0.0
     settings: Settings = DEFAULT
-    sampling: Sampling = Sampling()
+    sampling: Sampling = STANDARD
 
     def begin(self) -> Runner:
         """A runner, with what cannot travel between processes."""
@@ -117,6 +118,9 @@ class Runner:
             return Fate.PAST, None
         if max(self._depths(start.q, pose)) > PENETRATION:
             return Fate.INSIDE, None
+        near = palm_poses.sweeps(self.scene, start.q, pose)
+        if len({self._finger(a.hand.link_names[i]) for i in np.flatnonzero(near)}) < 2:
+            return Fate.MISSES, None
         try:
             closed = close(a.hand, start.q, a.body, pose, scene=self.scene)
         except InputError:  # it started deeper in the object than closing allows

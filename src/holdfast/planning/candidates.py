@@ -16,8 +16,8 @@ from holdfast.mechanism import Array, Indices
 from holdfast.planning.balance import imbalance, margin
 from holdfast.planning.hand_shapes import HandShapes, Match
 from holdfast.planning.idle import placed, postures
+from holdfast.planning.quick_look import QuickLook
 from holdfast.planning.surface_regions import ERROR, Place, find_places
-from holdfast.scene import Scene
 
 Kind = Literal["pinch", "tripod", "power"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -26,13 +26,12 @@ SHAPES = 3000  # hand shapes that are drawn
 PLACES = 60  # spread over the object
 PATCH = 1.2, 0.15  # half a patch's side, as a share of a fingertip's size and of the object's, whichever is less
 MANY = 150_000  # sets of four and more places that are looked at
-SHORT = 80  # sets that are looked at closely
 FARTHEST = {"pinch": 2.0, "tripod": 2.0, "power": 4.0}  # misfit beyond which a set of places is out of reach
 LOOKED_AT = 8  # matches of a set of places at which it is seen what the hand cuts into
 SHALLOW = 3e-3  # [m] a cut up to this may vanish when the contacts are brought about
 DEEP, UNFIT = 30.0, 0.1  # [1/m, -] how much less promising cuts and misfits make a candidate
 SLACK = 0.01  # [m] added to the widest opening that was seen
-FINGERS_AROUND = 3  # at most, in a power grasp
+FINGERS_AROUND = 2  # in a power grasp, beside the palm
 
 
 class Reason(StrEnum):
@@ -88,12 +87,15 @@ class Dropped:
 
 
 def find_candidates(
-    scene: Scene, regions: HandRegions, body: Body, kind: Kind, friction: float, seed: int
+    look: QuickLook, regions: HandRegions, body: Body, kind: Kind, friction: float, *, seed: int = 0, short: int = 80
 ) -> tuple[list[Candidate], list[Dropped]]:
     """Candidates with balanced forces that look reachable, most promising first; and what was dropped on the way.
 
     Args:
-        scene: of the hand and the object.
+        look: at the hand and the object.
+        friction: coefficient.
+        seed: of everything that is drawn.
+        short: sets of places that are looked at closely.
 
     Raises:
         InputError: an unknown kind, a friction that is not positive, regions that do not make a grasp of the kind.
@@ -102,7 +104,7 @@ def find_candidates(
         raise InputError(f"is '{kind}'; known: {', '.join(KINDS)}", field="kind")
     if not friction > 0:
         raise InputError(f"is {friction:g}; forces on places need a positive coefficient", field="friction")
-    hand = scene.hand
+    hand = look.scene.hand
     regions.refuse_strangers(hand)
     sets = region_sets(regions, kind)
     own = tuple(dict.fromkeys(r for chosen in sets for r in chosen))
@@ -112,9 +114,9 @@ def find_candidates(
     radius = min(PATCH[0] * float(np.median([extent(r) for r in own])), PATCH[1] * size)
     places, unfit = find_places(body, radius, count=PLACES, seed=seed)
     opening = max(shapes.opening(chosen) for chosen in wholes) + SLACK
-    chosen_places, dropped = _balanced(body, places, len(sets[0]), friction, opening, radius, seed)
+    chosen_places, dropped = _balanced(body, places, len(sets[0]), friction, opening, radius, seed, short)
     if unfit:
-        dropped.insert(0, Dropped("no fit", unfit, f"no patch within {1e3 * ERROR:g} mm of the surface, or none at all"))
+        dropped.insert(0, Dropped("no fit", unfit, f"no patch within {1e3 * ERROR:g} mm of the surface"))
     found: list[Candidate] = []
     far: list[float] = []
     for row, steady in chosen_places:
@@ -126,35 +128,31 @@ def find_candidates(
             far.append(best.misfit if best else np.inf)
             continue
         near = sorted((m for m in matches if m.misfit <= FARTHEST[kind]), key=lambda m: m.misfit)[:LOOKED_AT]
-        cuts = [_cut(scene, [own[r].link for r in match.order], match) for match in near]
+        cuts = [_cut(look, [own[r].link for r in match.order], match) for match in near]
         clearest = int(np.argmin([max(cut, SHALLOW) + 1e-3 * m.misfit for cut, m in zip(cuts, near, strict=True)]))
         best, cut = near[clearest], cuts[clearest]
         off = float(np.linalg.norm(points.mean(axis=0) - body.center_of_mass))
         score = steady - off / (size / 2)
-        found.append(Candidate(tuple(own[i] for i in best.order), where, steady, off, score, best.misfit, best.pose, cut))
+        chosen = tuple(own[i] for i in best.order)
+        found.append(Candidate(chosen, where, steady, off, score, best.misfit, best.pose, cut))
     if far:
-        example = (
-            f"the best of {SHAPES} hand shapes is off by {min(far):.1f} times the slack, up to {FARTHEST[kind]:g} is tried"
-        )
+        example = f"the best of {SHAPES} hand shapes misfits by {min(far):.1f}; up to {FARTHEST[kind]:g} is tried"
         dropped.append(Dropped("out of reach of the hand shapes drawn", len(far), example))
     return sorted(found, key=lambda c: c.score - DEEP * max(c.cut, SHALLOW) - UNFIT * c.misfit, reverse=True), dropped
 
 
-def _cut(scene: Scene, links: list[str], match: Match) -> float:
+def _cut(look: QuickLook, links: list[str], match: Match) -> float:
     """[m] how deep the hand is in the object or itself at a match, but for links that are to touch: they move yet."""
-    other = np.array([name not in links for name in scene.hand.link_names])
-    best = np.inf
-    for values in postures(scene.hand, links):
-        apart, meetings = scene.clearances(placed(scene.hand, match.q, values), match.pose)
-        best = min(best, -float(min([0.0, *apart[other], *meetings])))
-    return best
+    hand = look.scene.hand
+    away = (placed(hand, match.q, values) for values in postures(hand, links))
+    return max(0.0, -max(look.clearance(q, match.pose, but=links) for q in away))
 
 
 def region_sets(regions: HandRegions, kind: Kind) -> list[tuple[HandRegion, ...]]:
     """The sets of hand regions that make a grasp of a kind, all of one length.
 
-    A pinch has the tips of two fingers, a tripod those of three. A power grasp has the palm, if there is one, and of
-    up to three fingers either the tips or the outermost pads.
+    A pinch has the tips of two fingers, a tripod those of three. A power grasp has the palm, if there is one,
+    and of two fingers (three without a palm) either the tips or the outermost pads; other fingers may close later.
 
     Raises:
         InputError: too few of them.
@@ -170,7 +168,7 @@ def region_sets(regions: HandRegions, kind: Kind) -> list[tuple[HandRegion, ...]
     pads = tuple({r.finger: r for r in reversed(regions.of("pad"))}.values())
     sets = []
     for group in (tips, pads):
-        count = min(FINGERS_AROUND, len({r.finger for r in tips}))
+        count = min(FINGERS_AROUND + (not palm), len({r.finger for r in tips}))
         sets += [palm + c for c in combinations(group, count) if len({r.finger for r in c}) == count]
     if len(sets[0]) < 3:
         raise InputError("a power grasp needs three regions or more: a palm, pads or more tips", field="regions")
@@ -189,7 +187,7 @@ def extent(region: HandRegion) -> float:
 
 
 def _balanced(
-    body: Body, places: tuple[Place, ...], k: int, friction: float, opening: float, radius: float, seed: int
+    body: Body, places: tuple[Place, ...], k: int, friction: float, opening: float, radius: float, seed: int, short: int
 ) -> tuple[list[tuple[Indices, float]], list[Dropped]]:
     """Different sets of k places at which forces balance and that the hand opens wide enough for, with margins."""
     dropped: list[Dropped] = []
@@ -226,7 +224,7 @@ def _balanced(
             unsteady += 1
             continue
         kept.append((row, m))
-        if len(kept) == SHORT:
+        if len(kept) == short:
             break
     if unsteady:
         dropped.append(Dropped("forces leave the friction cones", unsteady))
@@ -234,7 +232,7 @@ def _balanced(
         dropped.append(Dropped("alike", alike, f"all places within {1e3 * radius:.0f} mm of a better one's"))
     left = len(rows) - len(kept) - alike - unsteady
     if left:
-        dropped.append(Dropped("behind the best", left, f"{SHORT} are looked at closely"))
+        dropped.append(Dropped("behind the best", left, f"{short} are looked at closely"))
     return kept, dropped
 
 

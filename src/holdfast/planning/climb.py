@@ -18,6 +18,7 @@ import numpy as np
 from holdfast.answer import Verdict
 from holdfast.grasp import Contact, Grasp
 from holdfast.planning.judge import Candidate, Judge, Reason, Steps
+from holdfast.planning.polish import Polish
 from holdfast.stability.hold import HoldAnswer, hold, moderate
 from holdfast.stability.many import START
 from holdfast.stability.queries import check
@@ -86,7 +87,7 @@ class Worker:
         starts = self.starts
         starts.block, starts.count, starts.unproved = number, number * BLOCK, 0
         steps = Steps(self.judge, self.walks, np.random.default_rng([self.seed, number, 2]))
-        before = self.judge.judged
+        polish, before = Polish(self.judge, steps), self.judge.judged
         raw = sorted(self.candidates(starts.run(RAW)), key=_cost)
         used = starts.count - number * BLOCK
         fates: Counter[Reason] = Counter()
@@ -99,7 +100,11 @@ class Worker:
             )
             fates[reason] += 1
             if reason is Reason.HOLDS:
-                found.append((end.certified, end is not start))
+                better = polish.polished(end)
+                if better is not end and self.passive(better.grasp) is Reason.HOLDS:
+                    found.append((better.certified, end is not start))
+                else:
+                    found.append((end.certified, end is not start))
         return Unit(number, tuple(found), fates, self.judge.judged - before, used, starts.unproved)
 
     def climb(self, start: Candidate, steps: Steps) -> tuple[Candidate, Reason]:

@@ -106,6 +106,7 @@ class _Motion:
     def __init__(self, hand: Hand, q: Array, seen: tuple[Array, Array], breakaway: bool) -> None:
         self.hand, self.q, self.seen, self.breakaway = hand, np.array(q, dtype=float), seen, breakaway
         self.chains = [hand.moved_by(i) for i in range(len(hand.links))]
+        self.moved = np.array([[j in chain for j in range(hand.l)] for chain in self.chains])  # (n_links, l)
         self.speed = np.array([SLIDE if j.type == "prismatic" else 1.0 for j in hand.joints])
         self.leader = {c.joint: c for c in hand.couplings if c.leader >= 0}
         self.stopped: dict[str, str] = {}
@@ -139,8 +140,10 @@ class _Motion:
         pairs = scene.self_pairs
         fast = self._link_speeds(scene)
         moves = fast > 0
-        meet = np.array([fast[a] + fast[b] for a, b in pairs]) if pairs else np.zeros(0)
-        live = np.array([k for k in watched if self._relative(pairs[k])], dtype=int)
+        first, second = np.array(pairs, dtype=int).reshape(-1, 2).T
+        meet = fast[first] + fast[second]
+        apart = self.moved[first[watched]] ^ self.moved[second[watched]]  # joints that move one against the other
+        live = watched[(apart & (self.rate != 0)).any(axis=1)]
         free = np.concatenate([(links - GAP)[moves] / fast[moves], (meetings - GAP)[live] / meet[live]])
         step = min(max(LEAST, free.min(initial=np.inf)), self._time_to_limit())
 
@@ -166,9 +169,6 @@ class _Motion:
         stop_at = links.copy()
         stop_at[~moves] = np.inf
         self.arrive(stop_at, meetings, pairs, live)
-
-    def _relative(self, pair: tuple[int, int]) -> bool:
-        return any(self.rate[j] for j in self._apart(*pair))
 
     def _apart(self, first: int, second: int) -> set[int]:
         """Joints that move one of two links against the other."""
@@ -236,11 +236,7 @@ class _Motion:
                 break
             for j in link.joints:  # turning about its axis, a joint leaves the points on it where they are
                 origins[j] = poses[i][:3, :3] @ self.hand.joints[j].anchor + poses[i][:3, 3]
-        out = np.zeros(len(self.hand.links))
-        for i, chain in enumerate(self.chains):
-            radius = scene.link_radius[i]
-            for j in chain:
-                straight = self.hand.joints[j].type == "prismatic"
-                arm = 1.0 if straight else np.linalg.norm(poses[i][:3, 3] - origins[j]) + radius
-                out[i] += abs(self.rate[j]) * arm
-        return out
+        places = poses[: len(self.hand.links), :3, 3]
+        arm = np.linalg.norm(places[:, None] - origins, axis=2) + scene.link_radius[:, None]
+        arm[:, [joint.type == "prismatic" for joint in self.hand.joints]] = 1.0
+        return np.asarray((self.moved * arm) @ np.abs(self.rate))

@@ -27,7 +27,7 @@ HALF_ANGLE = np.radians(60)  # of a cap on a sphere
 CROWN, TURN = 2e-4, np.radians(2.5)  # [m, rad] how much a flat pad is rounded at least: flat on flat has no proof
 ROUND = 3e-4  # [m] a part this near to a sphere is taken as one
 WIDEST = 0.05  # [m] radius of the largest sphere that counts as one
-FINE = 12  # cells along a facing part when its triangles are cut
+FINE = 8  # cells along a facing part when its triangles are cut
 HIDDEN = 1e-5  # [m] inside another shape of the link
 NEARLY_CLOSED = 0.75  # of the closing ranges, where the tips are near the grasp centre
 SMALLEST = 4e-3  # [m] a face narrower than twice this makes no region
@@ -57,7 +57,8 @@ def guess_regions(hand: Hand) -> HandRegions:
     parts = [p for tip, finger in tips.items() for p in _finger(hand, q, tip, finger)]
     poses = hand.link_poses(q)
     meet = np.mean([poses[t][:3, :3] @ _middle(hand, t) + poses[t][:3, 3] for t in tips], axis=0)
-    regions = [r for p in parts if (r := _region(hand, p))]
+    made: dict[bytes, tuple[Region, float] | None] = {}
+    regions = [r for p in parts if (r := _region(hand, p, made))]
     palm = _palm(hand, meet)
     named = {r.name: r for r in ([*regions, palm] if palm else regions)}
     source = hand.source or hand.name
@@ -82,10 +83,18 @@ def _tips(hand: Hand) -> dict[int, str]:
     names = []
     for i in tips:
         chain = [hand.links[k].name for k in (i, *_above(hand, i)) if hand.moved_by(k)]
-        names.append(os.path.commonprefix(chain).rstrip("_-. ") if len(chain) > 1 else chain[0])
+        names.append(_shared(chain))
     if len(set(names)) < len(names) or not all(names):
         names = [f"finger_{k + 1}" for k in range(len(tips))]
     return dict(zip(tips, names, strict=True))
+
+
+def _shared(names: list[str]) -> str:
+    """What all of some names begin with, a single one as it is."""
+    count = 0
+    while len({name[: count + 1] for name in names}) == 1 and count < min(map(len, names)):
+        count += 1
+    return names[0][:count] if len(names) == 1 else names[0][:count].rstrip("_-. ")
 
 
 def _above(hand: Hand, link: int) -> list[int]:
@@ -138,12 +147,19 @@ def _middle(hand: Hand, link: int) -> Array:
 # --- the region on that side ---------------------------------------------------------------------------
 
 
-def _region(hand: Hand, part: _Part) -> HandRegion | None:
-    """The region of a part, on the shape that shows most of itself on the facing side; None if there is none."""
+def _region(hand: Hand, part: _Part, known: dict[bytes, tuple[Region, float] | None]) -> HandRegion | None:
+    """The region of a part, on the shape that shows most of itself on the facing side; None if there is none.
+
+    `known` holds those of parts met before: the fingers of a hand are often alike.
+    """
     link = hand.links[part.link]
-    seen = [_seen(link.shapes, k, part) for k in range(len(link.shapes))]
-    shape = link.shapes[int(np.argmax(seen))]
-    made = _of_shape(shape, part) if max(seen) > 0 else None
+    numbers = [np.concatenate([s.size, s.pose.ravel(), s.vertices.ravel()]).round(6) for s in link.shapes]
+    directions = [part.facing.round(6), part.outward.round(6)]
+    key = part.role.encode() + (np.concatenate([*numbers, *directions]) + 0.0).tobytes()  # + 0.0: there is no -0.0
+    if key not in known:
+        seen = [_seen(link.shapes, k, part) for k in range(len(link.shapes))]
+        known[key] = _of_shape(link.shapes[int(np.argmax(seen))], part) if max(seen) > 0 else None
+    made = known[key]
     if made is None:
         return None
     name = f"{part.finger}_tip" if part.role == "tip" else f"{link.name}_{part.role}"

@@ -7,14 +7,14 @@ from itertools import permutations
 
 import numpy as np
 
-from holdfast.hand.model import Hand
+from holdfast.hand.model import Hand, Joint
 from holdfast.hand_regions import HandRegion
 from holdfast.mechanism import Array
 from holdfast.region import Cap
 
 ROUND = 0.05  # [m] a cap of a larger sphere is taken as a flat disc
 PATCH_SLACK = np.radians(25)  # [rad] how far a contact's normal may be from that in the middle of a patch
-LOOSE = np.radians(15)  # [rad] two regions that face each other up to this, beside their own slacks, oppose
+LOOSE = np.radians(15)  # [rad] least slack of a match, and what two regions may miss facing each other by, beside it
 EACH = 4  # matches of each assignment that are kept
 SAME_SIDE = 0.3  # cosine of the angle of two normals on one side of an object
 NEAREST = 60  # hand shapes whose distances fit best, of each assignment, that are looked at further
@@ -47,7 +47,7 @@ class HandShapes:
         regions: r of them.
         q: (s, l) the configurations.
         radii: (r,) [m] by which an object's surface stands off the points below: of round tips, else 0.
-        slacks: (r,) [rad] how far the contact's normal may be from the axis.
+        slacks: (r,) [rad] how far the contact's normal may be from the axis; wider than that of a flat disc.
         points: (s, r, 3) [m] centres of round tips, else middles of regions.
         axes: (s, r, 3) outward unit normals in their middles.
     """
@@ -69,7 +69,7 @@ class HandShapes:
         for r in regions:
             round_tip = isinstance(r.region, Cap) and r.region.radius < ROUND
             radii.append(r.region.radius if isinstance(r.region, Cap) and round_tip else 0.0)
-            slacks.append(r.region.half_angle if isinstance(r.region, Cap) else PATCH_SLACK)
+            slacks.append(max(r.region.half_angle, LOOSE) if isinstance(r.region, Cap) else PATCH_SLACK)
             middle, normal = r.middle
             pose = poses[hand.link(r.link)]
             points.append(pose[:, :3, :3] @ (middle - radii[-1] * normal) + pose[:, :3, 3])
@@ -137,9 +137,22 @@ def _poses(hand: Hand, q: Array) -> Array:
     for i, link in enumerate(hand.links):
         T = out[link.parent] @ link.pose if link.parent >= 0 else np.tile(np.eye(4), (len(q), 1, 1))
         for j in link.joints:
-            T = T @ np.array([hand.joints[j].motion(value) for value in q[:, j]])
+            T = T @ _motions(hand.joints[j], q[:, j])
         out[i] = T
     return out
+
+
+def _motions(joint: Joint, values: Array) -> Array:
+    """(s, 4, 4) `Joint.motion` for many values."""
+    from scipy.spatial.transform import Rotation
+
+    T, turns = np.tile(np.eye(4), (len(values), 1, 1)), (values - joint.ref)[:, None] * joint.axis
+    if joint.type == "prismatic":
+        T[:, :3, 3] = turns
+        return T
+    T[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
+    T[:, :3, 3] = joint.anchor - T[:, :3, :3] @ joint.anchor
+    return T
 
 
 def _aligned(here: Array, axes: Array, there: Array, inward: Array, arm: float) -> tuple[Array, Array, Array]:

@@ -145,8 +145,10 @@ class Steps:
     def away(self, c: Candidate, lengths: Sequence[float]) -> list[Certified]:
         """Steps that take apart what penetrates; [] if nothing does."""
         direction = self.direction(c)
-        if direction is None:
-            return []
+        return [] if direction is None else self.along(c, direction, lengths)
+
+    def along(self, c: Candidate, direction: Array, lengths: Sequence[float]) -> list[Certified]:
+        """Steps along what is tangent of a direction (n,), in coordinates times the weights of `Walks`."""
         m = len(lengths)
         return self.walks.steps(np.tile(c.certified.x, (m, 1)), np.tile(direction, (m, 1)), np.array(lengths))
 

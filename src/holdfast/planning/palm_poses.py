@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from holdfast.body import Body
 from holdfast.errors import InputError
@@ -19,6 +20,9 @@ from holdfast.shape import transform
 
 MIDWAY = 0.5  # share of closing at which the fingertips surround what is grasped
 TOUCH = 2e-4  # [m] the push ends when the hand is this near
+SIDEWAYS = 10  # points drawn to find a side of the object
+STEPS = 10  # of closing that are looked at
+NEARBY = 0.01  # [m]
 FAR = 0.05  # [m] distances beyond this are not computed
 
 
@@ -33,6 +37,10 @@ class Sampling:
         opening: the pre-shape is closed by at most this share of the joints' ranges ..
         jitter: .. with this standard deviation from joint to joint.
         back: [m] mean of the step back after the push, exponential.
+        aligned: share of the starts that approach straight along the hand's axis and against the normal, rolled
+            so that the fingertips close against the normal of another point of the surface: for flat sides.
+        central: share of the starts whose surface point is drawn towards the centre of mass by a random part of
+            the way: for long objects.
     """
 
     cone: float = np.radians(40)
@@ -41,6 +49,11 @@ class Sampling:
     opening: float = 0.6
     jitter: float = 0.1
     back: float = 0.02
+    aligned: float = 0.5
+    central: float = 0.5
+
+
+STANDARD = Sampling()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +92,7 @@ class Surface:
         self._corners = a[kept], b[kept], c[kept]
         self._normals = cross[kept] / double[kept, None]
         self._share = double[kept] / double[kept].sum()
-        self._middle = body.center_of_mass
+        self.middle = body.center_of_mass
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, Array]:
         """A point (3,) [m] and the unit normal (3,) out of the object there.
@@ -91,7 +104,7 @@ class Surface:
         u, v = (u, v) if u + v <= 1 else (1 - u, 1 - v)
         a, b, c = (x[k] for x in self._corners)
         point, normal = a + u * (b - a) + v * (c - a), self._normals[k]
-        return point, normal if normal @ (point - self._middle) >= 0 else -normal
+        return point, normal if normal @ (point - self.middle) >= 0 else -normal
 
 
 def palm_of(hand: Hand, approach: object = None) -> Palm:
@@ -147,9 +160,14 @@ def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: Surface, how
     lower, upper = hand.limits.T
     q = coupled(hand, np.where(hand.closing == 0, lower + rng.random(hand.l) * (upper - lower), q))
     point, normal = surface.draw(rng)
-    into = _near(rng, -normal, how.tilt)
-    approach = _near(rng, palm.axis, how.cone)
-    R = _turned(rng, into, approach)
+    if how.aligned and rng.random() < how.aligned:
+        approach, R = palm.axis, _squarely(rng, hand, palm, surface, q, normal)
+    else:
+        into = _near(rng, -normal, how.tilt)
+        approach = _near(rng, palm.axis, how.cone)
+        R = _turned(into, approach, rng.uniform(0, 2 * np.pi))
+    if how.central and rng.random() < how.central:
+        point = surface.middle + rng.random() * (point - surface.middle)
     point = point + how.aside * rng.standard_normal(3)
     return Start(q, transform(palm.center - R @ point, R), approach)
 
@@ -175,6 +193,20 @@ def pushed(scene: Scene, start: Start, back: float) -> Array | None:
     return None
 
 
+def sweeps(scene: Scene, q: Array, pose: Array) -> NDArray[np.bool_]:
+    """(n_links,) which links come near the object in a few steps of closing that nothing stops.
+
+    A quick look ahead; between the steps and behind what stops, it may be wrong either way.
+    """
+    hand = scene.hand
+    near = np.zeros(len(hand.links), dtype=bool)
+    lower, upper = hand.limits.T
+    room = np.where(hand.closing > 0, upper - q, np.where(hand.closing < 0, q - lower, 0.0))
+    for share in np.linspace(0.0, 1.0, STEPS):
+        near |= scene.distance(coupled(hand, q + share * room * hand.closing), pose, 2 * NEARBY) < NEARBY
+    return near
+
+
 def _middles(hand: Hand, q: Array, links: list[int]) -> Array:
     """(k, 3) middles of the links' solids, base frame."""
     poses = hand.link_poses(q)
@@ -191,11 +223,25 @@ def _near(rng: np.random.Generator, direction: Array, angle: float) -> Array:
     return frame @ np.array([height, flat * np.cos(around), flat * np.sin(around)])
 
 
-def _turned(rng: np.random.Generator, source: Array, target: Array) -> Array:
-    """(3, 3) a rotation that takes one unit vector to another, with a random roll."""
-    roll = rng.uniform(0, 2 * np.pi)
+def _turned(source: Array, target: Array, roll: float) -> Array:
+    """(3, 3) a rotation that takes one unit vector to another and rolls about it [rad]."""
     turn = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
     return _frame(target) @ turn @ _frame(source).T
+
+
+def _squarely(rng: np.random.Generator, hand: Hand, palm: Palm, surface: Surface, q: Array, normal: Array) -> Array:
+    """(3, 3) the approach against a normal, rolled so that the widest-apart fingertips face another normal."""
+    tips = _middles(hand, q, fingertips(hand))
+    frame = _frame(palm.axis)
+    flat = (tips - tips.mean(axis=0)) @ frame[:, 1:]
+    across = np.linalg.svd(flat, full_matrices=True)[2][0] if len(tips) > 1 else np.array([1.0, 0.0])
+    R = _turned(-normal, palm.axis, 0.0)
+    for _ in range(SIDEWAYS):  # a normal that is seen from the palm says nothing about the sides
+        other = (R @ surface.draw(rng)[1]) @ frame[:, 1:]
+        if np.linalg.norm(other) > 0.5:
+            break
+    roll = float(np.arctan2(across[1], across[0]) - np.arctan2(other[1], other[0]))
+    return _turned(-normal, palm.axis, roll)
 
 
 def _frame(n: Array) -> Array:

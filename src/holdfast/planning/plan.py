@@ -18,7 +18,7 @@ from holdfast.errors import InputError
 from holdfast.hand.model import Hand
 from holdfast.planning.attempt import DEFAULT, Attempts, Fate, Held, Runner
 from holdfast.planning.distinct import difference, most_different
-from holdfast.planning.palm_poses import Sampling, palm_of
+from holdfast.planning.palm_poses import STANDARD, Sampling, palm_of
 from holdfast.stability.loads import Loads
 from holdfast.stability.many import START, default_jobs
 from holdfast.stability.settings import Settings
@@ -134,8 +134,9 @@ def plan(
         InputError: the mass is unknown and no loads are given, no joint that closes, a count, a time or a
             number of attempts that is not positive, and whatever `hold` raises.
     """
-    for name, value in (("count", count), ("timeout", timeout), ("attempts", attempts)):
-        if not value > 0:
+    limits = {"count": count, "timeout": timeout, "attempts": attempts, "command_limit": command_limit}
+    for name, value in limits.items():
+        if value is not None and not value > 0:
             raise InputError(f"is {value:g}; a positive number is needed", field=name)
     loads = Loads.gravity(body) if loads is None else loads
     asked = Attempts(
@@ -149,7 +150,7 @@ def plan(
         force_limit,
         eta,
         settings or DEFAULT,
-        sampling or Sampling(),
+        sampling or STANDARD,
     )
     begin = time.monotonic()
     wanted = max(count, pool or 0)

@@ -24,6 +24,7 @@ from holdfast.hand_regions import HandRegions, regions_of
 from holdfast.mechanism import Array
 from holdfast.planning.candidates import Candidate, Dropped, Kind, find_candidates
 from holdfast.planning.idle import placed, postures
+from holdfast.planning.quick_look import QuickLook
 from holdfast.scene import Scene
 from holdfast.synthesis.answers import Solution, Synthesis
 from holdfast.synthesis.queries import synthesize
@@ -33,6 +34,7 @@ from holdfast.synthesis.task_file import save_task
 TRIES = 24  # certified configurations of a candidate from which the clearest is taken
 WINDOW = 0.03, 0.25  # [m, -] the task's bounds on the object's position and on the components of its axes about that
 CLEAR = -1e-3  # [m] a clearance above this: regions and patches lie this near to the shapes
+SHORT = 16  # sets of places that are looked at closely for each proposal that is asked for
 PER_PROPOSAL = 6  # candidates that are tried for each proposal that is asked for
 NEAR = 0.06, 0.5  # [m, -] such bounds about the pose at which a hand shape came near
 ENOUGH = -3e-4  # [m] a clearance above this is not improved upon
@@ -138,7 +140,7 @@ def propose(
     *,
     count: int = 5,
     seed: int = 0,
-    timeout: float = 2.0,
+    timeout: float = 1.0,
     friction: float | None = None,
     object: str | None = None,
     on_step: OnStep | None = None,
@@ -169,7 +171,7 @@ def propose(
     regions = regions or regions_of(hand)
     mu = body.friction if friction is None else friction
     trial = _Trial(hand, body, object, seed, timeout)
-    candidates, dropped = find_candidates(trial.scene, regions, body, kind, mu, seed)
+    candidates, dropped = find_candidates(trial.look, regions, body, kind, mu, seed=seed, short=SHORT * count)
     candidates = candidates[: PER_PROPOSAL * count]
     for n, candidate in enumerate(candidates):
         if sum(p.clear for p in trial.found) == count:
@@ -181,7 +183,7 @@ def propose(
             on_step(f"{n + 1} of at most {len(candidates)} candidates, {len(trial.found)} certified")
     ranked = sorted(trial.found, key=lambda p: (not p.clear, -p.score))
     if len(ranked) > count:
-        dropped.append(Dropped("behind the best", len(ranked) - count, "certified, but cutting into something"))
+        dropped.append(Dropped("certified, but behind the best", len(ranked) - count, ""))
     named = tuple(
         replace(p, task=replace(p.task, name=f"{body.name}-{kind}-{k}")) for k, p in enumerate(ranked[:count], 1)
     )
@@ -194,7 +196,7 @@ class _Trial:
 
     def __init__(self, hand: Hand, body: Body, object: str | None, seed: int, timeout: float) -> None:
         self.hand, self.object, self.seed, self.timeout = hand, object, seed, timeout
-        self.scene = Scene(hand, body)
+        self.look = QuickLook(Scene(hand, body))
         self.found: list[Proposal] = []
         self.tried = 0
         self._reasons: Counter[str] = Counter()
@@ -218,7 +220,7 @@ class _Trial:
             return self._drop(f"not reachable: {answer.verdict.upper()}", ", ".join(names))
         c, (solution,) = candidate, answer.solutions
         error = max(p.error for p in c.places)
-        clearance = _clearance(self.scene, solution.q, solution.pose)
+        clearance = self.look.clearance(solution.q, solution.pose)
         self.found.append(Proposal(task, answer, names, c.score, c.margin, c.off_centre, clearance, error))
         return None
 
@@ -237,7 +239,7 @@ class _Trial:
             for c in Starts(problem, self.seed).run(TRIES):
                 solution = Solution.of(asked, c.existence(problem))
                 for values in postures(self.hand, links):
-                    clearance = _clearance(self.scene, placed(self.hand, solution.q, values), solution.pose)
+                    clearance = self.look.clearance(placed(self.hand, solution.q, values), solution.pose)
                     if best is None or clearance > best[0] + 1e-5:
                         best = clearance, _bounded(task, solution.pose, WINDOW, values)
                 if best and best[0] > ENOUGH:
@@ -256,9 +258,3 @@ def _bounded(task: Task, pose: Array, window: tuple[float, float], limits: dict[
     bounds = PoseBounds(position[:, None] + [-window[0], window[0]], np.clip(axes, -1, 1))
     fixed = {name: (value, value) for name, value in limits.items()}
     return Task.of(task.hand, task.touches, limits=fixed, pose=bounds, object=task.object)
-
-
-def _clearance(scene: Scene, q: Array, pose: Array) -> float:
-    """[m] least signed distance of the hand to the object and to itself."""
-    links, meetings = scene.clearances(q, pose)
-    return float(min([*links, *meetings]))

@@ -14,7 +14,7 @@ import numpy as np
 
 from holdfast.body import Body
 from holdfast.errors import InputError
-from holdfast.mechanism import Array, Indices, frozen
+from holdfast.mechanism import Array, Indices, Mask, frozen
 from holdfast.region import Bezier
 from holdfast.region_fit import fit_grid
 
@@ -22,7 +22,7 @@ SPREAD = np.radians(30)  # of the normals over a patch, from that in its middle
 SHAPES = ((1.0, 1.0), (1.0, 0.6), (0.6, 0.6), (1.0, 0.35), (0.6, 0.35), (0.35, 0.35), (0.6, 0.2), (0.2, 0.2))
 COARSE, FINE = 7, 13  # points along each side of the projected grid, to look and to fit
 ERROR = 5e-4  # [m] largest distance of a patch from the mesh
-HIDDEN = 2e-4  # [m] a point deeper than this in one of the body's solids is not on its surface
+ABOVE, HIDDEN = 1e-3, 3e-4  # [m] what is this high above the surface is in no solid, or less deep than that
 DENSE = 12  # points drawn for each one that is kept
 AHEAD = 1e-5  # [m] where a ray through the object starts
 
@@ -96,7 +96,7 @@ class _Surface:
         a, b = np.sqrt(random.random(many)), random.random(many)
         weights = np.column_stack([1 - a, a * (1 - b), a * b])
         points = np.einsum("mi,mij->mj", weights, self.corners[face])
-        seen = ~self.hidden(points)
+        seen = ~self.hidden(points, self.normals[face])
         points, normals = points[seen], self.normals[face[seen]]
         chosen: list[int] = []
         far = np.full(len(points), np.inf)
@@ -108,8 +108,12 @@ class _Surface:
             far = np.minimum(far, step)
         return [(points[k], normals[k]) for k in chosen]
 
-    def hidden(self, points: Array) -> Array:
-        """(m,) whether points lie inside one of the body's solids."""
+    def hidden(self, points: Array, normals: Array) -> Mask:
+        """(m,) whether the space just above points of faces is inside one of the body's solids.
+
+        So it is on a face within a solid, and on one along which two solids meet.
+        """
+        points = points + ABOVE * normals
         out = np.zeros(len(points), dtype=bool)
         low, high = points.min(axis=0), points.max(axis=0)
         for solid, (least, most) in zip(self.body.pieces, self._boxes, strict=True):
@@ -131,7 +135,7 @@ class _Surface:
         below = np.flatnonzero(height < point @ normal - AHEAD)
         for k in below[np.argsort(-height[below])]:
             out = point + (height[k] - point @ normal) * normal
-            if not self.hidden(out[None])[0]:
+            if not self.hidden(out[None], self.normals[faces[k]])[0]:
                 return out, self.normals[faces[k]]
         return None
 
@@ -162,7 +166,7 @@ class _Surface:
             else:
                 points = (point + grid @ turn).reshape(FINE, FINE, 3)
                 fitted = fit_grid(points)
-                if fitted.error_max < error and not self.hidden(points.reshape(-1, 3)).any():
+                if fitted.error_max < error and not self.hidden(points.reshape(-1, 3), normal).any():
                     where, out = frozen(point, (3,), "point"), frozen(normal, (3,), "normal")
                     return Place(where, out, fitted.patch, fitted.error_max, (a * radius, b * radius))
         return None

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from holdfast.stability.settings import Settings
     from holdfast.stability.witness import Witness
 
-FAINT = 1e-6  # of the largest normal force: what friction does at a contact that presses less is rounding
 BAD = "\x00"  # in front of a cell: a number that should worry
 
 EQUATIONS = {
@@ -145,20 +144,18 @@ def residual_table(witness: Witness) -> str:
 
 
 def checks_table(entries: Sequence[Entry]) -> str:
-    """Many loads at a glance: verdict, the largest normal force, and how much friction is left."""
+    """Many loads at a glance: verdict, the largest normal force, and what the contacts do."""
     rows = []
     for entry in entries:
         answer, w = entry.answer, getattr(entry.answer, "witness", None)
         verdict = f"{answer.verdict}?" if words.unphysical(w) else str(answer.verdict)
         cells = ["–", "–"]
         if w is not None:
-            c = w.state.c.reshape(-1, 3)
-            c = np.column_stack([c, [k.friction for k in w.grasp.contacts]])[c[:, 0] > FAINT * c[:, 0].max()]
-            used = np.linalg.norm(c[:, 1:3], axis=1) / np.maximum(c[:, 3] * c[:, 0], 1e-300)
-            cells = [num(c[:, 0].max()), f"{100 * used.max():.0f} %"] if len(c) else ["0", "–"]
+            states = w.contact_states
+            does = [f"{states.count(s)} {s}" for s in ("stick", "slide", "open") if s in states]
+            cells = [num(w.state.c[::3].max()), ", ".join(does)]
         rows.append([entry.title, BAD + verdict if verdict == "slips" else verdict, *cells])
-    heads = ["#load", "#verdict", "largest normal force [N]", "friction used, at most"]
-    return table(heads, rows, "The loads")
+    return table(["#load", "#verdict", "largest normal force [N]", "#contacts"], rows, "The loads")
 
 
 def bounds_table(answer: MaxAnswer | TorquesAnswer, entry: Entry) -> str:

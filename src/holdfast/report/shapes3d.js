@@ -13,7 +13,9 @@ const product = (A, B) => [0, 1, 2].flatMap((i) => [0, 1, 2].map((j) => dot(row(
 const SHARP = Math.cos((35 * Math.PI) / 180); // faces that meet at a larger angle have an edge between them
 
 function bytes(text) {
-  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
+  const raw = atob(text), out = new Uint8Array(raw.length);
+  for (let k = 0; k < raw.length; k++) out[k] = raw.charCodeAt(k);
+  return out.buffer;
 }
 
 /** A solid's triangles with normals that are smooth except across edges, and its edges as pairs of points. */
@@ -78,7 +80,12 @@ function ball(out, at, r) {
   const turn = [...Array(9).keys()].map((k) => (Math.PI * k) / 8);
   lathe(out, at, [0, 0, 1], turn.map((a) => [-r * Math.cos(a), r * Math.sin(a)]));
 }
-function rod(out, a, b, r, n = 12) {
+function rod(out, a, b, r) {
   const step = add(b, a, -1), long = norm(step);
-  if (long > 0) lathe(out, a, times(1 / long, step), [[0, 0], [0, r], [long, r], [long, 0]], n);
+  if (long > 0) lathe(out, a, times(1 / long, step), [[0, 0], [0, r], [long, r], [long, 0]], 12);
+}
+/** A rod for edges, of which there are many: three sides, no ends. */
+function wire(out, a, b, r) {
+  const step = add(b, a, -1), long = norm(step);
+  if (long > 0) lathe(out, a, times(1 / long, step), [[0, r], [long, r]], 3);
 }

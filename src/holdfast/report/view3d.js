@@ -30,7 +30,7 @@ for (const kind of ["hand", "object"]) {
   if (!scene.solids[kind]) continue;
   const [corners, edges] = solid(scene.solids[kind]);
   thing(kind, C[kind], corners, kind === "object" ? { glass: 1 } : {});
-  const sketch = (out) => edges.forEach(([a, b]) => rod(out, a, b, 0.0015 * radius, 3));
+  const sketch = (out) => edges.forEach(([a, b]) => wire(out, a, b, 0.0015 * radius));
   made(kind, C.ink, sketch, kind === "object" ? { rim: 1 } : {});
 }
 /** Arrows from `at` by `step`, pairs in a list. */

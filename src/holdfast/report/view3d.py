@@ -87,7 +87,7 @@ def view(grasp: Grasp, loads: Sequence[Load] = (), meshes: Sequence[Mesh] = ()) 
         '<div class="stage"><canvas tabindex="0" aria-label="The grasp in three dimensions"></canvas>'
         '<div class="labels"></div></div><p class="said"></p>'
         '<p class="fallback">Here the grasp can be turned and looked at from all sides, in a browser that runs '
-        "scripts and has WebGL; the pictures below show the same.</p>"
+        "scripts and has WebGL; the pictures below need neither.</p>"
         f"<figcaption>{_caption(loads)}</figcaption>"
         f'<script type="application/json">{text}</script>'
         f"<script>(() => {{\n'use strict';\n{program}}})();</script></figure>"

@@ -21,6 +21,7 @@ from holdfast.answer import Stop, Verdict
 from holdfast.grasp import Grasp
 from holdfast.stability.answers import Answer, CheckAnswer, TorquesAnswer, finite, header
 from holdfast.stability.loads import Loads
+from holdfast.stability.problem import beyond_range
 from holdfast.stability.queries import check, maximum, torques
 from holdfast.stability.settings import Settings
 
@@ -41,7 +42,8 @@ class HoldAnswer:
         preload: actuator -> command [N m or N], 0 is locked; None unless HOLDS.
         lower, upper: of the largest command [N m or N]; lower is certified, 0 where it was not asked for.
         checks: for each load the answer under `preload`; () unless HOLDS.
-        refuted: name and answer of the load that no preload resists; None unless SLIPS.
+        refuted: name and answer of the load that no preload resists, no answer where the grasp map G cannot
+            even produce it; None unless SLIPS.
         hardest: name of the load that asked most of the commands, or that was not met; "" if none was.
     """
 
@@ -54,7 +56,7 @@ class HoldAnswer:
     lower: float
     upper: float
     checks: tuple[CheckAnswer, ...] = field(default=(), repr=False)
-    refuted: tuple[str, Answer] | None = field(default=None, repr=False)
+    refuted: tuple[str, Answer | None] | None = field(default=None, repr=False)
     hardest: str = ""
 
     def to_json(self) -> dict[str, Any]:
@@ -133,6 +135,11 @@ class _Search:
 
     def run(self, least: bool) -> HoldAnswer:
         """Nothing commanded, then the best for each load, then shapes that mix them."""
+        size = np.array([1.0] * 3 + [1 / self.grasp.size] * 3)
+        for k, w in enumerate(self.loads.wrenches):
+            if beyond_range(size[:, None] * self.grasp.G, size * w) is not None:
+                self.first(k, Stop.COMPLETE)
+                return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=(self.loads.names[k], None))
         locked = self.checked({})
         if locked:
             self.best = {}, locked
@@ -233,7 +240,7 @@ class _Search:
     def late(self) -> bool:
         return time.monotonic() >= self.end
 
-    def answer(self, verdict: Verdict, stop: Stop, refuted: tuple[str, Answer] | None = None) -> HoldAnswer:
+    def answer(self, verdict: Verdict, stop: Stop, refuted: tuple[str, Answer | None] | None = None) -> HoldAnswer:
         """As far as it came; an undecided one tells the limit that was hit."""
         if verdict is Verdict.UNDECIDED and stop is Stop.COMPLETE:
             stop = next((s for s in (Stop.TIME, Stop.NODES) if s in self.stops), Stop.RESOLUTION)

@@ -224,14 +224,21 @@ def _wrench(w: object, field: str) -> Array:
     return a
 
 
-def _check_range(p: Problem, with_direction: bool) -> None:
-    """Refuse a disturbance that no contact forces whatever could balance: w outside the range of G."""
-    U, sv, _ = np.linalg.svd(p.G)
+def beyond_range(G: Array, w: Array) -> int | None:
+    """The rank of G (6, 3m) if no contact forces whatever could balance w (6,), else None; lengths scaled alike."""
+    U, sv, _ = np.linalg.svd(G)
     out = U[:, (np.r_[sv, np.zeros(6 - len(sv))] < 1e-9 * sv[0])]
+    beyond = out.size and np.abs(out.T @ w).max() > 1e-9 * max(np.abs(w).max(), 1e-300)
+    return 6 - out.shape[1] if beyond else None
+
+
+def _check_range(p: Problem, with_direction: bool) -> None:
+    """Refuse a disturbance that is beyond the range of G."""
     for w, field in ((p.w0, "wrench"), (p.direction, "direction")):
-        if out.size and np.abs(out.T @ w).max() > 1e-9 * max(np.abs(w).max(), 1e-300):
+        rank = beyond_range(p.G, w)
+        if rank is not None:
             raise InputError(
                 f"cannot be balanced by any forces at these {p.sizes[0]} contacts "
-                f"(the grasp map G has rank {6 - out.shape[1]} of 6); leave out the component that G lacks",
+                f"(the grasp map G has rank {rank} of 6); leave out the component that G lacks",
                 field=field,
             )
