@@ -46,7 +46,7 @@ HANDS = {
 }
 COUNT = 20
 SEED = 0
-TIMEOUT = 900.0  # [s] wall time for a pair
+TIMEOUT = 240.0  # [s] wall time for a pair
 SPREADS = ("finger_1_prox_joint", "finger_2_prox_joint")
 
 

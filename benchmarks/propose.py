@@ -1,9 +1,9 @@
 """Regions chosen automatically: how many tasks are proposed and certified, and how many are free of collision.
 
-    python benchmarks/propose.py [--count 5] [--hands NAME ...] [--objects NAME ...]
+    python benchmarks/propose.py [--count 5] [--hands NAME ...] [--objects NAME ...] [--kinds pinch tripod power]
 
 Three hands, two of them bundled, with four bundled objects and, if ../shared is there, two YCB objects: pinch and
-tripod, and power for the flask. `tried` are the candidates put to synthesis, `found` those certified, at most as many
+tripod unless asked otherwise. `tried` are the candidates put to synthesis, `found` those certified, at most as many
 as asked for are kept; `clear` by the quick look of `propose`, `free` by `holdfast.collision` with its defaults.
 Results: benchmarks/results/propose.json, written after every case; a case that is there already is not run again.
 """
@@ -41,6 +41,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=5)
     parser.add_argument("--hands", nargs="*", default=list(HANDS))
     parser.add_argument("--objects", nargs="*", default=list(OBJECTS))
+    parser.add_argument("--kinds", nargs="*", default=["pinch", "tripod"])
     asked = parser.parse_args()
     known = json.loads(RESULTS.read_text("utf-8"))["rows"] if RESULTS.exists() else []
     done = {(r["hand"], r["object"], r["kind"]) for r in known}
@@ -53,8 +54,7 @@ def main() -> None:
             if thing in YCB and not SHARED.is_dir():
                 continue
             body = load_body(OBJECTS[thing])
-            kinds = ("pinch", "tripod", "power") if thing == "flask" else ("pinch", "tripod")
-            for kind in kinds:
+            for kind in asked.kinds:
                 if (name, thing, kind) in done:
                     continue
                 found = propose(hand, regions, body, kind, count=asked.count)

@@ -61,28 +61,33 @@ Numbers = tuple[float, float, float]  # mean, standard error, median [s]
 
 @dataclass(frozen=True)
 class Printed:
-    """A row of the paper's Table II: letter in Fig. 13, contacts, and times [s] of the three tasks."""
+    """A row of the paper's Table II: letter in Fig. 13, contacts, and its times [s] as printed.
+
+    Attributes:
+        check: a time.
+        max, torques: mean ± standard error, and median.
+    """
 
     letter: str
     contacts: int
-    check: float
-    max: Numbers
-    torques: Numbers
+    check: tuple[str]
+    max: tuple[str, str]
+    torques: tuple[str, str]
 
 
 PAPER = (
-    Printed("a", 3, 0.246, (0.797, 0.067, 0.754), (0.389, 0.063, 0.343)),
-    Printed("b", 3, 0.234, (0.785, 0.085, 0.745), (0.447, 0.074, 0.408)),
-    Printed("c", 3, 0.294, (0.893, 0.056, 0.907), (0.347, 0.017, 0.345)),
-    Printed("d", 3, 0.259, (0.664, 0.081, 0.560), (0.308, 0.036, 0.281)),
-    Printed("e", 4, 1.07, (10.0, 3.4, 6.39), (3.26, 0.50, 3.83)),
-    Printed("f", 4, 15.7, (36.7, 6.5, 39.5), (13.5, 4.8, 9.58)),
-    Printed("g", 4, 2.78, (33.8, 9.3, 20.8), (16.8, 5.3, 12.3)),
-    Printed("h", 4, 8.02, (23.7, 4.2, 23.2), (12.3, 3.3, 8.10)),
-    Printed("i", 4, 1.66, (14.4, 2.7, 11.4), (1.67, 0.12, 1.60)),
-    Printed("j", 5, 6.06, (150.0, 24.0, 105.0), (22.8, 5.8, 19.0)),
-    Printed("k", 6, 51.0, (398.0, 104.0, 344.0), (136.0, 54.0, 80.6)),
-    Printed("l", 6, 27.5, (488.0, 99.0, 330.0), (777.0, 288.0, 626.0)),
+    Printed("a", 3, ("0.246",), ("0.797 ± 0.067", "0.754"), ("0.389 ± 0.063", "0.343")),
+    Printed("b", 3, ("0.234",), ("0.785 ± 0.085", "0.745"), ("0.447 ± 0.074", "0.408")),
+    Printed("c", 3, ("0.294",), ("0.893 ± 0.056", "0.907"), ("0.347 ± 0.017", "0.345")),
+    Printed("d", 3, ("0.259",), ("0.664 ± 0.081", "0.560"), ("0.308 ± 0.036", "0.281")),
+    Printed("e", 4, ("1.07",), ("10.0 ± 3.4", "6.39"), ("3.26 ± 0.50", "3.83")),
+    Printed("f", 4, ("15.7",), ("36.7 ± 6.5", "39.5"), ("13.5 ± 4.8", "9.58")),
+    Printed("g", 4, ("2.78",), ("33.8 ± 9.3", "20.8"), ("16.8 ± 5.3", "12.3")),
+    Printed("h", 4, ("8.02",), ("23.7 ± 4.2", "23.2"), ("12.3 ± 3.3", "8.10")),
+    Printed("i", 4, ("1.66",), ("14.4 ± 2.7", "11.4"), ("1.67 ± 0.12", "1.60")),
+    Printed("j", 5, ("6.06",), ("150 ± 24", "105"), ("22.8 ± 5.8", "19.0")),
+    Printed("k", 6, ("51.0",), ("398 ± 104", "344"), ("136 ± 54", "80.6")),
+    Printed("l", 6, ("27.5",), ("488 ± 99", "330"), ("777 ± 288", "626")),
 )
 # our grasp with as many contacts for each of those
 GRASPS = ("ball", "can", "mug", "pear", "block", "egg", "dumbbell", "wedge", "mallet", "ring", "bottle", "torch")
@@ -265,43 +270,42 @@ def disagreement(a: Row, b: Row) -> str | None:
 
 
 def numbers(times: list[float]) -> Numbers:
-    """Mean, standard error (0 of a single time) and median."""
-    error = statistics.stdev(times) / math.sqrt(len(times)) if len(times) > 1 else 0.0
+    """Mean, standard error (NaN of a single time) and median."""
+    error = statistics.stdev(times) / math.sqrt(len(times)) if len(times) > 1 else math.nan
     return statistics.mean(times), error, statistics.median(times)
 
 
 def cells(name: str, printed: Printed, task: str, data: dict[str, Any]) -> list[str]:
-    """A grasp's row of one task's table: the paper's times, Algorithm 1's, ours, the ratio of medians."""
+    """A grasp's row of one task's table: the paper's times, Algorithm 1's, ours, their ratios."""
     done = [r for r in data["rows"] if r["grasp"] == name and r["task"] == task and all(m in r for m in METHODS)]
     both = [r for r in done if all(r[m]["verdict"] for m in METHODS)]
-    limit = data["limit"]
-    peers = [seconds(r["gurobi"], limit) for r in both]
-    late = sum(timeout(r["gurobi"], limit) for r in both)
-    out = [name, str(printed.contacts), printed.letter, *times(getattr(printed, task))]
+    single, limit = task == "check", data["limit"]
+    count = f"{len(both)} of {1 if single else ROUNDS}"
+    out = [name, str(printed.contacts), printed.letter, *getattr(printed, task)]
     if not both:
-        return [*out, *[""] * (5 if task == "check" else 7), f"0 of {1 if task == 'check' else ROUNDS}"]
-    theirs, mine = numbers(peers), numbers([r["holdfast"]["seconds"] for r in both])
+        return [*out, *[""] * (5 if single else 7), count]
+    late = sum(timeout(r["gurobi"], limit) for r in both)
+    took = [seconds(r["gurobi"], limit) for r in both]
+    theirs = numbers(took)
+    mine = numbers([1e3 * r["holdfast"]["seconds"] for r in both])
     cpu = [statistics.median(r[m]["cpu_seconds"] for r in both) for m in METHODS]
-    floor = "≥ " if theirs[2] >= limit else ""
-    ratios = [f"{floor}{three(x, 2)}" for x in (theirs[2] / mine[2], cpu[1] / cpu[0])]
-    if task == "check":
-        verdict = both[0]["holdfast"]["verdict"]
-        return [*out, f"{floor}{three(theirs[2])}", three(1e3 * mine[2]), *ratios, verdict, "1 of 1"]
-    spread = [*times(theirs), str(late or ""), *times((1e3 * mine[0], 1e3 * mine[1], 1e3 * mine[2]))]
-    spread[1] = floor + spread[1]
-    return [*out, *spread, *ratios, f"{len(both)} of {ROUNDS}"]
+    floor = "≥ " if statistics.median_high(took) >= limit else ""
+    ratios = [f"{floor}{float(f'{x:.2g}'):,.10g}" for x in (1e3 * theirs[2] / mine[2], cpu[1] / cpu[0])]
+    medians = floor + digits(theirs[2]), digits(mine[2])
+    if single:
+        return [*out, *medians, *ratios, both[0]["holdfast"]["verdict"], count]
+    mean = ("≥ " if late else "") + spread(theirs)
+    return [*out, mean, medians[0], str(late or ""), spread(mine), medians[1], *ratios, count]
 
 
-def times(found: float | Numbers) -> list[str]:
-    """One time, or mean ± standard error and median, in three digits."""
-    if isinstance(found, float):
-        return [three(found)]
-    return [f"{three(found[0])} ± {three(found[1], 2)}", three(found[2])]
+def spread(x: Numbers) -> str:
+    """Mean ± standard error, if there is one."""
+    return digits(x[0]) + (f" ± {digits(x[1], 2)}" if not math.isnan(x[1]) else "")
 
 
-def three(x: float, digits: int = 3) -> str:
-    """So many significant digits, never an exponent."""
-    return f"{float(f'{x:.{digits}g}'):,.10g}"
+def digits(x: float, count: int = 3) -> str:
+    """So many significant digits, or all of the whole number."""
+    return f"{x:.{max(0, count - 1 - math.floor(math.log10(x)))}f}" if x > 0 else "0"
 
 
 def table(task: str, data: dict[str, Any]) -> list[str]:

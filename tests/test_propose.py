@@ -20,7 +20,7 @@ from holdfast.planning.balance import imbalance, margin
 from holdfast.planning.candidates import Candidate, Dropped, find_candidates, region_sets
 from holdfast.planning.hand_shapes import HandShapes, _aligned, _poses
 from holdfast.planning.idle import placed, postures
-from holdfast.planning.propose import propose
+from holdfast.planning.propose import Proposals, propose
 from holdfast.planning.quick_look import QuickLook
 from holdfast.planning.surface_regions import find_places
 from holdfast.region_fit import fit_grid
@@ -47,7 +47,9 @@ def cone(friction: float) -> Body:
 
 def pinches(body: Body, **options: float) -> tuple[list[Candidate], list[Dropped]]:
     look = QuickLook(Scene(BARRETT, body))
-    return find_candidates(look, regions_of(BARRETT), body, "pinch", options.get("friction", body.friction), short=12)
+    return find_candidates(
+        look, regions_of(BARRETT), body, "pinch", options.get("friction", body.friction), short=12, spread=24
+    )
 
 
 # --- places ------------------------------------------------------------------------------------------
@@ -86,7 +88,7 @@ def test_no_place_where_two_solids_meet() -> None:
     """Neither on the seam of two boxes side by side nor inside a box about one of them."""
     halves = [Shape("box", (0.03, 0.03, 0.03), transform(x)) for x in (-0.015, 0.015)]
     for body in (Body.of(halves), Body.of([Shape("box", (0.06, 0.04, 0.04)), *halves])):
-        places, _ = find_places(body, 0.008, count=40)
+        places, _ = find_places(body, 0.008, count=16)
         outer = np.ptp(body.vertices, axis=0) / 2
         assert places
         for p in places:
@@ -255,8 +257,12 @@ def test_sets_of_regions() -> None:
 # --- proposals ---------------------------------------------------------------------------------------
 
 
-def test_a_proposal_is_certified_and_its_file_gives_it_again(tmp_path: Path) -> None:
-    found = propose(BARRETT, None, load_body("slab"), "pinch", count=2, object="slab")
+@pytest.fixture(scope="module")
+def found() -> Proposals:
+    return propose(BARRETT, None, load_body("slab"), "pinch", count=2, object="slab")
+
+
+def test_a_proposal_is_certified_and_its_file_gives_it_again(tmp_path: Path, found: Proposals) -> None:
     assert len(found.proposals) == 2
     assert found.tried >= 2
     for p in found.proposals:
@@ -292,9 +298,13 @@ def test_bad_requests() -> None:
         propose(BARRETT, regions_of(load_hand("schunk-sah")), slab)
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    ask = Propose(hand="barrett-bh8-280", object="slab", count=1, output=tmp_path / "out", json=True)
-    assert ask.run() == 0
+def test_the_command(
+    tmp_path: Path, found: Proposals, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as m:
+        m.setattr("holdfast.planning.propose.propose", lambda *_, **__: found)
+        ask = Propose(hand="barrett-bh8-280", object="slab", count=2, output=tmp_path / "out", json=True)
+        assert ask.run() == 0
     said = json.loads(capsys.readouterr().out)
     assert said["proposals"][0]["verdict"] == "found"
     assert Path(said["files"][0]).is_file()

@@ -76,14 +76,7 @@ def test_the_stored_answers_are_the_engines(table2: ModuleType, stored: dict[str
 @pytest.mark.parametrize("task", ["check", "max", "torques"])
 def test_each_table_has_a_row_for_each_of_the_twelve(table2: ModuleType, task: str) -> None:
     empty = table2.table(task, {"limit": 60.0, "rows": []})
-    answer = {
-        "verdict": "holds",
-        "stop": "complete",
-        "seconds": 0.01,
-        "cpu_seconds": 0.01,
-        "lower": 1.0,
-        "upper": 1.001,
-    }
+    answer = {"verdict": "holds", "stop": "complete", "seconds": 0.01, "cpu_seconds": 0.01}
     late = answer | {"stop": "time", "seconds": 61.0, "cpu_seconds": 30.0}
     rows = [{"grasp": "ball", "task": task, "k": k, "holdfast": answer, "gurobi": late} for k in range(1, 3)]
     some = table2.table(task, {"limit": 60.0, "rows": rows[:1] if task == "check" else rows})
@@ -99,7 +92,10 @@ def test_each_table_has_a_row_for_each_of_the_twelve(table2: ModuleType, task: s
 
 def test_numbers_are_mean_standard_error_and_median(table2: ModuleType) -> None:
     assert table2.numbers([1.0, 2.0, 6.0]) == pytest.approx((3.0, math.sqrt(7.0 / 3.0), 2.0))
-    assert table2.numbers([4.0]) == (4.0, 0.0, 4.0)
+    assert table2.spread(table2.numbers([4.0])) == "4.00"
+    assert table2.spread((398.2, 104.4, 0.0)) == "398 ± 104"
+    assert table2.spread((0.7974, 0.0669, 0.0)) == "0.797 ± 0.067"
+    assert table2.spread((10.04, 0.0, 0.0)) == "10.0 ± 0"
 
 
 def test_contradictions_are_found(table2: ModuleType) -> None:

@@ -13,6 +13,7 @@ from rich.text import Text
 from holdfast.answer import Reach
 from holdfast.cli.synthesis_tables import STYLE, WHY
 from holdfast.cli.tables import table
+from holdfast.planning.judge import Reason
 from holdfast.report import words
 from holdfast.report.words import num
 
@@ -50,7 +51,9 @@ def sentence(answer: Grasps) -> str:
     if not n:
         why = WHY.get(answer.stop, "the search came to its end")
         nothing = "no certified configuration holds" if answer.fates_total else "no configuration was found"
-        return f"{nothing[0].upper()}{nothing[1:]} so far, {seconds}; {why}."
+        line = " Two point contacts hold no torque about the line between them, hence hardly any weight."
+        pinch = line if len(answer.task.touches) == 2 and answer.fates[Reason.UNBALANCED] else ""
+        return f"{nothing[0].upper()}{nothing[1:]} so far, {seconds}; {why}.{pinch}"
     s, loads = "s" if n == 1 else "", words.count(len(answer.loads), "load")
     which = f"{words.count(n, 'grasp')} that exist{s}, collide{s} with nothing and hold{s} {loads}"
     short = f" Asked for {answer.count}: {WHY[answer.stop]}." if n < answer.count and answer.stop in WHY else ""

@@ -11,13 +11,13 @@ import numpy as np
 from holdfast.answer import Verdict
 from holdfast.body import Body
 from holdfast.collision import always_meeting
-from holdfast.contacts import contact_grasp
+from holdfast.contacts import THRESHOLD, contact_grasp
 from holdfast.errors import InputError
 from holdfast.grasp import Grasp
 from holdfast.hand.model import Hand
 from holdfast.mechanism import Array
 from holdfast.planning import palm_poses
-from holdfast.planning.close import close
+from holdfast.planning.close import Closed, close
 from holdfast.planning.palm_poses import STANDARD, Palm, Sampling, Surface
 from holdfast.scene import Scene
 from holdfast.stability.hold import HoldAnswer, hold
@@ -25,10 +25,11 @@ from holdfast.stability.loads import Loads
 from holdfast.stability.settings import Settings
 
 PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
+PUSHES = 4  # of the object by a finger, at most
 SIDES = 8  # of the polygon around a friction cone in the test of balance
 STRENGTH = 10.0  # default bound of a command: so many times the largest load at the grasp's size
-PER_QUERY = 4000  # nodes of the search after which a question about a load is left open
-DEFAULT = Settings(node_limit=PER_QUERY)
+NODES = 250_000  # of a query of one contact; a node's cost grows with the cube of the contacts
+PATIENCE = 30.0  # [s] for all queries about a grasp: a fuse, the nodes end them much earlier
 SHORT = 1e-6  # share of a wrench that must be missing before it counts as not balanced
 ROUNDING = 1e-9
 
@@ -78,7 +79,7 @@ class Attempts:
         loads: what is to be held. command_limit: largest command [N m, N]; None for `STRENGTH`.
         torque_limits, force_limit, eta: as in `hold`.
         sampling: of the starts.
-        settings: of each query; nodes rather than seconds, so that the outcome does not hang on the machine.
+        settings: of each query; by default a number of nodes, so that the outcome does not hang on the machine.
     """
 
     hand: Hand
@@ -90,7 +91,7 @@ class Attempts:
     torque_limits: Mapping[str, float] | None = None
     force_limit: float | None = None
     eta: float = 0.0
-    settings: Settings = DEFAULT
+    settings: Settings | None = None
     sampling: Sampling = STANDARD
 
     def begin(self) -> Runner:
@@ -122,7 +123,7 @@ class Runner:
         if len({self._finger(a.hand.link_names[i]) for i in np.flatnonzero(near)}) < 2:
             return Fate.MISSES, None
         try:
-            closed = close(a.hand, start.q, a.body, pose, scene=self.scene)
+            closed, pose = self._closed(start.q, pose)
         except InputError:  # it started deeper in the object than closing allows
             return Fate.INSIDE, None
         if len({self._finger(c.link) for c in closed.contacts}) < 2:
@@ -145,22 +146,54 @@ class Runner:
             torque_limits=a.torque_limits,
             force_limit=a.force_limit,
             eta=a.eta,
-            settings=a.settings,
+            settings=a.settings or Settings(node_limit=NODES / grasp.m**3),
+            timeout=PATIENCE,
         )
         if answer.verdict is not Verdict.HOLDS:
             return Fate.SLIPS if answer.verdict is Verdict.SLIPS else Fate.UNDECIDED, None
-        if answer.upper > self._strongest(grasp):
+        if self._strength(grasp.with_preload(answer.preload)) > 1:
             return Fate.STRONG, None
         grasp = grasp.with_preload(answer.preload)
         return Fate.KEPT, Held(closed.q, pose, grasp, answer, inside, itself, index)
 
-    def _strongest(self, grasp: Grasp) -> float:
-        a = self.asked
+    def _closed(self, q: Array, pose: Array) -> tuple[Closed, Array]:
+        """The hand closed, and where the object then is.
+
+        A finger that is tied to one that touched has stopped short of the object, as one jaw of a gripper does.
+        The first would push the object on to the other: it is moved by half the gap, and the hand closed again.
+        """
+        hand = self.asked.hand
+        for _ in range(PUSHES):
+            closed = close(hand, q, self.asked.body, pose, scene=self.scene)
+            tied = [self._across(name, why) for name, why in closed.stopped.items()]
+            links = {i for i in range(len(hand.links)) if any(j in hand.moved_by(i) for j in tied)}
+            gaps = [n for n in self.scene.nearest(closed.q, pose, palm_poses.FAR) if n.link in links] if links else []
+            short = min(gaps, key=lambda n: n.distance, default=None)
+            if short is None or short.distance <= THRESHOLD:
+                break
+            pose = pose.copy()
+            pose[:3, 3] -= short.distance / 2 * short.normal
+        return closed, pose
+
+    def _across(self, name: str, why: str) -> int | None:
+        """The joint of a name if it stopped because one of another finger did, else None."""
+        hand = self.asked.hand
+        if not why.startswith("follows "):
+            return None
+        j, leader = hand.joint(name), hand.joint(why.removeprefix("follows "))
+        chains = (hand.moved_by(i) for i in range(len(hand.links)))
+        return None if any(j in c and leader in c for c in chains) else j
+
+    def _strength(self, grasp: Grasp) -> float:
+        """The largest command, as a share of what is allowed: a force for sliding joints and tendons, else a torque."""
+        a, mechanism = self.asked, grasp.mechanism
         if a.command_limit is not None:
-            return a.command_limit
+            return float(np.abs(grasp.command).max(initial=0.0)) / a.command_limit
         w = a.loads.wrenches
-        forces = np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size
-        return STRENGTH * float(forces.max()) * grasp.size
+        load = float((np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size).max())
+        turns = np.array([joint.type == "revolute" for joint in grasp.joints])
+        torque = (mechanism.R[:, turns] != 0).any(axis=1) & ~np.array(mechanism.tendon, dtype=bool)
+        return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRENGTH * load)
 
     def _depths(self, q: Array, pose: Array) -> tuple[float, float]:
         """Largest overlap [m] of hand and object, and of two links, 0 if none."""
@@ -197,8 +230,10 @@ def balances(grasp: Grasp, wrench: Array) -> bool:
 
 
 def driven(grasp: Grasp, stopped: set[str]) -> tuple[str, ...]:
-    """The actuators of joints that a touch stopped: those whose command squeezes."""
-    names = np.array([j.name in stopped for j in grasp.joints])
-    return tuple(
-        n for n, row in zip(grasp.mechanism.actuators, grasp.mechanism.R, strict=True) if (row[names] != 0).any()
-    )
+    """The actuators of joints that a touch stopped, or that are coupled to one: those whose command squeezes."""
+    touched = np.array([j.name in stopped for j in grasp.joints])
+    for _ in grasp.mechanism.A:  # a coupled joint may itself be coupled further
+        for row in grasp.mechanism.A != 0:
+            touched |= row & (row & touched).any()
+    rows = grasp.mechanism.R
+    return tuple(n for n, row in zip(grasp.mechanism.actuators, rows, strict=True) if (row[touched] != 0).any())

@@ -87,7 +87,15 @@ class Dropped:
 
 
 def find_candidates(
-    look: QuickLook, regions: HandRegions, body: Body, kind: Kind, friction: float, *, seed: int = 0, short: int = 80
+    look: QuickLook,
+    regions: HandRegions,
+    body: Body,
+    kind: Kind,
+    friction: float,
+    *,
+    seed: int = 0,
+    short: int = 80,
+    spread: int = PLACES,
 ) -> tuple[list[Candidate], list[Dropped]]:
     """Candidates with balanced forces that look reachable, most promising first; and what was dropped on the way.
 
@@ -96,6 +104,7 @@ def find_candidates(
         friction: coefficient.
         seed: of everything that is drawn.
         short: sets of places that are looked at closely.
+        spread: points of the surface about which places are sought, beside those opposite to them.
 
     Raises:
         InputError: an unknown kind, a friction that is not positive, regions that do not make a grasp of the kind.
@@ -112,7 +121,7 @@ def find_candidates(
     wholes = [tuple(own.index(r) for r in chosen) for chosen in sets]
     size = float(np.ptp(body.vertices, axis=0).max())
     radius = min(PATCH[0] * float(np.median([extent(r) for r in own])), PATCH[1] * size)
-    places, unfit = find_places(body, radius, count=PLACES, seed=seed)
+    places, unfit = find_places(body, radius, count=spread, seed=seed)
     opening = max(shapes.opening(chosen) for chosen in wholes) + SLACK
     chosen_places, dropped = _balanced(body, places, len(sets[0]), friction, opening, radius, seed, short)
     if unfit:

@@ -16,7 +16,7 @@ from holdfast.answer import Stop, Verdict
 from holdfast.body import Body
 from holdfast.errors import InputError
 from holdfast.hand.model import Hand
-from holdfast.planning.attempt import DEFAULT, Attempts, Fate, Held, Runner
+from holdfast.planning.attempt import Attempts, Fate, Held, Runner
 from holdfast.planning.distinct import difference, most_different
 from holdfast.planning.palm_poses import STANDARD, Sampling, palm_of
 from holdfast.stability.loads import Loads
@@ -125,7 +125,8 @@ def plan(
         command_limit: largest command [N m or N] of a kept grasp; ten times the largest load at the size of
             the grasp if absent.
         torque_limits, force_limit, eta: as in `check`.
-        settings: of each query; by default 4,000 nodes each, so that the outcome does not hang on the clock.
+        settings: of each query; by default some hundred to thousand nodes, so that the outcome does not hang on
+            the clock (but no grasp is thought about for more than 30 s).
         sampling: how the starts are drawn.
         jobs: processes; by default one per core.
         on_attempt: called with (attempts done, grasps kept).
@@ -149,7 +150,7 @@ def plan(
         torque_limits,
         force_limit,
         eta,
-        settings or DEFAULT,
+        settings,
         sampling or STANDARD,
     )
     begin = time.monotonic()

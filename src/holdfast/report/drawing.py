@@ -6,7 +6,7 @@ front, every panel has the same scale, and arrows are never hidden by the solids
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -124,7 +124,7 @@ def _panel(ax: Any, grasp: Grasp, witness: Witness | None, meshes: Sequence[Mesh
     """Draw one side; returns the points that it has to show."""
     V = view.matrix
     size = grasp.size
-    points = _solids(ax, meshes, V)
+    points = solids(ax, meshes, V)
     p = np.array([c.position for c in grasp.contacts])
     points.append(p @ V[:2].T)
     if not meshes:
@@ -144,8 +144,12 @@ def _panel(ax: Any, grasp: Grasp, witness: Witness | None, meshes: Sequence[Mesh
     return np.vstack(points)
 
 
-def _solids(ax: Any, meshes: Sequence[Mesh], V: Array) -> list[Array]:
-    """Triangles, far ones first, shaded by how far they face the viewer."""
+def solids(ax: Any, meshes: Sequence[Mesh], V: Array, clear: Mapping[str, float] = CLEAR) -> list[Array]:
+    """Triangles, far ones first, shaded by how far they face the viewer; returns the corners of what they cover.
+
+    Args:
+        V: (3, 3) rows right, up, towards the viewer. clear: opacity by kind of mesh.
+    """
     corners, colors = [], []
     for mesh in meshes:
         triangles = mesh.vertices[mesh.faces] @ V.T
@@ -154,7 +158,7 @@ def _solids(ax: Any, meshes: Sequence[Mesh], V: Array) -> list[Array]:
         light = 0.62 + 0.38 * np.abs(normal / length @ np.array([0.25, 0.35, 0.9]))
         shade = np.clip(light[:, None] * SOLID[mesh.kind], 0, 1)
         corners.append(triangles)
-        colors.append(np.hstack([shade, np.full((len(shade), 1), CLEAR[mesh.kind])]))
+        colors.append(np.hstack([shade, np.full((len(shade), 1), clear[mesh.kind])]))
     if not corners:
         return []
     triangles, color = np.vstack(corners), np.vstack(colors)

@@ -106,7 +106,9 @@ def scene(grasp: Grasp, loads: Sequence[Load] = (), meshes: Sequence[Mesh] = ())
     points = [m.vertices for m in meshes] or [np.array([j.origin for j in grasp.joints]).reshape(-1, 3)]
     p = np.vstack([*points, *([c.position, c.position + 0.5 * grasp.size * c.normal] for c in grasp.contacts)])
     flat, _, *others = views(grasp, 4)
-    sides = (View("at an angle", TILT @ flat.matrix), flat, *others)
+    pulls = next((x.wrench[:3] for x in loads if x.wrench is not None and np.any(x.wrench[:3])), None)
+    standing = [] if pulls is None else [View("first load pulls down", TILT @ upright(flat.matrix, -pulls))]
+    sides = (*standing, View("at an angle", TILT @ flat.matrix), flat, *others)
     return {
         "solids": solids,
         "contacts": [
@@ -121,6 +123,14 @@ def scene(grasp: Grasp, loads: Sequence[Load] = (), meshes: Sequence[Mesh] = ())
         "box": [_short(p.min(axis=0)), _short(p.max(axis=0))],
         "colors": COLORS,
     }
+
+
+def upright(matrix: Array, up: Array) -> Array:
+    """(3, 3) rows right, up, towards the viewer: the view nearest to another in which `up` (3,) points up."""
+    up = up / np.linalg.norm(up)
+    back = max((b - (b @ up) * up for b in (matrix[2], matrix[1], matrix[0])), key=lambda b: round(float(b @ b), 3))
+    back /= np.linalg.norm(back)
+    return np.array([np.cross(up, back), up, back])
 
 
 def packed(meshes: Sequence[Mesh]) -> dict[str, Any]:
