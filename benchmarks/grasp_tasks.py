@@ -37,8 +37,8 @@ from holdfast import (
     verify,
 )
 from holdfast.collision import Collisions
-from holdfast.planning.judge import requests
-from holdfast.planning.proved import Grasps
+from holdfast.planning.tasks.judge import requests
+from holdfast.planning.tasks.proved import Grasps
 from holdfast.scene import Scene
 from machine import describe
 

@@ -19,8 +19,8 @@ from holdfast.body import load_body
 from holdfast.collision import Collisions
 from holdfast.hand.load import load_hand
 from holdfast.hand_regions import regions_of
-from holdfast.planning.judge import requests
-from holdfast.planning.propose import Proposals, propose
+from holdfast.planning.regions.propose import Proposals, propose
+from holdfast.planning.tasks.judge import requests
 from holdfast.scene import Scene
 from machine import describe
 

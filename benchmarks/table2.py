@@ -305,7 +305,7 @@ def spread(x: Numbers) -> str:
 
 def digits(x: float, count: int = 3) -> str:
     """So many significant digits, or all of the whole number."""
-    return f"{x:.{max(0, count - 1 - math.floor(math.log10(x)))}f}" if x > 0 else "0"
+    return f"{x:,.{max(0, count - 1 - math.floor(math.log10(x)))}f}" if x > 0 else "0"
 
 
 def table(task: str, data: dict[str, Any]) -> list[str]:

@@ -20,7 +20,7 @@ from matplotlib.image import imread
 from holdfast import Loads, Settings, force_map, grasp_for, load_body, load_task
 from holdfast.files import write_bytes
 from holdfast.mechanism import Array
-from holdfast.planning.proved import ProvedGrasp
+from holdfast.planning.tasks.proved import ProvedGrasp
 from holdfast.plot import draw_map, picture, scene_meshes
 from holdfast.report.drawing import AMBER, BLUE, Mesh, solids
 from holdfast.stability.witness import Witness

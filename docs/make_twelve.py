@@ -16,6 +16,7 @@ compares what it plans with the files that are there, `--picture` only draws the
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from typing import Any
 import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from PIL import Image
 
 from holdfast import Settings, load_body, load_configuration, load_grasp, load_hand
 from holdfast.configuration import Configuration, save_configuration
@@ -30,9 +32,9 @@ from holdfast.files import write_bytes
 from holdfast.grasp import Grasp
 from holdfast.grasp_file import save_grasp
 from holdfast.mechanism import Array
-from holdfast.planning.attempt import Held
-from holdfast.planning.palm_poses import Sampling
-from holdfast.planning.plan import Plan, plan
+from holdfast.planning.closing.attempt import Held
+from holdfast.planning.closing.palm_poses import Sampling
+from holdfast.planning.closing.plan import Plan, plan
 from holdfast.plot import picture, scene_meshes
 from holdfast.report.drawing import View
 
@@ -151,11 +153,14 @@ def panel(ax: Any, name: str) -> None:
 def drawn() -> bytes:
     """All twelve as a PNG."""
     rows = -(-len(CONTACTS) // COLUMNS)
-    figure = Figure(figsize=(2.6 * COLUMNS, 2.8 * rows), dpi=110)
+    figure = Figure(figsize=(2.6 * COLUMNS, 2.8 * rows), dpi=80)
     for k, name in enumerate(CONTACTS):
         panel(figure.add_subplot(rows, COLUMNS, k + 1), name)
     figure.tight_layout(pad=0.4)
-    return picture(figure)
+    few = Image.open(io.BytesIO(picture(figure, dpi=100))).convert("RGB").quantize(64)  # a third of the size
+    out = io.BytesIO()
+    few.save(out, "PNG", optimize=True)
+    return out.getvalue()
 
 
 def main() -> int:

@@ -29,6 +29,7 @@ from holdfast.cli.app import COMMANDS, option_name
 from holdfast.configuration import Configuration, load_configuration
 from holdfast.files import Strict
 from holdfast.grasp_file import GraspFile, load_grasp
+from holdfast.hand_regions import load_hand_regions
 from holdfast.stability.certificate_file import CertificateFile, NodesEntry, QuestionEntry, RowsEntry
 from holdfast.stability.loads_file import load_loads
 from holdfast.stability.result_file import ResultFile, WitnessEntry
@@ -45,6 +46,7 @@ LOADERS: dict[str, Callable[[str], object]] = {
     "holdfast/body/1": load_body,
     "holdfast/task/1": load_task,
     "holdfast/loads/1": load_loads,
+    "holdfast/hand-regions/1": load_hand_regions,
 }
 BLOCK = re.compile(
     r"(?:^<!-- not run: (?P<skip>[^\n]+) -->\n)?^```(?P<kind>\w+)(?P<rest>[^\n]*)\n(?P<text>.*?)^```$",

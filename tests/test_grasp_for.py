@@ -31,11 +31,11 @@ from holdfast import (
 )
 from holdfast.cli import main
 from holdfast.collision import Collisions
-from holdfast.planning import grasps_file
-from holdfast.planning.gradient import Gradients
-from holdfast.planning.judge import NEAR, Allowed, Judge, Reason, Steps, requests
-from holdfast.planning.proved import BETTER, Grasps, rank
-from holdfast.planning.unused import Unused
+from holdfast.planning.tasks import grasps_file
+from holdfast.planning.tasks.gradient import Gradients
+from holdfast.planning.tasks.judge import NEAR, Allowed, Judge, Reason, Steps, requests
+from holdfast.planning.tasks.proved import BETTER, Grasps, rank
+from holdfast.planning.tasks.unused import Unused
 from holdfast.scene import Scene
 from holdfast.stability.loads import Loads
 from holdfast.synthesis.diverse import Walks
@@ -127,6 +127,16 @@ def test_none_where_the_hand_cannot_reach() -> None:
 def test_a_time_limit_is_undecided() -> None:
     answer = grasp_for(load_task(NAME), count=1, timeout=1e-6, jobs=1)
     assert (answer.verdict, answer.stop, answer.grasps) == (Reach.UNDECIDED, Stop.TIME, ())
+
+
+def test_an_interruption_keeps_what_was_found() -> None:
+    def stop(_: object) -> None:
+        raise KeyboardInterrupt
+
+    answer = grasp_for(load_task(NAME), count=50, jobs=1, on_step=stop)
+    assert answer.stop is Stop.INTERRUPTED
+    assert 0 < len(answer.grasps) < 50
+    assert all(g.solution.verify().ok for g in answer.grasps)
 
 
 def test_what_cannot_balance_is_never_returned() -> None:

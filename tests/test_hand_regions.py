@@ -13,7 +13,7 @@ from holdfast import Bezier, Cap, load_hand
 from holdfast.errors import InputError
 from holdfast.hand.model import Hand
 from holdfast.hand_regions import HandRegion, HandRegions, load_hand_regions, regions_of, save_hand_regions, to_dict
-from holdfast.planning.guess_regions import guess_regions
+from holdfast.planning.regions.guess_regions import guess_regions
 
 SHARED = Path(__file__).parents[2] / "shared"
 CAP = {"cap": {"center": [0.02, 0, 0], "radius": 0.013, "axis": [0, 0, 1], "half_angle": 1.0}}

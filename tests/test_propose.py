@@ -16,13 +16,13 @@ from holdfast.body import Body, load_body
 from holdfast.cli.propose import Propose
 from holdfast.errors import InputError
 from holdfast.hand_regions import HandRegions, regions_of
-from holdfast.planning.balance import imbalance, margin
-from holdfast.planning.candidates import Candidate, Dropped, find_candidates, region_sets
-from holdfast.planning.hand_shapes import HandShapes, _aligned, _poses
-from holdfast.planning.idle import placed, postures
-from holdfast.planning.propose import Proposals, propose
-from holdfast.planning.quick_look import QuickLook
-from holdfast.planning.surface_regions import find_places
+from holdfast.planning.regions.balance import imbalance, margin
+from holdfast.planning.regions.candidates import Candidate, Dropped, find_candidates, region_sets
+from holdfast.planning.regions.hand_shapes import HandShapes, _aligned, _poses
+from holdfast.planning.regions.idle import placed, postures
+from holdfast.planning.regions.propose import Proposals, propose
+from holdfast.planning.regions.quick_look import QuickLook
+from holdfast.planning.regions.surface_regions import find_places
 from holdfast.region_fit import fit_grid
 from holdfast.scene import Scene
 from holdfast.shape import Shape
@@ -302,7 +302,7 @@ def test_the_command(
     tmp_path: Path, found: Proposals, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as m:
-        m.setattr("holdfast.planning.propose.propose", lambda *_, **__: found)
+        m.setattr("holdfast.planning.regions.propose.propose", lambda *_, **__: found)
         ask = Propose(hand="barrett-bh8-280", object="slab", count=2, output=tmp_path / "out", json=True)
         assert ask.run() == 0
     said = json.loads(capsys.readouterr().out)

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from holdfast.hand import load_hand as load_hand
     from holdfast.mechanism import Mechanism as Mechanism
     from holdfast.planning.close import close as close
-    from holdfast.planning.grasp_for import grasp_for as grasp_for
-    from holdfast.planning.plan import plan as plan
+    from holdfast.planning.closing.plan import plan as plan
+    from holdfast.planning.regions.propose import propose as propose
+    from holdfast.planning.tasks.grasp_for import grasp_for as grasp_for
     from holdfast.region import Bezier as Bezier
     from holdfast.region import Cap as Cap
     from holdfast.replay import verify as verify
@@ -69,8 +70,9 @@ _HOME = {
     "load_hand": "hand",
     "Mechanism": "mechanism",
     "close": "planning.close",
-    "grasp_for": "planning.grasp_for",
-    "plan": "planning.plan",
+    "grasp_for": "planning.tasks.grasp_for",
+    "plan": "planning.closing.plan",
+    "propose": "planning.regions.propose",
     "Bezier": "region",
     "Cap": "region",
     "verify": "replay",

@@ -1,4 +1,4 @@
-"""What comes with the package, by name: grasps, hands, objects, configurations, tasks."""
+"""What comes with the package, by name: grasps, hands, objects, configurations, tasks, regions of hands."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from holdfast.errors import InputError
 
-KINDS = ("grasps", "hands", "objects", "configurations", "tasks")
+KINDS = ("grasps", "hands", "objects", "configurations", "tasks", "hand_regions")
 
 
 def folder(kind: str) -> Path:

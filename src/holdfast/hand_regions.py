@@ -169,6 +169,6 @@ def regions_of(hand: Hand) -> HandRegions:
     """The bundled regions of a bundled hand; for any other hand those that are guessed from its shapes."""
     if hand.source in bundled.names("hand_regions"):
         return load_hand_regions(hand.source, hand)
-    from holdfast.planning.guess_regions import guess_regions
+    from holdfast.planning.regions.guess_regions import guess_regions
 
     return guess_regions(hand)

@@ -9,8 +9,8 @@ from holdfast.errors import InputError
 from holdfast.files import read_json
 
 if TYPE_CHECKING:
-    from holdfast.planning.grasps_file import SavedGrasps
-    from holdfast.planning.replay import ReplayedGrasps
+    from holdfast.planning.tasks.grasps_file import SavedGrasps
+    from holdfast.planning.tasks.replay import ReplayedGrasps
     from holdfast.stability.answers import Answer
     from holdfast.stability.certificate import Certificate
     from holdfast.stability.replay import Verified
@@ -32,8 +32,8 @@ def verify(
     Raises:
         InputError: the file cannot be read, or is none of these.
     """
-    from holdfast.planning import replay as grasps
-    from holdfast.planning.grasps_file import SavedGrasps
+    from holdfast.planning.tasks import replay as grasps
+    from holdfast.planning.tasks.grasps_file import SavedGrasps
     from holdfast.stability import replay as stability
     from holdfast.synthesis import replay as synthesis
     from holdfast.synthesis.answers import Synthesis
@@ -55,7 +55,7 @@ def load(path: str | Path) -> Any:
 
             return result_file.from_dict(data)
         if schema == "holdfast/grasps/1":
-            from holdfast.planning import grasps_file
+            from holdfast.planning.tasks import grasps_file
 
             return grasps_file.from_dict(data)
         if schema not in SCHEMAS:

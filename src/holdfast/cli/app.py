@@ -23,6 +23,8 @@ from holdfast.cli.list import List
 from holdfast.cli.map import Map
 from holdfast.cli.max import Max
 from holdfast.cli.options import Command, GraspOptions, is_number
+from holdfast.cli.plan import PlanGrasps
+from holdfast.cli.propose import Propose
 from holdfast.cli.sweep import Sweep
 from holdfast.cli.synthesize import Synthesize
 from holdfast.cli.torques import Torques
@@ -37,6 +39,8 @@ COMMANDS: dict[str, type[Command]] = {
     "sweep": Sweep,
     "synthesize": Synthesize,
     "grasp": Grasp,
+    "propose": Propose,
+    "plan": PlanGrasps,
     "verify": Verify,
     "contacts": Contacts,
     "close": Close,
@@ -48,7 +52,8 @@ ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot
 
 check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? synthesize looks for \
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
-hold with its torques. verify replays what backs an answer.
+hold with its torques. propose chooses such regions, plan closes the hand from everywhere. verify replays what backs \
+an answer.
 
 Start with `holdfast demo` or `holdfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""

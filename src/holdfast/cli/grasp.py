@@ -15,7 +15,7 @@ from holdfast.cli.options import Assignments, Command, assigned, check_writable
 from holdfast.errors import InputError
 
 if TYPE_CHECKING:
-    from holdfast.planning.proved import Grasps
+    from holdfast.planning.tasks.proved import Grasps
 
 FILES = ("grasps.json", "grasp-{}.json", "configuration-{}.json")
 
@@ -66,8 +66,8 @@ class Grasp(LoadsOptions, Command):
     def run(self) -> int:
         from holdfast.body import load_body
         from holdfast.cli import grasp_tables
-        from holdfast.planning.grasp_for import grasp_for
-        from holdfast.planning.judge import Allowed
+        from holdfast.planning.tasks.grasp_for import grasp_for
+        from holdfast.planning.tasks.judge import Allowed
         from holdfast.synthesis.placed import leader_ranges
         from holdfast.synthesis.task_file import load_task
 
@@ -134,7 +134,7 @@ class Grasp(LoadsOptions, Command):
                 save_grasp(g.grasp, written[-2], force=self.force)
                 save_configuration(g.configuration, written[-1], force=self.force)
         if self.report and answer.grasps:
-            from holdfast.planning.grasp_report import report_grasp
+            from holdfast.planning.tasks.grasp_report import report_grasp
 
             report_grasp(self.report, answer, force=self.force)
             written.append(self.report)

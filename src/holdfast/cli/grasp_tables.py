@@ -13,15 +13,15 @@ from rich.text import Text
 from holdfast.answer import Reach
 from holdfast.cli.synthesis_tables import STYLE, WHY
 from holdfast.cli.tables import table
-from holdfast.planning.judge import Reason
+from holdfast.planning.tasks.judge import Reason
 from holdfast.report import words
 from holdfast.report.words import num
 
 if TYPE_CHECKING:
-    from holdfast.planning.grasp_for import Progress
-    from holdfast.planning.grasps_file import SavedGrasps
-    from holdfast.planning.proved import Grasps
-    from holdfast.planning.replay import ReplayedGrasps
+    from holdfast.planning.tasks.grasp_for import Progress
+    from holdfast.planning.tasks.grasps_file import SavedGrasps
+    from holdfast.planning.tasks.proved import Grasps
+    from holdfast.planning.tasks.replay import ReplayedGrasps
 
 
 def progress_text(p: Progress) -> str:

@@ -44,13 +44,14 @@ class List(Command):
             "hands": "holdfast contacts HAND OBJECT --configuration NAME",
             "objects": "the same, as OBJECT",
             "configurations": "the same, as NAME",
-            "tasks": "holdfast synthesize NAME",
+            "tasks": "holdfast synthesize NAME, holdfast grasp NAME",
+            "hand_regions": "holdfast propose HAND OBJECT",
         }
         for kind, entries in found.items():
             grid = Table(box=SIMPLE, show_header=False, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
             for name, text in entries.items():
                 grid.add_row("  " + name, text)
-            out.print(Text.assemble((kind, "bold"), "  ", (uses[kind], "dim")))
+            out.print(Text.assemble((kind.replace("_", " "), "bold"), "  ", (uses[kind], "dim")))
             out.print(grid if entries else "  none")
         return console.ANSWERED
 
@@ -68,6 +69,8 @@ def describe(kind: str, name: str) -> str:
             text = _object(data)
         case "tasks":
             text = _task(data)
+        case "hand_regions":
+            text = ", ".join(data.get("regions", {}))
         case _:
             text = f"{data.get('object') or 'an object'} in {data.get('hand') or 'a hand'}"
     return "; ".join(t for t in (known, text) if t)

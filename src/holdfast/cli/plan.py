@@ -17,7 +17,7 @@ from holdfast.errors import InputError
 
 if TYPE_CHECKING:
     from holdfast.body import Body
-    from holdfast.planning.plan import Plan
+    from holdfast.planning.closing.plan import Plan
     from holdfast.stability.loads import Loads
 
 
@@ -64,7 +64,7 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     def run(self) -> int:
         import numpy as np
 
-        from holdfast.planning.plan import plan
+        from holdfast.planning.closing.plan import plan
 
         self._check_folder()
         hand, body = self.load_scene()

@@ -13,7 +13,7 @@ from holdfast.cli.options import Command
 from holdfast.errors import InputError
 
 if TYPE_CHECKING:
-    from holdfast.planning.propose import Proposals
+    from holdfast.planning.regions.propose import Proposals
 
 
 @dataclass(kw_only=True)
@@ -52,7 +52,7 @@ class Propose(Command):
         from holdfast.body import load_body
         from holdfast.hand.load import load_hand
         from holdfast.hand_regions import load_hand_regions
-        from holdfast.planning.propose import propose
+        from holdfast.planning.regions.propose import propose
 
         if self.output and self.output.exists() and not self.output.is_dir():
             raise InputError("is a file; a folder is needed", source=str(self.output))

@@ -27,7 +27,7 @@ class Verify(Command):
 
     def run(self) -> int:
         from holdfast.cli import grasp_tables, synthesis_tables, tables
-        from holdfast.planning.replay import ReplayedGrasps
+        from holdfast.planning.tasks.replay import ReplayedGrasps
         from holdfast.replay import load, verify
         from holdfast.synthesis.answers import Replayed
 

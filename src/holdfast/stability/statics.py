@@ -14,6 +14,7 @@ from holdfast.mechanism import Array
 
 EDGES = 8  # of the pyramid in each friction cone
 BALANCED = 1e-6  # share of a wrench below which it counts as balanced
+ROUNDING = 1e-9
 CIRCUMSCRIBED = 1 / np.cos(np.pi / EDGES)  # factor on the friction with which the pyramids hold the cones
 
 
@@ -27,19 +28,44 @@ def imbalance(grasp: Grasp, wrenches: Array, friction: float = 1.0) -> Array:
     """
     from scipy.optimize import nnls
 
-    scale = np.array([1.0] * 3 + [1 / grasp.size] * 3)
-    angle = 2 * np.pi * np.arange(EDGES) / EDGES
-    rays = np.array([np.ones(EDGES), np.cos(angle), np.sin(angle)])  # (3, EDGES)
-    scaled = rays[None] * (np.array([0.0, 1.0, 1.0])[:, None] * friction * grasp.mu[:, None, None])
-    scaled[:, 0] = 1.0
-    G = (scale[:, None] * grasp.G).reshape(6, -1, 3)
-    A = np.einsum("wmi,mie->wme", G, scaled).reshape(6, -1)
-    A /= np.linalg.norm(A, axis=0)
+    A, scale = _edges(grasp, friction)
     out = np.empty(len(wrenches))
     for k, w in enumerate(np.asarray(wrenches, dtype=float) * scale):
         size = float(np.linalg.norm(w))
         out[k] = nnls(A, -w / size)[1] if size > 0 else 0.0
     return out
+
+
+def balances(grasp: Grasp, wrench: Array) -> bool:
+    """Whether forces within the friction cones can balance a wrench (6,) at all, whatever the joints do.
+
+    Necessary for every passive resistance. With pyramids around the cones: if nonnegative forces along their edges
+    fall short, what is missing separates the wrench from all of them (Farkas), which is checked.
+    """
+    from scipy.optimize import nnls
+
+    A, scale = _edges(grasp, CIRCUMSCRIBED)
+    b = -scale * wrench
+    length = float(np.linalg.norm(b))
+    if not length:
+        return True
+    x, missing = nnls(A, b / length)
+    if missing < BALANCED:
+        return True
+    y = b / length - A @ x
+    return bool((A.T @ y).max() > ROUNDING * missing)  # True: not separated after all
+
+
+def _edges(grasp: Grasp, friction: float) -> tuple[Array, Array]:
+    """(6, 8 m) unit wrenches of forces along the edges of the pyramids; (6,) the scale that they are in."""
+    scale = np.array([1.0] * 3 + [1 / grasp.size] * 3)
+    angle = 2 * np.pi * np.arange(EDGES) / EDGES
+    rays = np.array([np.ones(EDGES), np.cos(angle), np.sin(angle)])
+    scaled = rays[None] * (np.array([0.0, 1.0, 1.0])[:, None] * friction * grasp.mu[:, None, None])
+    scaled[:, 0] = 1.0
+    G = (scale[:, None] * grasp.G).reshape(6, -1, 3)
+    A = np.einsum("wmi,mie->wme", G, scaled).reshape(6, -1)
+    return A / np.linalg.norm(A, axis=0), scale
 
 
 def spare_friction(grasp: Grasp, wrenches: Array) -> float:

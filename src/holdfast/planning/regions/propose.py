@@ -22,9 +22,9 @@ from holdfast.errors import InputError
 from holdfast.hand.model import Hand
 from holdfast.hand_regions import HandRegions, regions_of
 from holdfast.mechanism import Array
-from holdfast.planning.candidates import Candidate, Dropped, Kind, find_candidates
-from holdfast.planning.idle import placed, postures
-from holdfast.planning.quick_look import QuickLook
+from holdfast.planning.regions.candidates import Candidate, Dropped, Kind, find_candidates
+from holdfast.planning.regions.idle import placed, postures
+from holdfast.planning.regions.quick_look import QuickLook
 from holdfast.scene import Scene
 from holdfast.synthesis.answers import Solution, Synthesis
 from holdfast.synthesis.queries import synthesize
@@ -50,7 +50,7 @@ class Proposal:
         task: regions of the hand and of the object, and bounds on the object's pose.
         answer: of `synthesize`, FOUND.
         names: of the hand regions, in the order of the task's contacts.
-        score: see `holdfast.planning.candidates.Candidate`, like margin and off_centre.
+        score: see `holdfast.planning.regions.candidates.Candidate`, like margin and off_centre.
         margin: of the balance of forces at the middles of the object regions, up to 1.
         off_centre: [m] from the centre of mass to the middle of the object regions.
         clearance: [m] least signed distance between hand and object, and between links, at the configuration found;
@@ -254,7 +254,7 @@ class _Trial:
 def _bounded(task: Task, pose: Array, window: tuple[float, float], limits: dict[str, float]) -> Task:
     """The task with the object's pose bounded about one and some joints fixed."""
     position = pose[:3, 3].round(3)
-    axes = pose[:3, :3].T.round(3)[..., None] + [-window[1], window[1]]
-    bounds = PoseBounds(position[:, None] + [-window[0], window[0]], np.clip(axes, -1, 1))
+    axes = (pose[:3, :3].T.round(3)[..., None] + [-window[1], window[1]]).round(3)
+    bounds = PoseBounds((position[:, None] + [-window[0], window[0]]).round(3), np.clip(axes, -1, 1))
     fixed = {name: (value, value) for name, value in limits.items()}
     return Task.of(task.hand, task.touches, limits=fixed, pose=bounds, object=task.object)

@@ -16,22 +16,19 @@ from holdfast.errors import InputError
 from holdfast.grasp import Grasp
 from holdfast.hand.model import Hand
 from holdfast.mechanism import Array
-from holdfast.planning import palm_poses
 from holdfast.planning.close import Closed, close
-from holdfast.planning.palm_poses import STANDARD, Palm, Sampling, Surface
+from holdfast.planning.closing import palm_poses
+from holdfast.planning.closing.palm_poses import STANDARD, Palm, Sampling, Surface
 from holdfast.scene import Scene
-from holdfast.stability.hold import HoldAnswer, hold
+from holdfast.stability.hold import STRONG, HoldAnswer, hold
 from holdfast.stability.loads import Loads
 from holdfast.stability.settings import Settings
+from holdfast.stability.statics import balances
 
 PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
 PUSHES = 4  # of the object by a finger, at most
-SIDES = 8  # of the polygon around a friction cone in the test of balance
-STRENGTH = 10.0  # default bound of a command: so many times the largest load at the grasp's size
 NODES = 250_000  # of a query of one contact; a node's cost grows with the cube of the contacts
 PATIENCE = 30.0  # [s] for all queries about a grasp: a fuse, the nodes end them much earlier
-SHORT = 1e-6  # share of a wrench that must be missing before it counts as not balanced
-ROUNDING = 1e-9
 
 
 class Fate(StrEnum):
@@ -193,7 +190,7 @@ class Runner:
         load = float((np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size).max())
         turns = np.array([joint.type == "revolute" for joint in grasp.joints])
         torque = (mechanism.R[:, turns] != 0).any(axis=1) & ~np.array(mechanism.tendon, dtype=bool)
-        return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRENGTH * load)
+        return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRONG * load)
 
     def _depths(self, q: Array, pose: Array) -> tuple[float, float]:
         """Largest overlap [m] of hand and object, and of two links, 0 if none."""
@@ -203,30 +200,6 @@ class Runner:
     def _finger(self, link: str) -> int:
         """Fingers are told apart by the joint next to the base; -1 is the palm."""
         return (self.asked.hand.moved_by(self.asked.hand.link(link)) or (-1,))[0]
-
-
-def balances(grasp: Grasp, wrench: Array) -> bool:
-    """Whether forces within the friction cones can balance a wrench (6,) at all, whatever the joints do.
-
-    Necessary for every passive resistance, and quick: nonnegative forces along the edges of polygons around the
-    cones. If they fall short, what is missing separates the wrench from all of them (Farkas), which is checked.
-    """
-    from scipy.optimize import nnls
-
-    around = np.arange(SIDES) * 2 * np.pi / SIDES
-    edges = np.vstack([np.ones(SIDES), np.cos(around), np.sin(around)])
-    wide = grasp.mu / np.cos(np.pi / SIDES)  # a polygon around the circle, not in it
-    columns = [grasp.G[:, 3 * i : 3 * i + 3] @ (edges * np.array([1.0, mu, mu])[:, None]) for i, mu in enumerate(wide)]
-    scale = np.array([1.0, 1.0, 1.0, *[1 / grasp.size] * 3])
-    A, b = scale[:, None] * np.hstack(columns), -scale * wrench
-    length = float(np.linalg.norm(b))
-    if not length:
-        return True
-    x, missing = nnls(A, b / length)
-    if missing < SHORT:
-        return True
-    y = b / length - A @ x
-    return bool((A.T @ y).max() > ROUNDING * missing)  # True: not separated after all
 
 
 def driven(grasp: Grasp, stopped: set[str]) -> tuple[str, ...]:

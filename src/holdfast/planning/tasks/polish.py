@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from holdfast.mechanism import Array, Mask
-from holdfast.planning.judge import Candidate, Judge, Steps
+from holdfast.planning.tasks.judge import Candidate, Judge, Steps
 
 ROUNDS = 12
 LENGTHS = (0.02, 0.06, 0.15)  # of the steps, in the measure of `distance`

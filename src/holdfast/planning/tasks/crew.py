@@ -7,7 +7,7 @@ import signal
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from holdfast.planning.climb import Unit, Worker
+from holdfast.planning.tasks.climb import Unit, Worker
 from holdfast.stability.hold import HoldAnswer
 from holdfast.stability.many import START
 from holdfast.synthesis.starts import Certified

@@ -22,10 +22,10 @@ from holdfast.collision import Collisions
 from holdfast.curvature import relative_curvatures
 from holdfast.dexterity import dexterity
 from holdfast.errors import InputError, unknown_name
-from holdfast.planning.climb import Unit, Worker
-from holdfast.planning.crew import Crew
-from holdfast.planning.judge import NEAR, Allowed, Judge, Reason, requests
-from holdfast.planning.proved import Grasps, ProvedGrasp, rank
+from holdfast.planning.tasks.climb import Unit, Worker
+from holdfast.planning.tasks.crew import Crew
+from holdfast.planning.tasks.judge import NEAR, Allowed, Judge, Reason, requests
+from holdfast.planning.tasks.proved import Grasps, ProvedGrasp, rank
 from holdfast.scene import Scene
 from holdfast.stability.hold import HoldAnswer
 from holdfast.stability.loads import Loads

@@ -17,7 +17,7 @@ from holdfast.configuration import Configuration
 from holdfast.dexterity import Dexterity
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array
-from holdfast.planning.judge import Reason
+from holdfast.planning.tasks.judge import Reason
 from holdfast.stability.answers import finite
 from holdfast.stability.hold import HoldAnswer
 from holdfast.stability.loads import Loads
@@ -160,7 +160,7 @@ class Grasps:
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.
         """
-        from holdfast.planning import grasps_file
+        from holdfast.planning.tasks import grasps_file
 
         grasps_file.save_grasps(self, path, force=force)
 

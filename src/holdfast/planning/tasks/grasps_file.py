@@ -30,7 +30,7 @@ from holdfast.synthesis.result_file import solution_of
 from holdfast.synthesis.task import Task
 
 if TYPE_CHECKING:
-    from holdfast.planning.proved import Grasps, ProvedGrasp
+    from holdfast.planning.tasks.proved import Grasps, ProvedGrasp
 
 
 class ProvedEntry(Strict):

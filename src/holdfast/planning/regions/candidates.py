@@ -13,11 +13,11 @@ from holdfast.body import Body
 from holdfast.errors import InputError
 from holdfast.hand_regions import HandRegion, HandRegions
 from holdfast.mechanism import Array, Indices
-from holdfast.planning.balance import imbalance, margin
-from holdfast.planning.hand_shapes import HandShapes, Match
-from holdfast.planning.idle import placed, postures
-from holdfast.planning.quick_look import QuickLook
-from holdfast.planning.surface_regions import ERROR, Place, find_places
+from holdfast.planning.regions.balance import imbalance, margin
+from holdfast.planning.regions.hand_shapes import HandShapes, Match
+from holdfast.planning.regions.idle import placed, postures
+from holdfast.planning.regions.quick_look import QuickLook
+from holdfast.planning.regions.surface_regions import ERROR, Place, find_places
 
 Kind = Literal["pinch", "tripod", "power"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -53,10 +53,10 @@ class Candidate:
 
     Attributes:
         regions, places: k of each.
-        margin: of the balance of forces, see `holdfast.planning.balance.margin`.
+        margin: of the balance of forces, see `holdfast.planning.regions.balance.margin`.
         off_centre: [m] from the centre of mass to the middle of the places.
         score: the margin, less the share of the object's half size by which it is off centre.
-        misfit: of the hand shape that comes nearest, see `holdfast.planning.hand_shapes.Match`.
+        misfit: of the hand shape that comes nearest, see `holdfast.planning.regions.hand_shapes.Match`.
         pose: (4, 4) of the object in the hand's base frame there.
         cut: [m] how deep links that are not to touch are in the object, or links in each other, there.
     """

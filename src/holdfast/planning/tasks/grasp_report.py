@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from holdfast.planning.proved import Grasps
+from holdfast.planning.tasks.proved import Grasps
 from holdfast.report import Entry, words, write_report
 from holdfast.report.drawing import scene_meshes
 from holdfast.report.words import num
 from holdfast.stability.maps import PLANES, Plane, force_map
 from holdfast.stability.settings import Settings
 
-STEPS = 72  # directions of the map
-NODES = 1000  # of the search for each of them: a picture, its open directions are drawn as such
+STEPS = 48  # directions of the map
+NODES = 400  # of the search for each of them: a picture, its open directions are drawn as such
 
 
 def report_grasp(path: str | Path, answer: Grasps, which: int = 0, *, force: bool = False) -> None:

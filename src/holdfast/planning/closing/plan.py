@@ -16,9 +16,9 @@ from holdfast.answer import Stop, Verdict
 from holdfast.body import Body
 from holdfast.errors import InputError
 from holdfast.hand.model import Hand
-from holdfast.planning.attempt import Attempts, Fate, Held, Runner
-from holdfast.planning.distinct import difference, most_different
-from holdfast.planning.palm_poses import STANDARD, Sampling, palm_of
+from holdfast.planning.closing.attempt import Attempts, Fate, Held, Runner
+from holdfast.planning.closing.distinct import difference, most_different
+from holdfast.planning.closing.palm_poses import STANDARD, Sampling, palm_of
 from holdfast.stability.loads import Loads
 from holdfast.stability.many import START, default_jobs
 from holdfast.stability.settings import Settings

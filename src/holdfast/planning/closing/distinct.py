@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from holdfast.mechanism import Array
-from holdfast.planning.attempt import Held
+from holdfast.planning.closing.attempt import Held
 
 SHIFT = 0.010  # [m] of the palm
 TURN = np.radians(15)  # [rad] of the palm

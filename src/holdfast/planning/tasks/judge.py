@@ -19,8 +19,8 @@ from holdfast.contacts import grasp_of
 from holdfast.curvature import relative_curvatures
 from holdfast.grasp import Contact, Grasp
 from holdfast.mechanism import Array
-from holdfast.planning.gradient import Gradients
-from holdfast.planning.unused import Unused
+from holdfast.planning.tasks.gradient import Gradients
+from holdfast.planning.tasks.unused import Unused
 from holdfast.stability.loads import Loads
 from holdfast.stability.statics import BALANCED, CIRCUMSCRIBED, imbalance
 from holdfast.synthesis.answers import Solution

@@ -16,7 +16,7 @@ from holdfast import grasp_file
 from holdfast.answer import Verdict
 from holdfast.files import same_json
 from holdfast.grasp import Grasp
-from holdfast.planning.grasps_file import SavedGrasp, SavedGrasps
+from holdfast.planning.tasks.grasps_file import SavedGrasp, SavedGrasps
 from holdfast.stability import replay as stability
 from holdfast.synthesis.answers import Solution
 

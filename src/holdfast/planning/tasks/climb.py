@@ -17,8 +17,8 @@ import numpy as np
 
 from holdfast.answer import Verdict
 from holdfast.grasp import Contact, Grasp
-from holdfast.planning.judge import Candidate, Judge, Reason, Steps
-from holdfast.planning.polish import Polish
+from holdfast.planning.tasks.judge import Candidate, Judge, Reason, Steps
+from holdfast.planning.tasks.polish import Polish
 from holdfast.stability.hold import HoldAnswer, hold, moderate
 from holdfast.stability.many import START
 from holdfast.stability.queries import check
