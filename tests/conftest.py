@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -9,6 +11,16 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "src" / "holdfast"
 ENGINES = (PACKAGE / "stability" / "engine", PACKAGE / "synthesis" / "engine")
+
+
+KERNELS = (  # each in a process of its own: every kernel is compiled once, not once by each worker
+    "from holdfast import load_task; from holdfast.synthesis.problem import Problem;"
+    "from holdfast.synthesis.starts import Starts; from holdfast.synthesis.diverse import Walks;"
+    "Walks(Starts(Problem.of(load_task('scalpel-upholding')), 0))",
+    "from holdfast import check, load_grasp, load_task; check(load_grasp('fig1'), [0, 1, 0, 0, 0, 0]);"
+    "from holdfast.synthesis.problem import Problem; from holdfast.synthesis.prover import Prover;"
+    "Prover(Problem.of(load_task('scalpel-upholding'))).run(seconds=0.1)",
+)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -19,3 +31,7 @@ def pytest_configure(config: pytest.Config) -> None:
             with suppress(FileNotFoundError):  # another session may be doing the same
                 if code.stat().st_mtime < newest:
                     code.unlink()
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS and not hasattr(config, "workerinput")
+    if whole and not list(ENGINES[1].glob("__pycache__/search.find*.nbi")):
+        for process in [subprocess.Popen([sys.executable, "-c", code]) for code in KERNELS]:
+            process.wait()

@@ -124,7 +124,7 @@ def plan(
         approach: (3,) direction in which the palm approaches, hand's base frame; guessed if absent.
         command_limit: largest command [N m or N] of a kept grasp; ten times the largest load at the size of
             the grasp if absent.
-        torque_limits, force_limit, eta: as in `check`.
+        torque_limits: as in `check`, like force_limit and eta.
         settings: of each query; by default some hundred to thousand nodes, so that the outcome does not hang on
             the clock (but no grasp is thought about for more than 30 s).
         sampling: how the starts are drawn.

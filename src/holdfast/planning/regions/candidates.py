@@ -207,7 +207,7 @@ def _balanced(
     rest = imbalance(points[rows], inward[rows])
     steady = rest < friction
     if (~steady).any():
-        least = rest.min()
+        least = rest[~steady].min()
         about = f"the best one is out of balance by {least:.2f} of the pushing force" if np.isfinite(least) else ""
         dropped.append(Dropped("forces do not balance", int((~steady).sum()), about))
     rows, rest = rows[steady], rest[steady]

@@ -90,7 +90,7 @@ def grasp_for(
         allowed: how deep solids may be in each other.
         command_limit: largest command [N m or N]; ten times the largest load at the size of the grasp unless
             given (`hold.moderate`).
-        torque_limits, force_limit, eta: as in `check`.
+        torque_limits: as in `check`, like force_limit and eta.
         settings: of each question about stability.
         jobs: processes; by default all cores.
         on_step: called while it runs.
