@@ -31,6 +31,7 @@ Node = list[tuple[int, int, int]]  # state, left and right of every contact and 
 AGREE = 1e-6  # of objectives, relative
 ROOM = 1e-7  # (scaled) by which inequalities are looser or tighter where the two do not agree
 PER_GRASP = 12
+CONE = 1e-8  # the search itself allows more
 
 
 # --- the engine's verdict ---------------------------------------------------------------------------------
@@ -39,18 +40,18 @@ PER_GRASP = 12
 @njit
 def _solve(m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, ids, W, rhs, z, v, stats):
     n = z.shape[0]
-    inverse, work = np.empty((n, n)), np.empty((n, n))
+    edges, pivot, gradient = np.empty((n, n + off.shape[0])), np.empty(n + off.shape[0]), np.empty(6)
     y, delta, enter = np.empty(n + 1), np.empty(n), np.empty(n)
     trig, skip = np.empty((m, 4)), np.empty(m + a + lo.shape[0], np.bool_)
     result = simplex.FAILED
     for attempt in range(2):
         for k in range(n):
             ids[k] = ((rows.BOX_UP if cost[k] >= 0.0 else rows.BOX_DOWN) << rows.KIND) | (k << rows.INDEX)
-            rhs[k] = rows.row(ids[k], m, cos, sin, B, off, mu, lo, hi, box, W[k])
-        simplex.invert(W, inverse, work)
+            rhs[k] = rows.row(ids[k], m, cos, sin, B, off, mu, lo, hi, box, W[k], gradient)
+        simplex.invert(W, BT, edges, pivot)
         result = simplex.solve(
             m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-            ids, W, rhs, inverse, y, z, v, enter, delta, work, stats, attempt == 0,
+            ids, W, rhs, edges, y, z, v, enter, pivot, gradient, delta, stats, CONE, attempt == 0,
         )  # fmt: skip
         if result != simplex.FAILED:
             break

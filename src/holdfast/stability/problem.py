@@ -86,7 +86,8 @@ class Problem:
         d = _wrench(direction, "direction")
         if not d.any():
             raise InputError("is zero; give a force, a torque or both", field="direction")
-        stretch = _stretch(self.grasp, self.wrench, d, self.torque_limits, self.force_limit)
+        arms = model.actuator_arms(self.grasp)
+        stretch = _stretch(self.grasp, self.wrench, d, self.torque_limits, self.force_limit, arms)
         direction = self.lengths * (stretch * d) / self.force
         p = replace(self, along=d, direction=direction, stretch=stretch)
         _check_range(p, True)
@@ -154,8 +155,9 @@ def build(
     actuator_scale = sense / np.linalg.norm(R, axis=1) if mech.a else np.zeros(0)
     coupling_scale = 1.0 / np.linalg.norm(A, axis=1) if len(A) else np.zeros(0)
     # the force scale is what is asked about: it must not depend on an answer that is not known yet
-    stretch = _stretch(grasp, w0, d, torque_limits or {}, force_limit) if direction is not None else 1.0
-    force = model.force_scale(grasp, w0 if w0.any() or direction is None else stretch * d)
+    arms = model.actuator_arms(grasp)
+    stretch = _stretch(grasp, w0, d, torque_limits or {}, force_limit, arms) if direction is not None else 1.0
+    force = _force_scale(grasp, w0 if w0.any() or direction is None else stretch * d, arms)
 
     drive = np.zeros(mech.a, dtype=bool) if driven is None else driven
     f_c = grasp.command if driven is None else np.zeros(mech.a)
@@ -196,16 +198,27 @@ def build(
     return p
 
 
-def _stretch(grasp: Grasp, w0: Array, d: Array, torque_limits: Mapping[str, float], force_limit: float | None) -> float:
+def _stretch(
+    grasp: Grasp, w0: Array, d: Array, torque_limits: Mapping[str, float], force_limit: float | None, arms: Array
+) -> float:
     """The power of two that brings a direction to the size of commands and base load, else of limits, else 1."""
     if w0.any() or grasp.command.any():
-        others = model.force_scale(grasp, w0)
+        others = _force_scale(grasp, w0, arms)
     else:
-        arms = dict(zip(grasp.mechanism.actuators, model.actuator_arms(grasp), strict=True))
-        limits = [v / arms[name] for name, v in torque_limits.items() if name in arms]
+        lever = dict(zip(grasp.mechanism.actuators, arms, strict=True))
+        limits = [v / lever[name] for name, v in torque_limits.items() if name in lever]
         others = max([*limits, *([] if force_limit is None else [force_limit])], default=0.0)
     size = max(float(np.abs(d[:3]).max()), float(np.abs(d[3:]).max()) / grasp.size)
     return float(2.0 ** np.round(np.log2(others / size))) if others > 0 else 1.0
+
+
+def _force_scale(grasp: Grasp, w: Array, arms: Array) -> float:
+    """`model.force_scale` of a disturbance and the commands, with the actuators' arms known."""
+    a = np.abs(w)
+    scale = max(
+        float(a[:3].max()), float(a[3:].max()) / grasp.size, float((np.abs(grasp.command) / arms).max(initial=0.0))
+    )
+    return scale if scale > 0 else 1.0
 
 
 def _lengths(length: float) -> Array:
@@ -227,6 +240,8 @@ def _wrench(w: object, field: str) -> Array:
 def beyond_range(G: Array, w: Array) -> int | None:
     """The rank of G (6, 3m) if no contact forces whatever could balance w (6,), else None; lengths scaled alike."""
     U, sv, _ = np.linalg.svd(G)
+    if len(sv) == 6 and sv[5] >= 1e-9 * sv[0]:
+        return None
     out = U[:, (np.r_[sv, np.zeros(6 - len(sv))] < 1e-9 * sv[0])]
     beyond = out.size and np.abs(out.T @ w).max() > 1e-9 * max(np.abs(w).max(), 1e-300)
     return 6 - out.shape[1] if beyond else None
@@ -235,7 +250,7 @@ def beyond_range(G: Array, w: Array) -> int | None:
 def _check_range(p: Problem, with_direction: bool) -> None:
     """Refuse a disturbance that is beyond the range of G."""
     for w, field in ((p.w0, "wrench"), (p.direction, "direction")):
-        rank = beyond_range(p.G, w)
+        rank = beyond_range(p.G, w) if w.any() else None
         if rank is not None:
             raise InputError(
                 f"cannot be balanced by any forces at these {p.sizes[0]} contacts "

@@ -48,7 +48,7 @@ RELEASED = 5  # the same with f = 0
 
 
 @quick
-def least_step(J, g, E, q, step, size):  # type: ignore[no-untyped-def]
+def least_step(J, g, E, q, step, size, unit):  # type: ignore[no-untyped-def]
     """The shortest step with J step = -g, by pivoted Gram-Schmidt on the rows of J (E, n), which is overwritten.
 
     Rows that depend on others to working precision are left out.
@@ -77,19 +77,19 @@ def least_step(J, g, E, q, step, size):  # type: ignore[no-untyped-def]
         scale = 1.0 / np.sqrt(scale)
         y = -g[pick] * scale
         for j in range(n):
-            J[pick, j] *= scale
-            step[j] += y * J[pick, j]
+            unit[j] = J[pick, j] * scale
+            step[j] += y * unit[j]
         size[pick] = 0.0
         for e in range(E):
             if size[e] == 0.0:
                 continue
             along = 0.0
             for j in range(n):
-                along += J[pick, j] * J[e, j]
+                along += unit[j] * J[e, j]
             g[e] += along * y
             left = 0.0
             for j in range(n):
-                J[e, j] -= along * J[pick, j]
+                J[e, j] -= along * unit[j]
                 left += J[e, j] * J[e, j]
             q[e] = left
 
@@ -271,7 +271,7 @@ def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, across
 @inner
 def polish(  # type: ignore[no-untyped-def]
     m, a, cos, sin, mdp, objective, motions, B, BT, off, mu, lo, hi, driven, hold, tol, start, z, v, touch, motor, side,
-    G, J, g, q, size, step, trial,
+    G, J, g, q, size, step, trial, unit, first,
 ):  # fmt: skip
     """An exact solution near `start` into z (n,) and its base values into v; False if none was found.
 
@@ -285,6 +285,8 @@ def polish(  # type: ignore[no-untyped-def]
         read(m, a, mdp, driven, v, tol, touch, motor)
         for k in range(side.shape[0]):
             side[k] = 0
+        for j in range(n if attempt == 1 else 0):
+            z[j] = first[j]
         for repairs in range(REPAIRS):
             error = np.inf
             halvings = 0
@@ -306,7 +308,7 @@ def polish(  # type: ignore[no-untyped-def]
                         z[j] = trial[j]
                     if error <= CONVERGED * force:
                         break
-                    least_step(J, g, E, q, step, size)
+                    least_step(J, g, E, q, step, size, unit)
                 else:
                     halvings += 1
                     if halvings == HALVINGS or error <= GOOD * force:
@@ -317,8 +319,10 @@ def polish(  # type: ignore[no-untyped-def]
                     trial[j] = z[j] + step[j]
             if not error <= GOOD * force:
                 if repairs == 0:
-                    return False  # the other way begins alike
+                    return False
                 break
+            for j in range(n if repairs == 0 else 0):
+                first[j] = z[j]  # where the other way begins, too
             values(BT, off, z, v)
             slack = SLACK * force
             across = attempt == 1
@@ -334,7 +338,8 @@ def _polished(m, a, cos, sin, mdp, objective, motions, B, BT, off, mu, lo, hi, d
     return polish(
         m, a, cos, sin, mdp, objective, motions, B, BT, off, mu, lo, hi, driven, hold, tol, start, z,
         np.empty(off.shape[0]), np.empty(m, np.int64), np.empty(a, np.int64), np.empty(lo.shape[0], np.int64),
-        np.empty((4, 6)), np.empty((most, n)), np.empty(most), np.empty(most), np.empty(most), np.empty(n), np.empty(n),
+        np.empty((4, 6)), np.empty((most, n)), np.empty(most), np.empty(most), np.empty(most),
+        np.empty(n), np.empty(n), np.empty(n), np.empty(n),
     )  # fmt: skip
 
 

@@ -47,8 +47,20 @@ def quick(function: Any) -> Any:
 
 
 @inner
-def row(id, m, cos, sin, B, off, mu, lo, hi, box, out):  # type: ignore[no-untyped-def]
-    """Coefficients of a named row into `out` (n,); returns b of out . z >= b.
+def place(id, m, nb, plain):  # type: ignore[no-untyped-def]
+    """The first base value that a row combines, and how many it may; of nb, the last `plain` ones are plain."""
+    kind = id >> KIND
+    i = (id >> INDEX) & 255
+    if kind < T_UP:
+        return 6 * i, 6
+    if kind <= S_UP:
+        return 6 * m + 3 * i, 3
+    return nb - plain + i, 1
+
+
+@inner
+def row(id, m, cos, sin, B, off, mu, lo, hi, box, out, g):  # type: ignore[no-untyped-def]
+    """Coefficients of a named row into `out` (n,), over its base values into g (6,); returns b of out . z >= b.
 
     B (base values, n): the base values' coefficients, off: their constants. sin, cos: of the uncertainty of
     the normals, equation (17).
@@ -61,86 +73,83 @@ def row(id, m, cos, sin, B, off, mu, lo, hi, box, out):  # type: ignore[no-untyp
             out[j] = 0.0
         out[i] = 1.0 if kind == BOX_UP else -1.0
         return -box[i]
-    g0 = g1 = g2 = g3 = g4 = g5 = rhs = 0.0
-    first = 6 * i
-    count = 6
-    turn = 2 * np.pi / TURN
-    a = ((id >> ANGLE) & (2 * TURN - 1)) * turn
-    b = (id & (2 * TURN - 1)) * turn
-    xa = np.cos(a)
-    ya = np.sin(a)
-    xb = np.cos(b)
-    yb = np.sin(b)
-    h = 1.0 + xa * xb + ya * yb
+    for k in range(6):
+        g[k] = 0.0
+    rhs = 0.0
+    xa = ya = xb = yb = 0.0
+    h = 1.0
+    if kind < T_UP and (sin > 0.0 or (kind >= TANGENT and kind < STILL)):
+        turn = 2 * np.pi / TURN
+        a = ((id >> ANGLE) & (2 * TURN - 1)) * turn
+        b = (id & (2 * TURN - 1)) * turn
+        xa = np.cos(a)
+        ya = np.sin(a)
+        xb = np.cos(b)
+        yb = np.sin(b)
+        h = 1.0 + xa * xb + ya * yb
     if kind == CN_UP:
-        g0 = 1.0
+        g[0] = 1.0
     elif kind == CN_DOWN:
-        g0 = -1.0
+        g[0] = -1.0
     elif kind == GAP_UP:
-        g0 = 1.0
-        g3 = cos
-        g4 = -sin * (xa + xb) / h
-        g5 = -sin * (ya + yb) / h
+        g[0] = 1.0
+        g[3] = cos
+        g[4] = -sin * (xa + xb) / h
+        g[5] = -sin * (ya + yb) / h
     elif kind == GAP_DOWN:
-        g0 = -1.0
-        g3 = -cos
-        g4 = sin * xa
-        g5 = sin * ya
+        g[0] = -1.0
+        g[3] = -cos
+        g[4] = sin * xa
+        g[5] = sin * ya
     elif kind == DN_UP:
-        g3 = cos
-        g4 = -sin * (xa + xb) / h
-        g5 = -sin * (ya + yb) / h
+        g[3] = cos
+        g[4] = -sin * (xa + xb) / h
+        g[5] = -sin * (ya + yb) / h
     elif kind == TANGENT:
-        g0 = mu[i]
-        g1 = -xa
-        g2 = -ya
+        g[0] = mu[i]
+        g[1] = -xa
+        g[2] = -ya
     elif kind == CHORD:
-        g0 = -0.5 * mu[i] * h
-        g1 = 0.5 * (xa + xb)
-        g2 = 0.5 * (ya + yb)
+        g[0] = -0.5 * mu[i] * h
+        g[1] = 0.5 * (xa + xb)
+        g[2] = 0.5 * (ya + yb)
     elif kind == C_LEFT:
-        g1 = -ya
-        g2 = xa
+        g[1] = -ya
+        g[2] = xa
     elif kind == C_RIGHT:
-        g1 = yb
-        g2 = -xb
+        g[1] = yb
+        g[2] = -xb
     elif kind == D_LEFT:
-        g4 = ya
-        g5 = -xa
+        g[4] = ya
+        g[5] = -xa
     elif kind == D_RIGHT:
-        g4 = -yb
-        g5 = xb
+        g[4] = -yb
+        g[5] = xb
     elif kind < T_UP:
         s = 1.0 if (kind - STILL) % 2 == 0 else -1.0
         if kind < STILL + 2:
-            g4 = s
+            g[4] = s
         else:
-            g5 = s
+            g[5] = s
     elif kind <= S_UP:
-        first = 6 * m + 3 * i
-        count = 3
         if kind <= T_DOWN:
-            g0 = 1.0 if kind == T_UP else -1.0
+            g[0] = 1.0 if kind == T_UP else -1.0
         elif kind <= E_DOWN:
-            g1 = 1.0 if kind == E_UP else -1.0
+            g[1] = 1.0 if kind == E_UP else -1.0
         else:
-            g2 = 1.0
+            g[2] = 1.0
     else:
-        first = off.shape[0] - lo.shape[0] + i
-        count = 1
-        g0 = 1.0 if kind == PLAIN_UP else -1.0
+        g[0] = 1.0 if kind == PLAIN_UP else -1.0
         rhs = lo[i] if kind == PLAIN_UP else -hi[i]
-    rhs -= g0 * off[first]
+    first, count = place(id, m, off.shape[0], lo.shape[0])
     for j in range(n):
-        out[j] = g0 * B[first, j]
-    if count >= 3:
-        rhs -= g1 * off[first + 1] + g2 * off[first + 2]
-        for j in range(n):
-            out[j] += g1 * B[first + 1, j] + g2 * B[first + 2, j]
-    if count == 6:
-        rhs -= g3 * off[first + 3] + g4 * off[first + 4] + g5 * off[first + 5]
-        for j in range(n):
-            out[j] += g3 * B[first + 3, j] + g4 * B[first + 4, j] + g5 * B[first + 5, j]
+        out[j] = 0.0
+    for k in range(count):
+        x = g[k]
+        if x != 0.0:
+            rhs -= x * off[first + k]
+            for j in range(n):
+                out[j] += x * B[first + k, j]
     return rhs
 
 

@@ -15,6 +15,7 @@ from holdfast.stability.engine import rows, tree
 from holdfast.stability.engine.reduced import Reduced
 
 CLOSING = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
+FIRST, LEAST = 64, 16  # nodes before the first look at the clock, and between two at least
 SLICE = 0.05  # [s] of kernel time between looks at the clock
 INF = float("inf")
 
@@ -91,7 +92,7 @@ class Search:
         self.pool.parent[0] = -1
         self.pool.bound[0] = r.lo[0] if r.objective else 0.0
         self.stats[tree.USED] = self.stats[tree.HEAP] = 1
-        self._best, self._z = np.array([INF]), np.zeros(n)
+        self._best, self._z = np.array([INF, INF]), np.zeros(n)
 
     @property
     def nodes(self) -> int:
@@ -164,15 +165,16 @@ class Search:
             self.pool.status[0] = tree.EMPTY
             return
         r = self.reduced
-        self._run(0)  # compiles, the first time on a machine: no search's time
+        if not tree.run.signatures:  # the first search compiles, or loads what was: no search's time
+            self._run(0)
         start = time.monotonic()
-        budget = 16
+        budget = int(min(FIRST, max(1, self.node_limit)))
         while self.stop is None:
             clock = time.monotonic()
             why = self._run(budget)
             if self._best[0] < self.best:
                 self.best, self.z = float(self._best[0]), self._z.copy()
-                if r.objective:
+                if r.objective and why in (tree.ROOM, tree.ENOUGH):
                     self.box = r.box(float(self.hi[0]))
             if why == tree.ROOM:
                 self.pool = self.pool.grown(4 * len(self.pool.key))
@@ -183,7 +185,7 @@ class Search:
                     self.stop = Stop.TIME
                 elif self.nodes > self.node_limit:
                     self.stop = Stop.NODES
-                budget = int(np.clip(budget * SLICE / max(now - clock, 1e-6), 16, 4 * budget))
+                budget = int(np.clip(budget * SLICE / max(now - clock, 1e-6), LEAST, 4 * budget))
                 budget = int(min(budget, max(1, self.node_limit - self.nodes))) if self.stop is None else budget
             else:
                 self.stop = Stop.NUMERICAL if why == tree.EXHAUSTED and self.unresolved else Stop.COMPLETE

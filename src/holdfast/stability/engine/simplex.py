@@ -1,16 +1,16 @@
 """A node's program, compiled: a dense dual simplex that starts from the parent's working set.
 
 min cost . z subject to rows a . z >= b. The state is a working set of n independent rows: their ids, the
-matrix W of their coefficients, right-hand sides, the inverse of W, the point z = W^-1 rhs and multipliers
-y = W^-T cost >= 0. While a row is violated, the worst one enters and the ratio test picks the one that
-leaves. If none can leave, the entering row and the working set add up to 0 >= positive: the program is
-infeasible and the multipliers are a Farkas ray.
+matrix W of their coefficients, right-hand sides, the edges (columns of the inverse, and how base values change
+along them), the point z = W^-1 rhs, its base values v and multipliers y = W^-T cost >= 0. While a row is
+violated, the worst one enters and the ratio test picks the one that leaves. If none can leave, the entering row
+and the working set add up to 0 >= positive: the program is infeasible and the multipliers are a Farkas ray.
 
 Nothing is believed on the inverse's word: a ray counts only if it proves infeasibility for every z in the
 box with the coefficients themselves, small parts of the wrong sign dropped. Otherwise W is factorised
 afresh; if that does not help, the rows of that contact or actuator are left out, which only loosens the program.
 
-Tolerances are absolute, forces and motions being scaled by the force scale: `FEASIBLE` for rows, `CONE` for
+Tolerances are absolute, forces and motions being scaled by the force scale: `FEASIBLE` for rows, the caller's for
 friction outside its cone (tangents are made where it leaves), `PIVOT` for pivots (`SMALL` where there is no
 other, which nearly parallel rows need). W is refactorised after
 `REFRESH` exchanges; a singular W is reported, and the caller starts again from the box.
@@ -52,13 +52,13 @@ from holdfast.stability.engine.rows import (
     TANGENT,
     TURN,
     inner,
+    place,
     row,
     values,
 )
 
 OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
 FEASIBLE = 1e-9
-CONE = 1e-8
 PIVOT = 1e-7
 SMALL = 1e-10
 BLUR, CAUTIOUS = 1e-9, 1e-6  # multipliers may turn negative by this for a better pivot; rays do not care
@@ -68,40 +68,54 @@ EXCHANGES = 500
 
 
 @inner
-def invert(W, inverse, work):  # type: ignore[no-untyped-def]
-    """Gauss-Jordan with row exchanges; False if W is singular to working precision."""
+def invert(W, BT, edges, pivot):  # type: ignore[no-untyped-def]
+    """The edges of a working set W (n, n) by Gauss-Jordan; False if W is singular to working precision.
+
+    Row k of edges (n, n + nb) is how the point and its base values move per unit of the right-hand side k:
+    column k of the inverse, and B times it. pivot (n + nb,) is room.
+    """
     n = W.shape[0]
+    order = np.empty(n, np.int64)
     for i in range(n):
         for j in range(n):
-            work[i, j] = W[i, j]
-            inverse[i, j] = 0.0
-        inverse[i, i] = 1.0
+            edges[i, j] = W[j, i]
     for k in range(n):
         best = k
-        size = abs(work[k, k])
+        size = abs(edges[k, k])
         for i in range(k + 1, n):
-            if abs(work[i, k]) > size:
+            if abs(edges[i, k]) > size:
                 best = i
-                size = abs(work[i, k])
+                size = abs(edges[i, k])
         if size < 1e-11:
             return False
+        order[k] = best
+        scale = 1.0 / edges[best, k]
+        edges[best, k] = 1.0
         for j in range(n):
-            x = work[best, j]
-            work[best, j] = work[k, j]
-            work[k, j] = x / size
-            x = inverse[best, j]
-            inverse[best, j] = inverse[k, j]
-            inverse[k, j] = x / size
-        if work[k, k] < 0.0:
-            for j in range(n):
-                work[k, j] = -work[k, j]
-                inverse[k, j] = -inverse[k, j]
+            x = edges[best, j]
+            edges[best, j] = edges[k, j]
+            pivot[j] = x * scale
+            edges[k, j] = pivot[j]
         for i in range(n):
-            f = work[i, k]
+            f = edges[i, k]
             if i != k and f != 0.0:
+                edges[i, k] = 0.0
                 for j in range(n):
-                    work[i, j] -= f * work[k, j]
-                    inverse[i, j] -= f * inverse[k, j]
+                    edges[i, j] -= f * pivot[j]
+    for k in range(n - 1, -1, -1):
+        best = order[k]
+        if best != k:
+            for i in range(n):
+                x = edges[i, k]
+                edges[i, k] = edges[i, best]
+                edges[i, best] = x
+    for k in range(n):
+        edges[k, n:] = 0.0
+        for j in range(n):
+            x = edges[k, j]
+            if x != 0.0:
+                for b in range(BT.shape[1]):
+                    edges[k, n + b] += x * BT[j, b]
     return True
 
 
@@ -117,15 +131,15 @@ def trigonometry(m, state, trig):  # type: ignore[no-untyped-def]
 
 
 @inner
-def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, skip):  # type: ignore[no-untyped-def]
-    """The id of the row of the node that is violated most, -1 if none is by more than `tol`.
+def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip):  # type: ignore[no-untyped-def]
+    """The id of the row of the node that is violated most, -1 if none is by more than `tol` (round ones: `cone`).
 
     The rows of part k (contact, actuator, plain value) are left out if skip[k].
     """
     worst = tol
     found = -1
     turn = 2 * np.pi / TURN
-    loose = CONE - FEASIBLE  # what is made where it is violated may be missed by a little more
+    loose = cone - FEASIBLE  # what is made where it is violated may be missed by a little more
     for i in range(m):
         if skip[i]:
             continue
@@ -247,16 +261,17 @@ def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, skip):  # typ
 @inner
 def solve(  # type: ignore[no-untyped-def]
     m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-    ids, W, rhs, inverse, y, z, v, enter_row, delta, work, stats, daring,
+    ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats, cone, daring,
 ):  # fmt: skip
     """Solve a node's program from a working set; all of the state is changed in place.
 
-    `ids`, `W`, `inverse` must be given and consistent; ids has one place more, for the entering row of a
+    `ids`, `W`, `rhs`, `edges` must be given and consistent; ids has one place more, for the entering row of a
     ray. daring: poor pivots are taken where there is no other, and no
     row is left out. Returns OPTIMAL (z, y, v), INFEASIBLE (y: the
     ray's multipliers of `ids`, 1 for the last) or FAILED.
     """
     n = z.shape[0]
+    nb = off.shape[0]
     trigonometry(m, state, trig)
     for k in range(skip.shape[0]):
         skip[k] = False
@@ -269,42 +284,40 @@ def solve(  # type: ignore[no-untyped-def]
     blur = BLUR if daring else CAUTIOUS
     for exchange in range(EXCHANGES):
         if since >= REFRESH:
-            if not invert(W, inverse, work):
+            if not invert(W, BT, edges, pivot):
                 return FAILED
             since = 0
             fresh = True
         if fresh:
             for j in range(n):
-                total = 0.0
-                for k in range(n):
-                    total += inverse[j, k] * rhs[k]
-                z[j] = total
+                z[j] = 0.0
             for k in range(n):
-                y[k] = 0.0
+                x = rhs[k]
+                total = 0.0
+                for j in range(n):
+                    z[j] += x * edges[k, j]
+                    total += cost[j] * edges[k, j]
+                y[k] = total
+            values(BT, off, z, v)
+            largest = 0.0
             for j in range(n):
-                x = cost[j]
-                for k in range(n):
-                    y[k] += x * inverse[j, k]
+                largest = max(largest, abs(z[j]))
+            tol = FEASIBLE + 1e-14 * largest
             fresh = False
-        values(BT, off, z, v)
-        largest = 0.0
-        for j in range(n):
-            largest = max(largest, abs(z[j]))
-        tol = FEASIBLE + 1e-14 * largest
-        enter = price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, skip)
+        enter = price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip)
         if enter < 0:
             stats[1] += exchange
             return OPTIMAL
-        b = row(enter, m, cos, sin, B, off, mu, lo, hi, box, enter_row)
-        for k in range(n):
-            delta[k] = 0.0
+        b = row(enter, m, cos, sin, B, off, mu, lo, hi, box, enter_row, gradient)
+        first, count = place(enter, m, nb, lo.shape[0])
         missed = b
         for j in range(n):
-            x = enter_row[j]
-            missed -= x * z[j]
-            if x != 0.0:
-                for k in range(n):
-                    delta[k] += x * inverse[j, k]
+            missed -= enter_row[j] * z[j]
+        for k in range(n):
+            total = 0.0
+            for j in range(count):
+                total += gradient[j] * edges[k, n + first + j]
+            delta[k] = total
         bound = np.inf
         for k in range(n):
             if delta[k] > least:
@@ -318,18 +331,20 @@ def solve(  # type: ignore[no-untyped-def]
         if leave < 0:
             gap = b
             slip = ROUNDING * abs(b)
-            for k in range(n):
-                if delta[k] < 0.0:
-                    gap -= delta[k] * rhs[k]
-                    slip += ROUNDING * abs(delta[k] * rhs[k])
             for j in range(n):
-                total = enter_row[j]
-                terms = abs(total)
-                for k in range(n):
-                    if delta[k] < 0.0:
-                        total -= delta[k] * W[k, j]
-                        terms += abs(delta[k] * W[k, j])
-                slip += (2.0 * abs(total) + ROUNDING * terms) * box[j]
+                z_total = enter_row[j]
+                pivot[j] = z_total
+                pivot[n + j] = abs(z_total)
+            for k in range(n):
+                f = delta[k]
+                if f < 0.0:
+                    gap -= f * rhs[k]
+                    slip += ROUNDING * abs(f * rhs[k])
+                    for j in range(n):
+                        pivot[j] -= f * W[k, j]
+                        pivot[n + j] += abs(f * W[k, j])
+            for j in range(n):
+                slip += (2.0 * abs(pivot[j]) + ROUNDING * pivot[n + j]) * box[j]
             if gap > slip:
                 for k in range(n):
                     y[k] = max(-delta[k], 0.0)
@@ -339,7 +354,7 @@ def solve(  # type: ignore[no-untyped-def]
                 return INFEASIBLE
         if leave < 0 or missed <= 0.0:  # the ray is too weak, or z has drifted from the working set
             if since > 0:
-                since = REFRESH  # once more with a fresh inverse
+                since = REFRESH  # once more with fresh edges
                 continue
             if leave < 0 and least == PIVOT and daring:
                 least = SMALL  # nearly parallel rows: better a poor pivot than none
@@ -359,16 +374,21 @@ def solve(  # type: ignore[no-untyped-def]
         scale = 1.0 / delta[leave]
         for k in range(n):
             y[k] -= theta * delta[k]
+            W[leave, k] = enter_row[k]
         y[leave] = theta
         for j in range(n):
-            x = inverse[j, leave]
-            z[j] += step * x
-            x *= scale
-            if x != 0.0:
-                for k in range(n):
-                    inverse[j, k] -= x * delta[k]
-            inverse[j, leave] = x
-            W[leave, j] = enter_row[j]
+            z[j] += step * edges[leave, j]
+        for j in range(nb):
+            v[j] += step * edges[leave, n + j]
+        for j in range(n + nb):
+            pivot[j] = edges[leave, j] * scale
+        for k in range(n):
+            f = delta[k]
+            if f != 0.0:
+                for j in range(n + nb):
+                    edges[k, j] -= f * pivot[j]
+        for j in range(n + nb):
+            edges[leave, j] = pivot[j]
         rhs[leave] = b
         ids[leave] = enter
         since += 1

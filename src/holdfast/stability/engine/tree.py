@@ -41,7 +41,10 @@ EXHAUSTED, ENOUGH, ROOM, FOUND, ENDLESS = 0, 1, 2, 3, 4
 
 VIOLATION = 1e-7  # a smaller violation of a complementarity is none
 NARROW = 64  # sectors narrower than this, in grid steps, are not split
-FIRST = 8  # Newton is tried on the first programs, then on every so many, and where nothing is violated
+CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes
+FIRST = 8  # Newton is tried on the first programs, where nothing is violated, and where little is:
+LESS, MORE = 0.5, 1.1  # less than this share of where it was tried last, a limit that grows with every node
+LITTLE = 1e-3
 WEIGHT = 1e-3  # of the violation in a node's rank
 
 # what is sought
@@ -239,9 +242,9 @@ def run(  # type: ignore[no-untyped-def]
     """Expand up to `budget` nodes; all arrays are the search's state and change in place.
 
     Node k has its state in states[k] (3m + a), its working set in ids[k] (n + 1), and in data[k] (n + 1) its
-    point while it waits, its ray's multipliers once it is empty. best (1,): the smallest objective found;
-    hi[0] is the cut that follows from it. guess (g, n): points to start Newton from. close: only close what
-    waits, by the cut in force (no splitting, no Newton). Returns why it stopped.
+    point while it waits, its ray's multipliers once it is empty. best (2,): the smallest objective found,
+    from which the cut hi[0] follows, and the violation below which Newton is tried. guess (g, n): points to start
+    Newton from. close: only close what waits, by the cut in force (no splitting, no Newton). Returns why it stopped.
     """
     n = BT.shape[0]
     nb = off.shape[0]
@@ -258,9 +261,10 @@ def run(  # type: ignore[no-untyped-def]
     p_ids = np.empty(n + 1, np.int64)
     W = np.empty((n, n))
     p_W = np.empty((n, n))
-    inverse = np.empty((n, n))
-    p_inverse = np.empty((n, n))
-    work = np.empty((n, n))
+    edges = np.empty((n, n + nb))
+    p_edges = np.empty((n, n + nb))
+    pivot = np.empty(n + nb)
+    gradient = np.empty(6)
     trig = np.empty((m, 4))
     G = np.empty((4, 6))
     J = np.empty((most, n))
@@ -324,19 +328,20 @@ def run(  # type: ignore[no-untyped-def]
                         rhs[i] = p_rhs[i]
                         for j in range(n):
                             W[i, j] = p_W[i, j]
-                            inverse[i, j] = p_inverse[i, j]
+                        for j in range(n + nb):
+                            edges[i, j] = p_edges[i, j]
                 else:
                     stats[RESTARTS] += attempt
                     for i in range(n):
                         w_ids[i] = ids[node, i]
                         if attempt == 1:
                             w_ids[i] = corner(cost, i)
-                        rhs[i] = row(w_ids[i], m, cos, sin, B, off, mu, lo, hi, box, W[i])
-                    ready = simplex.invert(W, inverse, work)
+                        rhs[i] = row(w_ids[i], m, cos, sin, B, off, mu, lo, hi, box, W[i], gradient)
+                    ready = simplex.invert(W, BT, edges, pivot)
                 if ready:
                     result = simplex.solve(
                         m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-                        w_ids, W, rhs, inverse, y, z, v, enter_row, delta, work, stats, attempt == 0,
+                        w_ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats, CONE, attempt == 0,
                     )  # fmt: skip
                 if result != simplex.FAILED:
                     break
@@ -365,8 +370,9 @@ def run(  # type: ignore[no-untyped-def]
             if k > 0 or node == 0:
                 if amounts[1] == 0.0:
                     tries = 4
-                elif stats[NODES] <= FIRST or stats[NODES] % FIRST == 0:
+                elif stats[NODES] <= FIRST or amounts[0] < best[1]:
                     tries = 1
+                best[1] = LESS * max(amounts[0], LITTLE) if tries > 0 else MORE * best[1]
             trying = -guesses if node == 0 and k == 0 else 0
             hold = False
             past = 0  # starts beyond the end of the search, to be tried again right at it
@@ -379,7 +385,7 @@ def run(  # type: ignore[no-untyped-def]
                 stats[NEWTONS] += 1
                 hit = newton.polish(
                     m, a, cos, sin, mdp, min(objective, 1), motions, B, BT, off, mu, lo, hi, driven, hold, tol, start,
-                    exact_z, exact_v, modes, motors, side, G, J, g, q, size, step, trial,
+                    exact_z, exact_v, modes, motors, side, G, J, g, q, size, step, trial, enter_row, delta,
                 )  # fmt: skip
                 if past == 0 and hold and not hit:
                     past = 1
@@ -419,7 +425,8 @@ def run(  # type: ignore[no-untyped-def]
                     data[node, i] = z[i]
                     for j in range(n):
                         p_W[i, j] = W[i, j]
-                        p_inverse[i, j] = inverse[i, j]
+                    for j in range(n + nb):
+                        p_edges[i, j] = edges[i, j]
                 pick = target
                 children = split(m, state, v, pick, child)
             else:
@@ -427,7 +434,7 @@ def run(  # type: ignore[no-untyped-def]
                 for i in range(n):
                     ids[this, i] = w_ids[i]
                     data[this, i] = z[i]
-                bound[this] = value
+                bound[this] = max(value, bound[node])  # the parent's holds too: no rounding lets a bound fall
                 key[this] = value + WEIGHT * amounts[0]
                 push(heap, key, stats, this)
             k += 1
