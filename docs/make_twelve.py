@@ -182,7 +182,8 @@ def main() -> int:
             print(fault, file=sys.stderr)
             wrong += 1
             continue
-        grasp = held.grasp
+        g = held.grasp
+        grasp = Grasp(g.contacts, g.joints, g.mechanism, g.command, f"barrett-{name}")
         files = DATA / "configurations" / f"barrett-{name}.json", DATA / "grasps" / f"barrett-{name}.json"
         if asked.check:
             same = alike(placed, load_configuration(files[0]))
