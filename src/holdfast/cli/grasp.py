@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 
 from holdfast.cli import console
 from holdfast.cli.loads import LoadsOptions
-from holdfast.cli.options import Assignments, Command, assigned, check_writable
+from holdfast.cli.options import Assignments, Command, assigned, check_folder, check_writable, load_solvable
 from holdfast.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,14 +68,8 @@ class Grasp(LoadsOptions, Command):
         from holdfast.cli import grasp_tables
         from holdfast.planning.tasks.grasp_for import grasp_for
         from holdfast.planning.tasks.judge import Allowed
-        from holdfast.synthesis.placed import leader_ranges
-        from holdfast.synthesis.task_file import load_task
 
-        task = load_task(self.task)
-        try:
-            leader_ranges(task)
-        except InputError as fault:
-            raise fault.at(self.task) from None
+        task = load_solvable(self.task)
         if self.count < 1:
             raise InputError(f"is {self.count}; at least 1 is needed", field="--count")
         name = self.object or task.object
@@ -113,8 +107,7 @@ class Grasp(LoadsOptions, Command):
         """Refuse a folder that could not be filled before the work that would fill it."""
         if self.output is None:
             return
-        if self.output.exists() and not self.output.is_dir():
-            raise InputError("is a file; a folder is needed", source=str(self.output))
+        check_folder(self.output)
         for file in FILES:
             for k in range(1, self.count + 1):
                 check_writable(self.output / file.format(k), self.force, (".json",))

@@ -16,6 +16,7 @@ from holdfast.errors import InputError
 if TYPE_CHECKING:
     from holdfast.grasp import Grasp
     from holdfast.stability.settings import Settings
+    from holdfast.synthesis.task import Task
 
 Numbers = tuple[float, ...]
 Pairs = tuple[tuple[str, float], ...]
@@ -243,3 +244,22 @@ def check_writable(path: Path | None, force: bool, endings: Sequence[str]) -> No
         raise InputError("is a folder", source=str(path))
     if path.exists() and not force:
         raise InputError("exists already; give --force to write over it", source=str(path))
+
+
+def check_folder(path: Path | None) -> None:
+    """Refuse a file where a folder is to be filled."""
+    if path is not None and path.exists() and not path.is_dir():
+        raise InputError("is a file; a folder is needed", source=str(path))
+
+
+def load_solvable(name: str) -> Task:
+    """A task by path or name whose limits and couplings leave something; the faults name it."""
+    from holdfast.synthesis.placed import leader_ranges
+    from holdfast.synthesis.task_file import load_task
+
+    task = load_task(name)
+    try:
+        leader_ranges(task)
+    except InputError as fault:
+        raise fault.at(name) from None
+    return task

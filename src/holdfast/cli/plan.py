@@ -11,7 +11,7 @@ from tyro.conf import arg
 
 from holdfast.cli import console
 from holdfast.cli.loads import LoadsOptions
-from holdfast.cli.options import Assignments, Command, Triple, assigned
+from holdfast.cli.options import Assignments, Command, Triple, assigned, check_folder
 from holdfast.cli.scene import SceneOptions
 from holdfast.errors import InputError
 
@@ -108,8 +108,7 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
         """Refuse a folder that could not be filled before the work that would fill it."""
         if self.output is None:
             return
-        if self.output.exists() and not self.output.is_dir():
-            raise InputError("is a file; a folder is needed", source=str(self.output))
+        check_folder(self.output)
         if (self.output / "plan.json").exists() and not self.force:
             raise InputError("holds a plan already; give --force to write over it", source=str(self.output))
 

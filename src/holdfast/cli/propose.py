@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from holdfast.cli import console
-from holdfast.cli.options import Command
-from holdfast.errors import InputError
+from holdfast.cli.options import Command, check_folder
 
 if TYPE_CHECKING:
     from holdfast.planning.regions.propose import Proposals
@@ -54,8 +53,7 @@ class Propose(Command):
         from holdfast.hand_regions import load_hand_regions
         from holdfast.planning.regions.propose import propose
 
-        if self.output and self.output.exists() and not self.output.is_dir():
-            raise InputError("is a file; a folder is needed", source=str(self.output))
+        check_folder(self.output)
         hand, body = load_hand(self.hand), load_body(self.object)
         regions = load_hand_regions(self.regions, hand) if self.regions else None
         named = self.object if self.object in bundled.names("objects") else str(Path(self.object))

@@ -9,7 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from holdfast.cli import console
-from holdfast.cli.options import Command, check_writable
+from holdfast.cli.options import Command, check_writable, load_solvable
 from holdfast.errors import InputError
 
 
@@ -46,15 +46,9 @@ class Synthesize(Command):
 
     def run(self) -> int:
         from holdfast.cli import synthesis_tables
-        from holdfast.synthesis.placed import leader_ranges
         from holdfast.synthesis.queries import synthesize
-        from holdfast.synthesis.task_file import load_task
 
-        task = load_task(self.task)
-        try:
-            leader_ranges(task)
-        except InputError as fault:
-            raise fault.at(self.task) from None
+        task = load_solvable(self.task)
         if self.count < 1:
             raise InputError(f"is {self.count}; at least 1 is needed", field="--count")
         check_writable(self.save, self.force, (".json",))

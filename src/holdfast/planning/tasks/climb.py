@@ -101,10 +101,8 @@ class Worker:
             fates[reason] += 1
             if reason is Reason.HOLDS:
                 better = polish.polished(end)
-                if better is not end and self.passive(better.grasp) is Reason.HOLDS:
-                    found.append((better.certified, end is not start))
-                else:
-                    found.append((end.certified, end is not start))
+                holds = better is not end and self.passive(better.grasp) is Reason.HOLDS
+                found.append(((better if holds else end).certified, end is not start))
         return Unit(number, tuple(found), fates, self.judge.judged - before, used, starts.unproved)
 
     def climb(self, start: Candidate, steps: Steps) -> tuple[Candidate, Reason]:

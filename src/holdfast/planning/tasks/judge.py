@@ -16,7 +16,7 @@ import numpy as np
 
 from holdfast.collision import Clearances, Collisions, Push, Requested
 from holdfast.contacts import grasp_of
-from holdfast.curvature import relative_curvatures
+from holdfast.curvature import relative_curvatures, rim_depth
 from holdfast.grasp import Contact, Grasp
 from holdfast.mechanism import Array
 from holdfast.planning.tasks.gradient import Gradients
@@ -112,7 +112,7 @@ class Judge:
         q, clearances = self.unused.placed(solution, requests(solution))
         depths, rim = self._depths(clearances), 0.0
         if not (depths or shares[0]):  # asked last, it is the rarest fault
-            rim = 0.5 * min(float(relative_curvatures(solution).min()), 0.0) * self.collisions.radius**2
+            rim = -float(rim_depth(relative_curvatures(solution), self.collisions.radius).max())
             depths = max(0.0, -rim - self.allowed.at_contacts)
         cost = float(depths / DEEP + sum(shares[1:]))
         possible = not (depths or shares[0])
