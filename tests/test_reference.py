@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from holdfast.answer import Stop, Verdict
 from holdfast.grasp import Grasp
-from holdfast.stability import mip
+from holdfast.grasp_file import load_grasp
+from holdfast.stability import mip, relaxation
 from holdfast.stability.mip import Solution, Status
 from holdfast.stability.queries import check, maximum, torques
 from holdfast.stability.settings import Settings
@@ -161,6 +162,14 @@ def test_a_relaxation_without_an_exact_solution_is_undecided() -> None:
     """With four sectors 2.5 N on the bell looks feasible, and no exact solution exists: neither verdict."""
     answer = check(bell(), w(0, 2.4, 0), settings=settings(sectors=4))
     assert (answer.verdict, answer.stop) == (Verdict.UNDECIDED, Stop.RESOLUTION)
+
+
+def test_a_witness_beyond_the_motion_cap_lifts_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bound holds within the cap; an exact state that moves farther refutes it."""
+    monkeypatch.setattr(relaxation, "motion_cap", lambda p, goal: 1.0)
+    answer = maximum(load_grasp("fig1"), w(1, 0, 0), settings=settings(sectors=16))
+    assert answer.witness.valid
+    assert 14 < answer.lower <= answer.upper
 
 
 def test_ctrl_c_leaves_the_bounds_so_far() -> None:

@@ -86,6 +86,7 @@ def search(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None = 
     seconds, nodes = time.monotonic() - start, sum(s.solution.nodes for s in steps)
     if bound == INF:  # no state at all: whatever an earlier step seemed to find
         value, found = INF, None
+    bound = min(bound, value)  # it holds within the motion cap, which Newton's method may leave
     return Outcome(value, bound, found, stop, seconds, nodes, tuple(steps))
 
 
