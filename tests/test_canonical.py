@@ -319,7 +319,7 @@ def canonical_range(hand):
         ),
         (
             coupled(Coupling(1, 0, 1.0), ranges=((0, 1), (2, 3), (0, 1))),
-            r"limits.b: its limits leave nothing for a, to which it is coupled",
+            r"limits.b: leave nothing for a, to which it is coupled",
         ),
         (
             coupled(Coupling(1, -1, 0.0, 5.0)),

@@ -27,6 +27,8 @@ from holdfast.hand import Coupling, Hand, Joint, Link, load_hand
 from holdfast.hand.model import coupling_rows
 from holdfast.mechanism import Array, Mechanism
 from holdfast.region import Bezier, Cap, Region
+from holdfast.synthesis.checker.equations import equations_of
+from holdfast.synthesis.checker.interval import Interval
 from holdfast.synthesis.existence import (
     ContactPoint,
     Existence,
@@ -34,9 +36,8 @@ from holdfast.synthesis.existence import (
     existence_to_dict,
     free_joints,
 )
-from holdfast.synthesis.interval import Interval
 from holdfast.synthesis.task import PoseBounds, Task, Touch
-from holdfast.synthesis.verify_existence import Report, _equations_of, verify_existence
+from holdfast.synthesis.verify_existence import Report, verify_existence
 
 # --- the equations, once more -----------------------------------------------------------------------
 
@@ -808,7 +809,7 @@ def test_equations_and_derivatives_enclose_exact_ones(case, seed: int) -> None:
     flint = pytest.importorskip("flint")
     planted, rng = case(seed), np.random.default_rng(seed)
     middle = np.array(list(planted.values.values()))
-    equations = _equations_of(planted.task)
+    equations = equations_of(planted.task)
     assert list(equations.column) == planted.labels
     n, (h, most) = len(middle), (2.0**-200, 2.0**-60)
     for radius in (1e-7, 1e-3):
@@ -890,7 +891,8 @@ def test_the_checker_needs_nothing_of_the_search() -> None:
     )
     loaded = set(ast.literal_eval(run.stdout))
     assert not any(name.startswith(("numba", "llvmlite")) for name in loaded)
-    parts = {"existence", "interval", "task", "verify_existence"}
+    checker = {f"checker.{part}" for part in ("chains", "equations", "interval", "refused", "regions")}
+    parts = {"existence", "task", "verify_existence", "checker", *checker}
     assert {name for name in loaded if name.startswith("holdfast.synthesis.")} == {
         f"holdfast.synthesis.{part}" for part in parts
     }

@@ -13,11 +13,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
 
 from holdfast.answer import Stop, Verdict
 from holdfast.grasp import Contact, Grasp
 from holdfast.report import Entry, view3d, write_report
-from holdfast.report.drawing import Mesh
+from holdfast.report.drawing import Mesh, applied
 from holdfast.report.view3d import Load, packed, scene
 from holdfast.stability.queries import CheckAnswer, check
 from holdfast.stability.settings import Settings
@@ -149,10 +152,26 @@ def test_sides_are_rotations() -> None:
         assert np.linalg.det(R) == pytest.approx(1, abs=1e-6)
 
 
+@given(st.integers(0, 2**32 - 1))
+@hypothesis_settings(derandomize=True, max_examples=50, deadline=None)
+def test_a_single_force_is_drawn_on_its_line_of_action(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    center, through, near, force = rng.normal(size=(4, 3))
+    wrench = np.r_[force, np.cross(through, force)]
+    at, about = applied(wrench, near, np.inf)
+    np.testing.assert_allclose(np.r_[about[:3], np.cross(at, about[:3])], wrench, atol=1e-12)  # the same wrench
+    assert abs((at - near) @ force) < 1e-12 * (1 + np.linalg.norm(near) * np.linalg.norm(force))  # the nearest point
+    for other in (np.r_[force, np.cross(through, force) + force], np.r_[0 * force, force], np.r_[force, 0 * force]):
+        assert all(
+            np.array_equal(a, b) for a, b in zip(applied(other, near, np.inf), (np.zeros(3), other), strict=True)
+        )
+    assert not applied(wrench, at + 2 * np.cross(force, center) / np.linalg.norm(np.cross(force, center)), 1.0)[0].any()
+
+
 def test_an_answer_without_anything_to_show_is_listed() -> None:
     nothing = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, (), None, None)
     load = scene(bell(), [Load("?", f"{nothing.verdict}", None, None)])["loads"][0]
-    assert load == {"title": "?", "said": "undecided", "wrench": None, "forces": None, "motions": None}
+    assert load == {"title": "?", "said": "undecided", "wrench": None, "drawn": None, "forces": None, "motions": None}
 
 
 def test_the_view_of_a_hand_and_a_fine_object_is_small() -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 STYLE = {Reach.FOUND: "bold green", Reach.NONE: "bold red", Reach.UNDECIDED: "bold yellow"}
 SHOWN = 3  # configurations in full; of the others a line each
 WHY = {
-    Stop.TIME: "the time limit was hit; give more with --timeout, or --save and --resume",
+    Stop.TIME: "the time limit was hit; give more with --timeout",
     Stop.NODES: "the node limit was hit",
     Stop.INTERRUPTED: "interrupted",
     Stop.RESOLUTION: "the search came to its resolution: a configuration may exist on a limit only",
@@ -147,9 +147,9 @@ def _sentence(answer: Synthesis, wanted: int) -> str:
             claim = "cannot go together" if " and " in by else "cannot be made"
             return f"No configuration exists: {by} {claim} ({took})."
         case _:
-            return (
-                f"Neither a configuration nor a contradiction was found: {WHY.get(answer.stop, answer.stop)} ({took})."
-            )
+            further = ", or --save and --resume" if answer.stop is Stop.TIME else ""
+            why = f"{WHY.get(answer.stop, answer.stop)}{further}"
+            return f"Neither a configuration nor a contradiction was found: {why} ({took})."
 
 
 def _short(stop: Stop) -> str:

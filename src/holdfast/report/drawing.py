@@ -32,6 +32,7 @@ SOLID = {"object": np.array([0.87, 0.78, 0.62]), "hand": np.array([0.62, 0.67, 0
 TRIAD = 0.05  # length of the object frame's axes in the corner, in half widths of the figure
 JOINT = 0.3  # half length of a joint axis, in grasp sizes
 CLEAR = {"object": 0.55, "hand": 0.9}
+SINGLE = 1e-6  # cosine of force and moment below which a wrench is a single force
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +221,8 @@ def _forces(ax: Any, p: Array, witness: Witness, size: float, V: Array) -> Array
     for i in range(len(p)):
         if fastest > 0 and np.linalg.norm(motions[i]) > 0.02 * fastest:
             _arrow(ax, p[i], 0.4 * size / fastest * motions[i], V, VIOLET, 5, size=size, thin=True)
+    origin, w = applied(w, p.mean(axis=0), 2 * size)
     force, moment = float(np.linalg.norm(w[:3])), float(np.linalg.norm(w[3:]))
-    origin = np.zeros(3)
     if force > 1e-9 * largest:
         length = max(0.85 * size * force / largest, 0.3 * size)
         ends.append(_arrow(ax, origin, length / force * w[:3], V, AMBER, 7, size=size))
@@ -229,6 +230,22 @@ def _forces(ax: Any, p: Array, witness: Witness, size: float, V: Array) -> Array
         ends.append(_arrow(ax, origin, 0.6 * size / moment * w[3:], V, AMBER, 7, size=size))
         ends.append(_arrow(ax, origin, 0.48 * size / moment * w[3:], V, AMBER, 7, size=size))
     return np.array([*ends, V[:2] @ origin])
+
+
+def applied(wrench: Array, near: Array, reach: float) -> tuple[Array, Array]:
+    """Where a wrench (6,) is drawn, and the wrench about that point.
+
+    A single force is drawn on its line of action, at the point nearest to `near` (3,) if that is within `reach`
+    [m] of it, such as a weight through the centre of mass; everything else at the origin.
+    """
+    F, M = wrench[:3], wrench[3:]
+    f2, m2 = float(F @ F), float(M @ M)
+    if f2 > 0 and m2 > 0 and abs(float(F @ M)) <= SINGLE * np.sqrt(f2 * m2):
+        at = np.cross(F, M) / f2
+        at = at + (near - at) @ F / f2 * F
+        if np.linalg.norm(at - near) <= reach:
+            return at, np.r_[F, np.zeros(3)]
+    return np.zeros(3), wrench
 
 
 def _arrow(

@@ -57,12 +57,13 @@ const fixed = things.length;
 function show(load) {
   for (const t of things.splice(fixed)) gl.deleteBuffer(t.buffer);
   find(".said").textContent = load ? load.said : "";
-  const { wrench, forces, motions } = load || {}, longest = (list) => Math.max(0, ...list.map(norm));
-  const force = (wrench || [0, 0, 0]).slice(0, 3), moment = wrench ? wrench.slice(3) : [0, 0, 0];
+  const { drawn, forces, motions } = load || {}, longest = (list) => Math.max(0, ...list.map(norm));
+  const { at, wrench } = drawn || { at: [0, 0, 0], wrench: [0, 0, 0, 0, 0, 0] };
+  const force = wrench.slice(0, 3), moment = wrench.slice(3);
   const most = Math.max(longest(forces || []), norm(force)), f = norm(force), m = norm(moment);
   const from = (steps, long, largest) =>
     (steps || []).map((x, i) => [contacts[i].position, times((long * size) / (largest || 1), x)]);
-  const there = (step, heads) => arrows("disturbance", C.load, [[[0, 0, 0], step]], 0.024, heads);
+  const there = (step, heads) => arrows("disturbance", C.load, [[at, step]], 0.024, heads);
   arrows("forces", C.force, from(forces, 0.85, most), 0.022);
   arrows("motions", C.motion, from(motions, 0.4, longest(motions || [])), 0.012);
   if (f > 1e-9 * most) there(times(Math.max((0.85 * size) / most, (0.3 * size) / f), force));

@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
-from holdfast.report.drawing import AMBER, BLUE, GREEN, GREY, INK, SOLID, VIOLET, View, views
+from holdfast.report.drawing import AMBER, BLUE, GREEN, GREY, INK, SOLID, VIOLET, View, applied, views
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -98,8 +98,8 @@ def scene(grasp: Grasp, loads: Sequence[Load] = (), meshes: Sequence[Mesh] = ())
     """What the figure shows, as JSON: SI units, object frame.
 
     Keys: `solids` (by kind, see `packed`), `contacts`, `joints`, `fingers` (joint to joint to contact, where
-    there are no solids), `loads` (`title`, `said`, `wrench`, `forces`, `motions`), `sides` to look from,
-    `size` of the grasp, `box` around all that is to be seen, `colors`.
+    there are no solids), `loads` (`title`, `said`, `wrench`, `drawn`: where and as what, `forces`, `motions`),
+    `sides` to look from, `size` of the grasp, `box` around all that is to be seen, `colors`.
     """
     kinds = [k for k in ("hand", "object") if any(m.kind == k for m in meshes)]
     solids = {k: packed([m for m in meshes if m.kind == k]) for k in kinds}
@@ -117,7 +117,7 @@ def scene(grasp: Grasp, loads: Sequence[Load] = (), meshes: Sequence[Mesh] = ())
         ],
         "joints": [{"name": j.name, "origin": _short(j.origin), "axis": _short(j.axis)} for j in grasp.joints],
         "fingers": [] if "hand" in solids else _fingers(grasp),
-        "loads": [_load(load) for load in loads],
+        "loads": [_load(load, grasp) for load in loads],
         "sides": [{"title": v.title, "matrix": _short(v.matrix)} for v in sides],
         "size": grasp.size,
         "box": [_short(p.min(axis=0)), _short(p.max(axis=0))],
@@ -147,12 +147,17 @@ def packed(meshes: Sequence[Mesh]) -> dict[str, Any]:
     return {"vertices": _base64(unique), "faces": _base64(faces), "wide": wide}
 
 
-def _load(load: Load) -> dict[str, Any]:
-    w = load.witness
+def _load(load: Load, grasp: Grasp) -> dict[str, Any]:
+    w, drawn = load.witness, None
+    if load.wrench is not None:
+        center = np.mean([c.position for c in grasp.contacts], axis=0)
+        at, about = applied(load.wrench, center, 2 * grasp.size)
+        drawn = {"at": _short(at), "wrench": _short(about)}
     return {
         "title": load.title,
         "said": load.said,
         "wrench": None if load.wrench is None else _short(load.wrench),
+        "drawn": drawn,
         "forces": None if w is None else [_short(f) for f in w.forces],
         "motions": None if w is None else [_short(d) for d in w.motions],
     }

@@ -18,9 +18,9 @@ from enum import StrEnum
 import numpy as np
 
 from holdfast.errors import InputError
+from holdfast.hand.coupling import leader_ranges, led
 from holdfast.hand.model import Hand, Joint
 from holdfast.mechanism import Array
-from holdfast.synthesis.problem import led
 from holdfast.synthesis.task import Task
 
 SAME = 1e-9  # [m, unit vectors] axes that miss, or differ in direction, by less are taken for one point or line
@@ -210,17 +210,11 @@ def loops(task: Task) -> Loops:
 
 
 def _ranges(hand: Hand, involved: set[int]) -> Array:
-    """(l, 2) of each joint: its limits, its leader's and those of the loops' joints with the same leader."""
+    """(l, 2) of each joint: its limits, its leader's and those of all joints with the same leader."""
     follows, names = led(hand), hand.joint_names
     ranges = np.array(hand.limits)
-    for j in range(hand.l):
-        leader, ratio, offset = follows[j]
-        if j in involved and leader >= 0 and ratio:
-            ends = np.sort((hand.limits[j] - offset) / ratio)
-            ranges[leader] = max(ranges[leader, 0], ends[0]), min(ranges[leader, 1], ends[1])
-            if ranges[leader, 0] > ranges[leader, 1] + HELD:
-                problem = f"its limits leave nothing for {names[leader]}, to which it is coupled"
-                raise InputError(problem, field=f"limits.{names[j]}")
+    for j, ends in leader_ranges(hand).items():
+        ranges[j] = ends
     for j in range(hand.l):
         leader, ratio, offset = follows[j]
         if leader < 0 or not ratio:

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from holdfast.errors import InputError
+from holdfast.hand.coupling import leader_ranges, led
 from holdfast.hand.model import Hand
 from holdfast.mechanism import Array, Indices
 from holdfast.region import Bezier, Cap, Region
@@ -105,7 +105,8 @@ class Problem:
         """
         hand = task.hand
         follows = led(hand)
-        lower, upper = _leader_limits(hand, follows, task.involved)
+        ranges = leader_ranges(hand, task.involved.tolist())
+        lower, upper = np.array([ranges.get(j, (0.0, 0.0)) for j in range(hand.l)]).T
         leaders = sorted({follows[j][0] for j in task.involved.tolist() if follows[j][0] >= 0})
         free = tuple(j for j in leaders if lower[j] < upper[j])
         reach = [_reach(hand, link) + _outermost(t.hand) for link, t in zip(task.links, task.touches, strict=True)]
@@ -150,40 +151,6 @@ class Problem:
         """(n,) [m] for coordinates that are lengths, 1 for the others: x times this is in SI units."""
         prismatic = {f"joint:{j.name}" for j in self.task.hand.joints if j.type == "prismatic"}
         return np.array([self.unit if v in prismatic or v.startswith("position") else 1.0 for v in self.labels])
-
-
-def led(hand: Hand) -> dict[int, tuple[int, float, float]]:
-    """For each joint (leader, ratio, offset): its value is ratio q[leader] + offset; leader -1: a constant."""
-    tied = {c.joint: c for c in hand.couplings}
-    out = {}
-    for j in range(hand.l):
-        leader, ratio, offset = j, 1.0, 0.0
-        while leader in tied:
-            c = tied[leader]
-            offset += ratio * c.offset
-            leader, ratio = c.leader, ratio * c.ratio
-            if leader < 0:
-                ratio = 0.0
-                break
-        out[j] = (leader, ratio, offset)
-    return out
-
-
-def _leader_limits(hand: Hand, follows: dict[int, tuple[int, float, float]], involved: Indices) -> tuple[Array, Array]:
-    """Limits of every joint, those of the leaders of involved joints cut to what all their followers allow."""
-    lower, upper = (np.array(hand.limits[:, i]) for i in (0, 1))
-    moving = {follows[j][0] for j in involved.tolist()}
-    for j, (leader, ratio, offset) in follows.items():
-        if leader not in moving or leader < 0 or leader == j or ratio == 0:
-            continue
-        ends = sorted((end - offset) / ratio for end in hand.limits[j])
-        low, high = max(lower[leader], ends[0]), min(upper[leader], ends[1])
-        if low > high:
-            names = hand.joint_names
-            problem = f"its limits leave nothing for {names[leader]}, to which it is coupled"
-            raise InputError(problem, field=f"limits.{names[j]}")
-        lower[leader], upper[leader] = low, high
-    return lower, upper
 
 
 def _reach(hand: Hand, link: int) -> float:

@@ -21,7 +21,6 @@ from holdfast.synthesis import diverse
 from holdfast.synthesis.answers import Searched, Solution, Synthesis
 from holdfast.synthesis.distance import farthest, features_of
 from holdfast.synthesis.embedded import fingerprint, task_to_dict
-from holdfast.synthesis.placed import leader_ranges
 from holdfast.synthesis.problem import Problem
 from holdfast.synthesis.starts import BLOCK, Certified, Starts
 from holdfast.synthesis.task import Task
@@ -86,7 +85,6 @@ def synthesize(
     """
     clock = time.monotonic()
     _refuse_numbers(count, seed, timeout, nodes, workers)
-    leader_ranges(task)
     state = _state_of(task, resume) if resume is not None else {}
     starts = Starts(Problem.of(task), int(state.get("seed", seed)), int(state.get("block", 0)))
     run = _Run(starts, count, timeout, nodes, workers, state.get("prover") or None, on_step)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from holdfast.body import Body
 from holdfast.errors import InputError
+from holdfast.hand.coupling import coupled
 from holdfast.hand.model import Hand
 from holdfast.mechanism import Array, frozen
 from holdfast.scene import Scene
@@ -118,12 +119,12 @@ def palm_of(hand: Hand, approach: object = None) -> Palm:
     """
     lower, upper = hand.limits.T
     middle = np.where(hand.closing == 0, np.clip((lower + upper) / 2, lower, upper), 0.0)
-    opened = coupled(hand, np.where(hand.closing > 0, lower, np.where(hand.closing < 0, upper, middle)))
-    closed = coupled(hand, np.where(hand.closing > 0, upper, np.where(hand.closing < 0, lower, middle)))
+    opened = _within(hand, np.where(hand.closing > 0, lower, np.where(hand.closing < 0, upper, middle)))
+    closed = _within(hand, np.where(hand.closing > 0, upper, np.where(hand.closing < 0, lower, middle)))
     tips = fingertips(hand)
     if not tips:
         raise InputError("no link with a solid is moved by a closing joint; give closing senses", field="closing")
-    center = _middles(hand, coupled(hand, opened + MIDWAY * (closed - opened)), tips).mean(axis=0)
+    center = _middles(hand, _within(hand, opened + MIDWAY * (closed - opened)), tips).mean(axis=0)
     fixed = [i for i, link in enumerate(hand.links) if link.shapes and not hand.moved_by(i)]
     base = _middles(hand, opened, fixed).mean(axis=0) if fixed else np.zeros(3)
     axis = center - base if approach is None else frozen(approach, (3,), "approach")
@@ -144,13 +145,9 @@ def fingertips(hand: Hand) -> list[int]:
     return [i for i in solid if i not in inner and any(hand.closing[j] for j in hand.moved_by(i))]
 
 
-def coupled(hand: Hand, q: Array) -> Array:
+def _within(hand: Hand, q: Array) -> Array:
     """q (l,) with the coupled joints where their leaders put them, within the limits."""
-    q = q.copy()
-    for _ in hand.couplings:  # a leader may itself be led
-        for c in hand.couplings:
-            q[c.joint] = c.offset + (c.ratio * q[c.leader] if c.leader >= 0 else 0.0)
-    return np.clip(q, *hand.limits.T)
+    return np.clip(coupled(hand, q), *hand.limits.T)
 
 
 def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: Surface, how: Sampling) -> Start:
@@ -158,7 +155,7 @@ def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: Surface, how
     share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
     q = palm.opened + share * (palm.closed - palm.opened)
     lower, upper = hand.limits.T
-    q = coupled(hand, np.where(hand.closing == 0, lower + rng.random(hand.l) * (upper - lower), q))
+    q = _within(hand, np.where(hand.closing == 0, lower + rng.random(hand.l) * (upper - lower), q))
     point, normal = surface.draw(rng)
     if how.aligned and rng.random() < how.aligned:
         approach, R = palm.axis, _squarely(rng, hand, palm, surface, q, normal)
@@ -203,7 +200,7 @@ def sweeps(scene: Scene, q: Array, pose: Array) -> NDArray[np.bool_]:
     lower, upper = hand.limits.T
     room = np.where(hand.closing > 0, upper - q, np.where(hand.closing < 0, q - lower, 0.0))
     for share in np.linspace(0.0, 1.0, STEPS):
-        near |= scene.distance(coupled(hand, q + share * room * hand.closing), pose, 2 * NEARBY) < NEARBY
+        near |= scene.distance(_within(hand, q + share * room * hand.closing), pose, 2 * NEARBY) < NEARBY
     return near
 
 

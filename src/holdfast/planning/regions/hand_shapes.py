@@ -7,6 +7,7 @@ from itertools import permutations
 
 import numpy as np
 
+from holdfast.hand.coupling import coupled
 from holdfast.hand.model import Hand, Joint
 from holdfast.hand_regions import HandRegion
 from holdfast.mechanism import Array
@@ -125,10 +126,7 @@ def _configurations(hand: Hand, count: int, random: np.random.Generator) -> Arra
     """(s, l) uniform within the limits, coupled joints after their leaders."""
     lower, upper = np.clip(hand.limits, -np.pi, np.pi).T
     q = lower + (upper - lower) * random.random((count, hand.l))
-    for _ in hand.couplings:
-        for c in hand.couplings:
-            q[:, c.joint] = c.offset + (c.ratio * q[:, c.leader] if c.leader >= 0 else 0.0)
-    return q
+    return coupled(hand, q)
 
 
 def _poses(hand: Hand, q: Array) -> Array:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from holdfast.hand.coupling import led
 from holdfast.mechanism import Array
-from holdfast.synthesis.problem import Problem, led
+from holdfast.synthesis.problem import Problem
 
 
 class Gradients:

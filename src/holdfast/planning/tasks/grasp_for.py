@@ -34,7 +34,6 @@ from holdfast.stability.settings import Settings
 from holdfast.stability.statics import spare_friction
 from holdfast.synthesis.answers import Synthesis
 from holdfast.synthesis.distance import features_of
-from holdfast.synthesis.placed import leader_ranges
 from holdfast.synthesis.problem import Problem
 from holdfast.synthesis.queries import synthesize
 from holdfast.synthesis.starts import Certified
@@ -108,7 +107,6 @@ def grasp_for(
     if timeout is not None and not timeout > 0:
         raise InputError(f"is {timeout:g} s; a positive number is needed", field="timeout")
     loads = Loads.gravity(body) if loads is None else loads
-    leader_ranges(task)
     hand = task.hand
     names = tuple(hand.closing_actuators if actuators is None else actuators)
     for name in names:

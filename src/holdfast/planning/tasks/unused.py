@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from holdfast.collision import Clearances, Collisions, Requested
+from holdfast.hand.coupling import coupled, leader_ranges, led
 from holdfast.mechanism import Array
 from holdfast.synthesis.answers import Solution
-from holdfast.synthesis.placed import leader_ranges
-from holdfast.synthesis.problem import led
 from holdfast.synthesis.task import Task
 
 TRIES = 48  # postures of one finger
@@ -28,7 +27,7 @@ class Unused:
     def __init__(self, task: Task, collisions: Collisions) -> None:
         self.task, self.collisions = task, collisions
         hand = task.hand
-        follows, ranges = led(hand), leader_ranges(task)
+        follows, ranges = led(hand), leader_ranges(hand)
         used = {follows[j][0] for j in task.involved.tolist()}
         free = [j for j, (lo, hi) in ranges.items() if j not in used and lo < hi]
         chains: dict[int, list[int]] = {}
@@ -36,7 +35,6 @@ class Unused:
             first = next(hand.moved_by(i)[0] for i in range(len(hand.links)) if j in hand.moved_by(i))
             chains.setdefault(first, []).append(j)
         self.fingers = list(chains.values())  # leaders, by finger
-        self._followers = follows
         rng = np.random.default_rng(SEED)
         self._postures = []
         for finger in self.fingers:
@@ -71,11 +69,8 @@ class Unused:
 
     def _with(self, q: Array, finger: list[int], values: Array) -> Array:
         out = q.copy()
-        for j, value in zip(finger, values, strict=True):
-            for k, (leader, ratio, offset) in self._followers.items():
-                if leader == j:
-                    out[k] = ratio * value + offset
-        return out
+        out[finger] = values
+        return coupled(self.task.hand, out)
 
 
 def _worst(c: Clearances, links: set[str]) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from holdfast.mechanism import Array
-from holdfast.synthesis.interval import Dual, Interval, columns, cos, cross, dot, join, sin, sqr, sqrt, unit
+from holdfast.synthesis.checker.interval import Dual, Interval, columns, cos, cross, dot, join, sin, sqr, sqrt, unit
 
 LARGEST = Fraction(float(np.finfo(float).max))
 
