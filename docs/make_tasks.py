@@ -221,11 +221,11 @@ MADE: dict[str, Callable[[], dict[str, Any]]] = {
         {"ring": FIST},
         {"x_axis": axis(x=(0.6, 1.0)), "y_axis": axis(y=(0.6, 1.0))},
     ),
-    # Standing on the palm, three fingers around it.
+    # Standing on the palm, three fingers around it; on a point beyond the middle of its base, so that it leans on them.
     "teapot-transportation": lambda: task(
         "teapot",
         [
-            (palm((-12, 12), (60, 84)), around("bottom", 0, (0.35, 0.8), (0.55, 1.0))),
+            (palm((-12, 12), (12, 36)), around("bottom", 2, (0.5, 0.9), (0.6, 1.0))),
             (tip("index"), around("body", 1, (0.3, 1.0), (0.1, 0.4))),
             (tip("middle"), around("body", 0, (0.3, 1.0), (0.88, 1.0))),
             (tip("ring"), around("body", 0, (0.3, 1.0), (0.6, 0.9))),
