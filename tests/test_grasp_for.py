@@ -246,7 +246,7 @@ def test_unused_fingers_move_out_of_the_way() -> None:
     task = Task.of(load_hand("schunk-sah"), narrow.touches, limits=limits | bent, pose=narrow.pose, object="teapot")
     hand = task.hand
     unused = Unused(task, Collisions(Scene(hand, body), cutoff=NEAR))
-    assert [{hand.joint_names[j].split("_")[0] for j in finger} for finger in unused.fingers] == [{"ring"}]
+    assert [{hand.joint_names[j].split("_")[0] for j in finger.joints} for finger in unused.fingers] == [{"ring"}]
     problem = Problem.of(task)
     judge = Judge(problem, unused.collisions, Loads.gravity(body, "-y"), 0.5, Allowed())
     helped = 0

@@ -18,7 +18,7 @@ from holdfast.errors import InputError
 from holdfast.hand_regions import HandRegions, regions_of
 from holdfast.planning.regions.balance import imbalance, margin
 from holdfast.planning.regions.candidates import Candidate, Dropped, find_candidates, region_sets
-from holdfast.planning.regions.hand_shapes import HandShapes, _aligned, _poses
+from holdfast.planning.regions.hand_shapes import HandShapes, _aligned
 from holdfast.planning.regions.idle import placed, postures
 from holdfast.planning.regions.propose import Proposals, propose
 from holdfast.planning.regions.quick_look import QuickLook
@@ -170,7 +170,7 @@ def test_balance_does_not_depend_on_the_frame(seed: int, k: int) -> None:
 def test_many_poses_are_those_of_the_hand() -> None:
     random = np.random.default_rng(1)
     q = random.random((4, BARRETT.l))
-    poses = _poses(BARRETT, q)
+    poses = BARRETT.link_poses(q)
     for s in range(4):
         np.testing.assert_allclose(poses[:, s], BARRETT.link_poses(q[s]), atol=1e-12)
 

@@ -198,6 +198,7 @@ class Collisions:
         self.left_out = tuple(always_meeting(scene) if left_out is None else left_out)
         self._judged = tuple(pair for pair in scene.self_pairs if pair not in self.left_out)
         self._row = {pair: k for k, pair in enumerate(self._judged)}
+        self._judged_names, self._left_out_names = self._named(self._judged), self._named(self.left_out)
         self._surfaces: dict[Pair, _Surface] = {}
 
     def clearances(self, q: Array, object_pose: Array, requested: Sequence[Requested] = ()) -> Clearances:
@@ -221,9 +222,9 @@ class Collisions:
             to_object,
             tuple(r.link for r in requested),
             at_contacts,
-            self._named(self._judged),
+            self._judged_names,
             between,
-            self._named(self.left_out),
+            self._left_out_names,
             self.cutoff,
         )
 

@@ -51,24 +51,22 @@ class Joint:
             raise InputError(f"are {limits}; the lower one comes first", field=f"{self.name} limits")
 
     @cached_property
-    def _cross(self) -> Array:
+    def screw(self) -> Array:
+        """(3, 4, 4) factors of the motion: of the travel, of the turn's sine, of 1 - its cosine (Rodrigues)."""
+        out = np.zeros((3, 4, 4))
+        if self.type == "prismatic":
+            out[0, :3, 3] = self.axis
+            return out
         x, y, z = self.axis
-        return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-    @cached_property
-    def _cross_twice(self) -> Array:
-        return self._cross @ self._cross
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        for factor, turn in zip(out[1:], (cross, cross @ cross), strict=True):
+            factor[:3, :3], factor[:3, 3] = turn, -turn @ self.anchor
+        return out
 
     def motion(self, value: float) -> Array:
         """(4, 4) how far a joint value moves the link from where it stands at `ref`, link frame."""
-        T = np.eye(4)
-        if self.type == "prismatic":
-            T[:3, 3] = (value - self.ref) * self.axis
-            return T
-        angle = value - self.ref
-        T[:3, :3] += np.sin(angle) * self._cross + (1 - np.cos(angle)) * self._cross_twice  # Rodrigues
-        T[:3, 3] = self.anchor - T[:3, :3] @ self.anchor
-        return T
+        x = value - self.ref
+        return np.eye(4) + np.tensordot([x, np.sin(x), 1 - np.cos(x)], self.screw, axes=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,12 +140,12 @@ class Hand:
         """Number of joints."""
         return len(self.joints)
 
-    @property
+    @cached_property
     def link_names(self) -> tuple[str, ...]:
         """Names of the links, base first."""
         return tuple(link.name for link in self.links)
 
-    @property
+    @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints in the order of q."""
         return tuple(joint.name for joint in self.joints)
@@ -236,26 +234,39 @@ class Hand:
         """A configuration by joint name."""
         return {name: float(value) for name, value in zip(self.joint_names, q, strict=True)}
 
+    @cached_property
+    def _screws(self) -> tuple[Array, Array]:
+        """`ref` (l,) and `screw` (3, l, 4, 4) of all joints."""
+        screws = np.array([j.screw for j in self.joints]).reshape(-1, 3, 4, 4).swapaxes(0, 1)
+        return np.array([j.ref for j in self.joints]), screws
+
+    def motions(self, q: Array) -> Array:
+        """(l, ..., 4, 4) `Joint.motion` of every joint at q (..., l)."""
+        ref, (travel, turn, twice) = self._screws
+        x = (q - ref)[..., None, None]
+        return np.asarray(np.moveaxis(np.eye(4) + x * travel + np.sin(x) * turn + (1 - np.cos(x)) * twice, -3, 0))
+
     def link_poses(self, q: Array) -> Array:
-        """(n_links, 4, 4) link frames in the base frame at q (l,)."""
-        poses = np.empty((len(self.links), 4, 4))
+        """(n_links, ..., 4, 4) link frames in the base frame at q (..., l)."""
+        motions = self.motions(q)
+        poses = np.empty((len(self.links), *q.shape[:-1], 4, 4))
         for i, link in enumerate(self.links):
             T = poses[link.parent] @ link.pose if link.parent >= 0 else np.eye(4)
             for j in link.joints:
-                T = T @ self.joints[j].motion(q[j])
+                T = T @ motions[j]
             poses[i] = T
         return poses
 
     def joint_axes(self, q: Array) -> tuple[Array, Array]:
-        """Unit axes (l, 3) and points on them (l, 3) [m] in the base frame at q."""
+        """Unit axes (l, 3) and points on them (l, 3) [m] in the base frame at q (l,)."""
         axes, origins = np.zeros((self.l, 3)), np.zeros((self.l, 3))
-        poses = self.link_poses(q)
+        poses, motions = self.link_poses(q), self.motions(q)
         for link in self.links:
             T = poses[link.parent] @ link.pose if link.parent >= 0 else np.eye(4)
             for j in link.joints:
                 axes[j] = T[:3, :3] @ self.joints[j].axis
                 origins[j] = T[:3, :3] @ self.joints[j].anchor + T[:3, 3]
-                T = T @ self.joints[j].motion(q[j])
+                T = T @ motions[j]
         return axes, origins
 
     def moved_by(self, link: int) -> tuple[int, ...]:

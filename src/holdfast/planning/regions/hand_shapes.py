@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from holdfast.hand.coupling import coupled
-from holdfast.hand.model import Hand, Joint
+from holdfast.hand.model import Hand
 from holdfast.hand_regions import HandRegion
 from holdfast.mechanism import Array
 from holdfast.region import Cap
@@ -65,7 +65,7 @@ class HandShapes:
     def of(cls, hand: Hand, regions: tuple[HandRegion, ...], count: int, seed: int) -> HandShapes:
         """At `count` configurations, uniform within the limits, couplings kept."""
         q = _configurations(hand, count, np.random.default_rng(seed))
-        poses = _poses(hand, q)
+        poses = hand.link_poses(q)
         radii, slacks, points, axes = [], [], [], []
         for r in regions:
             round_tip = isinstance(r.region, Cap) and r.region.radius < ROUND
@@ -127,30 +127,6 @@ def _configurations(hand: Hand, count: int, random: np.random.Generator) -> Arra
     lower, upper = np.clip(hand.limits, -np.pi, np.pi).T
     q = lower + (upper - lower) * random.random((count, hand.l))
     return coupled(hand, q)
-
-
-def _poses(hand: Hand, q: Array) -> Array:
-    """(n_links, s, 4, 4) link frames in the base frame at q (s, l): `Hand.link_poses` for many configurations."""
-    out = np.empty((len(hand.links), len(q), 4, 4))
-    for i, link in enumerate(hand.links):
-        T = out[link.parent] @ link.pose if link.parent >= 0 else np.tile(np.eye(4), (len(q), 1, 1))
-        for j in link.joints:
-            T = T @ _motions(hand.joints[j], q[:, j])
-        out[i] = T
-    return out
-
-
-def _motions(joint: Joint, values: Array) -> Array:
-    """(s, 4, 4) `Joint.motion` for many values."""
-    from scipy.spatial.transform import Rotation
-
-    T, turns = np.tile(np.eye(4), (len(values), 1, 1)), (values - joint.ref)[:, None] * joint.axis
-    if joint.type == "prismatic":
-        T[:, :3, 3] = turns
-        return T
-    T[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
-    T[:, :3, 3] = joint.anchor - T[:, :3, :3] @ joint.anchor
-    return T
 
 
 def _aligned(here: Array, axes: Array, there: Array, inward: Array, arm: float) -> tuple[Array, Array, Array]:

@@ -109,7 +109,11 @@ class Judge:
         shares = [s if s > BALANCED else 0.0 for s in shares]
         if sum(shares[1:]) >= below:
             return None
-        q, clearances = self.unused.placed(solution, requests(solution))
+        requested = requests(solution)
+        clearances = self.collisions.clearances(solution.q, solution.pose, requested)
+        if self._depths(self.unused.without(clearances)) / DEEP + sum(shares[1:]) >= below:
+            return None
+        q, clearances = self.unused.placed(solution, clearances, requested)
         depths, rim = self._depths(clearances), 0.0
         if not (depths or shares[0]):  # asked last, it is the rarest fault
             rim = -float(rim_depth(relative_curvatures(solution), self.collisions.radius).max())

@@ -3,17 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from holdfast.collision import Clearances, Collisions, Requested
 from holdfast.hand.coupling import coupled, leader_ranges, led
-from holdfast.mechanism import Array
+from holdfast.mechanism import Array, Indices
 from holdfast.synthesis.answers import Solution
 from holdfast.synthesis.task import Task
 
 TRIES = 48  # postures of one finger
 SEED = 0
+SEEN = 1e-3  # [m] nothing further apart need be measured: only overlaps count
+
+
+@dataclass(frozen=True, eq=False)
+class Finger:
+    """A chain whose joints move no contact.
+
+    Attributes:
+        joints: (f,) those that lead themselves.
+        postures: (p, f) their values, nearest to 0 first.
+        links: what they move; pairs: those of the scene's pairs of links, if judged, with one of these links.
+    """
+
+    joints: list[int]
+    postures: Array
+    links: Indices
+    pairs: Indices
 
 
 class Unused:
@@ -26,7 +44,7 @@ class Unused:
 
     def __init__(self, task: Task, collisions: Collisions) -> None:
         self.task, self.collisions = task, collisions
-        hand = task.hand
+        hand, scene = task.hand, collisions.scene
         follows, ranges = led(hand), leader_ranges(hand)
         used = {follows[j][0] for j in task.involved.tolist()}
         free = [j for j, (lo, hi) in ranges.items() if j not in used and lo < hi]
@@ -34,47 +52,45 @@ class Unused:
         for j in free:
             first = next(hand.moved_by(i)[0] for i in range(len(hand.links)) if j in hand.moved_by(i))
             chains.setdefault(first, []).append(j)
-        self.fingers = list(chains.values())  # leaders, by finger
         rng = np.random.default_rng(SEED)
-        self._postures = []
-        for finger in self.fingers:
-            lo, hi = np.array([ranges[j] for j in finger]).T
+        self.fingers = []
+        for joints in chains.values():
+            lo, hi = np.array([ranges[j] for j in joints]).T
             rest = np.clip(0.0, lo, hi)
-            x = lo + rng.random((TRIES, len(finger))) * (hi - lo)
-            corners = np.array([hi, lo, (lo + hi) / 2])
-            x = np.vstack([corners, x])
-            self._postures.append(x[np.argsort(np.abs(x - rest).sum(axis=1), kind="stable")])
+            x = lo + rng.random((TRIES, len(joints))) * (hi - lo)
+            x = np.vstack([hi, lo, (lo + hi) / 2, x])
+            x = x[np.argsort(np.abs(x - rest).sum(axis=1), kind="stable")]
+            links = [i for i in range(len(hand.links)) if set(joints) & set(hand.moved_by(i))]
+            judged = [p not in collisions.left_out and bool({*p} & {*links}) for p in scene.self_pairs]
+            self.fingers.append(Finger(joints, x, np.array(links, dtype=np.intp), np.flatnonzero(judged)))
+        self._links = [i for finger in self.fingers for i in finger.links]
 
-    def placed(self, solution: Solution, requested: Sequence[Requested]) -> tuple[Array, Clearances]:
-        """All joints (l,), and the clearances there."""
+    def without(self, now: Clearances) -> Clearances:
+        """Clearances as if these fingers were not there."""
+        to_object = now.to_object.copy()
+        to_object[self._links] = now.cutoff
+        mine = {now.links[i] for i in self._links}
+        taken = np.array([bool(mine & {*pair}) for pair in now.pairs], dtype=bool)
+        return replace(now, to_object=to_object, between=np.where(taken, now.cutoff, now.between))
+
+    def placed(self, solution: Solution, now: Clearances, requested: Sequence[Requested]) -> tuple[Array, Clearances]:
+        """All joints (l,), and the clearances there; `now`: those of the solution."""
         q, pose = solution.q, solution.pose
-        now = self.collisions.clearances(q, pose, requested)
-        for finger, postures in zip(self.fingers, self._postures, strict=True):
-            links = self._links(finger)
-            worst = _worst(now, links)
-            if worst >= 0:
-                continue
-            for x in postures:
-                moved = self._with(q, finger, x)
-                there = self.collisions.clearances(moved, pose, requested)
-                if _worst(there, links) > worst:
-                    q, now, worst = moved, there, _worst(there, links)
-                if worst >= 0:
+        for finger in self.fingers:
+            worst = self._overlap(finger, q, pose)
+            for x in finger.postures:
+                if worst == 0.0:
                     break
-        return q, now
+                moved = q.copy()
+                moved[finger.joints] = x
+                moved = coupled(self.task.hand, moved)
+                there = self._overlap(finger, moved, pose)
+                if there < worst:
+                    q, worst = moved, there
+        return q, now if q is solution.q else self.collisions.clearances(q, pose, requested)
 
-    def _links(self, finger: list[int]) -> set[str]:
-        hand = self.task.hand
-        return {k.name for i, k in enumerate(hand.links) if set(finger) & set(hand.moved_by(i))}
-
-    def _with(self, q: Array, finger: list[int], values: Array) -> Array:
-        out = q.copy()
-        out[finger] = values
-        return coupled(self.task.hand, out)
-
-
-def _worst(c: Clearances, links: set[str]) -> float:
-    """The smallest distance that concerns some links, 0 if none is negative."""
-    mine = [d for name, d in zip(c.links, c.to_object.tolist(), strict=True) if name in links]
-    mine += [d for pair, d in zip(c.pairs, c.between.tolist(), strict=True) if links & set(pair)]
-    return min([0.0, *mine])
+    def _overlap(self, finger: Finger, q: Array, pose: Array) -> float:
+        """[m] how deep a finger is in anything, 0 if it is clear."""
+        to_object, between = self.collisions.scene.clearances(q, pose, SEEN)
+        nearest = min(to_object[finger.links].min(initial=0.0), between[finger.pairs].min(initial=0.0))
+        return max(0.0, -float(nearest))
