@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -236,15 +237,16 @@ class Hand:
 
     @cached_property
     def _screws(self) -> tuple[Array, Array]:
-        """`ref` (l,) and `screw` (3, l, 4, 4) of all joints."""
-        screws = np.array([j.screw for j in self.joints]).reshape(-1, 3, 4, 4).swapaxes(0, 1)
-        return np.array([j.ref for j in self.joints]), screws
+        """`ref` (l,) and `screw` (3, l, 1, 4, 4) of all joints."""
+        screws = np.array([j.screw for j in self.joints]).reshape(-1, 3, 1, 4, 4).swapaxes(0, 1)
+        return np.array([j.ref for j in self.joints]), np.ascontiguousarray(screws)
 
     def motions(self, q: Array) -> Array:
         """(l, ..., 4, 4) `Joint.motion` of every joint at q (..., l)."""
         ref, (travel, turn, twice) = self._screws
-        x = (q - ref)[..., None, None]
-        return np.asarray(np.moveaxis(np.eye(4) + x * travel + np.sin(x) * turn + (1 - np.cos(x)) * twice, -3, 0))
+        x = (q - ref).reshape(math.prod(q.shape[:-1]), self.l).T[:, :, None, None]
+        T = np.eye(4) + x * travel + np.sin(x) * turn + (1 - np.cos(x)) * twice
+        return np.asarray(T.reshape(self.l, *q.shape[:-1], 4, 4))
 
     def link_poses(self, q: Array) -> Array:
         """(n_links, ..., 4, 4) link frames in the base frame at q (..., l)."""
