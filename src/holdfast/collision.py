@@ -19,6 +19,7 @@ import numpy as np
 
 from holdfast.errors import InputError
 from holdfast.grasp import unit
+from holdfast.hand.coupling import coupled
 from holdfast.mechanism import Array, frozen
 from holdfast.scene import Near, Scene, checked_pose
 from holdfast.shape import Shape, transform
@@ -326,11 +327,7 @@ def always_meeting(scene: Scene, *, count: int = SAMPLES, seed: int = 0) -> tupl
     for _ in range(count):
         if not left:
             break
-        q = lower + rng.random(hand.l) * (upper - lower)
-        for _ in hand.couplings:
-            for c in hand.couplings:
-                q[c.joint] = c.offset + (c.ratio * q[c.leader] if c.leader >= 0 else 0.0)
-        q = np.clip(q, lower, upper)
+        q = np.clip(coupled(hand, lower + rng.random(hand.l) * (upper - lower)), lower, upper)
         left &= {(m.first, m.second) for m in scene.meetings(q, STEP) if m.distance < 0}
     return tuple(sorted(left))
 

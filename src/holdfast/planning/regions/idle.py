@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from holdfast.hand.coupling import coupled, led
 from holdfast.hand.model import Hand
 from holdfast.mechanism import Array
 
@@ -41,12 +42,7 @@ def postures(hand: Hand, links: Sequence[str]) -> list[dict[str, float]]:
 
 def placed(hand: Hand, q: Array, values: dict[str, float]) -> Array:
     """(l,) a configuration with some joints set and those that follow them after them, within their limits."""
-    q, moved = q.copy(), {hand.joint(name) for name in values}
-    for name, value in values.items():
-        q[hand.joint(name)] = value
-    for _ in hand.couplings:
-        for c in hand.couplings:
-            if c.leader in moved:
-                q[c.joint] = np.clip(c.ratio * q[c.leader] + c.offset, *hand.limits[c.joint])
-                moved.add(c.joint)
-    return q
+    q, moved = q.copy(), [hand.joint(name) for name in values]
+    q[moved] = list(values.values())
+    after = np.clip(coupled(hand, q), *hand.limits.T)
+    return np.where([leader in moved and leader != j for j, (leader, _, _) in led(hand).items()], after, q)
