@@ -27,6 +27,10 @@ from holdfast.synthesis.engine.taylor import WIDER, element, norm, spread, works
 PAD = 1e-12  # of the sizes that meet in a row: far more than a few hundred roundings
 AGAIN = 0.7  # a box that has shrunk to this share in some coordinate is looked at again
 LOOKS = 3
+TWIST = (  # slots of `twist`: the sum of the product of the second and third, and of the last (-1: none)
+    (8, 0, 1, 4), (9, 2, 3, 5), (10, 8, 9, -1), (10, 6, 7, 10), (11, 0, 0, -1), (12, 2, 2, -1),
+    (13, 11, 12, 10), (11, 1, 1, -1), (12, 3, 3, -1), (14, 11, 12, 13), (13, 0, 2, 14), (14, 1, 3, 13),
+)  # fmt: skip
 TURN = 0.3  # units of length that a radian of a direction counts for when a coordinate is chosen to split
 
 
@@ -64,6 +68,13 @@ def narrow(value, g, lo, hi, low, high, use):  # type: ignore[no-untyped-def]
         if low[i] > high[i]:
             return False
     return True
+
+
+@inner
+def copy(box, out):  # type: ignore[no-untyped-def]
+    """A box (n, 2) into another; assigning it whole compiles the texts of numpy's errors for 8 s."""
+    for i in range(box.shape[0]):
+        out[i, 0], out[i, 1] = box[i, 0], box[i, 1]
 
 
 @inner
@@ -117,15 +128,15 @@ def scalar(slot, value, rem, h, use, X, GX):  # type: ignore[no-untyped-def]
 
 
 @inner
-def product(slot, va, ga, ma, vb, gb, eb, sb, h, use, X, GX):  # type: ignore[no-untyped-def]
-    """Scalar product of unit vectors a, b: derivatives (n, 3), remainders and how far they stray (ma: both)."""
+def product(slot, va, ga, ea, sa, vb, gb, eb, sb, h, use, X, GX):  # type: ignore[no-untyped-def]
+    """Scalar product of unit vectors a, b: derivatives (n, 3), remainders and how far they stray."""
     for i in use:
         total = 0.0
         for c in range(3):
             total += va[c] * gb[i, c] + vb[c] * ga[i, c]
         GX[slot, i] = total
     value = va[0] * vb[0] + va[1] * vb[1] + va[2] * vb[2]
-    scalar(slot, value, ma[0] + eb + ma[1] * sb, h, use, X, GX)
+    scalar(slot, value, ea + eb + sa * sb, h, use, X, GX)
 
 
 @inner
@@ -229,19 +240,16 @@ def twist(slack_i, slack_j, low, high, h, use, X, GX):  # type: ignore[no-untype
     if not n2 > 1e-8 or w * ci + v * cj + np.sqrt(n2) > 0:
         return True
     n0 = np.sqrt(n2)
-    combine(8, -1.0, 0, 1, 1.0, 4, 0.0, h, use, X, GX)
-    combine(9, -1.0, 2, 3, 1.0, 5, 0.0, h, use, X, GX)
-    combine(10, 1.0, 8, 9, 0.0, -1, 0.0, h, use, X, GX)
-    combine(10, 1.0, 6, 7, 1.0, 10, 0.0, h, use, X, GX)
     f = 1 / (2 * n0)
-    combine(11, -1.0, 0, 0, 0.0, -1, 1.0, h, use, X, GX)
-    combine(12, -1.0, 2, 2, 0.0, -1, 1.0, h, use, X, GX)
-    combine(13, f * w * w, 11, 12, 2 * f * w * v, 10, 0.5 * n0, h, use, X, GX)
-    combine(11, -1.0, 1, 1, 0.0, -1, 1.0, h, use, X, GX)
-    combine(12, -1.0, 3, 3, 0.0, -1, 1.0, h, use, X, GX)
-    combine(14, f * v * v, 11, 12, 1.0, 13, 0.0, h, use, X, GX)
-    combine(13, w, 0, 2, 1.0, 14, 0.0, h, use, X, GX)
-    combine(14, v, 1, 3, 1.0, 13, -w * np.cos(slack_i) - v * np.cos(slack_j), h, use, X, GX)
+    weight = (
+        (-1.0, 1.0, 0.0), (-1.0, 1.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0),
+        (f * w * w, 2 * f * w * v, 0.5 * n0), (-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), (f * v * v, 1.0, 0.0),
+        (w, 1.0, 0.0), (v, 1.0, -w * np.cos(slack_i) - v * np.cos(slack_j)),
+    )  # fmt: skip
+    for row in range(12):
+        slot, x, y, z = TWIST[row]
+        first, second, constant = weight[row]
+        combine(slot, first, x, y, second, z, constant, h, use, X, GX)
     return narrow(X[14, 0], GX[14], -np.inf, X[14, 1], low, high, use)
 
 
@@ -329,7 +337,7 @@ def spins(d, e, stray, V, swing, slack, arcs):  # type: ignore[no-untyped-def]
 def between(a, b):  # type: ignore[no-untyped-def]
     """Distance of two angles on the circle."""
     off = (a - b) / (2 * np.pi)
-    return abs(off - np.round(off)) * 2 * np.pi
+    return abs(off - np.floor(off + 0.5)) * 2 * np.pi
 
 
 @inner
@@ -367,8 +375,10 @@ def line(a, b, count, V, D, E, swing, slack, low, high, h, use, S):  # type: ign
             if not (mu[0, 0] < 1 and mu[1, 0] < 1):
                 return True
             ready = True
-        product(0, u[0], gu[0], mu[0], V[i, 1], D[i, 1], E[i, 1], swing[i, 1], h, use, X, GX)
-        product(2, u[1], gu[1], mu[1], V[i, 3], D[i, 3], E[i, 3], swing[i, 3], h, use, X, GX)
+        for side in range(2):
+            m = 1 + 2 * side
+            product(2 * side, u[side], gu[side], mu[side, 0], mu[side, 1], V[i, m], D[i, m], E[i, m], swing[i, m],
+                    h, use, X, GX)  # fmt: skip
         if not directions(0, 2, slack[i], low, high, h, use, X, GX):
             return False
         for j in range(i):
@@ -377,11 +387,11 @@ def line(a, b, count, V, D, E, swing, slack, low, high, h, use, S):  # type: ign
                 continue
             if min(arcs[i, 3], arcs[j, 3]) < 0 or between(arcs[i, 2], arcs[j, 2]) < arcs[i, 3] + arcs[j, 3]:
                 continue
-            product(1, u[0], gu[0], mu[0], V[j, 1], D[j, 1], E[j, 1], swing[j, 1], h, use, X, GX)
-            product(3, u[1], gu[1], mu[1], V[j, 3], D[j, 3], E[j, 3], swing[j, 3], h, use, X, GX)
             for side in range(2):
                 m = 1 + 2 * side
-                product(4 + side, V[i, m], D[i, m], (E[i, m], swing[i, m]), V[j, m], D[j, m], E[j, m], swing[j, m],
+                product(1 + 2 * side, u[side], gu[side], mu[side, 0], mu[side, 1], V[j, m], D[j, m], E[j, m],
+                        swing[j, m], h, use, X, GX)  # fmt: skip
+                product(4 + side, V[i, m], D[i, m], E[i, m], swing[i, m], V[j, m], D[j, m], E[j, m], swing[j, m],
                         h, use, X, GX)  # fmt: skip
                 triple(6 + side, u[side], gu[side], mu[side], V[i, m], D[i, m], E[i, m], swing[i, m],
                        V[j, m], D[j, m], E[j, m], swing[j, m], h, use, X, GX)  # fmt: skip
@@ -422,7 +432,7 @@ def examine(box, flat, subset, use, bend, slack, S):  # type: ignore[no-untyped-
                     continue
                 for side in range(2):
                     m = 1 + 2 * side
-                    product(4 + side, V[i, m], D[i, m], (E[i, m], swing[i, m]), V[j, m], D[j, m], E[j, m],
+                    product(4 + side, V[i, m], D[i, m], E[i, m], swing[i, m], V[j, m], D[j, m], E[j, m],
                             swing[j, m], h, use, X, GX)  # fmt: skip
                 if not directions(4, 5, both, low, high, h, use, X, GX):
                     return -1, 0.0
@@ -470,7 +480,8 @@ def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolut
         elif flat.hand[k] != PATCH:
             slack[a] = np.pi if flat.cone[k] <= -1 else np.arccos(flat.cone[k]) + PAD
     for c in range(cones.shape[0]):
-        V[contacts + c, 1] = cones[c, 1:4]
+        for i in range(3):
+            V[contacts + c, 1, i] = cones[c, 1 + i]
         V[contacts + c, 3, int(cones[c, 0])] = 1.0
         slack[contacts + c] = cones[c, 4]
     L = (
@@ -487,14 +498,14 @@ def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolut
         if split < 0:
             continue
         if stray < resolution:
-            kept[found] = box
+            copy(box, kept[found])
             kept_share[found] = share[count]
             found += 1
             continue
         middle = 0.5 * (box[split, 0] + box[split, 1])
         share[count] *= 0.5
         share[count + 1] = share[count]
-        stack[count + 1] = box
+        copy(box, stack[count + 1])
         stack[count, split, 0] = middle
         stack[count + 1, split, 1] = middle
         count += 2
