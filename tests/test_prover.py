@@ -17,7 +17,7 @@ from holdfast.errors import InputError
 from holdfast.region import Bezier, Cap
 from holdfast.synthesis.bends import CELLS, bounds
 from holdfast.synthesis.boxes import Boxes, Hub, Part
-from holdfast.synthesis.engine.hub import turning
+from holdfast.synthesis.engine.pose import turning
 from holdfast.synthesis.problem import Problem
 from holdfast.synthesis.prover import POSES, Prover
 from holdfast.synthesis.starts import Starts

@@ -29,6 +29,7 @@ from holdfast.synthesis.problem import Problem
 SLICE = 20  # calls before another search has its turn, doubled each time round
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
 POSES = "poses"  # name of the search of the hub
+CHEAP = 3  # times as many calls for the poses, whose boxes cost a fraction of the others
 FROM = 3  # contacts, for the hub: with two of them the pose is too free
 
 
@@ -150,23 +151,24 @@ class Prover:
     def _turns(self) -> Iterator[None]:
         """Step by step: each set of contacts in its turn, and after each the one that has come farthest.
 
-        The poses come last in the first round, which settles what is far from possible, and have half of the time
-        afterwards. A search with a small box left can no longer become empty and has no more turns; the set of
-        all contacts has some, since its small boxes are where configurations may be.
+        The poses come last in the first round, which settles what is far from possible, and after every turn of a
+        set in the others. A search with a small box left can no longer become empty and has no more turns; the
+        set of all contacts has some, since its small boxes are where configurations may be.
         """
         steps = SLICE
-        while open_ones := [name for name in self.searches if self._open(name)]:
-            for name in open_ones:
-                farthest = max(open_ones, key=lambda s: self.searches[s].state.discarded)
-                turns = [name, farthest] if steps == SLICE else [name, POSES, farthest, POSES]
-                for turn in dict.fromkeys(turns) if steps == SLICE else turns:
-                    if turn in open_ones:
-                        yield from self._turn(turn, steps)
+        while any(map(self._open, self.searches)):
+            for name in filter(self._open, self.searches):
+                sets = [s for s in self.searches if s != POSES and self._open(s)]
+                farthest = max(sets, key=lambda s: self.searches[s].state.discarded, default=name)
+                for turn in dict.fromkeys((name, farthest)):
+                    yield from self._turn(turn, steps)
+                    if steps > SLICE:
+                        yield from self._turn(POSES, CHEAP * steps)
             steps *= 2
 
     def _turn(self, name: str, steps: int) -> Iterator[None]:
-        self._compile(self.domains[name])
-        if self._open(name):
+        if name in self.searches and self._open(name):
+            self._compile(self.domains[name])
             for done, _ in enumerate(self.searches[name]):
                 yield
                 if done + 1 >= steps or not self._open(name):

@@ -22,74 +22,14 @@ from numba import njit
 
 from holdfast.synthesis.engine.balls import inner
 from holdfast.synthesis.engine.geometry import PATCH
+from holdfast.synthesis.engine.rows import AGAIN, LOOKS, PAD, TURN, angle, center, copy, narrow, swept, taken
+from holdfast.synthesis.engine.spins import between, spins
 from holdfast.synthesis.engine.taylor import WIDER, element, norm, spread, workspace
 
-PAD = 1e-12  # of the sizes that meet in a row: far more than a few hundred roundings
-AGAIN = 0.7  # a box that has shrunk to this share in some coordinate is looked at again
-LOOKS = 3
 TWIST = (  # slots of `twist`: the sum of the product of the second and third, and of the last (-1: none)
     (8, 0, 1, 4), (9, 2, 3, 5), (10, 8, 9, -1), (10, 6, 7, 10), (11, 0, 0, -1), (12, 2, 2, -1),
     (13, 11, 12, 10), (11, 1, 1, -1), (12, 3, 3, -1), (14, 11, 12, 13), (13, 0, 2, 14), (14, 1, 3, 13),
 )  # fmt: skip
-TURN = 0.3  # units of length that a radian of a direction counts for when a coordinate is chosen to split
-
-
-@inner
-def narrow(value, g, lo, hi, low, high, use):  # type: ignore[no-untyped-def]
-    """Narrow [low, high] by: value + sum_i g_i d_i + e = 0 for some e in [lo, hi]. False if nothing is left."""
-    least, most = value + lo, value + hi
-    size = abs(value)
-    for i in use:
-        if g[i] > 0:
-            least += g[i] * low[i]
-            most += g[i] * high[i]
-        else:
-            least += g[i] * high[i]
-            most += g[i] * low[i]
-        size += abs(g[i]) * max(abs(low[i]), abs(high[i]))
-    pad = PAD * size
-    least -= pad
-    most += pad
-    if least > 0 or most < 0:
-        return False
-    for i in use:
-        if g[i] == 0:
-            continue
-        if g[i] > 0:
-            # the rest is at least least - g low, so that g d <= -(that)
-            top, bottom = -(least - g[i] * low[i]) / g[i], -(most - g[i] * high[i]) / g[i]
-        else:
-            top, bottom = -(most - g[i] * low[i]) / g[i], -(least - g[i] * high[i]) / g[i]
-        fuzz = 4 * pad / abs(g[i]) + PAD * abs(top) + PAD * abs(bottom)
-        if top + fuzz < high[i]:
-            high[i] = top + fuzz
-        if bottom - fuzz > low[i]:
-            low[i] = bottom - fuzz
-        if low[i] > high[i]:
-            return False
-    return True
-
-
-@inner
-def copy(box, out):  # type: ignore[no-untyped-def]
-    """A box (n, 2) into another; assigning it whole compiles the texts of numpy's errors for 8 s."""
-    for i in range(box.shape[0]):
-        out[i, 0], out[i, 1] = box[i, 0], box[i, 1]
-
-
-@inner
-def angle(a, b):  # type: ignore[no-untyped-def]
-    """Between two vectors, accurate also near 0 and pi."""
-    c0, c1, c2 = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    return np.arctan2(np.sqrt(c0 * c0 + c1 * c1 + c2 * c2), a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
-@inner
-def swept(length, dev):  # type: ignore[no-untyped-def]
-    """Largest angle between a vector of a length and one that differs by at most dev."""
-    if dev >= 0.999 * length:
-        return np.pi
-    return dev / np.sqrt(length * length - dev * dev) * WIDER + PAD  # the tangent, more than the angle
 
 
 @inner
@@ -254,93 +194,6 @@ def twist(slack_i, slack_j, low, high, h, use, X, GX):  # type: ignore[no-untype
 
 
 @inner
-def azimuth(v, e1, e2):  # type: ignore[no-untyped-def]
-    """Angle of v about an axis with e1, e2 across it."""
-    return np.arctan2(v[0] * e2[0] + v[1] * e2[1] + v[2] * e2[2], v[0] * e1[0] + v[1] * e1[1] + v[2] * e1[2])
-
-
-@inner
-def across(d, e1, e2):  # type: ignore[no-untyped-def]
-    """Two unit vectors e1, e2 that make a right-handed frame with d."""
-    l = 0
-    for i in range(1, 3):
-        if abs(d[i]) < abs(d[l]):
-            l = i
-    size = norm(d)
-    along = d[l] / (size * size)
-    for i in range(3):
-        e1[i] = (1.0 if i == l else 0.0) - along * d[i]
-    f = norm(e1)
-    for i in range(3):
-        e1[i] /= f
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        e2[i] = (d[j] * e1[k] - d[k] * e1[j]) / size
-
-
-@inner
-def arc(theta, phi, slack):  # type: ignore[no-untyped-def]
-    """Half width of the spins about a line that bring two directions within `slack`; -1: none, 4: all.
-
-    theta, phi: their angles from the line.
-    """
-    if slack < abs(theta - phi) - PAD:
-        return -1.0
-    both = min(theta + phi, 2 * np.pi - theta - phi)
-    if slack >= both - 1e-7:
-        return 4.0
-    c = (np.cos(slack) - np.cos(theta) * np.cos(phi)) / (np.sin(theta) * np.sin(phi))
-    # near the ends the cosine's inverse magnifies rounding
-    return np.arccos(min(1.0, max(-1.0, c - 1e-9))) + 1e-9
-
-
-@inner
-def spins(d, e, stray, V, swing, slack, arcs):  # type: ignore[no-untyped-def]
-    """Is there a spin of the object about the line between two contacts that suits every direction?
-
-    A turn R with R e' = d' for a line e' near e and d' near d differs from one with R e = d by at most both
-    angles; so with slacks wider by these, `stray`, and by what each direction strays, `swing` (., 4), the
-    middles tell. Out, arcs (., 5) for each direction: angles from the line on the hand and on the object,
-    middle of its spins, half their width at the middle of the box and in the whole box.
-    """
-    many = slack.shape[0]
-    e1, e2, f1, f2 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    across(d, e1, e2)
-    across(e, f1, f2)
-    for c in range(many):
-        v, o = V[c, 1], V[c, 3]
-        arcs[c, 0], arcs[c, 1] = angle(d, v), angle(e, o)
-        wide = slack[c] + stray + swing[c, 1] + swing[c, 3]
-        arcs[c, 4] = arc(arcs[c, 0], arcs[c, 1], wide)
-        if arcs[c, 4] < 0:
-            return False
-        arcs[c, 3] = arc(arcs[c, 0], arcs[c, 1], slack[c])
-        arcs[c, 2] = azimuth(v, e1, e2) - azimuth(o, f1, f2)
-    # if the arcs have a spin in common, then also the begin of one of them
-    bounded = False
-    for i in range(many):
-        if arcs[i, 4] >= np.pi:
-            continue
-        bounded = True
-        begin = arcs[i, 2] - arcs[i, 4]
-        fine = True
-        for j in range(many):
-            if arcs[j, 4] < np.pi and between(begin, arcs[j, 2]) > arcs[j, 4] + PAD:
-                fine = False
-                break
-        if fine:
-            return True
-    return not bounded
-
-
-@inner
-def between(a, b):  # type: ignore[no-untyped-def]
-    """Distance of two angles on the circle."""
-    off = (a - b) / (2 * np.pi)
-    return abs(off - np.floor(off + 0.5)) * 2 * np.pi
-
-
-@inner
 def line(a, b, count, V, D, E, swing, slack, low, high, h, use, S):  # type: ignore[no-untyped-def]
     """Narrow by the line between contacts a and b: its length, and the spins about it. False if impossible."""
     P, Q, g, u, gu, mu, X, GX, arcs = S
@@ -411,11 +264,7 @@ def examine(box, flat, subset, use, bend, slack, S):  # type: ignore[no-untyped-
     X, GX = L[6], L[7]
     count, many = subset.shape[0], slack.shape[0]
     for _ in range(LOOKS):
-        for i in use:
-            middle = 0.5 * (box[i, 0] + box[i, 1])
-            x[i] = middle
-            h[i] = max(box[i, 1] - middle, middle - box[i, 0]) * WIDER
-            low[i], high[i] = -h[i], h[i]
+        center(box, use, x, h, low, high)
         for a in range(count):
             element(subset[a], x, h, flat, bend, V[a], D[a], E[a], W)
             for c in (1, 3):
@@ -436,18 +285,9 @@ def examine(box, flat, subset, use, bend, slack, S):  # type: ignore[no-untyped-
                             swing[j, m], h, use, X, GX)  # fmt: skip
                 if not directions(4, 5, both, low, high, h, use, X, GX):
                     return -1, 0.0
-        shrunk = 1.0
-        for i in use:
-            width = box[i, 1] - box[i, 0]
-            if width <= 0:
-                continue
-            new_low, new_high = x[i] + low[i], x[i] + high[i]
-            fuzz = 4e-16 * (abs(new_low) + abs(new_high) + h[i])
-            box[i, 0] = max(box[i, 0], new_low - fuzz)
-            box[i, 1] = min(box[i, 1], new_high + fuzz)
-            if box[i, 0] > box[i, 1]:
-                return -1, 0.0
-            shrunk = min(shrunk, (box[i, 1] - box[i, 0]) / width)
+        shrunk = taken(box, use, x, h, low, high)
+        if shrunk < 0:
+            return -1, 0.0
         if shrunk > AGAIN:
             break
     best, worst = -1, -1.0
