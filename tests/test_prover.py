@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -198,8 +199,8 @@ def alone(prover: Prover, state: dict | None = None, calls: int | None = None) -
 
 
 def impossible() -> Task:
-    """The turned region of an incision far from where it can be."""
-    return moved(load_task("scalpel-incision"), 3, [0.0, 0.0, 0.2])
+    """A region of an incision far from where it can be."""
+    return moved(load_task("scalpel-incision"), 3, [0.0, 0.0, 0.4])
 
 
 def test_the_poses_alone_show_that_a_hold_is_impossible():
@@ -242,11 +243,16 @@ def test_two_contacts_have_no_search_of_poses():
     assert POSES not in Prover(Problem.of(pinch()), workers=1).domains
 
 
+@cache
+def posed() -> tuple[Problem, Hub]:
+    problem = Problem.of(impossible())
+    return problem, Hub(problem, np.zeros((4, 2, 1, 1, 10)))
+
+
 @settings(max_examples=200, derandomize=True, deadline=None)
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1))
 def test_charts_hold_every_pose(q: list[float]):
-    problem = Problem.of(impossible())
-    domain = Hub(problem, np.zeros((4, 2, 1, 1, 10)))
+    problem, domain = posed()
     x = 0.5 * (problem.flat.lower + problem.flat.upper)
     x[domain.at + 3 : domain.at + 7] = q
     y = domain.coordinates(x)
