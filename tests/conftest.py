@@ -19,7 +19,7 @@ KERNELS = (  # each in a process of its own: every kernel is compiled once, not 
     "Walks(Starts(Problem.of(load_task('scalpel-upholding')), 0))",
     "from holdfast import check, load_grasp, load_task; check(load_grasp('fig1'), [0, 1, 0, 0, 0, 0]);"
     "from holdfast.synthesis.problem import Problem; from holdfast.synthesis.prover import Prover;"
-    "Prover(Problem.of(load_task('scalpel-upholding'))).run(seconds=0.1)",
+    "Prover(Problem.of(load_task('scalpel-handling'))).run(seconds=0.1)",
 )
 
 

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import njit
+from scipy.spatial.transform import Rotation
 
 from holdfast.branch import Discarded, Search
 from holdfast.errors import InputError
 from holdfast.region import Bezier, Cap
+from holdfast.synthesis.bends import CELLS, bounds
+from holdfast.synthesis.boxes import Boxes, Hub, Part
+from holdfast.synthesis.engine.pose import turning
 from holdfast.synthesis.problem import Problem
-from holdfast.synthesis.prover import CELLS, Part, Prover, bounds
+from holdfast.synthesis.prover import POSES, Prover
 from holdfast.synthesis.starts import Starts
 from holdfast.synthesis.task import PoseBounds, Task
 from holdfast.synthesis.task_file import load_task
@@ -23,19 +31,20 @@ from test_synthesis_kernel import coordinates, everything
 TASKS = ("scalpel-handling", "teapot-service", "guitar-holding")
 
 
-def about(problem: Problem, x: np.ndarray, size: float, rng: np.random.Generator) -> Part:
-    """A box around x, which lies anywhere in it."""
-    flat = problem.flat
-    lower = np.maximum(flat.lower, x - size * rng.random(problem.n))
-    return Part(np.column_stack([lower, np.minimum(flat.upper, x + size * rng.random(problem.n))]), 1.0)
+def about(domain: Boxes, x: np.ndarray, size: float, rng: np.random.Generator) -> Part:
+    """A box around x, in the domain's coordinates, which lies anywhere in it."""
+    root = next(p.box for p in domain.roots if ((p.box[:, 0] <= x) & (x <= p.box[:, 1]))[domain.use].all())
+    lower = np.maximum(root[:, 0], x - size * rng.random(len(x)))
+    return Part(np.column_stack([lower, np.minimum(root[:, 1], x + size * rng.random(len(x)))]), 1.0)
 
 
-def kept(prover: Prover, x: np.ndarray, part: Part, budget: int) -> bool:
-    """Does every set of contacts keep the solution x?"""
+def kept(prover: Prover, x: np.ndarray, size: float, rng: np.random.Generator, budget: int) -> bool:
+    """Does every search keep the solution x?"""
     for domain in prover.domains.values():
-        left = getattr(domain.examine(part, budget=budget), "children", ())
-        use = domain.use
-        if not any(((p.box[use, 0] <= x[use]) & (x[use] <= p.box[use, 1])).all() for p in left):
+        y = domain.coordinates(x)
+        left = getattr(domain.examine(about(domain, y, size, rng), budget=budget), "children", ())
+        use = domain.concern
+        if not any(((p.box[use, 0] <= y[use]) & (y[use] <= p.box[use, 1])).all() for p in left):
             return False
     return True
 
@@ -48,7 +57,7 @@ def test_never_discards_a_box_around_a_solution(name: str):
     assert len(found) == 20
     for certified in found:
         for size in (2.0, 0.3, 0.05, 1e-3):
-            assert kept(prover, certified.x, about(problem, certified.x, size, rng), budget=40)
+            assert kept(prover, certified.x, size, rng, budget=40)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -59,9 +68,9 @@ def test_never_discards_a_planted_solution_with_every_kind_of_joint_and_region(s
     task = replace(planted.task, pose=PoseBounds(bound, axes))
     problem = Problem.of(task)
     prover, rng = Prover(problem, workers=1), np.random.default_rng(seed)
-    assert len(prover.domains) == 2**6 - 1 - 6  # five contacts and the object's origin
+    assert len(prover.domains) == 2**6 - 1 - 6 + 1  # five contacts and the object's origin, and the poses
     x = coordinates(replace(planted, task=task), problem)
-    assert all(kept(prover, x, about(problem, x, size, rng), budget=20) for size in (1.0, 0.1, 1e-3))
+    assert all(kept(prover, x, size, rng, budget=20) for size in (1.0, 0.1, 1e-3))
 
 
 def moved(task: Task, k: int, by: list[float]) -> Task:
@@ -123,7 +132,7 @@ def test_goes_on_from_a_saved_state_to_the_same_end():
     assert second.empty
     assert second.nodes == whole.nodes
     other = Prover(Problem.of(grip(0.05)), workers=1)
-    with pytest.raises(InputError, match=r"box: has \d+ intervals, needs \d+|of another task"):
+    with pytest.raises(InputError, match=r"box: has \d+ intervals, needs \d+|has other searches"):
         other.restore(state)
 
 
@@ -136,7 +145,7 @@ def test_small_boxes_are_set_aside_undecided():
 
 def test_the_share_that_is_discarded_adds_up():
     domain = next(iter(Prover(Problem.of(moved(pinch(0.03), 0, [0, 0.14, 0])), workers=1).domains.values()))
-    search = Search(domain, [domain.root])
+    search = Search(domain, domain.roots)
     for state in search:
         left = sum(p.share for p in search.pending)
         assert state.discarded + left == pytest.approx(1.0, abs=1e-12)
@@ -174,3 +183,104 @@ def test_constants_bound_the_derivatives_of_regions(seed: int):
             assert length >= 0.3 * surfaces[i, j, k] or sum(order) == 2  # bounds, but not idle ones
     cap = Cap([0, 0, 0], 0.02, [0, 0, 1], 1.0)
     assert bounds(cap)[0].max() == 0.02
+
+
+# --- pose by pose ---------------------------------------------------------------------------------
+
+
+def alone(prover: Prover, state: dict | None = None, calls: int | None = None) -> Search:
+    """The search of the poses alone, to its end or for some calls."""
+    domain = prover.domains[POSES]
+    search = Search.restored(domain, state) if state else Search(domain, domain.roots)
+    for n, _ in enumerate(search):
+        if n + 1 == calls or search.state.unfinished:
+            break
+    return search
+
+
+def impossible() -> Task:
+    """A region of an incision far from where it can be."""
+    return moved(load_task("scalpel-incision"), 3, [0.0, 0.0, 0.4])
+
+
+def test_the_poses_alone_show_that_a_hold_is_impossible():
+    problem = Problem.of(impossible())
+    search = alone(Prover(problem, workers=1))
+    assert search.state.pending == 0
+    assert not search.state.unfinished
+    assert search.state.discarded == pytest.approx(1.0)
+    whole = Prover(problem, workers=1)
+    whole.searches = {POSES: whole.searches[POSES]}
+    done = whole.run()
+    assert done.empty
+    assert done.by == "all contacts, pose by pose"
+
+
+def test_the_poses_go_on_from_the_middle():
+    prover = Prover(Problem.of(impossible()), workers=1)
+    whole = alone(prover)
+    stopped = alone(prover, calls=3)
+    assert stopped.state.pending
+    again = alone(prover, json.loads(json.dumps(stopped.save())))
+    assert not again.state.pending
+    assert (again.state.nodes, again.state.steps) == (whole.state.nodes, whole.state.steps)
+
+
+def test_the_poses_of_a_possible_hold_are_not_discarded():
+    search = alone(Prover(Problem.of(load_task("scalpel-handling")), workers=1), calls=30)
+    assert search.state.pending or search.state.unfinished
+
+
+def test_states_of_other_searches_are_refused():
+    prover = Prover(Problem.of(impossible()), workers=1)
+    state = prover.save()
+    del state["sets"][POSES]
+    with pytest.raises(InputError, match="it lacks poses; start anew"):
+        prover.restore(state)
+
+
+def test_two_contacts_have_no_search_of_poses():
+    assert POSES not in Prover(Problem.of(pinch()), workers=1).domains
+
+
+@cache
+def posed() -> tuple[Problem, Hub]:
+    problem = Problem.of(impossible())
+    return problem, Hub(problem, np.zeros((4, 2, 1, 1, 10)))
+
+
+@settings(max_examples=200, derandomize=True, deadline=None)
+@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1))
+def test_charts_hold_every_pose(q: list[float]):
+    problem, domain = posed()
+    x = 0.5 * (problem.flat.lower + problem.flat.upper)
+    x[domain.at + 3 : domain.at + 7] = q
+    y = domain.coordinates(x)
+    inside = [bool(((p.box[:, 0] <= y) & (y <= p.box[:, 1])).all()) for p in domain.roots]
+    assert sum(inside) >= 1
+    back, there = (Rotation.from_quat(v[domain.at + 3 : domain.at + 7], scalar_first=True) for v in (x, y))
+    np.testing.assert_allclose(back.as_matrix(), there.as_matrix(), atol=1e-12)
+    origin = y[domain.at : domain.at + 3] - there.apply(domain.middle)
+    np.testing.assert_allclose(origin, x[domain.at : domain.at + 3], atol=1e-12)
+
+
+@njit
+def _turning(x, h, R, w):
+    return turning(x, h, 0, R, w)
+
+
+@settings(max_examples=100, derandomize=True, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from([1.0, 0.3, 0.03, 1e-3]), st.integers(0, 3))
+def test_the_polynomial_of_a_rotation_holds_its_points(seed: int, size: float, chart: int):
+    rng = np.random.default_rng(seed)
+    ends = np.sort(np.clip(rng.uniform(-1, 1, (4, 1)) + size * rng.uniform(-1, 1, (4, 2)), -1, 1), axis=1)
+    ends[chart] = 1.0
+    x, h, R, w = ends.mean(axis=1), np.ptp(ends, axis=1) / 2, np.zeros((3, 3)), np.zeros((4, 3))
+    theta, curve = _turning(x, h, R, w)
+    np.testing.assert_allclose(R, Rotation.from_quat(x, scalar_first=True).as_matrix(), atol=1e-14)
+    point = rng.normal(size=3)
+    d = h * rng.choice([-1.0, 1.0, *rng.uniform(-1, 1, 3)], (50, 4))
+    turned = Rotation.from_quat(x + d, scalar_first=True).apply(point)
+    linear = R @ point + d @ np.cross(w, R @ point)
+    assert (np.linalg.norm(turned - linear, axis=1) <= curve * np.linalg.norm(point)).all()
+    assert (np.linalg.norm(turned - R @ point, axis=1) <= theta * np.linalg.norm(point)).all()

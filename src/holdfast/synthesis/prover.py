@@ -3,6 +3,7 @@
 Any set of contacts that cannot be made together settles the task, so each pair, each triple and the whole set
 is searched on its own, in turns, over the joints and region parameters that concern it; the object's pose is
 eliminated (`engine.exclude`). Where the task bounds the object's position, its origin counts as a contact.
+With three contacts and more the poses are searched too: one at a time the fingers decouple (`engine.hub`).
 Every solution's coordinates lie in a box that was not discarded.
 """
 
@@ -11,103 +12,25 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import combinations, pairwise
-from typing import Annotated, Any, Literal
+from itertools import combinations
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from holdfast.branch import Discarded, Outcome, Search, Split, Unfinished
+from holdfast.branch import Search
 from holdfast.errors import InputError
 from holdfast.files import Strict, validate
-from holdfast.mechanism import Array, Indices
-from holdfast.region import Bezier, Cap, Region, differences, restrict
-from holdfast.synthesis.engine.exclude import explore
+from holdfast.mechanism import Array
+from holdfast.synthesis.bends import bends, cones
+from holdfast.synthesis.boxes import Boxes, Hub, Part, Together
 from holdfast.synthesis.problem import Problem
 
-STEP = 2000  # nodes of one call of the kernel
-SLICE = 20  # calls before another set of contacts has its turn, doubled each time round
-RESOLUTION = 1e-5  # [m] a box within which no point strays farther is set aside, undecided
+SLICE = 20  # calls before another search has its turn, doubled each time round
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
-DEEPEST = 4000  # boxes on a kernel's stack
-KEPT = 256  # small boxes of one call
-CELLS = 8  # each way, of a region: each has constants of its own
-UP = 1.0 + 1e-9  # over the rounding of the constants below
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """A box of one set of contacts.
-
-    Attributes:
-        box: (n, 2) of all coordinates; those that do not concern the set are not used.
-        share: of the set's whole box.
-        small: at the resolution already.
-    """
-
-    box: Array
-    share: float
-    small: bool = False
-
-
-class PartEntry(Strict):
-    """A part as JSON-able data."""
-
-    box: list[tuple[float, float]]
-    share: Annotated[float, Field(ge=0, le=1)]
-    small: bool
-
-
-class Together:
-    """The search domain of one set of contacts: can these be made together, in any pose of the object?"""
-
-    def __init__(self, problem: Problem, subset: tuple[int, ...], bend: Array, cones: Array) -> None:
-        flat = problem.flat
-        self.problem, self.subset, self.bend, self.cones = problem, np.array(subset, dtype=np.intp), bend, cones
-        b = len(flat.steps)
-        use = {int(flat.params[0]) - 7 + i for i in range(3)} if b in subset else set()
-        for k in subset:
-            if k < b:
-                use |= {int(v) for v in flat.var[k, : flat.steps[k]]}
-                use |= {int(flat.params[k]) + i for i in range(4 if flat.hand[k] else 2)}
-        self.use: Indices = np.array(sorted(use), dtype=np.intp)
-
-    @property
-    def root(self) -> Part:
-        """Everything."""
-        flat = self.problem.flat
-        return Part(np.column_stack([flat.lower, flat.upper]), 1.0)
-
-    def examine(self, part: Part, budget: int = STEP) -> Outcome[Part]:
-        """One call of the kernel on a box: up to `budget` nodes depth first."""
-        if part.small:
-            return Unfinished(part, 0)
-        n = self.problem.n
-        stack, share = np.empty((DEEPEST, n, 2)), np.empty(DEEPEST)
-        stack[0], share[0] = part.box, part.share
-        kept, kept_share = np.empty((KEPT, n, 2)), np.empty(KEPT)
-        resolution = RESOLUTION / self.problem.unit
-        flat, use = self.problem.flat, self.use
-        count, found, nodes = explore(
-            stack, share, 1, flat, self.subset, use, self.bend, self.cones, budget, resolution, kept, kept_share
-        )
-        if count == found == 0:
-            return Discarded(nodes=nodes)
-        left = [Part(stack[i].copy(), float(share[i])) for i in reversed(range(count))]
-        small = [Part(kept[i].copy(), float(kept_share[i]), True) for i in range(found)]
-        return Split([*small, *left], nodes=nodes)
-
-    def share(self, part: Part) -> float:
-        return part.share
-
-    def encode(self, part: Part) -> Any:
-        return {"box": part.box.tolist(), "share": part.share, "small": part.small}
-
-    def decode(self, data: Any) -> Part:
-        entry = validate(PartEntry, data)
-        if len(entry.box) != self.problem.n:
-            raise InputError(f"has {len(entry.box)} intervals, needs {self.problem.n}", field="box")
-        return Part(np.array(entry.box), entry.share, entry.small)
+POSES = "poses"  # name of the search of the hub
+CHEAP = 3  # times as many calls for the poses, whose boxes cost a fraction of the others
+FROM = 3  # contacts, for the hub: with two of them the pose is too free
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +39,9 @@ class Disproof:
 
     Attributes:
         empty: every box of some set of contacts was discarded by verified arithmetic: no configuration exists.
-        by: which set, in words: the empty one, or the one of which the largest share is discarded.
-        nodes: boxes examined, of all sets.
-        discarded: largest share of a set's box that is discarded.
+        by: which search, in words: the empty one, or the one of which the largest share is discarded.
+        nodes: boxes examined, of all searches, inner ones too.
+        discarded: largest share of a search that is discarded.
         depth: of the search tree in calls of the kernel.
         pending: boxes left of the set that has the fewest share left, small ones included.
         smallest, largest: [rad, -] widest side of the smallest and of the largest of these, at the end of a run.
@@ -157,14 +80,16 @@ class Prover:
         points = b + bool(np.isfinite(problem.task.pose.position).any())  # the last one: the object's origin
         sizes = range(2, points + 1) if points > 1 else range(1, 2)
         subsets = [s for size in sizes for s in combinations(range(points), size)]
-        bend, cones = _bends(problem), _cones(problem)
-        self.domains = {s: Together(problem, s, bend, cones) for s in subsets}
-        self.searches: dict[tuple[int, ...], Search[Part]] = {
-            s: Search(d, [d.root], workers=workers) for s, d in self.domains.items()
+        bend, bounds = bends(problem), cones(problem)
+        self.domains: dict[str, Boxes] = {"-".join(map(str, s)): Together(problem, s, bend, bounds) for s in subsets}
+        self.whole = next(reversed(self.domains))
+        if b >= FROM:
+            self.domains[POSES] = Hub(problem, bend)
+        self.searches: dict[str, Search[Part]] = {
+            name: Search(d, d.roots, workers=workers) for name, d in self.domains.items()
         }
-        for domain in self.domains.values():
-            domain.examine(domain.root, budget=0)  # compiled before any time limit begins
-            break
+        self._ready: set[type[Boxes]] = set()
+        self._compiling = 0.0  # [s] spent so far, beside any time limit
 
     def run(
         self,
@@ -174,15 +99,14 @@ class Prover:
         on_step: Callable[[Disproof], None] | None = None,
         state: dict[str, Any] | None = None,
     ) -> Disproof:
-        """Go on until a set is empty, each has come to the resolution somewhere, or a limit is hit.
+        """Go on until a search is empty, each has come to the resolution somewhere, or a limit is hit.
 
         Raises:
             InputError: a state that is not one, or of another task.
         """
         if state:
             self.restore(state)
-        end = None if seconds is None else time.monotonic() + seconds
-        before = self.nodes
+        before, begin = self.nodes, time.monotonic() - self._compiling
         interrupted = False
         try:
             for _ in self._turns():
@@ -190,13 +114,20 @@ class Prover:
                     break
                 if on_step is not None:
                     on_step(self._standing())
-                if end is not None and time.monotonic() >= end:
+                if seconds is not None and time.monotonic() - self._compiling - begin >= seconds:
                     break
                 if nodes is not None and self.nodes - before >= nodes:
                     break
+            if self._empty() is None:
+                self.compile()  # a later run may have a limit from without
         except KeyboardInterrupt:
             interrupted = True
         return self._standing(sizes=True, interrupted=interrupted)
+
+    def compile(self) -> None:
+        """Compile every kernel now; `run` does it before a kernel's first turn, beside its time limit."""
+        for domain in self.domains.values():
+            self._compile(domain)
 
     @property
     def nodes(self) -> int:
@@ -206,49 +137,61 @@ class Prover:
     def restore(self, state: dict[str, Any]) -> None:
         """Take up a saved state; `InputError` if it is not one of this task."""
         saved = validate(StateFile, state)
-        if set(saved.sets) != {_name(s) for s in self.searches}:
-            raise InputError("is of another task: its sets of contacts differ", field="state.sets")
-        for s, domain in self.domains.items():
-            self.searches[s] = Search.restored(domain, saved.sets[_name(s)], workers=self.workers)
+        if set(saved.sets) != set(self.searches):
+            missing = sorted(set(self.searches) - set(saved.sets))
+            what = f"it lacks {', '.join(missing)}" if missing else "it has too many"
+            raise InputError(f"has other searches than this task needs: {what}; start anew", field="state.sets")
+        for name, domain in self.domains.items():
+            self.searches[name] = Search.restored(domain, saved.sets[name], workers=self.workers)
 
     def save(self) -> dict[str, Any]:
         """The state, JSON-able."""
-        return {"schema": "holdfast/prover/1", "sets": {_name(s): x.save() for s, x in self.searches.items()}}
+        return {"schema": "holdfast/prover/1", "sets": {name: x.save() for name, x in self.searches.items()}}
 
     def _turns(self) -> Iterator[None]:
         """Step by step: each set of contacts in its turn, and after each the one that has come farthest.
 
-        A set with a small box left can no longer become empty and has no more turns; the set of all contacts
-        has some, since its small boxes are where configurations may be.
+        The poses come last in the first round, which settles what is far from possible, and after every turn of a
+        set in the others. A search with a small box left can no longer become empty and has no more turns; the
+        set of all contacts has some, since its small boxes are where configurations may be.
         """
         steps = SLICE
-        while open_ones := [s for s in self.searches if self._open(s)]:
-            for subset in open_ones:
-                for s in dict.fromkeys((subset, max(open_ones, key=lambda s: self.searches[s].state.discarded))):
-                    for done, _ in enumerate(self.searches[s]):
-                        yield
-                        if done + 1 >= steps or not self._open(s):
-                            break
+        while any(map(self._open, self.searches)):
+            for name in filter(self._open, self.searches):
+                sets = [s for s in self.searches if s != POSES and self._open(s)]
+                farthest = max(sets, key=lambda s: self.searches[s].state.discarded, default=name)
+                for turn in dict.fromkeys((name, farthest)):
+                    yield from self._turn(turn, steps)
+                    if steps > SLICE:
+                        yield from self._turn(POSES, CHEAP * steps)
             steps *= 2
 
-    def _open(self, subset: tuple[int, ...]) -> bool:
-        state = self.searches[subset].state
-        everything = len(subset) == max(map(len, self.searches))
-        return state.pending > 0 and len(state.unfinished) < (LEAVES if everything else 1)
+    def _turn(self, name: str, steps: int) -> Iterator[None]:
+        if name in self.searches and self._open(name):
+            self._compile(self.domains[name])
+            for done, _ in enumerate(self.searches[name]):
+                yield
+                if done + 1 >= steps or not self._open(name):
+                    break
+
+    def _compile(self, domain: Boxes) -> None:
+        """Compiled before its first turn, at nobody's expense."""
+        if type(domain) not in self._ready:
+            begin = time.monotonic()
+            domain.examine(domain.roots[0], budget=0)
+            self._ready.add(type(domain))
+            self._compiling += time.monotonic() - begin
+
+    def _open(self, name: str) -> bool:
+        state = self.searches[name].state
+        return state.pending > 0 and len(state.unfinished) < (LEAVES if name == self.whole else 1)
 
     def leaves(self) -> Array:
         """(k, n) middles of the small boxes of all contacts together: where to look for configurations."""
-        n, whole = self.problem.n, max(self.searches, key=len)
-        return np.array([part.box.mean(axis=1) for part in self.searches[whole].state.unfinished]).reshape(-1, n)
+        unfinished = self.searches[self.whole].state.unfinished
+        return np.array([part.box.mean(axis=1) for part in unfinished]).reshape(-1, self.problem.n)
 
-    def _words(self, subset: tuple[int, ...]) -> str:
-        b = len(self.problem.task.touches)
-        *most, last = [str(k) if k < b else "the object's position" for k in subset]
-        if not most:
-            return f"contact {last}"
-        return f"contact{'s' * (len(subset) > 2 or b not in subset)} {', '.join(most)} and {last}"
-
-    def _empty(self) -> tuple[int, ...] | None:
+    def _empty(self) -> str | None:
         done = (s for s, x in self.searches.items() if not x.state.pending and not x.state.unfinished)
         return next(done, None)
 
@@ -263,7 +206,7 @@ class Prover:
             widths = [float(np.ptp(part.box[use], axis=1).max()) for part in open_ones] or [0.0]
         return Disproof(
             empty is not None,
-            self._words(best),
+            self.domains[best].words,
             self.nodes,
             1.0 if empty is not None else states[best].discarded,
             max(s.depth for s in states.values()),
@@ -272,79 +215,3 @@ class Prover:
             max(widths),
             interrupted,
         )
-
-
-def _name(subset: tuple[int, ...]) -> str:
-    return "-".join(map(str, subset))
-
-
-# --- constants ------------------------------------------------------------------------------------
-
-
-def _bends(problem: Problem) -> Array:
-    """(b, 2, CELLS, CELLS, 10) constants of the object's and the hand's regions, see `taylor.worst`; units."""
-    out = np.zeros((len(problem.task.touches), 2, CELLS, CELLS, 10))
-    for k, touch in enumerate(problem.task.touches):
-        radius = touch.hand.radius if isinstance(touch.hand, Cap) else 0.0
-        for i, region in enumerate((touch.object, touch.hand)):
-            if isinstance(region, Bezier) or i == 0:
-                surface, normal = bounds(region)
-                outward = radius * normal if i == 0 else 0.0
-                out[k, i] = np.concatenate([(surface + outward) / problem.unit, normal], axis=2) * UP
-                if isinstance(region, Cap):  # its parameters are no fractions; the constants hold everywhere
-                    out[k, i, 0, 1] = np.nan
-    return out
-
-
-def bounds(region: Region) -> tuple[Array, Array]:
-    """Bounds (CELLS, CELLS, 5) in each cell of |p_s|, |p_t|, |p_ss|, |p_st|, |p_tt| [m], and of the unit normal's.
-
-    From Bernstein coefficients: a polynomial lies in the hull of them. With n the normal, not normalised,
-    and f' and f'' its derivatives, those of n / |n| are at most |f'| / |n| and |f''| / |n| + (2 / sqrt 3)
-    |f'|^2 / |n|^2 (mixed ones alike).
-    """
-    shape = (CELLS, CELLS, 5)
-    if isinstance(region, Cap):
-        return np.full(shape, region.radius), np.ones(shape)
-    surface, normal = np.zeros(shape), np.zeros(shape)
-    cuts = list(pairwise(np.linspace(0, 1, CELLS + 1).tolist()))
-    curve = 2 / np.sqrt(3)
-    for i, j in np.ndindex(CELLS, CELLS):
-        points, n = (restrict(p, cuts[i], cuts[j]) for p in (region.points, region.normal_points))
-        surface[i, j], least = _largest(points), _least(n)
-        f = _largest(n) / least
-        normal[i, j] = f + curve * np.array([0, 0, f[0] ** 2, f[0] * f[1], f[1] ** 2])
-    return surface, normal
-
-
-def _largest(points: Array) -> Array:
-    """(5,) bounds of a polynomial's derivatives over a cell, in the parameters of the whole."""
-    orders = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-    return np.array([CELLS ** sum(o) * np.linalg.norm(differences(points, *o), axis=2).max() for o in orders])
-
-
-def _least(n: Array, depth: int = 0) -> float:
-    """A positive lower bound of |n| over a patch of normals (its regularity is known)."""
-    along = n.reshape(-1, 3).mean(axis=0)
-    along /= np.linalg.norm(along)
-    value = float((n @ along).min())
-    if value > 0 or depth == 8:
-        return max(value, 1e-30)
-    halves = ((0.0, 0.5), (0.5, 1.0))
-    return min(_least(restrict(n, u, v), depth + 1) for u in halves for v in halves)
-
-
-def _cones(problem: Problem) -> Array:
-    """(m, 5) bounds of the object's axes: index of the axis, unit direction in the palm frame, angle from it."""
-    rows = []
-    for k, box in enumerate(problem.task.pose.axes):
-        tries = [*np.eye(3), *-np.eye(3)]
-        middle = box.mean(axis=1)
-        if np.linalg.norm(middle) > 1e-6:
-            tries.append(middle / np.linalg.norm(middle))
-        for c in tries:
-            # no vector within the bounds has a smaller component along c
-            least = float(np.minimum(c * box[:, 0], c * box[:, 1]).sum())
-            if least > -1:
-                rows.append([k, *c, np.arccos(min(least, 1.0)) + 1e-9])
-    return np.array(rows).reshape(-1, 5)

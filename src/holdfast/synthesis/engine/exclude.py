@@ -22,63 +22,14 @@ from numba import njit
 
 from holdfast.synthesis.engine.balls import inner
 from holdfast.synthesis.engine.geometry import PATCH
+from holdfast.synthesis.engine.rows import AGAIN, LOOKS, PAD, TURN, angle, center, copy, narrow, swept, taken
+from holdfast.synthesis.engine.spins import between, spins
 from holdfast.synthesis.engine.taylor import WIDER, element, norm, spread, workspace
 
-PAD = 1e-12  # of the sizes that meet in a row: far more than a few hundred roundings
-AGAIN = 0.7  # a box that has shrunk to this share in some coordinate is looked at again
-LOOKS = 3
-TURN = 0.3  # units of length that a radian of a direction counts for when a coordinate is chosen to split
-
-
-@inner
-def narrow(value, g, lo, hi, low, high, use):  # type: ignore[no-untyped-def]
-    """Narrow [low, high] by: value + sum_i g_i d_i + e = 0 for some e in [lo, hi]. False if nothing is left."""
-    least, most = value + lo, value + hi
-    size = abs(value)
-    for i in use:
-        if g[i] > 0:
-            least += g[i] * low[i]
-            most += g[i] * high[i]
-        else:
-            least += g[i] * high[i]
-            most += g[i] * low[i]
-        size += abs(g[i]) * max(abs(low[i]), abs(high[i]))
-    pad = PAD * size
-    least -= pad
-    most += pad
-    if least > 0 or most < 0:
-        return False
-    for i in use:
-        if g[i] == 0:
-            continue
-        if g[i] > 0:
-            # the rest is at least least - g low, so that g d <= -(that)
-            top, bottom = -(least - g[i] * low[i]) / g[i], -(most - g[i] * high[i]) / g[i]
-        else:
-            top, bottom = -(most - g[i] * low[i]) / g[i], -(least - g[i] * high[i]) / g[i]
-        fuzz = 4 * pad / abs(g[i]) + PAD * abs(top) + PAD * abs(bottom)
-        if top + fuzz < high[i]:
-            high[i] = top + fuzz
-        if bottom - fuzz > low[i]:
-            low[i] = bottom - fuzz
-        if low[i] > high[i]:
-            return False
-    return True
-
-
-@inner
-def angle(a, b):  # type: ignore[no-untyped-def]
-    """Between two vectors, accurate also near 0 and pi."""
-    c0, c1, c2 = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    return np.arctan2(np.sqrt(c0 * c0 + c1 * c1 + c2 * c2), a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
-@inner
-def swept(length, dev):  # type: ignore[no-untyped-def]
-    """Largest angle between a vector of a length and one that differs by at most dev."""
-    if dev >= 0.999 * length:
-        return np.pi
-    return dev / np.sqrt(length * length - dev * dev) * WIDER + PAD  # the tangent, more than the angle
+TWIST = (  # slots of `twist`: the sum of the product of the second and third, and of the last (-1: none)
+    (8, 0, 1, 4), (9, 2, 3, 5), (10, 8, 9, -1), (10, 6, 7, 10), (11, 0, 0, -1), (12, 2, 2, -1),
+    (13, 11, 12, 10), (11, 1, 1, -1), (12, 3, 3, -1), (14, 11, 12, 13), (13, 0, 2, 14), (14, 1, 3, 13),
+)  # fmt: skip
 
 
 @inner
@@ -117,15 +68,15 @@ def scalar(slot, value, rem, h, use, X, GX):  # type: ignore[no-untyped-def]
 
 
 @inner
-def product(slot, va, ga, ma, vb, gb, eb, sb, h, use, X, GX):  # type: ignore[no-untyped-def]
-    """Scalar product of unit vectors a, b: derivatives (n, 3), remainders and how far they stray (ma: both)."""
+def product(slot, va, ga, ea, sa, vb, gb, eb, sb, h, use, X, GX):  # type: ignore[no-untyped-def]
+    """Scalar product of unit vectors a, b: derivatives (n, 3), remainders and how far they stray."""
     for i in use:
         total = 0.0
         for c in range(3):
             total += va[c] * gb[i, c] + vb[c] * ga[i, c]
         GX[slot, i] = total
     value = va[0] * vb[0] + va[1] * vb[1] + va[2] * vb[2]
-    scalar(slot, value, ma[0] + eb + ma[1] * sb, h, use, X, GX)
+    scalar(slot, value, ea + eb + sa * sb, h, use, X, GX)
 
 
 @inner
@@ -229,107 +180,17 @@ def twist(slack_i, slack_j, low, high, h, use, X, GX):  # type: ignore[no-untype
     if not n2 > 1e-8 or w * ci + v * cj + np.sqrt(n2) > 0:
         return True
     n0 = np.sqrt(n2)
-    combine(8, -1.0, 0, 1, 1.0, 4, 0.0, h, use, X, GX)
-    combine(9, -1.0, 2, 3, 1.0, 5, 0.0, h, use, X, GX)
-    combine(10, 1.0, 8, 9, 0.0, -1, 0.0, h, use, X, GX)
-    combine(10, 1.0, 6, 7, 1.0, 10, 0.0, h, use, X, GX)
     f = 1 / (2 * n0)
-    combine(11, -1.0, 0, 0, 0.0, -1, 1.0, h, use, X, GX)
-    combine(12, -1.0, 2, 2, 0.0, -1, 1.0, h, use, X, GX)
-    combine(13, f * w * w, 11, 12, 2 * f * w * v, 10, 0.5 * n0, h, use, X, GX)
-    combine(11, -1.0, 1, 1, 0.0, -1, 1.0, h, use, X, GX)
-    combine(12, -1.0, 3, 3, 0.0, -1, 1.0, h, use, X, GX)
-    combine(14, f * v * v, 11, 12, 1.0, 13, 0.0, h, use, X, GX)
-    combine(13, w, 0, 2, 1.0, 14, 0.0, h, use, X, GX)
-    combine(14, v, 1, 3, 1.0, 13, -w * np.cos(slack_i) - v * np.cos(slack_j), h, use, X, GX)
+    weight = (
+        (-1.0, 1.0, 0.0), (-1.0, 1.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0),
+        (f * w * w, 2 * f * w * v, 0.5 * n0), (-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), (f * v * v, 1.0, 0.0),
+        (w, 1.0, 0.0), (v, 1.0, -w * np.cos(slack_i) - v * np.cos(slack_j)),
+    )  # fmt: skip
+    for row in range(12):
+        slot, x, y, z = TWIST[row]
+        first, second, constant = weight[row]
+        combine(slot, first, x, y, second, z, constant, h, use, X, GX)
     return narrow(X[14, 0], GX[14], -np.inf, X[14, 1], low, high, use)
-
-
-@inner
-def azimuth(v, e1, e2):  # type: ignore[no-untyped-def]
-    """Angle of v about an axis with e1, e2 across it."""
-    return np.arctan2(v[0] * e2[0] + v[1] * e2[1] + v[2] * e2[2], v[0] * e1[0] + v[1] * e1[1] + v[2] * e1[2])
-
-
-@inner
-def across(d, e1, e2):  # type: ignore[no-untyped-def]
-    """Two unit vectors e1, e2 that make a right-handed frame with d."""
-    l = 0
-    for i in range(1, 3):
-        if abs(d[i]) < abs(d[l]):
-            l = i
-    size = norm(d)
-    along = d[l] / (size * size)
-    for i in range(3):
-        e1[i] = (1.0 if i == l else 0.0) - along * d[i]
-    f = norm(e1)
-    for i in range(3):
-        e1[i] /= f
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        e2[i] = (d[j] * e1[k] - d[k] * e1[j]) / size
-
-
-@inner
-def arc(theta, phi, slack):  # type: ignore[no-untyped-def]
-    """Half width of the spins about a line that bring two directions within `slack`; -1: none, 4: all.
-
-    theta, phi: their angles from the line.
-    """
-    if slack < abs(theta - phi) - PAD:
-        return -1.0
-    both = min(theta + phi, 2 * np.pi - theta - phi)
-    if slack >= both - 1e-7:
-        return 4.0
-    c = (np.cos(slack) - np.cos(theta) * np.cos(phi)) / (np.sin(theta) * np.sin(phi))
-    # near the ends the cosine's inverse magnifies rounding
-    return np.arccos(min(1.0, max(-1.0, c - 1e-9))) + 1e-9
-
-
-@inner
-def spins(d, e, stray, V, swing, slack, arcs):  # type: ignore[no-untyped-def]
-    """Is there a spin of the object about the line between two contacts that suits every direction?
-
-    A turn R with R e' = d' for a line e' near e and d' near d differs from one with R e = d by at most both
-    angles; so with slacks wider by these, `stray`, and by what each direction strays, `swing` (., 4), the
-    middles tell. Out, arcs (., 5) for each direction: angles from the line on the hand and on the object,
-    middle of its spins, half their width at the middle of the box and in the whole box.
-    """
-    many = slack.shape[0]
-    e1, e2, f1, f2 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    across(d, e1, e2)
-    across(e, f1, f2)
-    for c in range(many):
-        v, o = V[c, 1], V[c, 3]
-        arcs[c, 0], arcs[c, 1] = angle(d, v), angle(e, o)
-        wide = slack[c] + stray + swing[c, 1] + swing[c, 3]
-        arcs[c, 4] = arc(arcs[c, 0], arcs[c, 1], wide)
-        if arcs[c, 4] < 0:
-            return False
-        arcs[c, 3] = arc(arcs[c, 0], arcs[c, 1], slack[c])
-        arcs[c, 2] = azimuth(v, e1, e2) - azimuth(o, f1, f2)
-    # if the arcs have a spin in common, then also the begin of one of them
-    bounded = False
-    for i in range(many):
-        if arcs[i, 4] >= np.pi:
-            continue
-        bounded = True
-        begin = arcs[i, 2] - arcs[i, 4]
-        fine = True
-        for j in range(many):
-            if arcs[j, 4] < np.pi and between(begin, arcs[j, 2]) > arcs[j, 4] + PAD:
-                fine = False
-                break
-        if fine:
-            return True
-    return not bounded
-
-
-@inner
-def between(a, b):  # type: ignore[no-untyped-def]
-    """Distance of two angles on the circle."""
-    off = (a - b) / (2 * np.pi)
-    return abs(off - np.round(off)) * 2 * np.pi
 
 
 @inner
@@ -367,8 +228,10 @@ def line(a, b, count, V, D, E, swing, slack, low, high, h, use, S):  # type: ign
             if not (mu[0, 0] < 1 and mu[1, 0] < 1):
                 return True
             ready = True
-        product(0, u[0], gu[0], mu[0], V[i, 1], D[i, 1], E[i, 1], swing[i, 1], h, use, X, GX)
-        product(2, u[1], gu[1], mu[1], V[i, 3], D[i, 3], E[i, 3], swing[i, 3], h, use, X, GX)
+        for side in range(2):
+            m = 1 + 2 * side
+            product(2 * side, u[side], gu[side], mu[side, 0], mu[side, 1], V[i, m], D[i, m], E[i, m], swing[i, m],
+                    h, use, X, GX)  # fmt: skip
         if not directions(0, 2, slack[i], low, high, h, use, X, GX):
             return False
         for j in range(i):
@@ -377,11 +240,11 @@ def line(a, b, count, V, D, E, swing, slack, low, high, h, use, S):  # type: ign
                 continue
             if min(arcs[i, 3], arcs[j, 3]) < 0 or between(arcs[i, 2], arcs[j, 2]) < arcs[i, 3] + arcs[j, 3]:
                 continue
-            product(1, u[0], gu[0], mu[0], V[j, 1], D[j, 1], E[j, 1], swing[j, 1], h, use, X, GX)
-            product(3, u[1], gu[1], mu[1], V[j, 3], D[j, 3], E[j, 3], swing[j, 3], h, use, X, GX)
             for side in range(2):
                 m = 1 + 2 * side
-                product(4 + side, V[i, m], D[i, m], (E[i, m], swing[i, m]), V[j, m], D[j, m], E[j, m], swing[j, m],
+                product(1 + 2 * side, u[side], gu[side], mu[side, 0], mu[side, 1], V[j, m], D[j, m], E[j, m],
+                        swing[j, m], h, use, X, GX)  # fmt: skip
+                product(4 + side, V[i, m], D[i, m], E[i, m], swing[i, m], V[j, m], D[j, m], E[j, m], swing[j, m],
                         h, use, X, GX)  # fmt: skip
                 triple(6 + side, u[side], gu[side], mu[side], V[i, m], D[i, m], E[i, m], swing[i, m],
                        V[j, m], D[j, m], E[j, m], swing[j, m], h, use, X, GX)  # fmt: skip
@@ -401,11 +264,7 @@ def examine(box, flat, subset, use, bend, slack, S):  # type: ignore[no-untyped-
     X, GX = L[6], L[7]
     count, many = subset.shape[0], slack.shape[0]
     for _ in range(LOOKS):
-        for i in use:
-            middle = 0.5 * (box[i, 0] + box[i, 1])
-            x[i] = middle
-            h[i] = max(box[i, 1] - middle, middle - box[i, 0]) * WIDER
-            low[i], high[i] = -h[i], h[i]
+        center(box, use, x, h, low, high)
         for a in range(count):
             element(subset[a], x, h, flat, bend, V[a], D[a], E[a], W)
             for c in (1, 3):
@@ -422,22 +281,13 @@ def examine(box, flat, subset, use, bend, slack, S):  # type: ignore[no-untyped-
                     continue
                 for side in range(2):
                     m = 1 + 2 * side
-                    product(4 + side, V[i, m], D[i, m], (E[i, m], swing[i, m]), V[j, m], D[j, m], E[j, m],
+                    product(4 + side, V[i, m], D[i, m], E[i, m], swing[i, m], V[j, m], D[j, m], E[j, m],
                             swing[j, m], h, use, X, GX)  # fmt: skip
                 if not directions(4, 5, both, low, high, h, use, X, GX):
                     return -1, 0.0
-        shrunk = 1.0
-        for i in use:
-            width = box[i, 1] - box[i, 0]
-            if width <= 0:
-                continue
-            new_low, new_high = x[i] + low[i], x[i] + high[i]
-            fuzz = 4e-16 * (abs(new_low) + abs(new_high) + h[i])
-            box[i, 0] = max(box[i, 0], new_low - fuzz)
-            box[i, 1] = min(box[i, 1], new_high + fuzz)
-            if box[i, 0] > box[i, 1]:
-                return -1, 0.0
-            shrunk = min(shrunk, (box[i, 1] - box[i, 0]) / width)
+        shrunk = taken(box, use, x, h, low, high)
+        if shrunk < 0:
+            return -1, 0.0
         if shrunk > AGAIN:
             break
     best, worst = -1, -1.0
@@ -470,7 +320,8 @@ def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolut
         elif flat.hand[k] != PATCH:
             slack[a] = np.pi if flat.cone[k] <= -1 else np.arccos(flat.cone[k]) + PAD
     for c in range(cones.shape[0]):
-        V[contacts + c, 1] = cones[c, 1:4]
+        for i in range(3):
+            V[contacts + c, 1, i] = cones[c, 1 + i]
         V[contacts + c, 3, int(cones[c, 0])] = 1.0
         slack[contacts + c] = cones[c, 4]
     L = (
@@ -487,14 +338,14 @@ def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolut
         if split < 0:
             continue
         if stray < resolution:
-            kept[found] = box
+            copy(box, kept[found])
             kept_share[found] = share[count]
             found += 1
             continue
         middle = 0.5 * (box[split, 0] + box[split, 1])
         share[count] *= 0.5
         share[count + 1] = share[count]
-        stack[count + 1] = box
+        copy(box, stack[count + 1])
         stack[count, split, 0] = middle
         stack[count + 1, split, 1] = middle
         count += 2

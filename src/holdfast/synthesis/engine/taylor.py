@@ -1,7 +1,7 @@
 """Where a contact can be over a box of coordinates, compiled: Taylor polynomials of degree one with remainders.
 
 Remainders bound the second derivatives over the whole box: for chains of joints by the distances to the axes,
-for patches by constants that Bernstein coefficients give (`synthesis.prover.bounds`). Middles are plain
+for patches by constants that Bernstein coefficients give (`synthesis.bends.bounds`). Middles are plain
 floating point. A chain of s joints and a patch of degree (M, N) make them within `ROUNDING` of the exact
 values: at most 30 (s + M + N) roundings of 1.2e-16, on numbers of at most a few units, is below 1e-13.
 """
@@ -168,11 +168,10 @@ def worst(bend, s, hs, t, ht, out):  # type: ignore[no-untyped-def]
     (moved out) surface, and the same of its unit normal. NaN in the second cell: the first holds everywhere.
     """
     g = bend.shape[0]
-    if g == 1 or np.isnan(bend[0, 1, 0]):
-        out[:] = bend[0, 0]
-        return
     i0, i1 = max(0, int((s - hs) * g - 1e-9)), min(g - 1, int((s + hs) * g + 1e-9))
     j0, j1 = max(0, int((t - ht) * g - 1e-9)), min(g - 1, int((t + ht) * g + 1e-9))
+    if g == 1 or np.isnan(bend[0, 1, 0]):
+        i0 = i1 = j0 = j1 = 0
     out[:] = 0.0
     for i in range(min(i0, g - 1), i1 + 1):
         for j in range(min(j0, g - 1), j1 + 1):
