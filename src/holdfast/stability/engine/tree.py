@@ -46,6 +46,7 @@ FIRST = 8  # Newton is tried on the first programs, where nothing is violated, a
 LESS, MORE = 0.5, 1.1  # less than this share of where it was tried last, a limit that grows with every node
 LITTLE = 1e-3
 WEIGHT = 1e-3  # of the violation in a node's rank
+DECIDE = 1e9  # added to the energy that an undecided part misses: it is split before any sector
 
 # what is sought
 ANY, SCALAR, LARGEST_EFFORT, SUM_OF_EFFORTS = 0, 1, 2, 3
@@ -62,11 +63,13 @@ def corner(cost, i):  # type: ignore[no-untyped-def]
 
 @inner
 def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-untyped-def]
-    """Where to split: the contact i or m + actuator j with the largest violation, into out the sum of all.
+    """Where to split: the contact i or m + actuator j, into out the sum of all violations and 1 if there is any.
 
-    Where nothing is violated, an undecided part or the widest sector; -1 if all is decided.
+    Of what is violated, an undecided part comes first, then what the balance of energy misses most by:
+    c_n (c_n + d_n) of (4), mu c_n |d_t| + c_t . d_t of (7), t (f - f_c) of (8). Where nothing is violated, an
+    undecided part or the widest sector; -1 if all is decided.
     """
-    worst = VIOLATION
+    most = -1.0
     pick = -1
     total = 0.0
     spare = 0.0
@@ -83,6 +86,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-u
         speed = np.sqrt(d1 * d1 + d2 * d2)
         gap = cos * v[k + 3] + sin * speed
         amount = 0.0
+        energy = 0.0
         rank = 0.0
         if touch == OPEN:
             if sin > 0.0 and (width == 0 or width > NARROW):
@@ -94,16 +98,22 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-u
             else:
                 amount = abs(cn + gap)
                 rank = width / TURN if touch == SLIDE else (2.0 if mdp else 0.0)
-            if mdp and amount < VIOLATION and cn > 1e-9:  # (4) holds: what about (7)?
-                w = mu[i] * cn
-                x = v[k + 1] * speed + w * d1
-                y = v[k + 2] * speed + w * d2
-                amount = np.sqrt(x * x + y * y) / max(speed, 1.0)
-                if touch == UNDECIDED:
-                    amount *= 0.5
+            energy = cn * max(cn + gap, 0.0)
+            if mdp:
+                friction = mu[i] * cn * speed + v[k + 1] * d1 + v[k + 2] * d2
+                if amount < VIOLATION and cn > 1e-9:  # (4) holds: what about (7)?
+                    w = mu[i] * cn
+                    x = v[k + 1] * speed + w * d1
+                    y = v[k + 2] * speed + w * d2
+                    amount = np.sqrt(x * x + y * y) / max(speed, 1.0)
+                    if touch == UNDECIDED:
+                        amount *= 0.5
+                energy += 0.5 * friction if touch == UNDECIDED else friction
         total += max(amount, 0.0)
-        if amount > worst:
-            worst = amount
+        if touch == UNDECIDED:
+            energy += DECIDE
+        if amount > VIOLATION and energy > most:
+            most = energy
             pick = i
         if rank > spare:
             spare = rank
@@ -112,16 +122,17 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-u
         if state[3 * m + j] != FREE:
             continue
         k = 6 * m + 3 * j
-        amount = min(v[k], max(max(-v[k + 1], -v[k + 2]), 0.0) if driven[j] else v[k + 1])
+        excess = max(max(-v[k + 1], -v[k + 2]), 0.0) if driven[j] else v[k + 1]
+        amount = min(v[k], excess)
         total += max(amount, 0.0)
-        if amount > worst:
-            worst = amount
+        if amount > VIOLATION and DECIDE + v[k] * excess > most:
+            most = DECIDE + v[k] * excess
             pick = m + j
         if spare < 2.5:
             spare = 2.5
             fallback = m + j
     out[0] = total
-    out[1] = worst if pick >= 0 else 0.0
+    out[1] = 1.0 if pick >= 0 else 0.0
     return pick if pick >= 0 else fallback
 
 
@@ -151,14 +162,14 @@ def split(m, state, v, pick, child):  # type: ignore[no-untyped-def]
         x += v[k + 1] / force
         y += v[k + 2] / force
     along = int(np.rint(np.arctan2(y, x) * TURN / (2 * np.pi))) % TURN
-    if width == 0:  # stick, or one of three sectors with a border along the motion
+    if width == 0:  # stick, or one of three sectors, the middle of one at -d_t
         count = 0
         if touch == CLOSED:
             child[0, 0] = STICK
             count = 1
         third = TURN // 3
         for s in range(3):
-            begin = (along + s * third) % TURN
+            begin = (along + third // 2 + s * third) % TURN
             child[count, 0] = SLIDE if touch == CLOSED else OPEN
             child[count, 1] = begin
             child[count, 2] = begin + (third if s < 2 else TURN - 2 * third)
