@@ -34,6 +34,7 @@ from holdfast.stability.engine.rows import (
     DN_UP,
     E_DOWN,
     E_UP,
+    ENERGY,
     GAP_DOWN,
     GAP_UP,
     INDEX,
@@ -63,6 +64,7 @@ PIVOT = 1e-7
 SMALL = 1e-10
 BLUR, CAUTIOUS = 1e-9, 1e-6  # multipliers may turn negative by this for a better pivot; rays do not care
 ROUNDING = 1e-12  # of the terms of a ray: more than its checker allows for
+MISSING = 0.1  # (scaled) energy by which the balance must be missed for its row to enter
 REFRESH = 40
 EXCHANGES = 500
 
@@ -261,13 +263,14 @@ def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip): 
 @inner
 def solve(  # type: ignore[no-untyped-def]
     m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-    ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats, cone, daring,
+    ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats, cone, daring, data, balance,
 ):  # fmt: skip
     """Solve a node's program from a working set; all of the state is changed in place.
 
     `ids`, `W`, `rhs`, `edges` must be given and consistent; ids has one place more, for the entering row of a
     ray. daring: poor pivots are taken where there is no other, and no
-    row is left out. Returns OPTIMAL (z, y, v), INFEASIBLE (y: the
+    row is left out. balance: the node of `data` at whose point the balance of energy is a row, -1 for none.
+    Returns OPTIMAL (z, y, v), INFEASIBLE (y: the
     ray's multipliers of `ids`, 1 for the last) or FAILED.
     """
     n = z.shape[0]
@@ -305,18 +308,29 @@ def solve(  # type: ignore[no-untyped-def]
             tol = FEASIBLE + 1e-14 * largest
             fresh = False
         enter = price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip)
+        if enter < 0 and balance >= 0:
+            enter = (ENERGY << KIND) | balance
+            missed = row(enter, m, cos, sin, B, off, mu, lo, hi, box, data, enter_row, gradient)
+            for j in range(n):
+                missed -= enter_row[j] * z[j]
+            if missed < MISSING:
+                enter = -1
         if enter < 0:
             stats[1] += exchange
             return OPTIMAL
-        b = row(enter, m, cos, sin, B, off, mu, lo, hi, box, enter_row, gradient)
+        b = row(enter, m, cos, sin, B, off, mu, lo, hi, box, data, enter_row, gradient)
         first, count = place(enter, m, nb, lo.shape[0])
         missed = b
         for j in range(n):
             missed -= enter_row[j] * z[j]
         for k in range(n):
             total = 0.0
-            for j in range(count):
-                total += gradient[j] * edges[k, n + first + j]
+            if enter >> KIND == ENERGY:
+                for j in range(n):
+                    total += enter_row[j] * edges[k, j]
+            else:
+                for j in range(count):
+                    total += gradient[j] * edges[k, n + first + j]
             delta[k] = total
         bound = np.inf
         for k in range(n):

@@ -296,6 +296,7 @@ def run(  # type: ignore[no-untyped-def]
     size = np.empty(most)
     amounts = np.empty(2)
 
+    energetic = lo.shape[0] > 0 and lo[lo.shape[0] - 1] == -np.inf
     expanded = 0
     guesses = guess.shape[0]
     while stats[HEAP] > 0:
@@ -330,6 +331,7 @@ def run(  # type: ignore[no-untyped-def]
                     states[this, 2 * m + pick] = child[k - 1, 0]
             for i in range(3 * m + a):
                 state[i] = states[this, i]
+            balance = parent[this] if energetic else -1
             result = simplex.FAILED
             for attempt in range(0 if warm or k == 0 else 1, 2):
                 ready = True
@@ -347,12 +349,13 @@ def run(  # type: ignore[no-untyped-def]
                         w_ids[i] = ids[node, i]
                         if attempt == 1:
                             w_ids[i] = corner(cost, i)
-                        rhs[i] = row(w_ids[i], m, cos, sin, B, off, mu, lo, hi, box, W[i], gradient)
+                        rhs[i] = row(w_ids[i], m, cos, sin, B, off, mu, lo, hi, box, data, W[i], gradient)
                     ready = simplex.invert(W, BT, edges, pivot)
                 if ready:
                     result = simplex.solve(
                         m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
                         w_ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats, CONE, attempt == 0,
+                        data, balance,
                     )  # fmt: skip
                 if result != simplex.FAILED:
                     break
@@ -429,6 +432,7 @@ def run(  # type: ignore[no-untyped-def]
                     bound[node] = value
                     break
                 status[node] = SPLIT
+                data[node, n] = hi[0] if objective != ANY else 0.0
                 warm = result == simplex.OPTIMAL
                 for i in range(n):
                     p_ids[i] = w_ids[i]
