@@ -47,11 +47,11 @@ def _solve(m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, ids
     for attempt in range(2):
         for k in range(n):
             ids[k] = ((rows.BOX_UP if cost[k] >= 0.0 else rows.BOX_DOWN) << rows.KIND) | (k << rows.INDEX)
-            rhs[k] = rows.row(ids[k], m, cos, sin, B, off, mu, lo, hi, box, W[k], gradient)
+            rhs[k] = rows.row(ids[k], m, cos, sin, B, off, mu, lo, hi, box, np.zeros((1, n + 1)), W[k], gradient)
         simplex.invert(W, BT, edges, pivot)
         result = simplex.solve(
             m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-            ids, W, rhs, edges, y, z, v, enter, pivot, gradient, delta, stats, CONE, attempt == 0,
+            ids, W, rhs, edges, y, z, v, enter, pivot, gradient, delta, stats, CONE, attempt == 0, np.zeros((1, n + 1)), -1,
         )  # fmt: skip
         if result != simplex.FAILED:
             break

@@ -59,6 +59,7 @@ class CertificateFile(Strict):
     nodes: NodesEntry
     leaves: list[Int]
     rows: RowsEntry
+    references: list[list[float]] = Field(default_factory=list)
 
 
 def question_to_dict(q: Question) -> dict[str, Any]:
@@ -99,6 +100,7 @@ def to_dict(certificate: Certificate) -> dict[str, Any]:
         "nodes": {name: getattr(c, name).tolist() for name in NODE_ARRAYS},
         "leaves": c.leaves.tolist(),
         "rows": {name: getattr(c, name).tolist() for name in ROW_ARRAYS},
+        "references": c.references.tolist(),
     }
 
 
@@ -113,6 +115,7 @@ def from_dict(data: Any) -> Certificate:
         leaves=np.array(entry.leaves, dtype=np.int64),
         **entry.nodes.model_dump(),
         **entry.rows.model_dump(),
+        references=entry.references,
     )
 
 
