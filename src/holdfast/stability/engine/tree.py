@@ -105,7 +105,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-u
                     w = mu[i] * cn
                     x = v[k + 1] * speed + w * d1
                     y = v[k + 2] * speed + w * d2
-                    amount = np.sqrt(x * x + y * y) / max(speed, 1.0)
+                    amount = np.sqrt(x * x + y * y) / max(speed, 1.0) - CONE
                     if touch == UNDECIDED:
                         amount *= 0.5
                 energy += 0.5 * friction if touch == UNDECIDED else friction
