@@ -65,9 +65,9 @@ def corner(cost, i):  # type: ignore[no-untyped-def]
 def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-untyped-def]
     """Where to split: the contact i or m + actuator j, into out the sum of all violations and 1 if there is any.
 
-    Of what is violated, an undecided part comes first, then what the balance of energy misses most by:
-    c_n (c_n + d_n) of (4), mu c_n |d_t| + c_t . d_t of (7), t (f - f_c) of (8). Where nothing is violated, an
-    undecided part or the widest sector; -1 if all is decided.
+    Of what is violated, an undecided part comes first, then where the balance of energy misses most:
+    c_n (c_n + d_n) of (4), |c_t| |d_t| + c_t . d_t and (mu c_n - |c_t|) |d_t| of (7), t (f - f_c) of (8). Where
+    nothing is violated, an undecided part or the widest sector; -1 if all is decided.
     """
     most = -1.0
     pick = -1
@@ -86,7 +86,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-u
         speed = np.sqrt(d1 * d1 + d2 * d2)
         gap = cos * v[k + 3] + sin * speed
         amount = 0.0
-        energy = 0.0
+        missing = 0.0
         rank = 0.0
         if touch == OPEN:
             if sin > 0.0 and (width == 0 or width > NARROW):
@@ -98,22 +98,22 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-u
             else:
                 amount = abs(cn + gap)
                 rank = width / TURN if touch == SLIDE else (2.0 if mdp else 0.0)
-            energy = cn * max(cn + gap, 0.0)
+            missing = cn * max(cn + gap, 0.0)
             if mdp:
-                friction = mu[i] * cn * speed + v[k + 1] * d1 + v[k + 2] * d2
+                w = mu[i] * cn
+                x = v[k + 1] * speed + w * d1
+                y = v[k + 2] * speed + w * d2
+                size = np.sqrt(v[k + 1] * v[k + 1] + v[k + 2] * v[k + 2])
+                missing += size * speed + v[k + 1] * d1 + v[k + 2] * d2 + max(w - size - CONE, 0.0) * speed
                 if amount < VIOLATION and cn > 1e-9:  # (4) holds: what about (7)?
-                    w = mu[i] * cn
-                    x = v[k + 1] * speed + w * d1
-                    y = v[k + 2] * speed + w * d2
                     amount = np.sqrt(x * x + y * y) / max(speed, 1.0) - CONE
                     if touch == UNDECIDED:
                         amount *= 0.5
-                energy += 0.5 * friction if touch == UNDECIDED else friction
         total += max(amount, 0.0)
         if touch == UNDECIDED:
-            energy += DECIDE
-        if amount > VIOLATION and energy > most:
-            most = energy
+            missing += DECIDE
+        if amount > VIOLATION and missing > most:
+            most = missing
             pick = i
         if rank > spare:
             spare = rank
