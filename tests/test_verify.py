@@ -81,7 +81,8 @@ def test_the_balance_of_energy_is_a_proof() -> None:
     question, sink = Question(table(), wrench=-4 * PULL_Z), np.array([100.0, 100.0, 1.0, 1e4, 1e4, 1e4])
 
     def root(cap, references=((1.0, 1.0, 1.0, 1.0, 0.0),), question=question):
-        return empty(question, sink * [1, 1, cap, 1, 1, 1], np.zeros(0), None, [(Row.ENERGY, 0, 0, 0)], [2.0], references)
+        caps, row = sink * [1, 1, cap, 1, 1, 1], (Row.ENERGY, 0, 0, 0)
+        return empty(question, caps, np.zeros(0), None, [row], [2.0], references)
 
     c = root(0.99)
     assert verify.verify(c).ok
