@@ -42,16 +42,18 @@ def _solve(m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, ids
     n = z.shape[0]
     edges, pivot, gradient = np.empty((n, n + off.shape[0])), np.empty(n + off.shape[0]), np.empty(6)
     y, delta, enter = np.empty(n + 1), np.empty(n), np.empty(n)
+    points = np.zeros((1, n + 1))  # of other nodes: none, no balance of energy
     trig, skip = np.empty((m, 4)), np.empty(m + a + lo.shape[0], np.bool_)
     result = simplex.FAILED
     for attempt in range(2):
         for k in range(n):
             ids[k] = ((rows.BOX_UP if cost[k] >= 0.0 else rows.BOX_DOWN) << rows.KIND) | (k << rows.INDEX)
-            rhs[k] = rows.row(ids[k], m, cos, sin, B, off, mu, lo, hi, box, W[k], gradient)
+            rhs[k] = rows.row(ids[k], m, cos, sin, B, off, mu, lo, hi, box, points, W[k], gradient)
         simplex.invert(W, BT, edges, pivot)
         result = simplex.solve(
             m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
             ids, W, rhs, edges, y, z, v, enter, pivot, gradient, delta, stats, CONE, attempt == 0,
+            points, -1,
         )  # fmt: skip
         if result != simplex.FAILED:
             break

@@ -9,7 +9,7 @@ import numpy as np
 
 from holdfast.mechanism import Indices
 from holdfast.stability import asked
-from holdfast.stability.certificate import Certificate, Columns
+from holdfast.stability.certificate import Certificate, Columns, Row
 from holdfast.stability.engine import rows, tree
 from holdfast.stability.engine.search import Search
 from holdfast.stability.goal import Goal
@@ -40,7 +40,7 @@ class Proof:
             scalar = (-hi * p.stretch, -lo * p.stretch) if r.goal is Goal.LARGEST else (lo * unit, hi * unit)
         question = asked.question(p, r.goal)
         leaves = np.flatnonzero(status == tree.EMPTY)
-        start, entries = self._rows(leaves, Columns.of(question))
+        start, entries = self._rows(leaves, Columns.of(question), force, unit)
         parent = s.pool.parent[:used].copy()
         part, m = s.pool.part[:used].copy(), len(p.mu)
         moved = np.maximum(part - m, 0)
@@ -69,13 +69,17 @@ class Proof:
             **entries,
         )
 
-    def _rows(self, leaves: Indices, at: Columns) -> tuple[Indices, dict[str, Any]]:
-        """Row pointers and entries of the leaves' rays, multipliers for rows in the grasp's units."""
+    def _rows(self, leaves: Indices, at: Columns, force: float, unit: float) -> tuple[Indices, dict[str, Any]]:
+        """Row pointers and entries of the leaves' rays, multipliers for rows in the grasp's units.
+
+        force, unit: [N] and units of the scalar, per scaled one.
+        """
         s, r, p = self.search, self.search.reduced, self.search.reduced.p
         assert s.pool is not None
         ids, y = s.pool.ids[leaves], s.pool.data[leaves].copy()
         kind = ids >> rows.KIND
-        used = (y > 0) & (kind < rows.BOX_UP)  # a bound on z itself says nothing about x: the caps stand in for it
+        box = (kind == rows.BOX_UP) | (kind == rows.BOX_DOWN)
+        used = (y > 0) & ~box  # a bound on z itself says nothing about x: the caps stand in for it
         start = np.r_[0, np.cumsum(used.sum(axis=1))]
         ids, kind, y = ids[used], kind[used], y[used]
         index = (ids >> rows.INDEX) & 255
@@ -91,6 +95,15 @@ class Proof:
             forces = np.where(of <= rows.E_DOWN, 1 / lever[moved], effort)
             y[actuator] *= np.where(of <= rows.T_DOWN, lever[moved], forces)
             index[actuator] = moved
+        energy = kind == rows.ENERGY
+        nodes, index[energy] = np.unique(ids[energy] & ((1 << rows.INDEX) - 1), return_inverse=True)
+        a[energy] = b[energy] = 0
+        y[energy] /= force
+        n = len(r.cost)
+        normal = slice(0, 6 * len(p.mu), 6)
+        points = force * (s.pool.data[nodes, :n] @ r.B[normal].T + r.off[normal])
+        references = np.column_stack([points, unit * s.pool.data[nodes, n]])
+
         flip = np.zeros(len(kind), bool)
         columns, factors = np.zeros(len(r.names), int), np.ones(len(r.names))
         for k, (name, i) in enumerate(r.names):
@@ -106,10 +119,11 @@ class Proof:
                 columns[k], factors[k] = at.f.start + i, 1 / lever[i]
             else:
                 columns[k], factors[k] = at.e.start + i, p.force / r.scale
-        plain = kind >= rows.PLAIN_UP
+        plain = (kind == rows.PLAIN_UP) | (kind == rows.PLAIN_DOWN)
         if r.goal is Goal.LARGEST:
             flip = plain & (index == 0)
         y[plain] *= factors[index[plain]]
         index[plain] = columns[index[plain]]
         kind = np.where(flip, rows.PLAIN_UP + rows.PLAIN_DOWN - kind, kind)
-        return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y}
+        kind = np.where(energy, Row.ENERGY, kind)
+        return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y, "references": references}
