@@ -7,7 +7,6 @@ reduced problem, and each search starts from the solution before it. Algorithm 1
 from __future__ import annotations
 
 import multiprocessing
-import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,6 +27,7 @@ from holdfast.stability.goal import Goal
 from holdfast.stability.problem import Problem
 from holdfast.stability.queries import largest, max_goal
 from holdfast.stability.settings import Settings
+from holdfast.stability.settings import default_jobs as default_jobs
 
 OnItem = Callable[[int, int], None]  # done, total
 BLOCK = 12  # cases that a thread takes at a time: neighbours
@@ -110,14 +110,9 @@ def maxima(
     return done + [None] * (len(cases) - len(done))
 
 
-def default_jobs() -> int:
-    """All cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None) -> list[MaxAnswer]:
     """Cases in turn, each with what the one before left."""
-    settings = options.settings or Settings()
+    settings = replace(options.settings or Settings(), workers=1)  # cores are for cases
     out: list[MaxAnswer] = []
     before: Case | None = None
     p: Problem | None = None

@@ -14,10 +14,11 @@ from holdfast.stability.engine.search import Search
 from holdfast.stability.goal import NEAR_END, Goal, interval
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
-from holdfast.stability.settings import OnStep, Progress, Settings
+from holdfast.stability.settings import OnStep, Progress, Settings, default_jobs
 
 TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
+PAUSE = 0.05  # [s] between two reports of progress
 
 
 def search(
@@ -46,12 +47,16 @@ def search(
         gap_absolute=(0.0 if goal is Goal.SMALLEST_PRELOAD else TINY if goal is Goal.LARGEST else ZERO / r.scale),
         node_limit=settings.node_limit,
         time_limit=settings.time_limit,
+        workers=settings.workers or default_jobs(),
         guess=guess,
     )
     try:
+        shown, bound = start, -INF
         for state in s:
-            if on_step:
-                on_step(Progress(*interval(p, goal, state.best * r.scale, state.bound * r.scale), state.nodes))
+            if on_step and (state.stop or time.monotonic() - shown > PAUSE):
+                shown = time.monotonic()
+                bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap only, points say more
+                on_step(Progress(*interval(p, goal, state.best * r.scale, bound * r.scale), state.nodes))
     except KeyboardInterrupt:
         s.stop = Stop.INTERRUPTED
     stop = s.stop or Stop.INTERRUPTED
