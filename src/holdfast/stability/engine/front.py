@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from holdfast.answer import Stop
 from holdfast.mechanism import Array
 from holdfast.stability import witness
+from holdfast.stability.engine.neighbour import Neighbour
 from holdfast.stability.engine.proof import Proof
 from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.engine.search import Search
@@ -29,12 +30,14 @@ def search(
     *,
     reduced: Reduced | None = None,
     guess: Sequence[Array] = (),
+    before: Neighbour | None = None,
 ) -> Outcome:
     """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
 
     Args:
         reduced: the reduced problem, if it is known already.
-        guess: reduced points (n,) to start Newton from, such as a neighbouring question's solution.
+        guess: reduced points (n,) to start Newton from.
+        before: what the question before this one left; it wants `reduced`.
     """
     start = time.monotonic()
     r = reduced or reduce(p, goal, settings.motion_cap)
@@ -50,6 +53,8 @@ def search(
         workers=settings.workers or default_jobs(),
         guess=guess,
     )
+    if before is not None:
+        before.start(s)
     try:
         shown, bound = start, -INF
         for state in s:

@@ -45,11 +45,11 @@ class Pool:
     @classmethod
     def of(cls, room: int, width: int, n: int) -> Pool:
         def whole(*shape: int) -> Indices:
-            return np.zeros(shape, np.int64)
+            return np.empty(shape, np.int64)
 
         return cls(
-            whole(room, width), whole(room, n + 1), np.zeros((room, n + 1)),
-            np.zeros(room), np.zeros(room), np.full(room, -1), whole(room), whole(room),
+            whole(room, width), whole(room, n + 1), np.empty((room, n + 1)),
+            np.empty(room), np.empty(room), np.full(room, -1), whole(room), whole(room),
         )  # fmt: skip
 
     def arrays(self) -> tuple[Any, ...]:
@@ -121,6 +121,9 @@ class Search:
         self.hi = r.hi.copy()
         self.box = r.box(INF)
         self.pool = Pool.of(ROOM, 3 * m + a, n)
+        for x in self.pool.arrays():  # the root: all is undecided
+            x[0] = 0
+        self.pool.parent[0] = -1
         corner = np.where(r.cost >= 0, rows.BOX_UP, rows.BOX_DOWN)
         self.pool.ids[0, :n] = (corner << rows.KIND) | (np.arange(n) << rows.INDEX)
         self.pool.bound[0] = r.lo[0] if r.objective else 0.0
@@ -134,6 +137,28 @@ class Search:
         )  # fmt: skip
         self._rest = r.cost, r.driven
         self._guess = guess
+
+    def know(self, z: Array) -> None:
+        """Begin with an exact solution (n,) as the incumbent."""
+        r, lane = self.reduced, self.lanes[0]
+        scalar = len(r.off) - len(r.lo)
+        value = float(r.B[scalar] @ z + r.off[scalar])
+        if r.objective != tree.SCALAR or not r.lo[0] - 1e-9 * abs(r.lo[0]) <= value < self.best:
+            return
+        lane.best[0], lane.z[:] = value, z
+        lane.hi[0] = min(lane.hi[0], value - self.gap * abs(value) - self.gap_absolute)
+        self._compare()
+        self.box = r.box(float(self.hi[0]))
+
+    def follow(self, finished: Pool) -> None:
+        """Begin with the leaves of a finished, trimmed tree of the same grasp instead of the root."""
+        lane, used = self.lanes[0], len(finished.parent)
+        leaves = np.flatnonzero(finished.status != tree.SPLIT)
+        self.pool, self.used = finished.grown(used + ROOM, used), used
+        self.pool.status[leaves], self.pool.key[leaves] = tree.WAITING, 0.0
+        self.pool.bound[:used] = self.reduced.lo[0]
+        lane.give(leaves)
+        lane.stats[tree.USED], lane.stats[tree.NODES] = used, len(leaves) - 1
 
     @property
     def stats(self) -> Indices:
@@ -157,7 +182,7 @@ class Search:
     @property
     def unresolved(self) -> int:
         """Nodes that neither a ray nor Newton settled."""
-        return int((self.pool.status[: self.used] == tree.UNRESOLVED).sum())
+        return int((self._real() & (self.pool.status[: self.used] == tree.UNRESOLVED)).sum())
 
     def _real(self) -> Mask:
         """(used,) which rows are nodes."""
@@ -220,7 +245,7 @@ class Search:
         first, each = self.used, CHILDREN * budget
         self.used += len(lanes) * each
         if self.used + SPARE > len(self.pool.key):
-            self.pool = self.pool.grown(4 * self.used, first)
+            self.pool = self.pool.grown(2 * self.used + ROOM, first)
         for k, lane in enumerate(lanes):
             lane.stats[tree.USED] = first + k * each
             short = lane.waiting + each - len(lane.heap)
