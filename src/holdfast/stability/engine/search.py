@@ -21,7 +21,7 @@ from holdfast.stability.engine import rows, tree
 from holdfast.stability.engine.reduced import Reduced
 
 CLOSING = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
-FIRST, SLICE = 32, 64  # nodes that a lane expands between two looks at the clock and at the other lane
+SLICE = 64  # nodes that a lane expands between two looks at the clock and at the other lane
 CHILDREN, SPARE = 4, 8  # of a node at most; rows that the kernel wants beyond
 SHARE = 16  # as many nodes must wait to be dealt, once more if one lane has UNEVEN times as many as the other
 UNEVEN = 4
@@ -294,15 +294,14 @@ class Search:
             self.stop = Stop.COMPLETE
             self.pool.status[0] = tree.EMPTY
             return
-        if not tree.run.signatures:  # the first search compiles, or loads what was: no search's time
+        if not tree.run.overloads:  # the first search compiles, or loads what was: no search's time
             self._run(self.lanes[0], 0)
-        start, size = time.monotonic(), FIRST
+        start = time.monotonic()
         try:
             while self.stop is None:
                 left = (self.node_limit - self.nodes + 1) / len(self.lanes)
                 best = self.best
-                why = self._slice(int(min(size, max(1, left))))
-                size = SLICE
+                why = self._slice(int(min(SLICE, max(1, left))))
                 if tree.FOUND in why or tree.ENDLESS in why:
                     self.stop = Stop.COMPLETE
                 elif not any(lane.waiting for lane in self.lanes):
