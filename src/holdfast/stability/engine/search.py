@@ -150,15 +150,14 @@ class Search:
         self._compare()
         self.box = r.box(float(self.hi[0]))
 
-    def follow(self, finished: Pool) -> None:
-        """Begin with the leaves of a finished, trimmed tree of the same grasp instead of the root."""
+    def follow(self, finished: Pool, leaves: Indices) -> None:
+        """Begin with a finished, trimmed tree of the same grasp, of which these leaves are open again."""
         lane, used = self.lanes[0], len(finished.parent)
-        leaves = np.flatnonzero(finished.status != tree.SPLIT)
         self.pool, self.used = finished.grown(used + ROOM, used), used
         self.pool.status[leaves], self.pool.key[leaves] = tree.WAITING, 0.0
-        self.pool.bound[:used] = self.reduced.lo[0]
+        self.pool.bound[leaves] = self.reduced.lo[0]
         lane.give(leaves)
-        lane.stats[tree.USED], lane.stats[tree.NODES] = used, len(leaves) - 1
+        lane.stats[tree.NODES] = len(leaves) - 1
 
     @property
     def stats(self) -> Indices:
@@ -242,6 +241,8 @@ class Search:
         Lanes number their new nodes apart, behind all there are, so that rows may be left over between them.
         """
         lanes = [lane for lane in self.lanes if lane.waiting]
+        if not lanes:
+            return []
         first, each = self.used, CHILDREN * budget
         self.used += len(lanes) * each
         if self.used + SPARE > len(self.pool.key):
