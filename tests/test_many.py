@@ -24,7 +24,7 @@ def test_neighbours_help_but_do_not_change_the_answer(make, jobs: int) -> None:
     grasp = make()
     for direction, answer in zip(CIRCLE, max_many(grasp, CIRCLE, jobs=jobs), strict=True):
         alone = maximum(grasp, direction)
-        assert (answer.verdict, answer.unbounded) == (alone.verdict, alone.unbounded)
+        assert (answer.verdict, answer.unbounded, answer.stop) == (alone.verdict, alone.unbounded, alone.stop)
         assert answer.lower <= alone.upper * (1 + 1e-9)
         assert alone.lower <= answer.upper * (1 + 1e-9)
         if answer.witness:

@@ -1,7 +1,8 @@
 """Maxima of many disturbances at once, on all cores, each helped by its neighbour.
 
 The engine works in threads: its kernel holds no interpreter lock. Consecutive cases of one grasp share the
-reduced problem, and each search starts from the solution before it. Algorithm 1 works in processes.
+reduced problem, and each search begins with the solution and the tree before it (`engine/neighbour`).
+Algorithm 1 works in processes.
 """
 
 from __future__ import annotations

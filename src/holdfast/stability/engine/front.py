@@ -65,11 +65,12 @@ def search(
     except KeyboardInterrupt:
         s.stop = Stop.INTERRUPTED
     stop = s.stop or Stop.INTERRUPTED
-    found = None
-    if s.z is not None:
-        found = witness.as_witness(r, r.point(s.z))
-        if not found.valid:  # the judge has the last word; everything the search cut off by it is open again
-            return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, s.nodes)
+    found = None if s.z is None else witness.as_witness(r, r.point(s.z))
+    if before is not None and (stop is Stop.NUMERICAL or (found and not found.valid)):
+        # Newton is tried where a leaf is made, not where it opens again: from the root, then
+        return search(p, goal, settings, on_step, reduced=r)
+    if found and not found.valid:  # the judge has the last word; everything the search cut off by it is open again
+        return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, s.nodes)
     torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
     value = s.best * r.scale
     shown = float(s.hi[0]) if found else INF
