@@ -17,16 +17,14 @@ from holdfast.stability.goal import Goal
 
 @dataclass(eq=False)
 class Proof:
-    """A finished search: every leaf of its tree is closed by a ray, under the cut in force at its end."""
+    """A finished, trimmed search: every leaf of its tree is closed by a ray, under the cut in force at its end."""
 
     search: Search
 
     def certificate(self) -> Certificate | None:
         """The certificate; None if nodes are left that no ray closes."""
         s, r = self.search, self.search.reduced
-        assert s.pool is not None
-        used = int(s.stats[tree.USED])
-        status = s.pool.status[:used]
+        used, status = s.used, s.pool.status
         if not r.solvable or np.isin(status, (tree.UNRESOLVED, tree.WAITING)).any():
             return None
         p, hi = r.p, float(s.hi[0])
@@ -41,10 +39,10 @@ class Proof:
         question = asked.question(p, r.goal)
         leaves = np.flatnonzero(status == tree.EMPTY)
         start, entries = self._rows(leaves, Columns.of(question), force, unit)
-        parent = s.pool.parent[:used].copy()
-        part, m = s.pool.part[:used].copy(), len(p.mu)
+        parent = s.pool.parent
+        part, m = s.pool.part, len(p.mu)
         moved = np.maximum(part - m, 0)
-        states = s.pool.states[:used]
+        states = s.pool.states
         at = np.arange(used)
         contact = part < m
         i = np.minimum(part, m - 1)
@@ -75,7 +73,6 @@ class Proof:
         force, unit: [N] and units of the scalar, per scaled one.
         """
         s, r, p = self.search, self.search.reduced, self.search.reduced.p
-        assert s.pool is not None
         ids, y = s.pool.ids[leaves], s.pool.data[leaves].copy()
         kind = ids >> rows.KIND
         box = (kind == rows.BOX_UP) | (kind == rows.BOX_DOWN)
@@ -96,7 +93,7 @@ class Proof:
             y[actuator] *= np.where(of <= rows.T_DOWN, lever[moved], forces)
             index[actuator] = moved
         energy = kind == rows.ENERGY
-        nodes, index[energy] = np.unique(ids[energy] & ((1 << rows.INDEX) - 1), return_inverse=True)
+        nodes, index[energy] = np.unique(ids[energy] & rows.NODE, return_inverse=True)
         a[energy] = b[energy] = 0
         y[energy] /= force
         n = len(r.cost)

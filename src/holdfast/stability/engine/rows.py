@@ -28,7 +28,7 @@ CN_UP, CN_DOWN, GAP_UP, GAP_DOWN, DN_UP, TANGENT, CHORD = 0, 1, 2, 3, 4, 5, 6
 C_LEFT, C_RIGHT, D_LEFT, D_RIGHT = 7, 8, 9, 10
 STILL = 11  # to 14: +d_t1, -d_t1, +d_t2, -d_t2
 T_UP, T_DOWN, E_UP, E_DOWN, S_UP, PLAIN_UP, PLAIN_DOWN, BOX_UP, BOX_DOWN = 15, 16, 17, 18, 19, 20, 21, 22, 23
-ENERGY = 24  # of the node whose number takes the place of the angles
+ENERGY = 24  # of the node whose number, within the mask NODE, takes the place of the angles
 
 # what a contact is in a node
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = 0, 1, 2, 3, 4
@@ -37,6 +37,7 @@ FREE, LOCKED, MOVES = 0, 1, 2
 
 
 KIND, INDEX, ANGLE = 58, 50, 25  # places of the fields in an id; the second angle is at 0
+NODE = (1 << INDEX) - 1
 
 
 def inner(function: Any) -> Any:
@@ -73,7 +74,7 @@ def row(id, m, cos, sin, B, off, mu, lo, hi, box, data, out, g):  # type: ignore
     i = (id >> INDEX) & 255
     n = out.shape[0]
     if kind == ENERGY:
-        at = id & ((1 << INDEX) - 1)
+        at = id & NODE
         last = off.shape[0] - 1
         rhs = -off[last - 1] - data[at, n] * off[last]
         for j in range(n):
