@@ -24,20 +24,23 @@ from holdfast.stability.engine.rows import (
     inner,
 )
 
-VIOLATION = 1e-7  # a smaller violation of a complementarity is none
-NARROW = 64  # sectors narrower than this, in grid steps, are not split
-CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes
+VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
+NARROW = 4  # sectors narrower than this, in grid steps, are not split
+CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes,
+FINER = 1e-3  # or by this share of a smaller gap,
+FINEST = 2e-9  # but not by less: rows are met to 1e-9
 DECIDE = 1e9  # added to the energy that an undecided part misses: it is split before any sector
 
 
 @inner
-def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-untyped-def]
+def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignore[no-untyped-def]
     """Where to split: the contact i or m + actuator j, into out the sum of all violations and 1 if there is any.
 
     Of what is violated, an undecided part comes first, then where the balance of energy misses most:
     c_n (c_n + d_n) of (4), |c_t| |d_t| + c_t . d_t and (mu c_n - |c_t|) |d_t| of (7), t (f - f_c) of (8). Where
     nothing is violated, an undecided part or the widest sector; -1 if all is decided.
     """
+    none = VIOLATION * cone
     most = -1.0
     pick = -1
     total = 0.0
@@ -73,15 +76,15 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-u
                 x = v[k + 1] * speed + w * d1
                 y = v[k + 2] * speed + w * d2
                 size = np.sqrt(v[k + 1] * v[k + 1] + v[k + 2] * v[k + 2])
-                missing += size * speed + v[k + 1] * d1 + v[k + 2] * d2 + max(w - size - CONE, 0.0) * speed
-                if amount < VIOLATION and cn > 1e-9:  # (4) holds: what about (7)?
-                    amount = np.sqrt(x * x + y * y) / max(speed, 1.0) - CONE
+                missing += size * speed + v[k + 1] * d1 + v[k + 2] * d2 + max(w - size - cone, 0.0) * speed
+                if amount < none and cn > 1e-9:  # (4) holds: what about (7)?
+                    amount = np.sqrt(x * x + y * y) / max(speed, 1.0) - cone
                     if touch == UNDECIDED:
                         amount *= 0.5
         total += max(amount, 0.0)
         if touch == UNDECIDED:
             missing += DECIDE
-        if amount > VIOLATION and missing > most:
+        if amount > none and missing > most:
             most = missing
             pick = i
         if rank > spare:
@@ -94,7 +97,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-u
         excess = max(max(-v[k + 1], -v[k + 2]), 0.0) if driven[j] else v[k + 1]
         amount = min(v[k], excess)
         total += max(amount, 0.0)
-        if amount > VIOLATION and DECIDE + v[k] * excess > most:
+        if amount > none and DECIDE + v[k] * excess > most:
             most = DECIDE + v[k] * excess
             pick = m + j
         if spare < 2.5:

@@ -157,6 +157,7 @@ def run(  # type: ignore[no-untyped-def]
     size = np.empty(most)
     amounts = np.empty(2)
 
+    cone = max(min(branch.CONE, branch.FINER * gap), branch.FINEST)
     energetic = lo.shape[0] > 0 and lo[lo.shape[0] - 1] == -np.inf
     expanded = 0
     guesses = guess.shape[0]
@@ -216,7 +217,7 @@ def run(  # type: ignore[no-untyped-def]
                     result = simplex.solve(
                         m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
                         w_ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats,
-                        branch.CONE, attempt == 0, data, balance,
+                        cone, attempt == 0, data, balance,
                     )  # fmt: skip
                 if result != simplex.FAILED:
                     break
@@ -238,7 +239,7 @@ def run(  # type: ignore[no-untyped-def]
             if k == 0 and close:
                 status[this] = UNRESOLVED
                 break
-            target = branch.select(m, a, cos, sin, mdp, mu, driven, state, v, amounts)
+            target = branch.select(m, a, cos, sin, mdp, mu, driven, state, v, cone, amounts)
             value = v[plain] if objective != ANY else 0.0
 
             tries = 0
