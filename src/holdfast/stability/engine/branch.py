@@ -25,7 +25,8 @@ from holdfast.stability.engine.rows import (
 )
 
 VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
-NARROW = 4  # sectors narrower than this, in grid steps, are not split
+NARROW = 64  # sectors narrower than this, in grid steps, are not split,
+LEAST = 4  # or in proportion where the tolerance of cones is finer, but none narrower than this
 CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes,
 FINER = 1e-3  # or by this share of a smaller gap,
 FINEST = 2e-9  # but not by less: rows are met to 1e-9
@@ -41,6 +42,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignor
     nothing is violated, an undecided part or the widest sector; -1 if all is decided.
     """
     none = VIOLATION * cone
+    narrow = max(NARROW * cone / CONE, LEAST)
     most = -1.0
     pick = -1
     total = 0.0
@@ -49,7 +51,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignor
     for i in range(m):
         touch = state[i]
         width = state[2 * m + i] - state[m + i]
-        if touch == STICK or (touch == SLIDE and width <= NARROW):
+        if touch == STICK or (touch == SLIDE and width <= narrow):
             continue
         k = 6 * i
         cn = v[k]
@@ -61,7 +63,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignor
         missing = 0.0
         rank = 0.0
         if touch == OPEN:
-            if sin > 0.0 and (width == 0 or width > NARROW):
+            if sin > 0.0 and (width == 0 or width > narrow):
                 amount = -gap
         else:
             if touch == UNDECIDED:
@@ -150,7 +152,7 @@ def split(m, state, v, pick, child):  # type: ignore[no-untyped-def]
     ahead = (along - left) % TURN
     if ahead > (width + TURN) // 2:
         ahead = 0  # behind the sector's start
-    cut = left + int(min(max(ahead / width, 0.15), 0.85) * width)
+    cut = left + max(1, int(min(max(ahead / width, 0.15), 0.85) * width))
     child[0, 0] = touch
     child[0, 1] = left
     child[0, 2] = cut

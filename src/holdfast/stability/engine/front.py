@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 from holdfast.answer import Stop
 from holdfast.mechanism import Array
@@ -19,6 +20,8 @@ from holdfast.stability.settings import OnStep, Progress, Settings, default_jobs
 
 TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
+FINE = 1e-6  # gap, with which go the tolerances of programs, for what a larger one leaves unresolved
+LEAST = 1e-3  # [s] that is left for it
 PAUSE = 0.05  # [s] between two reports of progress
 
 
@@ -66,10 +69,16 @@ def search(
         s.stop = Stop.INTERRUPTED
     stop = s.stop or Stop.INTERRUPTED
     found = None if s.z is None else witness.as_witness(r, r.point(s.z))
-    if before is not None and (stop is Stop.NUMERICAL or (found and not found.valid)):
+    refused = found is not None and not found.valid
+    if before is not None and (stop is Stop.NUMERICAL or refused):
         # Newton is tried where a leaf is made, not where it opens again: from the root, then
         return search(p, goal, settings, on_step, reduced=r)
-    if found and not found.valid:  # the judge has the last word; everything the search cut off by it is open again
+    if (stop is Stop.NUMERICAL or refused) and settings.gap > FINE:  # what is met up to a program's tolerances only
+        spent = time.monotonic() - start
+        finer = replace(settings, gap=FINE, time_limit=max(settings.time_limit - spent, LEAST))
+        again = search(p, goal, finer, on_step, reduced=r, guess=guess)
+        return replace(again, seconds=again.seconds + spent, nodes=again.nodes + s.nodes)
+    if refused:  # the judge has the last word; everything the search cut off by it is open again
         return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, s.nodes)
     torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
     value = s.best * r.scale
