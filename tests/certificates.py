@@ -49,6 +49,14 @@ def row(certificate, claim, kind, index, a, b, exact=False):
     if kind in (Row.BOUND_UP, Row.BOUND_DOWN):
         up = kind is Row.BOUND_UP
         return {index: 1 if up else -1}, number(claim.lo[index]) if up else -number(claim.hi[index])
+    if kind is Row.ENERGY:
+        *normal, scalar = (number(v) for v in certificate.references[index].tolist())
+        scalar = scalar if q.goal is Goal.SMALLEST_PRELOAD else 1
+        entries = {at.r.start + k: number(w) for k, w in enumerate(q.loads[0].tolist())}
+        entries |= {at.c.start + 3 * i: -2 * x for i, x in enumerate(normal)}
+        commands = np.abs(q.grasp.command).tolist()
+        entries |= {at.n + 3 * q.grasp.m + j: scalar * number(f_c) for j, f_c in enumerate(commands)}
+        return entries, -sum(x * x for x in normal)
     if kind in (Row.E_UP, Row.E_DOWN, Row.S_UP, Row.T_UP, Row.T_DOWN):
         if kind in (Row.T_UP, Row.T_DOWN):
             return {t: 1 if kind is Row.T_UP else -1}, 0
@@ -138,13 +146,13 @@ def multipliers(certificate, claim, names):
     return -result.fun, (result.x / size)[: len(F)]
 
 
-def empty(question, cap_r, cap_q, scalar=None, names=(), y=()):
+def empty(question, cap_r, cap_q, scalar=None, names=(), y=(), references=()):
     """A certificate whose tree is a root alone, with the given rows."""
     kind, index, a, b = np.array(names, dtype=np.int64).reshape(-1, 4).T
     none = np.zeros(1, dtype=np.int64)
     return Certificate(
         question, cap_r, cap_q, scalar, none - 1, none, none, none, none, none, np.array([0, len(kind)]),
-        kind, index, a, b, np.array(y, dtype=float),
+        kind, index, a, b, np.array(y, dtype=float), references,
     )  # fmt: skip
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,9 +16,10 @@ from holdfast.stability.certificate_file import from_dict, load_certificate, sav
 
 @pytest.mark.parametrize("name", CASES)
 def test_file_keeps_every_bit(name: str, tmp_path) -> None:
-    save_certificate(proof(name), tmp_path / "c.json")
+    c = replace(proof(name), references=np.random.default_rng(1).random((2, proof(name).question.grasp.m + 1)))
+    save_certificate(c, tmp_path / "c.json")
     again = load_certificate(tmp_path / "c.json")
-    assert to_dict(again) == to_dict(proof(name))
+    assert to_dict(again) == to_dict(c)
     assert verify.verify(again) == verify.verify(proof(name))
 
 
@@ -41,6 +44,9 @@ def test_directions() -> None:
         (lambda d: d["rows"]["start"].pop(), "start: has shape"),
         (lambda d: d["rows"]["start"].__setitem__(1, -1), "start: must rise from 0"),
         (lambda d: d["rows"]["kind"].__setitem__(1, 1.5), r"rows.kind\[1\]"),
+        (lambda d: d.update(references=[[1.0]]), "references: has shape"),
+        (lambda d: d.update(references=[[1.0, 1.0, 1.0], [1.0]]), "references: must be numbers"),
+        (lambda d: d.update(references=[[1.0, 1.0, float("inf")]]), "references"),
         (lambda d: d.update(cap_q=[1.0]), "cap_q: has shape"),
         (lambda d: d.update(cap_r=[-1.0] * 6), "cap_r: is negative"),
         (lambda d: d.update(scalar=[0, 1]), "scalar: is the range"),

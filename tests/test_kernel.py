@@ -42,16 +42,18 @@ def _solve(m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, ids
     n = z.shape[0]
     edges, pivot, gradient = np.empty((n, n + off.shape[0])), np.empty(n + off.shape[0]), np.empty(6)
     y, delta, enter = np.empty(n + 1), np.empty(n), np.empty(n)
+    points = np.zeros((1, n + 1))  # of other nodes: none, no balance of energy
     trig, skip = np.empty((m, 4)), np.empty(m + a + lo.shape[0], np.bool_)
     result = simplex.FAILED
     for attempt in range(2):
         for k in range(n):
             ids[k] = ((rows.BOX_UP if cost[k] >= 0.0 else rows.BOX_DOWN) << rows.KIND) | (k << rows.INDEX)
-            rhs[k] = rows.row(ids[k], m, cos, sin, B, off, mu, lo, hi, box, W[k], gradient)
+            rhs[k] = rows.row(ids[k], m, cos, sin, B, off, mu, lo, hi, box, points, W[k], gradient)
         simplex.invert(W, BT, edges, pivot)
         result = simplex.solve(
             m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
             ids, W, rhs, edges, y, z, v, enter, pivot, gradient, delta, stats, CONE, attempt == 0,
+            points, -1,
         )  # fmt: skip
         if result != simplex.FAILED:
             break
@@ -70,6 +72,37 @@ def node_program(search: Search, node: Node, cost: np.ndarray) -> tuple[int, flo
         cost, r.driven, state, np.zeros(n + 1, np.int64), np.zeros((n, n)), np.zeros(n), z, np.zeros(len(r.off)), stats,
     )  # fmt: skip
     return found, float(cost @ z), bool(stats[tree.DROPS])
+
+
+@njit
+def _balance(m, cos, sin, B, off, mu, lo, hi, box, data):
+    out = np.empty(B.shape[1])
+    rhs = rows.row(rows.ENERGY << rows.KIND, m, cos, sin, B, off, mu, lo, hi, box, data, out, np.empty(6))
+    return out, rhs
+
+
+@pytest.mark.parametrize("goal", [Goal.EXISTS, Goal.SMALLEST_PRELOAD])
+def test_the_balance_of_energy_holds_for_exact_solutions(goal: Goal) -> None:
+    """At any reference point, and with commands of any larger lambda; its energies are those of the point."""
+    rng = np.random.default_rng(0)
+    for seed in range(30):
+        s = solved(seed, int(rng.integers(2, 5)), float(rng.choice([0.0, 0.05])))
+        if not s.wrench.any():
+            continue
+        given = (s.wrench, None) if goal is Goal.EXISTS else (np.zeros(6), s.wrench)
+        r = reduce(problem.build(s.grasp, *given, eta=s.eta), goal)
+        search = Search(r)
+        for _ in search:
+            pass
+        z, m = search.z, len(r.p.mu)
+        x = r.point(z)
+        put_in = r.load.w_a @ x.r + (r.load.f_a + x.sigma * r.load.f_b) @ (r.p.R @ x.q)
+        for noise in (0.0, 0.1, 10.0):
+            data = np.append(z + noise * rng.normal(size=len(z)), x.sigma * (1 + noise))[None]
+            out, rhs = _balance(m, np.cos(s.eta), np.sin(s.eta), r.B, r.off, r.p.mu, r.lo, r.hi, search.box, data)
+            assert out @ z - rhs >= -1e-9 * (1 + abs(put_in)), (seed, noise)
+            if noise == 0.0:
+                assert out @ z - rhs == pytest.approx(put_in - (x.c[0::3] ** 2).sum(), abs=1e-9 * (1 + abs(put_in)))
 
 
 # --- the referee ------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import pytest
 
 from holdfast.answer import Stop
 from holdfast.errors import InputError
+from holdfast.grasp_file import load_grasp
 from holdfast.stability.many import max_many
 from holdfast.stability.queries import maximum
 from holdfast.stability.settings import Settings
@@ -23,7 +24,7 @@ def test_neighbours_help_but_do_not_change_the_answer(make, jobs: int) -> None:
     grasp = make()
     for direction, answer in zip(CIRCLE, max_many(grasp, CIRCLE, jobs=jobs), strict=True):
         alone = maximum(grasp, direction)
-        assert (answer.verdict, answer.unbounded) == (alone.verdict, alone.unbounded)
+        assert (answer.verdict, answer.unbounded, answer.stop) == (alone.verdict, alone.unbounded, alone.stop)
         assert answer.lower <= alone.upper * (1 + 1e-9)
         assert alone.lower <= answer.upper * (1 + 1e-9)
         if answer.witness:
@@ -81,3 +82,18 @@ def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
     assert pressed.lower * length == pytest.approx(8.0, rel=1e-3)
     (first, second) = max_many(bell(), [[0, length, 0, 0, 0, 0], [0, 1e3 * length, 0, 0, 0, 0]], jobs=1)
     assert first.lower == pytest.approx(1e3 * second.lower, rel=1e-3)
+
+
+def test_a_finished_tree_helps_the_next_direction() -> None:
+    """A degree each: most leaves close as they are, and what comes out is proved as ever."""
+    grasp, turn = load_grasp("fig7"), np.radians(np.arange(40, 52))
+    circle = np.column_stack([np.cos(turn), np.sin(turn), *np.zeros((4, len(turn)))])
+    answers = max_many(grasp, circle, jobs=1)
+    alone = [maximum(grasp, w) for w in circle]
+    assert answers[0].nodes == alone[0].nodes
+    assert sum(a.nodes for a in answers) < 0.8 * sum(a.nodes for a in alone)
+    for answer, other in zip(answers, alone, strict=True):
+        assert answer.witness.valid
+        assert answer.gap <= 1e-3
+        assert answer.lower == pytest.approx(other.lower, rel=1e-3)
+        assert verify(answer.certificate).ok

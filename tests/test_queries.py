@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import _thread
+import threading
 from typing import TypeVar
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError
 from holdfast.grasp import Contact, Grasp, GraspJoint
+from holdfast.grasp_file import load_grasp
 from holdfast.mechanism import Mechanism
 from holdfast.stability import model, queries, verify
 from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
@@ -223,6 +226,7 @@ def test_laws_of_the_maximum(seed: int) -> None:
         ("gap", 0.0, "gap: is 0; a positive number"),
         ("time_limit", -1.0, "time limit: is -1 s; a positive number"),
         ("node_limit", 0, "node limit: is 0; a positive number"),
+        ("workers", 3, "workers: is 3; 1 or 2"),
         ("method", "guess", "method: is 'guess'; one of engine, algorithm1"),
         ("solver", "cplex", "solver: is 'cplex'; one of scip, gurobi"),
     ],
@@ -248,3 +252,58 @@ def test_answers_as_json() -> None:
     endless = maximum(pinch(), w(1, 0, 0)).to_json()
     assert endless["upper"] is None
     assert endless["unbounded"] is True
+
+
+def test_commands_that_any_small_one_replaces() -> None:
+    """Locked, the ball slips; with a joint of the second finger free it holds, whatever little turns it."""
+    grasp, w = load_grasp("barrett-ball"), np.array([0.94, 0.30, -0.045, 0.066, 0.049, -0.0014])
+    assert check(grasp.with_preload(None), w).verdict is Verdict.SLIPS
+    answer = torques(grasp, w)
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.lower == 0
+    assert 0 < answer.upper < 1e-4
+    assert answer.witness.valid
+    assert check(grasp.with_preload(answer.preload), w).verdict is Verdict.HOLDS
+
+
+# --- two lanes ---------------------------------------------------------------------------------------
+
+
+def sideways(degrees: float) -> np.ndarray:
+    return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0, 0, 0, 0])
+
+
+@pytest.mark.parametrize("degrees", [15, 60, 75])
+def test_the_number_of_threads_changes_nothing(degrees: float) -> None:
+    grasp = load_grasp("barrett-torch")
+    one, two = (maximum(grasp, sideways(degrees), settings=Settings(workers=k)) for k in (1, 2))
+    assert two.nodes > 300  # enough to be dealt
+    assert (one.lower, one.upper, one.nodes, one.stop) == (two.lower, two.upper, two.nodes, two.stop)
+    for field in ("r", "q", "c", "f"):
+        np.testing.assert_array_equal(getattr(one.witness.state, field), getattr(two.witness.state, field))
+    for field in ("parent", "state", "multiplier"):
+        np.testing.assert_array_equal(getattr(one.certificate, field), getattr(two.certificate, field))
+    assert len(two.certificate.parent) == two.nodes  # none of the rows between the lanes' nodes
+
+
+@pytest.mark.parametrize("nodes", [350, 400, 450, 500])
+def test_bounds_of_two_lanes_at_a_limit_are_proved(nodes: int) -> None:
+    """To a gap of 1e-6 it is 9.6812 N."""
+    grasp = load_grasp("barrett-torch")
+    answer = maximum(grasp, sideways(60), settings=Settings(workers=2, node_limit=nodes, gap=1e-9))
+    assert answer.stop is Stop.NODES
+    assert answer.lower <= 9.68129
+    assert answer.upper >= 9.68117
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ctrl_c_comes_while_two_lanes_are_searched(workers: int) -> None:
+    grasp = load_grasp("barrett-torch")
+    clock = threading.Timer(0.3, _thread.interrupt_main)
+    clock.start()
+    try:
+        answer = maximum(grasp, sideways(60), settings=Settings(workers=workers, gap=1e-11))
+    finally:
+        clock.cancel()
+    assert answer.stop is Stop.INTERRUPTED
+    assert answer.lower <= answer.upper

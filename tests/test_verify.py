@@ -76,6 +76,38 @@ def test_energy_bounds_normal_forces() -> None:
     np.testing.assert_allclose(claim.hi[claim.columns.c][0::3], 100.0)
 
 
+def test_the_balance_of_energy_is_a_proof() -> None:
+    """4 N on four contacts store at least 4 (1 N)^2: their weight has to sink by 1 N, no less."""
+    question, sink = Question(table(), wrench=-4 * PULL_Z), np.array([100.0, 100.0, 1.0, 1e4, 1e4, 1e4])
+
+    def root(cap, references=((1.0, 1.0, 1.0, 1.0, 0.0),), question=question):
+        caps, row = sink * [1, 1, cap, 1, 1, 1], (Row.ENERGY, 0, 0, 0)
+        return empty(question, caps, np.zeros(0), None, [row], [2.0], references)
+
+    c = root(0.99)
+    assert verify.verify(c).ok
+    assert 0 < verify.leaf_margins(c, Claim.of(c))[0] <= exact_margins(c)[0]
+    refused(root(1.01), "is not proved")
+    refused(replace(c, multiplier=np.zeros(1)), "is not proved")
+    for x in (0.5, 1.5):  # tangents elsewhere are weaker
+        refused(root(0.99, ((x, x, x, x, 0.0),)), "is not proved")
+    refused(root(0.99, question=replace(question, mdp=False)), "ENERGY 0 .*does not hold")
+
+
+def test_where_the_balance_of_energy_holds() -> None:
+    """With commands of at least the largest scalar, without a disturbance that grows, for commands that are known."""
+    reference = np.array([[1.0, 1.0, 0.95]])
+    for name in ("check", "smallest preload", "turned", "coupled", "tendons", "torque limit", "eta"):
+        c = replace(proof(name), references=reference)
+        assert verify.verify(with_row(c, 0, (Row.ENERGY, 0, 0, 0))).ok, name
+    for name in ("largest", "max", "sum", "no dissipation"):
+        c = replace(proof(name), references=reference)
+        refused(with_row(c, 0, (Row.ENERGY, 0, 0, 0)), "ENERGY 0 .*does not hold in this case")
+    c = replace(proof("smallest preload"), references=reference - [0, 0, 1e-9])
+    refused(with_row(c, 0, (Row.ENERGY, 0, 0, 0)), "ENERGY 0 .*does not hold in this case")
+    refused(with_row(c, 0, (Row.ENERGY, 1, 0, 0)), "no such contact, actuator, column or reference")
+
+
 # --- exact arithmetic ---------------------------------------------------------------------------
 
 
@@ -286,10 +318,11 @@ def test_rows_that_hold_in_a_wider_sector_too() -> None:
 
 def test_rows_that_are_none() -> None:
     c = proof("check")
-    refused(with_row(c, 0, (22, 0, 0, 0)), "no such kind")
+    refused(with_row(c, 0, (23, 0, 0, 0)), "no such kind")
+    refused(with_row(c, 0, (Row.ENERGY, 0, 0, 0)), "no such contact, actuator, column or reference")
     refused(with_row(c, 0, (Row.CN_UP, 2, 0, 0)), "no such contact")
     refused(with_row(c, 0, (Row.T_UP, -1, 0, 0)), "no such contact, actuator")
-    refused(with_row(c, 0, (Row.BOUND_UP, 99, 0, 0)), "no such contact, actuator or column")
+    refused(with_row(c, 0, (Row.BOUND_UP, 99, 0, 0)), "no such contact, actuator, column or reference")
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,9 @@ def planted(seed, goal):
         driven = tuple(grasp.preload)
         question = Question(grasp, goal, s.wrench, eta=eta, driven=driven, objective=objective)
     x = np.concatenate([r, q, s.state.c, question.sense * f, scalar, efforts])
-    certificate = empty(question, 1.5 * np.abs(r), 1.5 * np.abs(q), (0.0, 1.5 * scalar[0]) if scalar else None)
+    ends = (0.0, 1.5 * scalar[0]) if scalar else None
+    references = np.column_stack([s.state.c[0::3] * rng.uniform(0, 2, (3, m)), [2.9, 3.0, 4.0]])
+    certificate = empty(question, 1.5 * np.abs(r), 1.5 * np.abs(q), ends, references=references)
 
     case = []
     for di, ci in zip(d, s.state.c.reshape(-1, 3), strict=True):
@@ -72,17 +74,23 @@ def planted(seed, goal):
     return certificate, x, case, rng
 
 
+def like(c, names, y):
+    """A root with the same claim and other rows."""
+    return empty(c.question, c.cap_r, c.cap_q, c.scalar, names, y, c.references)
+
+
 def legal_rows(certificate, claim, case, rng):
     """Random names of rows that the checker accepts in a case, directions near the sectors' ends."""
     q, names = certificate.question, []
     for kind in Row:
         count = claim.columns.n if kind >= Row.BOUND_UP else q.grasp.mechanism.a if kind >= Row.T_UP else q.grasp.m
+        count = len(certificate.references) if kind is Row.ENERGY else count
         for i in range(count):
             l, r = case[i][1:] if kind < Row.T_UP else (0, 0)
             for width in (1, 1000, TURN // 10, TURN // 3) if kind < Row.T_UP else (1,):
                 a, b = (int(e + rng.integers(-width, width + 1)) for e in (l, r))
                 names += [(kind, i, a, b), (kind, i, l - abs(l - a), r + abs(r - b))]
-    tried = empty(q, certificate.cap_r, certificate.cap_q, certificate.scalar, names, np.ones(len(names)))
+    tried = like(certificate, names, np.ones(len(names)))
     good = verify.legal(tried, claim, np.repeat([case], len(names), axis=0))
     return [name for name, ok in zip(names, good, strict=True) if ok]
 
@@ -112,11 +120,11 @@ def test_no_true_state_is_denied(seed: int, goal: str, best: bool) -> None:
     claim = Claim.of(certificate)
     names = legal_rows(certificate, claim, case, rng)
     y = multipliers(certificate, claim, names)[1] if best else rng.exponential(size=len(names)) ** 3
-    full = empty(certificate.question, certificate.cap_r, certificate.cap_q, certificate.scalar, names, np.abs(y))
+    full = like(certificate, names, np.abs(y))
     assert not (verify.leaf_margins(full, Claim.of(full)) > 0).any()
     undecided = legal_rows(certificate, claim, [(0, 0, 0)] * len(case), rng)
     y = rng.exponential(size=len(undecided)) ** 3
-    root = empty(full.question, full.cap_r, full.cap_q, full.scalar, undecided, y)
+    root = like(full, undecided, y)
     answer = verify.verify(root)
     assert not answer.ok
     assert answer.reason.startswith("leaf 0 (node 0) is not proved")

@@ -27,6 +27,12 @@ def unit(v: object, field: str) -> Array:
     return a if abs(length - 1.0) <= 4e-16 else frozen(a / length, (3,), field)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """(3,) a x b of two 3-vectors; numpy's own takes twenty times as long for so little."""
+    (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()
+    return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1])
+
+
 @dataclass(frozen=True, eq=False)
 class Contact:
     """A point contact with friction (stability paper, section III).
@@ -59,9 +65,9 @@ class Contact:
         n = self.normal
         e = np.zeros(3)
         e[np.argmin(np.abs(n))] = 1.0  # the axis least aligned with n keeps the cross product large
-        t1 = np.cross(n, e)
+        t1 = cross(n, e)
         t1 /= np.linalg.norm(t1)
-        return frozen(np.column_stack([n, t1, np.cross(n, t1)]), (3, 3), "frame")
+        return frozen(np.column_stack([n, t1, cross(n, t1)]), (3, 3), "frame")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +99,7 @@ class GraspJoint:
         """(3,) velocity of a point of the moved finger per unit joint speed, object frame."""
         if self.type == "prismatic":
             return self.axis
-        return np.cross(self.axis, point - self.origin)
+        return cross(self.axis, point - self.origin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,8 +180,12 @@ class Grasp:
     @cached_property
     def G(self) -> Array:
         """(6, 3m) grasp map: contact forces (n, t1, t2 each) to the wrench on the object, equation (1)."""
-        blocks = [np.vstack([c.frame, np.cross(c.position, c.frame.T).T]) for c in self.contacts]
-        return frozen(np.hstack(blocks), (6, 3 * self.m), "G")
+        G = np.zeros((6, 3 * self.m))
+        for i, c in enumerate(self.contacts):
+            for k in range(3):
+                G[:3, 3 * i + k] = c.frame[:, k]
+                G[3:, 3 * i + k] = cross(c.position, c.frame[:, k])
+        return frozen(G, G.shape, "G")
 
     @cached_property
     def J(self) -> Array:
@@ -201,8 +211,13 @@ class Grasp:
 
     def with_preload(self, preload: Mapping[str, float] | Array | None) -> Grasp:
         """The same grasp with other commanded forces (absent actuators are locked)."""
-        out = Grasp(self.contacts, self.joints, self.mechanism, preload, self.name)
-        out.__dict__.update({k: self.__dict__[k] for k in ("mu", "G", "J", "size") if k in self.__dict__})
+        command = (
+            self.mechanism.commands(preload)
+            if preload is None or isinstance(preload, Mapping)
+            else frozen(preload, (self.mechanism.a,), "preload")
+        )
+        out = object.__new__(Grasp)  # nothing else depends on the commands, and all of it has been checked
+        out.__dict__.update(self.__dict__, command=command)
         return out
 
     def with_friction(self, mu: float) -> Grasp:

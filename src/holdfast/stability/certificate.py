@@ -90,6 +90,7 @@ class Row(IntEnum):
     S_UP = 19  # T - f, or e_j - f if the objective is the sum
     BOUND_UP = 20  # x_k - lo_k, k in `Columns`
     BOUND_DOWN = 21  # hi_k - x_k
+    ENERGY = 22  # w . r + f_c . t - sum of (2 x_i c_n,i - x_i^2), x and the commands' scalar from `references`
 
 
 def directions(k: Integers) -> Array:
@@ -226,8 +227,10 @@ class Certificate:
         part, state, left, right: what changed: part, its state, its sector (0, 0 without).
         leaves: (L,) nodes that are not split.
         start: (L+1,) leaf i has the rows start[i] to start[i+1].
-        kind, index, a, b, multiplier: one entry per row: a `Row`, of which contact, actuator or column, its
-            directions, and its multiplier.
+        kind, index, a, b, multiplier: one entry per row: a `Row`, of which contact, actuator, column or
+            reference, its directions, and its multiplier.
+        references: (K, m+1) normal forces [N] at which the balance of energy has tangents, and the scalar that
+            f_c is taken at.
 
     Raises:
         InputError: arrays of the wrong shape, caps or a range that are none. Whether the proof is right
@@ -250,9 +253,12 @@ class Certificate:
     a: Integers
     b: Integers
     multiplier: Array
+    references: Array = field(default_factory=lambda: np.zeros((0, 1)))
 
     def __post_init__(self) -> None:
         put = object.__setattr__
+        shape = (len(self.references), self.question.grasp.m + 1)
+        put(self, "references", frozen(self.references, shape, "references"))
         for name, size in (("cap_r", 6), ("cap_q", self.question.grasp.l)):
             put(self, name, frozen(getattr(self, name), (size,), name))
             if (getattr(self, name) < 0).any():

@@ -12,6 +12,7 @@ from pydantic import Field
 from holdfast import grasp_file
 from holdfast.errors import InputError
 from holdfast.files import Strict, read_json, validate, write_text
+from holdfast.mechanism import frozen
 from holdfast.stability.certificate import NODE_ARRAYS, ROW_ARRAYS, Certificate, Question
 
 Int = Annotated[int, Field(strict=True, ge=-(2**31), lt=2**31)]
@@ -59,6 +60,7 @@ class CertificateFile(Strict):
     nodes: NodesEntry
     leaves: list[Int]
     rows: RowsEntry
+    references: list[list[float]] = Field(default_factory=list)
 
 
 def question_to_dict(q: Question) -> dict[str, Any]:
@@ -99,20 +101,24 @@ def to_dict(certificate: Certificate) -> dict[str, Any]:
         "nodes": {name: getattr(c, name).tolist() for name in NODE_ARRAYS},
         "leaves": c.leaves.tolist(),
         "rows": {name: getattr(c, name).tolist() for name in ROW_ARRAYS},
+        "references": c.references.tolist(),
     }
 
 
 def from_dict(data: Any) -> Certificate:
     """The certificate in a parsed object; raises `InputError` as `load_certificate` does."""
     entry = validate(CertificateFile, data)
+    question = question_of(entry.question)
+    shape = (len(entry.references), question.grasp.m + 1)
     return Certificate(
-        question=question_of(entry.question),
+        question=question,
         cap_r=np.array(entry.cap_r),
         cap_q=np.array(entry.cap_q),
         scalar=entry.scalar,
         leaves=np.array(entry.leaves, dtype=np.int64),
         **entry.nodes.model_dump(),
         **entry.rows.model_dump(),
+        references=frozen(entry.references, shape, "references"),
     )
 
 

@@ -1,13 +1,13 @@
 """Maxima of many disturbances at once, on all cores, each helped by its neighbour.
 
 The engine works in threads: its kernel holds no interpreter lock. Consecutive cases of one grasp share the
-reduced problem, and each search starts from the solution before it. Algorithm 1 works in processes.
+reduced problem, and each search begins with the solution and the tree before it (`engine/neighbour`).
+Algorithm 1 works in processes.
 """
 
 from __future__ import annotations
 
 import multiprocessing
-import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,14 +23,16 @@ from holdfast.grasp import Grasp
 from holdfast.mechanism import Array
 from holdfast.stability import problem
 from holdfast.stability.answers import MaxAnswer
+from holdfast.stability.engine.neighbour import Neighbour
 from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.goal import Goal
 from holdfast.stability.problem import Problem
 from holdfast.stability.queries import largest, max_goal
 from holdfast.stability.settings import Settings
+from holdfast.stability.settings import default_jobs as default_jobs
 
 OnItem = Callable[[int, int], None]  # done, total
-BLOCK = 12  # cases that a thread takes at a time: neighbours
+BLOCK = 30  # cases that a thread takes at a time: neighbours
 # forked workers need no guarded main module in the caller's script; elsewhere one process is the safe default
 START = "fork" if sys.platform.startswith("linux") else "spawn"
 
@@ -110,23 +112,18 @@ def maxima(
     return done + [None] * (len(cases) - len(done))
 
 
-def default_jobs() -> int:
-    """All cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None) -> list[MaxAnswer]:
     """Cases in turn, each with what the one before left."""
-    settings = options.settings or Settings()
+    settings = replace(options.settings or Settings(), workers=1)  # cores are for cases
     out: list[MaxAnswer] = []
-    before: Case | None = None
+    last: Case | None = None
     p: Problem | None = None
     reduced: Reduced | None = None
-    point: Array | None = None
+    before: Neighbour | None = None
     for case in cases:
         if stopped and stopped.is_set():
             break
-        same = before is not None and before.grasp is case.grasp and before.base is case.base
+        same = last is not None and last.grasp is case.grasp and last.base is case.base
         p = p.towards(case.direction) if same and p is not None else options.build(case)
         hints: dict[str, Any] = {}
         if settings.method == "engine" and max_goal(p) is Goal.SMALLEST_PRELOAD:
@@ -135,15 +132,23 @@ def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None
                 if same and reduced is not None
                 else reduce(p, Goal.SMALLEST_PRELOAD, settings.motion_cap)
             )
-            hints["reduced"] = reduced
+            hints = {"reduced": reduced, "before": before if same else None}
         else:
             reduced = None
-        if settings.method == "engine" and point is not None and same:
-            hints["guess"] = [point]
         answer, point = largest(p, settings, None, **hints)
-        before = case
+        before = _left(answer, point, before if same else None)
+        last = case
         out.append(answer)
     return out
+
+
+def _left(answer: MaxAnswer, point: Array | None, before: Neighbour | None) -> Neighbour | None:
+    """What an answer leaves to its neighbour."""
+    if point is None:
+        return None
+    points = (point, before.points[0]) if before else (point,)
+    closed = answer.proof is not None and answer.stop is Stop.COMPLETE
+    return Neighbour(points, answer.unbounded, answer.proof.search.pool if closed and answer.proof else None)
 
 
 def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:

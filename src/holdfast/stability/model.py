@@ -117,24 +117,30 @@ def commanded(grasp: Grasp, command: Array | None = None) -> Mask:
 
 def joint_arms(grasp: Grasp) -> Array:
     """(l,) motion of the contacts per unit joint motion: J's column norms (1 where a joint moves nothing)."""
-    arms = np.linalg.norm(grasp.J, axis=0)
+    arms = np.sqrt((grasp.J * grasp.J).sum(axis=0))
     return np.where(arms > 1e-12, arms, 1.0)
 
 
 def actuator_arms(grasp: Grasp) -> Array:
     """(a,) motion of the contacts per unit actuator motion, the smallest over the joints it drives."""
-    R, arms = np.abs(grasp.mechanism.R), joint_arms(grasp)
-    with np.errstate(divide="ignore"):
-        ratio = np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf)
-    return ratio.min(axis=1) if R.size else np.ones(0)
+    return _actuator_arms(np.abs(grasp.mechanism.R), joint_arms(grasp))
+
+
+def _actuator_arms(R: Array, arms: Array) -> Array:
+    """The same of |R| and the joints' arms."""
+    return np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1) if R.size else np.ones(0)
 
 
 def force_scale(grasp: Grasp, w: Array, c: Array | None = None, command: Array | None = None) -> float:
     """[N] the largest force in play: of the disturbance, of the commands, and of the contacts if given."""
-    f_c = grasp.command if command is None else command
+    return _force_scale(grasp, w, c, grasp.command if command is None else command, actuator_arms(grasp))
+
+
+def _force_scale(grasp: Grasp, w: Array, c: Array | None, f_c: Array, lever: Array) -> float:
+    """The same with the actuators' arms known."""
     candidates = [np.abs(w[:3]).max(), np.abs(w[3:]).max() / grasp.size]
     if len(f_c):
-        candidates.append((np.abs(f_c) / actuator_arms(grasp)).max())
+        candidates.append((np.abs(f_c) / lever).max())
     if c is not None and len(c):
         candidates.append(np.abs(c).max())
     scale = float(max(candidates))
@@ -178,12 +184,13 @@ def residuals(
     """
     w = np.asarray(w, dtype=float)
     f_c = grasp.command if command is None else command
-    F = force_scale(grasp, w, state.c, f_c)
+    arms = joint_arms(grasp)
+    lever = _actuator_arms(np.abs(grasp.mechanism.R), arms)
+    F = _force_scale(grasp, w, state.c, f_c, lever)
     d = relative_motion(grasp, state.r, state.q)
     dt = np.linalg.norm(d.reshape(-1, 3)[:, 1:], axis=1)
     cn = state.c.reshape(-1, 3)[:, 0]
     balance = object_balance(grasp, state.c, w)
-    arms, lever = joint_arms(grasp), actuator_arms(grasp)
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
     sense = np.where(f_c < 0, -1.0, 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from holdfast.stability import model
 from holdfast.stability.model import State
 
 MAX_ETA = np.radians(45.0)
+BALANCED = 1e-9  # relative: forces that miss a disturbance by less balance it
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,8 +154,8 @@ def build(
     joint_scale = model.joint_arms(grasp)
     R, A = mech.R / joint_scale, mech.A / joint_scale
     sense = np.where(grasp.command < 0, -1.0, 1.0)
-    actuator_scale = sense / np.linalg.norm(R, axis=1) if mech.a else np.zeros(0)
-    coupling_scale = 1.0 / np.linalg.norm(A, axis=1) if len(A) else np.zeros(0)
+    actuator_scale = sense / np.sqrt((R * R).sum(axis=1))
+    coupling_scale = 1.0 / np.sqrt((A * A).sum(axis=1))
     # the force scale is what is asked about: it must not depend on an answer that is not known yet
     arms = model.actuator_arms(grasp)
     stretch = _stretch(grasp, w0, d, torque_limits or {}, force_limit, arms) if direction is not None else 1.0
@@ -208,17 +210,19 @@ def _stretch(
         lever = dict(zip(grasp.mechanism.actuators, arms, strict=True))
         limits = [v / lever[name] for name, v in torque_limits.items() if name in lever]
         others = max([*limits, *([] if force_limit is None else [force_limit])], default=0.0)
-    size = max(float(np.abs(d[:3]).max()), float(np.abs(d[3:]).max()) / grasp.size)
-    return float(2.0 ** np.round(np.log2(others / size))) if others > 0 else 1.0
+    return float(2.0 ** np.round(np.log2(others / _size(grasp, d)))) if others > 0 else 1.0
 
 
 def _force_scale(grasp: Grasp, w: Array, arms: Array) -> float:
     """`model.force_scale` of a disturbance and the commands, with the actuators' arms known."""
-    a = np.abs(w)
-    scale = max(
-        float(a[:3].max()), float(a[3:].max()) / grasp.size, float((np.abs(grasp.command) / arms).max(initial=0.0))
-    )
+    scale = max(_size(grasp, w), float((np.abs(grasp.command) / arms).max(initial=0.0)))
     return scale if scale > 0 else 1.0
+
+
+def _size(grasp: Grasp, w: Array) -> float:
+    """[N] the largest component of a disturbance, torques over the grasp's size."""
+    a = [abs(x) for x in w.tolist()]
+    return max(*a[:3], max(a[3:]) / grasp.size)
 
 
 def _lengths(length: float) -> Array:
@@ -239,11 +243,15 @@ def _wrench(w: object, field: str) -> Array:
 
 def beyond_range(G: Array, w: Array) -> int | None:
     """The rank of G (6, 3m) if no contact forces whatever could balance w (6,), else None; lengths scaled alike."""
+    with suppress(np.linalg.LinAlgError):  # forces that do balance it settle most questions
+        c = np.linalg.solve(G @ G.T, w) @ G
+        if np.abs(G @ c - w).max() <= BALANCED * np.abs(w).max():
+            return None
     U, sv, _ = np.linalg.svd(G)
     if len(sv) == 6 and sv[5] >= 1e-9 * sv[0]:
         return None
     out = U[:, (np.r_[sv, np.zeros(6 - len(sv))] < 1e-9 * sv[0])]
-    beyond = out.size and np.abs(out.T @ w).max() > 1e-9 * max(np.abs(w).max(), 1e-300)
+    beyond = out.size and np.abs(out.T @ w).max() > BALANCED * max(np.abs(w).max(), 1e-300)
     return 6 - out.shape[1] if beyond else None
 
 

@@ -29,6 +29,7 @@ from holdfast.stability.settings import OnStep, Settings
 from holdfast.stability.witness import Witness
 
 MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
+NEARLY_NONE = 1e-6  # (scaled) commands where the least that hold are only approached, as they go to 0
 
 
 def check(
@@ -183,6 +184,12 @@ def torques(
     p = problem.build(asked, wrench, eta=eta, torque_limits=torque_limits, force_limit=force_limit, driven=chosen)
     goal = Goal.SMALLEST_MAX_TORQUE if objective == "max" else Goal.SMALLEST_SUM_TORQUE
     found = _search(p, goal, settings, on_step)
+    if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
+        little = asked.with_preload(NEARLY_NONE * np.abs(p.command(np.ones(grasp.mechanism.a))) * asked.command)
+        q = problem.build(little, wrench, eta=eta, torque_limits=torque_limits, force_limit=force_limit)
+        there = _search(q, Goal.EXISTS, settings, on_step)
+        seconds, nodes = found.seconds + there.seconds, found.nodes + there.nodes
+        found = replace(there if there.witness else found, bound=found.bound, proof=None, seconds=seconds, nodes=nodes)
 
     def answer(verdict: Verdict, preload: dict[str, float] | None, lower: float, upper: float) -> TorquesAnswer:
         cost = _cost(found)

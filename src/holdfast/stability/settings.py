@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -20,6 +21,11 @@ Method = Literal["engine", "algorithm1"]
 METHODS: tuple[Method, ...] = ("engine", "algorithm1")
 
 
+def default_jobs() -> int:
+    """All cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @dataclass(frozen=True)
 class Settings:
     """How a query is solved.
@@ -30,6 +36,8 @@ class Settings:
             torque is precise enough.
         time_limit: [s] for one query.
         node_limit: for one query of the engine.
+        workers: threads of the engine for one question, 1 or 2; 0 takes two where there are two cores. They change
+            nothing but the time.
         motion_cap: of the engine: virtual motions beyond this many force scales are not searched.
         solver: of Algorithm 1: "scip" or "gurobi".
         sectors: of Algorithm 1, finest friction discretisation: 4, 8, .. 2048 .. (4 * 2^q).
@@ -45,6 +53,7 @@ class Settings:
     gap: float = 1e-3
     time_limit: float = INF
     node_limit: float = INF
+    workers: int = 0
     motion_cap: float = MOTION_CAP
     solver: Solver = "scip"
     sectors: int = 2048
@@ -61,6 +70,8 @@ class Settings:
             raise InputError(f"is {self.time_limit:g} s; a positive number is needed", field="time limit")
         if not self.node_limit > 0:
             raise InputError(f"is {self.node_limit:g}; a positive number is needed", field="node limit")
+        if self.workers not in (0, 1, 2):
+            raise InputError(f"is {self.workers}; 1 or 2 is possible, or 0 for as many as there are", field="workers")
         if not 1 <= self.motion_cap <= LARGEST_CAP:
             raise InputError(f"is {self.motion_cap:g}; 1 to {LARGEST_CAP:g} is possible", field="motion cap")
         if self.method not in METHODS:

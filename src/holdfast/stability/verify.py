@@ -26,6 +26,7 @@ from holdfast.stability.certificate import (
     ActuatorState,
     Certificate,
     ContactState,
+    Goal,
     Integers,
     Question,
     Row,
@@ -165,9 +166,9 @@ def check_rows(certificate: Certificate, claim: Claim, cases: Integers) -> None:
             raise Refused(f"{place}, {name} {c.index[r]} [{c.a[r]}, {c.b[r]}]: {why}")
 
     refuse((c.kind < 0) | (c.kind >= len(Row)), "no such kind")
-    of_contact, of_bound = c.kind <= Row.STILL_2_DOWN, c.kind >= Row.BOUND_UP
-    ends = np.where(of_contact, q.grasp.m, np.where(of_bound, claim.columns.n, q.grasp.mechanism.a))
-    refuse((c.index < 0) | (c.index >= ends), "no such contact, actuator or column")
+    of = [c.kind <= Row.STILL_2_DOWN, c.kind <= Row.S_UP, c.kind <= Row.BOUND_DOWN]
+    ends = np.select(of, [q.grasp.m, q.grasp.mechanism.a, claim.columns.n], len(c.references))
+    refuse((c.index < 0) | (c.index >= ends), "no such contact, actuator, column or reference")
     refuse(~(np.isfinite(c.multiplier) & (c.multiplier >= 0)), "the multiplier is negative or not finite")
     refuse(~legal(certificate, claim, cases[leaf]), "does not hold in this case")
 
@@ -175,10 +176,10 @@ def check_rows(certificate: Certificate, claim: Claim, cases: Integers) -> None:
 def legal(certificate: Certificate, claim: Claim, cases: Integers) -> Mask:
     """(R,) bool: is each row true of every state in the case (R, m+a, 3) of its leaf?"""
     c, q, m = certificate, certificate.question, certificate.question.grasp.m
-    of_bound = c.kind >= Row.BOUND_UP
-    part = np.where(of_bound, 0, c.index + np.where(c.kind >= Row.T_UP, m, 0))
+    of_bound, of_part = (c.kind == Row.BOUND_UP) | (c.kind == Row.BOUND_DOWN), c.kind < Row.BOUND_UP
+    part = np.where(of_part, c.index + np.where(c.kind >= Row.T_UP, m, 0), 0)
     state, left, right = cases[np.arange(len(part)), part].T
-    j = np.where((c.kind >= Row.T_UP) & ~of_bound, c.index, 0)
+    j = np.where((c.kind >= Row.T_UP) & of_part, c.index, 0)
     k = np.where(of_bound, c.index, 0)
 
     def inside(a: Integers, b: Integers) -> Mask:
@@ -192,6 +193,11 @@ def legal(certificate: Certificate, claim: Claim, cases: Integers) -> Mask:
     driven, may_move = (np.append(v, False)[j] for v in (q.is_driven, q.may_move))
     moves, commanded = state == MOVES, may_move & ~driven
     always = np.ones(len(part), dtype=bool)
+    # friction takes energy by (6), (7) alone; larger commands put in more, as t >= 0
+    balanced = np.full(len(part), q.mdp and q.goal in (Goal.CHECK, Goal.SMALLEST_PRELOAD))
+    if certificate.scalar is not None and len(c.references):
+        top = c.references[np.where(c.kind == Row.ENERGY, c.index, 0), m]
+        balanced &= top >= certificate.scalar[1]
     cases_of: dict[Row, Mask] = {
         Row.CN_UP: always,
         Row.CN_DOWN: opens,
@@ -211,6 +217,7 @@ def legal(certificate: Certificate, claim: Claim, cases: Integers) -> Mask:
         Row.E_DOWN: commanded & moves,
         Row.S_UP: driven & moves,
         **dict.fromkeys((Row.BOUND_UP, Row.BOUND_DOWN), np.isfinite(claim.reach[k])),
+        Row.ENERGY: balanced,
     }
     return np.select([c.kind == row for row in cases_of], list(cases_of.values()), False)
 
@@ -318,6 +325,19 @@ def weighed_rows(certificate: Certificate, claim: Claim) -> tuple[Array, Array, 
     if at.scalar.stop > at.scalar.start:  # commands lambda f_c
         put((Row.E_UP,), np.full_like(f, at.scalar.start), -per_scalar)
         put((Row.E_DOWN,), np.full_like(f, at.scalar.start), per_scalar)
+    energy = rows[Row.ENERGY]
+    if len(energy):
+        x = np.zeros((len(leaf), m + 1))
+        x[energy] = c.references[c.index[energy]]
+        here = np.zeros_like(c.index)
+        w, (f_c, per_s) = q.loads[0], q.commands
+        for axis in range(6):
+            put((Row.ENERGY,), here + at.r.start + axis, w[axis])
+        for i in range(m):
+            put((Row.ENERGY,), here + at.c.start + 3 * i, -2 * x[:, i])
+        for i in range(len(f_c)):
+            put((Row.ENERGY,), here + at.n + 3 * m + i, f_c[i] + x[:, m] * per_s[i])
+        b -= (x[:, :m] ** 2).sum(axis=1)
     b += np.where(c.kind == Row.E_UP, constant, 0.0) - np.where(c.kind == Row.E_DOWN, constant, 0.0)
     column = np.minimum(c.index, at.n - 1)
     b += np.where(c.kind == Row.BOUND_UP, claim.lo[column], 0.0)

@@ -110,7 +110,6 @@ def as_witness(r: Reduced, x: Point) -> Witness:
     p = r.p
     turns = p.R @ x.q > 1e-12
     f_c = np.where(p.driven, np.where(turns, np.maximum(x.f, 0.0), 0.0), r.load.f_a + x.sigma * r.load.f_b)
-    units = p.force * np.array([1.0] * 3 + [p.length] * 3)
-    wrench = units * (r.load.w_a + x.sigma * r.load.w_b)
+    wrench = p.force * (r.load.w_a + x.sigma * r.load.w_b) / p.lengths
     state = p.unscale(x.r, x.q, x.c, x.f, x.coupling)
     return Witness(p.grasp.with_preload(p.command(f_c)), wrench, state, p.eta, p.mdp)

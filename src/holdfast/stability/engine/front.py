@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 from holdfast.answer import Stop
 from holdfast.mechanism import Array
 from holdfast.stability import witness
+from holdfast.stability.engine.neighbour import Neighbour
 from holdfast.stability.engine.proof import Proof
 from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.engine.search import Search
 from holdfast.stability.goal import NEAR_END, Goal, interval
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
-from holdfast.stability.settings import OnStep, Progress, Settings
+from holdfast.stability.settings import OnStep, Progress, Settings, default_jobs
 
 TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
+FINE = 1e-6  # gap, with which go the tolerances of programs, for what a larger one leaves unresolved
+LEAST = 1e-3  # [s] that is left for it
+PAUSE = 0.05  # [s] between two reports of progress
 
 
 def search(
@@ -28,12 +33,14 @@ def search(
     *,
     reduced: Reduced | None = None,
     guess: Sequence[Array] = (),
+    before: Neighbour | None = None,
 ) -> Outcome:
     """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
 
     Args:
         reduced: the reduced problem, if it is known already.
-        guess: reduced points (n,) to start Newton from, such as a neighbouring question's solution.
+        guess: reduced points (n,) to start Newton from.
+        before: what the question before this one left; it wants `reduced`.
     """
     start = time.monotonic()
     r = reduced or reduce(p, goal, settings.motion_cap)
@@ -46,20 +53,33 @@ def search(
         gap_absolute=(0.0 if goal is Goal.SMALLEST_PRELOAD else TINY if goal is Goal.LARGEST else ZERO / r.scale),
         node_limit=settings.node_limit,
         time_limit=settings.time_limit,
+        workers=settings.workers or default_jobs(),
         guess=guess,
     )
+    if before is not None:
+        before.start(s)
     try:
+        shown, bound = start, -INF
         for state in s:
-            if on_step:
-                on_step(Progress(*interval(p, goal, state.best * r.scale, state.bound * r.scale), state.nodes))
+            if on_step and (state.stop or time.monotonic() - shown > PAUSE):
+                shown = time.monotonic()
+                bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap only, points say more
+                on_step(Progress(*interval(p, goal, state.best * r.scale, bound * r.scale), state.nodes))
     except KeyboardInterrupt:
         s.stop = Stop.INTERRUPTED
     stop = s.stop or Stop.INTERRUPTED
-    found = None
-    if s.z is not None:
-        found = witness.as_witness(r, r.point(s.z))
-        if not found.valid:  # the judge has the last word; everything the search cut off by it is open again
-            return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, s.nodes)
+    found = None if s.z is None else witness.as_witness(r, r.point(s.z))
+    refused = found is not None and not found.valid
+    if before is not None and (stop is Stop.NUMERICAL or refused):
+        # Newton is tried where a leaf is made, not where it opens again: from the root, then
+        return search(p, goal, settings, on_step, reduced=r)
+    if (stop is Stop.NUMERICAL or refused) and settings.gap > FINE:  # what is met up to a program's tolerances only
+        spent = time.monotonic() - start
+        finer = replace(settings, gap=FINE, time_limit=max(settings.time_limit - spent, LEAST))
+        again = search(p, goal, finer, on_step, reduced=r, guess=guess)
+        return replace(again, seconds=again.seconds + spent, nodes=again.nodes + s.nodes)
+    if refused:  # the judge has the last word; everything the search cut off by it is open again
+        return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, s.nodes)
     torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
     value = s.best * r.scale
     shown = float(s.hi[0]) if found else INF

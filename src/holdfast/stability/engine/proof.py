@@ -9,7 +9,7 @@ import numpy as np
 
 from holdfast.mechanism import Indices
 from holdfast.stability import asked
-from holdfast.stability.certificate import Certificate, Columns
+from holdfast.stability.certificate import Certificate, Columns, Row
 from holdfast.stability.engine import rows, tree
 from holdfast.stability.engine.search import Search
 from holdfast.stability.goal import Goal
@@ -17,16 +17,14 @@ from holdfast.stability.goal import Goal
 
 @dataclass(eq=False)
 class Proof:
-    """A finished search: every leaf of its tree is closed by a ray, under the cut in force at its end."""
+    """A finished, trimmed search: every leaf of its tree is closed by a ray, under the cut in force at its end."""
 
     search: Search
 
     def certificate(self) -> Certificate | None:
         """The certificate; None if nodes are left that no ray closes."""
         s, r = self.search, self.search.reduced
-        assert s.pool is not None
-        used = int(s.stats[tree.USED])
-        status = s.pool.status[:used]
+        used, status = s.used, s.pool.status
         if not r.solvable or np.isin(status, (tree.UNRESOLVED, tree.WAITING)).any():
             return None
         p, hi = r.p, float(s.hi[0])
@@ -40,11 +38,11 @@ class Proof:
             scalar = (-hi * p.stretch, -lo * p.stretch) if r.goal is Goal.LARGEST else (lo * unit, hi * unit)
         question = asked.question(p, r.goal)
         leaves = np.flatnonzero(status == tree.EMPTY)
-        start, entries = self._rows(leaves, Columns.of(question))
-        parent = s.pool.parent[:used].copy()
-        part, m = s.pool.part[:used].copy(), len(p.mu)
+        start, entries = self._rows(leaves, Columns.of(question), force, unit)
+        parent = s.pool.parent
+        part, m = s.pool.part, len(p.mu)
         moved = np.maximum(part - m, 0)
-        states = s.pool.states[:used]
+        states = s.pool.states
         at = np.arange(used)
         contact = part < m
         i = np.minimum(part, m - 1)
@@ -69,13 +67,16 @@ class Proof:
             **entries,
         )
 
-    def _rows(self, leaves: Indices, at: Columns) -> tuple[Indices, dict[str, Any]]:
-        """Row pointers and entries of the leaves' rays, multipliers for rows in the grasp's units."""
+    def _rows(self, leaves: Indices, at: Columns, force: float, unit: float) -> tuple[Indices, dict[str, Any]]:
+        """Row pointers and entries of the leaves' rays, multipliers for rows in the grasp's units.
+
+        force, unit: [N] and units of the scalar, per scaled one.
+        """
         s, r, p = self.search, self.search.reduced, self.search.reduced.p
-        assert s.pool is not None
         ids, y = s.pool.ids[leaves], s.pool.data[leaves].copy()
         kind = ids >> rows.KIND
-        used = (y > 0) & (kind < rows.BOX_UP)  # a bound on z itself says nothing about x: the caps stand in for it
+        box = (kind == rows.BOX_UP) | (kind == rows.BOX_DOWN)
+        used = (y > 0) & ~box  # a bound on z itself says nothing about x: the caps stand in for it
         start = np.r_[0, np.cumsum(used.sum(axis=1))]
         ids, kind, y = ids[used], kind[used], y[used]
         index = (ids >> rows.INDEX) & 255
@@ -91,6 +92,15 @@ class Proof:
             forces = np.where(of <= rows.E_DOWN, 1 / lever[moved], effort)
             y[actuator] *= np.where(of <= rows.T_DOWN, lever[moved], forces)
             index[actuator] = moved
+        energy = kind == rows.ENERGY
+        nodes, index[energy] = np.unique(ids[energy] & rows.NODE, return_inverse=True)
+        a[energy] = b[energy] = 0
+        y[energy] /= force
+        n = len(r.cost)
+        normal = slice(0, 6 * len(p.mu), 6)
+        points = force * (s.pool.data[nodes, :n] @ r.B[normal].T + r.off[normal])
+        references = np.column_stack([points, unit * s.pool.data[nodes, n]])
+
         flip = np.zeros(len(kind), bool)
         columns, factors = np.zeros(len(r.names), int), np.ones(len(r.names))
         for k, (name, i) in enumerate(r.names):
@@ -106,10 +116,11 @@ class Proof:
                 columns[k], factors[k] = at.f.start + i, 1 / lever[i]
             else:
                 columns[k], factors[k] = at.e.start + i, p.force / r.scale
-        plain = kind >= rows.PLAIN_UP
+        plain = (kind == rows.PLAIN_UP) | (kind == rows.PLAIN_DOWN)
         if r.goal is Goal.LARGEST:
             flip = plain & (index == 0)
         y[plain] *= factors[index[plain]]
         index[plain] = columns[index[plain]]
         kind = np.where(flip, rows.PLAIN_UP + rows.PLAIN_DOWN - kind, kind)
-        return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y}
+        kind = np.where(energy, Row.ENERGY, kind)
+        return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y, "references": references}

@@ -31,6 +31,9 @@ def null_space(A: Array) -> Array:
     """(n, n - rank) orthonormal basis of the null space of A (k, n)."""
     if not len(A):
         return np.eye(A.shape[1])
+    used = A != 0
+    if (used.sum(axis=1) == 1).all():  # it only picks columns
+        return np.eye(A.shape[1])[:, ~used.any(axis=0)]
     _, s, Vt = np.linalg.svd(A)
     return Vt[int((s > RANK * max(s[0], 1e-300)).sum()) :].T
 
@@ -116,7 +119,11 @@ class Reduced:
         y0 = self.solve @ h
         lo = self.lo.copy()
         lo[0] = 1.0 / search_end(p)
-        out = replace(self, p=p, load=load_, y0=y0, off=self.values @ y0 + self.constants, lo=lo)
+        B = self.B.copy()
+        if self.names[-1][0] == "energy":
+            B[-2, :6] = load_.w_a
+        off = self.values @ y0 + self.constants
+        out = replace(self, p=p, load=load_, y0=y0, B=B, BT=np.ascontiguousarray(B.T), off=off, lo=lo)
         if "_sizes" in self.__dict__:
             out.__dict__["_sizes"] = self._sizes
         return out
@@ -213,6 +220,9 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
     plain += [("force", int(i), -p.f_max[i], p.f_max[i]) for i in kept if np.isfinite(p.f_max[i])]
     plain += [("effort", int(i), 0.0, STRONGEST) for i in efforts]
 
+    if p.mdp and goal in (Goal.EXISTS, Goal.SMALLEST_PRELOAD):  # for `rows.ENERGY`
+        plain += [("energy", 0, -np.inf, np.inf), ("energy", 1, -np.inf, np.inf)]
+
     # base values as functions of the motions (r, q), of the forces y, and their constants
     first = 6 * m + 3 * len(active)
     D, V, constants = (
@@ -237,6 +247,8 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
     for k, (kind, i, _, _) in enumerate(plain, start=first):
         if kind == "motion":
             D[k, i] = 1.0
+        elif kind == "energy":
+            D[k] = np.r_[load_.w_a, load_.f_a @ p.R] if i == 0 else np.r_[load_.w_b, load_.f_b @ p.R]
         elif kind == "scalar":
             V[k, F] = -1.0 if goal is Goal.LARGEST else 1.0
         else:

@@ -4,11 +4,14 @@ Every row is a . z >= b over the reduced unknowns z (`reduced`). It combines a f
 
     contact i    values 6i .. 6i+5         c_n, c_t1, c_t2, d_n, d_t1, d_t2
     actuator j   values 6m+3j .. 6m+3j+2   t, excess f - f_c (if its command is sought: f), effort left
-    plain k      values 6m+3a+k            with bounds lo[k], hi[k]: the objective, motions, limits
+    plain k      values 6m+3a+k            with bounds lo[k], hi[k]: the objective, motions, limits; last, unbounded
+                                           and only where they are used: the energy that the disturbance and fixed
+                                           commands put in, and that of commands per unit of the objective
 
 An id holds kind, index and two angles, so that a working set of ids is all a node has to keep, and a parent's
 working set is legal in every child. Angles are integers, `TURN` to a turn. The kinds and what they say are
-those of `stability/certificate`; BOX rows bound z itself and give the first working set.
+those of `stability/certificate`; BOX rows bound z itself and give the first working set. The ENERGY row of node k
+is the tangent, at the point of k, of the balance of energy: sum c_n^2 <= w . r + f_c . t.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ CN_UP, CN_DOWN, GAP_UP, GAP_DOWN, DN_UP, TANGENT, CHORD = 0, 1, 2, 3, 4, 5, 6
 C_LEFT, C_RIGHT, D_LEFT, D_RIGHT = 7, 8, 9, 10
 STILL = 11  # to 14: +d_t1, -d_t1, +d_t2, -d_t2
 T_UP, T_DOWN, E_UP, E_DOWN, S_UP, PLAIN_UP, PLAIN_DOWN, BOX_UP, BOX_DOWN = 15, 16, 17, 18, 19, 20, 21, 22, 23
+ENERGY = 24  # of the node whose number, within the mask NODE, takes the place of the angles
 
 # what a contact is in a node
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = 0, 1, 2, 3, 4
@@ -33,6 +37,7 @@ FREE, LOCKED, MOVES = 0, 1, 2
 
 
 KIND, INDEX, ANGLE = 58, 50, 25  # places of the fields in an id; the second angle is at 0
+NODE = (1 << INDEX) - 1
 
 
 def inner(function: Any) -> Any:
@@ -59,15 +64,29 @@ def place(id, m, nb, plain):  # type: ignore[no-untyped-def]
 
 
 @inner
-def row(id, m, cos, sin, B, off, mu, lo, hi, box, out, g):  # type: ignore[no-untyped-def]
+def row(id, m, cos, sin, B, off, mu, lo, hi, box, data, out, g):  # type: ignore[no-untyped-def]
     """Coefficients of a named row into `out` (n,), over its base values into g (6,); returns b of out . z >= b.
 
     B (base values, n): the base values' coefficients, off: their constants. sin, cos: of the uncertainty of
-    the normals, equation (17).
+    the normals, equation (17). data: points of the nodes, and above which objective they were made.
     """
     kind = id >> KIND
     i = (id >> INDEX) & 255
     n = out.shape[0]
+    if kind == ENERGY:
+        at = id & NODE
+        last = off.shape[0] - 1
+        rhs = -off[last - 1] - data[at, n] * off[last]
+        for j in range(n):
+            out[j] = B[last - 1, j] + data[at, n] * B[last, j]
+        for k in range(0, 6 * m, 6):
+            cn = off[k]
+            for j in range(n):
+                cn += B[k, j] * data[at, j]
+            rhs += cn * (2.0 * off[k] - cn)
+            for j in range(n):
+                out[j] -= 2.0 * cn * B[k, j]
+        return rhs
     if kind >= BOX_UP:
         for j in range(n):
             out[j] = 0.0

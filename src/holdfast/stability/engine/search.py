@@ -1,28 +1,37 @@
-"""A search as an iterator: allocates the tree, lets the compiled kernel run in slices, keeps the score."""
+"""A search as an iterator: allocates the tree, lets the compiled kernel run in slices, keeps the score.
+
+A slice is a fixed number of nodes. As soon as enough nodes wait they are dealt to two lanes, which are searched
+side by side, in two threads if there are as many cores. Within a slice neither lane knows of the other; after it
+both have the better incumbent. So what comes out depends neither on the number of cores nor on their speed.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from holdfast.answer import Stop
-from holdfast.mechanism import Array, Indices
+from holdfast.mechanism import Array, Indices, Mask
 from holdfast.stability.engine import rows, tree
 from holdfast.stability.engine.reduced import Reduced
 
 CLOSING = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
-FIRST, LEAST = 64, 16  # nodes before the first look at the clock, and between two at least
-SLICE = 0.05  # [s] of kernel time between looks at the clock
+SLICE = 64  # nodes that a lane expands between two looks at the clock and at the other lane
+CHILDREN, SPARE = 4, 8  # of a node at most; rows that the kernel wants beyond
+SHARE = 16  # as many nodes must wait to be dealt, once more if one lane has UNEVEN times as many as the other
+UNEVEN = 4
+ROOM = 512  # nodes at first
 INF = float("inf")
 
 
 @dataclass(eq=False)
 class Pool:
-    """The tree's arrays, one row per node; see `tree.run`."""
+    """The tree's arrays, one row per node; see `tree.run`. A row without a parent, but for the first, is no node."""
 
     states: Indices
     ids: Indices
@@ -32,31 +41,52 @@ class Pool:
     parent: Indices
     part: Indices
     status: Indices
-    heap: Indices
 
     @classmethod
-    def of(cls, room: int, m: int, a: int, n: int) -> Pool:
+    def of(cls, room: int, width: int, n: int) -> Pool:
         def whole(*shape: int) -> Indices:
-            return np.zeros(shape, np.int64)
+            return np.empty(shape, np.int64)
 
         return cls(
-            whole(room, 3 * m + a), whole(room, n + 1),
-            np.zeros((room, n + 1)), np.zeros(room), np.zeros(room), whole(room), whole(room), whole(room), whole(room),
+            whole(room, width), whole(room, n + 1), np.empty((room, n + 1)),
+            np.empty(room), np.empty(room), np.full(room, -1), whole(room), whole(room),
         )  # fmt: skip
 
     def arrays(self) -> tuple[Any, ...]:
-        return (
-            self.states, self.ids, self.data,
-            self.key, self.bound, self.parent, self.part, self.status, self.heap,
-        )  # fmt: skip
+        return self.states, self.ids, self.data, self.key, self.bound, self.parent, self.part, self.status
 
-    def grown(self, room: int) -> Pool:
-        out = []
-        for old in self.arrays():
-            new = np.zeros((room, *old.shape[1:]), old.dtype)
-            new[: len(old)] = old
-            out.append(new)
-        return Pool(*out)
+    def grown(self, room: int, used: int) -> Pool:
+        """With other room, the first `used` rows as they are."""
+        out = Pool.of(room, self.states.shape[1], self.ids.shape[1] - 1)
+        for old, new in zip(self.arrays(), out.arrays(), strict=True):
+            new[:used] = old[:used]
+        return out
+
+
+@dataclass(eq=False)
+class Lane:
+    """What one thread changes besides the tree: a heap of nodes that wait, its incumbent and cut; see `tree.run`."""
+
+    heap: Indices
+    hi: Array
+    best: Array
+    z: Array
+    stats: Indices
+
+    @property
+    def waiting(self) -> int:
+        return int(self.stats[tree.HEAP])
+
+    def copy(self) -> Lane:
+        """Another one that knows as much and has no nodes."""
+        out = Lane(self.heap.copy(), self.hi.copy(), self.best.copy(), self.z.copy(), self.stats.copy())
+        out.stats[tree.HEAP] = 0
+        return out
+
+    def give(self, nodes: Indices) -> None:
+        """Let it have these nodes, in the order of their keys, instead of those it had."""
+        self.heap = np.concatenate([nodes, self.heap[len(nodes) :]])
+        self.stats[tree.HEAP] = len(nodes)
 
 
 @dataclass(eq=False)
@@ -64,9 +94,10 @@ class Search:
     """Best-first search for a smallest objective (or any solution) over a reduced problem.
 
     Attributes:
+        workers: threads, at most one per lane.
         best: the smallest objective found so far, inf if none; z: its point (n,).
         stop: None while it runs.
-        unresolved: nodes that neither a ray nor Newton settled.
+        used: rows of the pool, a few of which may be no nodes until `trim`.
     """
 
     reduced: Reduced
@@ -74,49 +105,112 @@ class Search:
     gap_absolute: float = 1e-9
     node_limit: float = INF
     time_limit: float = INF
+    workers: int = 1
     guess: Sequence[Array] = ()
     best: float = INF
     z: Array | None = None
     stop: Stop | None = None
-    stats: Array = field(default_factory=lambda: np.zeros(9, np.int64))
-    pool: Pool | None = None
+    used: int = 1
+    lanes: list[Lane] = field(default_factory=list)
+    _common: Indices = field(default_factory=lambda: np.zeros(9, np.int64))  # counted before there were two lanes
+    _threads: ThreadPoolExecutor | None = None
 
     def __post_init__(self) -> None:
         r = self.reduced
         m, a, n = len(r.p.mu), len(r.active), len(r.cost)
         self.hi = r.hi.copy()
         self.box = r.box(INF)
-        self.pool = Pool.of(512, m, a, n)
+        self.pool = Pool.of(ROOM, 3 * m + a, n)
+        for x in self.pool.arrays():  # the root: all is undecided
+            x[0] = 0
+        self.pool.parent[0] = -1
         corner = np.where(r.cost >= 0, rows.BOX_UP, rows.BOX_DOWN)
         self.pool.ids[0, :n] = (corner << rows.KIND) | (np.arange(n) << rows.INDEX)
-        self.pool.parent[0] = -1
         self.pool.bound[0] = r.lo[0] if r.objective else 0.0
-        self.stats[tree.USED] = self.stats[tree.HEAP] = 1
-        self._best, self._z = np.array([INF, INF]), np.zeros(n)
+        lane = Lane(np.zeros(ROOM, np.int64), self.hi.copy(), np.array([INF, INF]), np.zeros(n), self._common.copy())
+        lane.stats[tree.USED] = lane.stats[tree.HEAP] = 1
+        self.lanes.append(lane)
+        guess = np.array(self.guess).reshape(-1, n) if len(self.guess) else np.zeros((0, n))
+        self._question = (
+            m, a, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.p.mdp, r.objective, r.motions,
+            self.gap, self.gap_absolute, r.B, r.BT, r.off, r.p.mu, r.lo,
+        )  # fmt: skip
+        self._rest = r.cost, r.driven
+        self._guess = guess
+
+    def know(self, z: Array) -> None:
+        """Begin with an exact solution (n,) as the incumbent."""
+        r, lane = self.reduced, self.lanes[0]
+        scalar = len(r.off) - len(r.lo)
+        value = float(r.B[scalar] @ z + r.off[scalar])
+        if r.objective != tree.SCALAR or not r.lo[0] - 1e-9 * abs(r.lo[0]) <= value < self.best:
+            return
+        lane.best[0], lane.z[:] = value, z
+        lane.hi[0] = min(lane.hi[0], value - self.gap * abs(value) - self.gap_absolute)
+        self._compare()
+        self.box = r.box(float(self.hi[0]))
+
+    def follow(self, finished: Pool) -> None:
+        """Begin with a finished, trimmed tree of the same grasp, balances of energy under the cut of this search."""
+        used = len(finished.parent)
+        self.pool, self.used = finished.grown(used + ROOM, used), used
+        self.pool.data[:used][finished.status == tree.SPLIT, -1] = self.hi[0]
+
+    def reopen(self, leaves: Indices) -> None:
+        """Search these leaves of the tree."""
+        lane = self.lanes[0]
+        self.pool.status[leaves], self.pool.key[leaves] = tree.WAITING, 0.0
+        self.pool.bound[leaves] = self.reduced.lo[0]
+        lane.give(leaves)
+        lane.stats[tree.NODES] = len(leaves) - 1
+
+    @property
+    def stats(self) -> Indices:
+        """What was counted, at the places that `tree` names."""
+        out: Indices = np.sum([lane.stats for lane in self.lanes], axis=0) - (len(self.lanes) - 1) * self._common
+        out[tree.USED] = self.used
+        return out
 
     @property
     def nodes(self) -> int:
         """Programs solved."""
-        return int(self.stats[tree.NODES]) + 1
+        count = sum(int(lane.stats[tree.NODES]) for lane in self.lanes)
+        return count - (len(self.lanes) - 1) * int(self._common[tree.NODES]) + 1
 
     @property
     def bound(self) -> float:
         """No exact solution has a smaller objective than this: over what waits, what is unresolved, and the cut."""
-        assert self.pool is not None
-        used = self.stats[tree.USED]
-        open_ = np.isin(self.pool.status[:used], (tree.WAITING, tree.UNRESOLVED))
-        return float(min(self.pool.bound[:used][open_].min(initial=INF), self.hi[0] if self.best < INF else INF))
+        bound = self.pool.bound[: self.used][self._open()]
+        return float(min(bound.min(initial=INF), self.hi[0] if self.best < INF else INF))
 
     @property
     def unresolved(self) -> int:
-        assert self.pool is not None
-        return int((self.pool.status[: self.stats[tree.USED]] == tree.UNRESOLVED).sum())
+        """Nodes that neither a ray nor Newton settled."""
+        return int((self._real() & (self.pool.status[: self.used] == tree.UNRESOLVED)).sum())
+
+    def _real(self) -> Mask:
+        """(used,) which rows are nodes."""
+        out: Mask = self.pool.parent[: self.used] >= 0
+        out[0] = True
+        return out
+
+    def _open(self) -> Mask:
+        """(used,) what is no leaf of a proof yet."""
+        status = self.pool.status[: self.used]
+        return self._real() & ((status == tree.WAITING) | (status == tree.UNRESOLVED))
 
     def trim(self) -> None:
         """Give back the room that no node took; nothing can be expanded afterwards."""
-        assert self.pool is not None
-        used = int(self.stats[tree.USED])
-        self.pool = Pool(*(a[:used].copy() for a in self.pool.arrays()))
+        real = self._real()
+        if real.all():
+            self.pool = self.pool.grown(self.used, self.used)
+            return
+        pool, number = Pool(*(a[: self.used][real] for a in self.pool.arrays())), np.cumsum(real) - 1
+        pool.parent[1:] = number[pool.parent[1:]]
+        named = (pool.ids >> rows.KIND == rows.ENERGY) & (pool.status == tree.EMPTY)[:, None]  # after a node
+        old = pool.ids[named] & rows.NODE
+        pool.ids[named] += number[old] - old
+        self.pool, self.used = pool, len(pool.parent)
 
     def close(self) -> float:
         """Close all that waits by a cut below its bounds, as high as succeeds; returns it, -inf if none does.
@@ -124,69 +218,112 @@ class Search:
         The bounds of waiting nodes are those of their programs' points, good to `reduced.PREFERENCE` only, so
         that several cuts are tried.
         """
-        assert self.pool is not None
-        r, status = self.reduced, self.pool.status
-        used = self.stats[tree.USED]
+        r, pool, lane = self.reduced, self.pool, self.lanes[0]
         if not r.objective:
             return -INF
         bound = self.bound
         for margin in CLOSING:
-            waiting = np.flatnonzero(np.isin(status[:used], (tree.WAITING, tree.UNRESOLVED)))
+            waiting = np.flatnonzero(self._open())
             cut = bound - margin * max(abs(bound), margin)
             if not r.lo[0] <= cut < INF:
                 break
-            status[waiting] = tree.WAITING
-            self.pool.heap[: len(waiting)] = waiting  # any order: nothing is split
-            self.pool.key[waiting] = 0.0
-            self.stats[tree.HEAP], self.hi[0] = len(waiting), min(cut, self.hi[0])
-            self._run(10**9, close=True)
+            pool.status[waiting] = tree.WAITING
+            pool.key[waiting] = 0.0
+            lane.give(waiting)  # nothing is split
+            self.hi[0] = lane.hi[0] = min(cut, self.hi[0])
+            self._run(lane, 10**9, close=True)
             if not self.unresolved:
                 return float(self.hi[0])
         return -INF
 
-    def _run(self, budget: int, close: bool = False) -> int:
-        assert self.pool is not None
-        r = self.reduced
-        m, a = len(r.p.mu), len(r.active)
-        cos, sin = float(np.cos(r.p.eta)), float(np.sin(r.p.eta))
-        guess = np.array(self.guess).reshape(-1, len(r.cost)) if len(self.guess) else np.zeros((0, len(r.cost)))
+    def _run(self, lane: Lane, budget: int, close: bool = False) -> int:
         why = tree.run(
-            m, a, cos, sin, r.p.mdp, r.objective, r.motions, self.gap, self.gap_absolute,
-            r.B, r.BT, r.off, r.p.mu, r.lo, self.hi, self.box, r.cost, r.driven,
-            budget, close, guess, self._best, self._z, self.stats, *self.pool.arrays(),
+            *self._question, lane.hi, self.box, *self._rest, budget, close, self._guess,
+            lane.best, lane.z, lane.stats, *self.pool.arrays(), lane.heap,
         )  # fmt: skip
         return int(why)
 
+    def _slice(self, budget: int) -> list[int]:
+        """Every lane expands up to `budget` nodes; returns why each of them stopped.
+
+        Lanes number their new nodes apart, behind all there are, so that rows may be left over between them.
+        """
+        lanes = [lane for lane in self.lanes if lane.waiting]
+        if not lanes:
+            return []
+        first, each = self.used, CHILDREN * budget
+        self.used += len(lanes) * each
+        if self.used + SPARE > len(self.pool.key):
+            self.pool = self.pool.grown(2 * self.used + ROOM, first)
+        for k, lane in enumerate(lanes):
+            lane.stats[tree.USED] = first + k * each
+            short = lane.waiting + each - len(lane.heap)
+            if short > 0:
+                lane.heap = np.concatenate([lane.heap, np.zeros(4 * short, np.int64)])
+        try:
+            if len(lanes) == 1 or self.workers == 1:
+                return [self._run(lane, budget) for lane in lanes]
+            self._threads = self._threads or ThreadPoolExecutor(1)
+            other = self._threads.submit(self._run, lanes[1], budget)
+            try:
+                why = self._run(lanes[0], budget)
+            finally:  # Ctrl-C comes to this thread alone
+                last = other.result()
+            return [why, last]
+        finally:
+            self.used = int(lanes[-1].stats[tree.USED])
+            self._compare()
+
+    def _compare(self) -> None:
+        """The better incumbent and its cut for both."""
+        lead = min(self.lanes, key=lambda lane: float(lane.best[0]))
+        if lead.best[0] < self.best:
+            self.best, self.z = float(lead.best[0]), lead.z.copy()
+            self.hi[0] = min(lane.hi[0] for lane in self.lanes)
+            for lane in self.lanes:
+                lane.best[0], lane.hi[0] = self.best, self.hi[0]
+
+    def _deal(self) -> None:
+        """Let both lanes have every second node by rank, where that pays."""
+        count = [lane.waiting for lane in self.lanes]
+        if sum(count) < SHARE or (len(count) == 2 and UNEVEN * min(count) >= max(count)):
+            return
+        if len(self.lanes) == 1:
+            self._common = self.stats
+            self.lanes.append(self.lanes[0].copy())
+        nodes = np.concatenate([lane.heap[: lane.waiting] for lane in self.lanes])
+        nodes = nodes[np.lexsort((nodes, self.pool.key[nodes]))]
+        for k, lane in enumerate(self.lanes):
+            lane.give(nodes[k::2])
+
     def __iter__(self) -> Iterator[Search]:
         """Yields itself after every slice of work; `stop` says how it ended."""
-        assert self.pool is not None
-        if not self.reduced.solvable:
+        r = self.reduced
+        if not r.solvable:
             self.stop = Stop.COMPLETE
             self.pool.status[0] = tree.EMPTY
             return
-        r = self.reduced
-        if not tree.run.signatures:  # the first search compiles, or loads what was: no search's time
-            self._run(0)
+        if not tree.run.overloads:  # the first search compiles, or loads what was: no search's time
+            self._run(self.lanes[0], 0)
         start = time.monotonic()
-        budget = int(min(FIRST, max(1, self.node_limit)))
-        while self.stop is None:
-            clock = time.monotonic()
-            why = self._run(budget)
-            if self._best[0] < self.best:
-                self.best, self.z = float(self._best[0]), self._z.copy()
-                if r.objective and why in (tree.ROOM, tree.ENOUGH):
-                    self.box = r.box(float(self.hi[0]))
-            if why == tree.ROOM:
-                self.pool = self.pool.grown(4 * len(self.pool.key))
-                continue
-            now = time.monotonic()
-            if why == tree.ENOUGH:
-                if now - start > self.time_limit:
+        try:
+            while self.stop is None:
+                left = (self.node_limit - self.nodes + 1) / len(self.lanes)
+                best = self.best
+                why = self._slice(int(min(SLICE, max(1, left))))
+                if tree.FOUND in why or tree.ENDLESS in why:
+                    self.stop = Stop.COMPLETE
+                elif not any(lane.waiting for lane in self.lanes):
+                    self.stop = Stop.NUMERICAL if self.unresolved else Stop.COMPLETE
+                elif time.monotonic() - start > self.time_limit:
                     self.stop = Stop.TIME
                 elif self.nodes > self.node_limit:
                     self.stop = Stop.NODES
-                budget = int(np.clip(budget * SLICE / max(now - clock, 1e-6), LEAST, 4 * budget))
-                budget = int(min(budget, max(1, self.node_limit - self.nodes))) if self.stop is None else budget
-            else:
-                self.stop = Stop.NUMERICAL if why == tree.EXHAUSTED and self.unresolved else Stop.COMPLETE
-            yield self
+                else:
+                    if self.best < best and r.objective:
+                        self.box = r.box(float(self.hi[0]))
+                    self._deal()
+                yield self
+        finally:
+            if self._threads:
+                self._threads.shutdown()

@@ -20,37 +20,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from holdfast.stability.engine.price import FEASIBLE, price, trigonometry
 from holdfast.stability.engine.rows import (
-    ANGLE,
     BOX_UP,
-    C_LEFT,
-    C_RIGHT,
-    CHORD,
-    CLOSED,
-    CN_DOWN,
-    CN_UP,
-    D_LEFT,
-    D_RIGHT,
-    DN_UP,
-    E_DOWN,
-    E_UP,
-    GAP_DOWN,
-    GAP_UP,
+    ENERGY,
     INDEX,
     KIND,
-    LOCKED,
-    MOVES,
-    OPEN,
     PLAIN_DOWN,
-    PLAIN_UP,
     S_UP,
-    SLIDE,
-    STICK,
-    STILL,
-    T_DOWN,
     T_UP,
-    TANGENT,
-    TURN,
     inner,
     place,
     row,
@@ -58,11 +36,11 @@ from holdfast.stability.engine.rows import (
 )
 
 OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
-FEASIBLE = 1e-9
 PIVOT = 1e-7
 SMALL = 1e-10
 BLUR, CAUTIOUS = 1e-9, 1e-6  # multipliers may turn negative by this for a better pivot; rays do not care
 ROUNDING = 1e-12  # of the terms of a ray: more than its checker allows for
+MISSING = 0.1  # (scaled) energy by which the balance must be missed for its row to enter
 REFRESH = 40
 EXCHANGES = 500
 
@@ -120,154 +98,16 @@ def invert(W, BT, edges, pivot):  # type: ignore[no-untyped-def]
 
 
 @inner
-def trigonometry(m, state, trig):  # type: ignore[no-untyped-def]
-    """Sector ends as unit vectors into trig (m, 4): cos and sin of the left end, of the right end."""
-    turn = 2 * np.pi / TURN
-    for i in range(m):
-        for k in range(2):
-            angle = state[(k + 1) * m + i] * turn
-            trig[i, 2 * k] = np.cos(angle)
-            trig[i, 2 * k + 1] = np.sin(angle)
-
-
-@inner
-def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip):  # type: ignore[no-untyped-def]
-    """The id of the row of the node that is violated most, -1 if none is by more than `tol` (round ones: `cone`).
-
-    The rows of part k (contact, actuator, plain value) are left out if skip[k].
-    """
-    worst = tol
-    found = -1
-    turn = 2 * np.pi / TURN
-    loose = cone - FEASIBLE  # what is made where it is violated may be missed by a little more
-    for i in range(m):
-        if skip[i]:
-            continue
-        touch = state[i]
-        la = state[m + i]
-        lb = state[2 * m + i]
-        k = 6 * i
-        cn = v[k]
-        c1 = v[k + 1]
-        c2 = v[k + 2]
-        d1 = v[k + 4]
-        d2 = v[k + 5]
-        here = i << INDEX
-        gap = cos * v[k + 3]
-        if -cn > worst:
-            worst = -cn
-            found = here | (CN_UP << KIND)
-        x = np.sqrt(c1 * c1 + c2 * c2) - mu[i] * cn - loose
-        if x > worst:
-            worst = x
-            steps = TURN // 4 if touch == OPEN else 1  # tangents along the axes bring c_t to zero at once
-            angle = int(np.rint(np.arctan2(c2, c1) / (steps * turn))) * steps
-            found = here | (TANGENT << KIND) | ((angle % TURN) << ANGLE)
-        reach = 0.0  # sin(eta) |d_t|, from above
-        if lb > la:
-            xa = trig[i, 0]
-            ya = trig[i, 1]
-            xb = trig[i, 2]
-            yb = trig[i, 3]
-            h = 1.0 + xa * xb + ya * yb
-            x = xa * d2 - ya * d1
-            if x > worst:
-                worst = x
-                found = here | (D_LEFT << KIND) | (la << ANGLE)
-            x = yb * d1 - xb * d2
-            if x > worst:
-                worst = x
-                found = here | (D_RIGHT << KIND) | lb
-            reach = -sin * ((xa + xb) * d1 + (ya + yb) * d2) / h
-            if touch == SLIDE:
-                x = 0.5 * (mu[i] * h * cn - (xa + xb) * c1 - (ya + yb) * c2)
-                if x > worst:
-                    worst = x
-                    found = here | (CHORD << KIND) | (la << ANGLE) | lb
-                x = ya * c1 - xa * c2
-                if x > worst:
-                    worst = x
-                    found = here | (C_LEFT << KIND) | (la << ANGLE)
-                x = xb * c2 - yb * c1
-                if x > worst:
-                    worst = x
-                    found = here | (C_RIGHT << KIND) | lb
-        elif touch == STICK:
-            reach = -sin * d1  # d_t = 0 there: any direction will do
-        if sin == 0.0 or lb > la or touch == STICK:
-            kind = GAP_UP
-            x = -cn - gap - reach
-            if touch == OPEN:
-                kind = DN_UP
-                x = -gap - reach
-            if x > worst:
-                worst = x
-                found = here | (kind << KIND) | (la << ANGLE) | lb
-        if touch == OPEN:
-            if cn > worst:
-                worst = cn
-                found = here | (CN_DOWN << KIND)
-        elif touch >= CLOSED:
-            x = cn + gap
-            if sin > 0.0:
-                x += sin * np.sqrt(d1 * d1 + d2 * d2) - loose
-            if x > worst:
-                worst = x
-                found = here | (GAP_DOWN << KIND)
-                if sin > 0.0:
-                    angle = int(np.rint(np.arctan2(-d2, -d1) / turn))
-                    found |= (angle % TURN) << ANGLE
-            if touch == STICK:
-                x = max(abs(d1), abs(d2))
-                if x > worst:
-                    worst = x
-                    kind = STILL + (0 if abs(d1) == x else 2)
-                    kind += 1 if (d1 if abs(d1) == x else d2) > 0.0 else 0
-                    found = here | (kind << KIND)
-    for j in range(a):
-        if skip[m + j]:
-            continue
-        moves = state[3 * m + j]
-        k = 6 * m + 3 * j
-        here = j << INDEX
-        if -v[k] > worst:
-            worst = -v[k]
-            found = here | (T_UP << KIND)
-        if moves == LOCKED and v[k] > worst:
-            worst = v[k]
-            found = here | (T_DOWN << KIND)
-        if (moves == MOVES or not driven[j]) and -v[k + 1] > worst:
-            worst = -v[k + 1]
-            found = here | (E_UP << KIND)
-        if moves == MOVES:
-            x = -v[k + 2] if driven[j] else v[k + 1]
-            if x > worst:
-                worst = x
-                found = here | ((S_UP if driven[j] else E_DOWN) << KIND)
-    first = v.shape[0] - lo.shape[0]
-    for k in range(lo.shape[0]):
-        if skip[m + a + k]:
-            continue
-        x = v[first + k]
-        if lo[k] - x > worst:
-            worst = lo[k] - x
-            found = (k << INDEX) | (PLAIN_UP << KIND)
-        if x - hi[k] > worst:
-            worst = x - hi[k]
-            found = (k << INDEX) | (PLAIN_DOWN << KIND)
-    return found
-
-
-@inner
 def solve(  # type: ignore[no-untyped-def]
     m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-    ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats, cone, daring,
+    ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats, cone, daring, data, balance,
 ):  # fmt: skip
     """Solve a node's program from a working set; all of the state is changed in place.
 
     `ids`, `W`, `rhs`, `edges` must be given and consistent; ids has one place more, for the entering row of a
     ray. daring: poor pivots are taken where there is no other, and no
-    row is left out. Returns OPTIMAL (z, y, v), INFEASIBLE (y: the
+    row is left out. balance: the node of `data` at whose point the balance of energy is a row, -1 for none.
+    Returns OPTIMAL (z, y, v), INFEASIBLE (y: the
     ray's multipliers of `ids`, 1 for the last) or FAILED.
     """
     n = z.shape[0]
@@ -305,18 +145,29 @@ def solve(  # type: ignore[no-untyped-def]
             tol = FEASIBLE + 1e-14 * largest
             fresh = False
         enter = price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip)
+        if enter < 0 and balance >= 0:
+            enter = (ENERGY << KIND) | balance
+            missed = row(enter, m, cos, sin, B, off, mu, lo, hi, box, data, enter_row, gradient)
+            for j in range(n):
+                missed -= enter_row[j] * z[j]
+            if missed < MISSING:
+                enter = -1
         if enter < 0:
             stats[1] += exchange
             return OPTIMAL
-        b = row(enter, m, cos, sin, B, off, mu, lo, hi, box, enter_row, gradient)
+        b = row(enter, m, cos, sin, B, off, mu, lo, hi, box, data, enter_row, gradient)
         first, count = place(enter, m, nb, lo.shape[0])
         missed = b
         for j in range(n):
             missed -= enter_row[j] * z[j]
         for k in range(n):
             total = 0.0
-            for j in range(count):
-                total += gradient[j] * edges[k, n + first + j]
+            if enter >> KIND == ENERGY:
+                for j in range(n):
+                    total += enter_row[j] * edges[k, j]
+            else:
+                for j in range(count):
+                    total += gradient[j] * edges[k, n + first + j]
             delta[k] = total
         bound = np.inf
         for k in range(n):
@@ -361,6 +212,10 @@ def solve(  # type: ignore[no-untyped-def]
                 continue
             if daring:
                 return FAILED  # a poor working set: the caller starts again from the box
+            if enter >> KIND == ENERGY:
+                balance = -1
+                stats[2] += 1
+                continue
             part = (enter >> INDEX) & 255
             if enter >> KIND >= T_UP:
                 part += m if enter >> KIND <= S_UP else m + a

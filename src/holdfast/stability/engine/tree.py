@@ -1,4 +1,5 @@
-"""Best-first search over contact and actuator states, compiled: programs by `simplex`, incumbents by `newton`.
+"""Best-first search over contact and actuator states, compiled: programs by `simplex`, splits by
+`branch`, incumbents by `newton`.
 
 A node is what every contact and actuator is (undecided, open, closed, stick, slide in a sector; free, locked,
 moves) and the working set that solved its program. Expanding a node solves it once more (the bound on the
@@ -14,21 +15,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from holdfast.stability.engine import newton, simplex
+from holdfast.stability.engine import branch, newton, simplex
 from holdfast.stability.engine.rows import (
     BOX_DOWN,
     BOX_UP,
-    CLOSED,
-    FREE,
     INDEX,
     KIND,
-    LOCKED,
-    MOVES,
-    OPEN,
-    SLIDE,
-    STICK,
-    TURN,
-    UNDECIDED,
     inner,
     row,
     values,
@@ -39,9 +31,6 @@ WAITING, SPLIT, EMPTY, UNRESOLVED = 0, 1, 2, 3
 # why `run` returned
 EXHAUSTED, ENOUGH, ROOM, FOUND, ENDLESS = 0, 1, 2, 3, 4
 
-VIOLATION = 1e-7  # a smaller violation of a complementarity is none
-NARROW = 64  # sectors narrower than this, in grid steps, are not split
-CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes
 FIRST = 8  # Newton is tried on the first programs, where nothing is violated, and where little is:
 LESS, MORE = 0.5, 1.1  # less than this share of where it was tried last, a limit that grows with every node
 LITTLE = 1e-3
@@ -58,123 +47,6 @@ NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = 0, 1, 2
 def corner(cost, i):  # type: ignore[no-untyped-def]
     """The i-th row of the box's corner that the cost points to: where a program starts that has no working set."""
     return ((BOX_UP if cost[i] >= 0.0 else BOX_DOWN) << KIND) | (i << INDEX)
-
-
-@inner
-def select(m, a, cos, sin, mdp, mu, driven, state, v, out):  # type: ignore[no-untyped-def]
-    """Where to split: the contact i or m + actuator j with the largest violation, into out the sum of all.
-
-    Where nothing is violated, an undecided part or the widest sector; -1 if all is decided.
-    """
-    worst = VIOLATION
-    pick = -1
-    total = 0.0
-    spare = 0.0
-    fallback = -1
-    for i in range(m):
-        touch = state[i]
-        width = state[2 * m + i] - state[m + i]
-        if touch == STICK or (touch == SLIDE and width <= NARROW):
-            continue
-        k = 6 * i
-        cn = v[k]
-        d1 = v[k + 4]
-        d2 = v[k + 5]
-        speed = np.sqrt(d1 * d1 + d2 * d2)
-        gap = cos * v[k + 3] + sin * speed
-        amount = 0.0
-        rank = 0.0
-        if touch == OPEN:
-            if sin > 0.0 and (width == 0 or width > NARROW):
-                amount = -gap
-        else:
-            if touch == UNDECIDED:
-                amount = max(min(cn, cn + gap), -(cn + gap))
-                rank = 3.0
-            else:
-                amount = abs(cn + gap)
-                rank = width / TURN if touch == SLIDE else (2.0 if mdp else 0.0)
-            if mdp and amount < VIOLATION and cn > 1e-9:  # (4) holds: what about (7)?
-                w = mu[i] * cn
-                x = v[k + 1] * speed + w * d1
-                y = v[k + 2] * speed + w * d2
-                amount = np.sqrt(x * x + y * y) / max(speed, 1.0)
-                if touch == UNDECIDED:
-                    amount *= 0.5
-        total += max(amount, 0.0)
-        if amount > worst:
-            worst = amount
-            pick = i
-        if rank > spare:
-            spare = rank
-            fallback = i
-    for j in range(a):
-        if state[3 * m + j] != FREE:
-            continue
-        k = 6 * m + 3 * j
-        amount = min(v[k], max(max(-v[k + 1], -v[k + 2]), 0.0) if driven[j] else v[k + 1])
-        total += max(amount, 0.0)
-        if amount > worst:
-            worst = amount
-            pick = m + j
-        if spare < 2.5:
-            spare = 2.5
-            fallback = m + j
-    out[0] = total
-    out[1] = worst if pick >= 0 else 0.0
-    return pick if pick >= 0 else fallback
-
-
-@inner
-def split(m, state, v, pick, child):  # type: ignore[no-untyped-def]
-    """The children's states of the part `pick` and its sector ends into child (4, 3); returns how many."""
-    for k in range(4):
-        for b in range(3):
-            child[k, b] = 0
-    if pick >= m:
-        child[0, 0] = LOCKED
-        child[1, 0] = MOVES
-        return 2
-    touch = state[pick]
-    if touch == UNDECIDED:
-        child[0, 0] = CLOSED
-        child[1, 0] = OPEN
-        return 2
-    left = state[m + pick]
-    width = state[2 * m + pick] - left
-    k = 6 * pick
-    speed = max(np.sqrt(v[k + 4] ** 2 + v[k + 5] ** 2), 1e-12)
-    force = max(np.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2), 1e-12)
-    x = -v[k + 4] / speed
-    y = -v[k + 5] / speed
-    if (touch == SLIDE) or (touch == CLOSED and speed < 1e-9):
-        x += v[k + 1] / force
-        y += v[k + 2] / force
-    along = int(np.rint(np.arctan2(y, x) * TURN / (2 * np.pi))) % TURN
-    if width == 0:  # stick, or one of three sectors with a border along the motion
-        count = 0
-        if touch == CLOSED:
-            child[0, 0] = STICK
-            count = 1
-        third = TURN // 3
-        for s in range(3):
-            begin = (along + s * third) % TURN
-            child[count, 0] = SLIDE if touch == CLOSED else OPEN
-            child[count, 1] = begin
-            child[count, 2] = begin + (third if s < 2 else TURN - 2 * third)
-            count += 1
-        return count
-    ahead = (along - left) % TURN
-    if ahead > (width + TURN) // 2:
-        ahead = 0  # behind the sector's start
-    cut = left + int(min(max(ahead / width, 0.15), 0.85) * width)
-    child[0, 0] = touch
-    child[0, 1] = left
-    child[0, 2] = cut
-    child[1, 0] = touch
-    child[1, 1] = cut
-    child[1, 2] = left + width
-    return 2
 
 
 @inner
@@ -285,6 +157,8 @@ def run(  # type: ignore[no-untyped-def]
     size = np.empty(most)
     amounts = np.empty(2)
 
+    cone = max(min(branch.CONE, branch.FINER * gap), branch.FINEST)
+    energetic = lo.shape[0] > 0 and lo[lo.shape[0] - 1] == -np.inf
     expanded = 0
     guesses = guess.shape[0]
     while stats[HEAP] > 0:
@@ -319,6 +193,7 @@ def run(  # type: ignore[no-untyped-def]
                     states[this, 2 * m + pick] = child[k - 1, 0]
             for i in range(3 * m + a):
                 state[i] = states[this, i]
+            balance = parent[this] if energetic else -1
             result = simplex.FAILED
             for attempt in range(0 if warm or k == 0 else 1, 2):
                 ready = True
@@ -336,12 +211,13 @@ def run(  # type: ignore[no-untyped-def]
                         w_ids[i] = ids[node, i]
                         if attempt == 1:
                             w_ids[i] = corner(cost, i)
-                        rhs[i] = row(w_ids[i], m, cos, sin, B, off, mu, lo, hi, box, W[i], gradient)
+                        rhs[i] = row(w_ids[i], m, cos, sin, B, off, mu, lo, hi, box, data, W[i], gradient)
                     ready = simplex.invert(W, BT, edges, pivot)
                 if ready:
                     result = simplex.solve(
                         m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-                        w_ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats, CONE, attempt == 0,
+                        w_ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats,
+                        cone, attempt == 0, data, balance,
                     )  # fmt: skip
                 if result != simplex.FAILED:
                     break
@@ -363,7 +239,7 @@ def run(  # type: ignore[no-untyped-def]
             if k == 0 and close:
                 status[this] = UNRESOLVED
                 break
-            target = select(m, a, cos, sin, mdp, mu, driven, state, v, amounts)
+            target = branch.select(m, a, cos, sin, mdp, mu, driven, state, v, cone, amounts)
             value = v[plain] if objective != ANY else 0.0
 
             tries = 0
@@ -418,6 +294,7 @@ def run(  # type: ignore[no-untyped-def]
                     bound[node] = value
                     break
                 status[node] = SPLIT
+                data[node, n] = hi[0] if objective != ANY else 0.0
                 warm = result == simplex.OPTIMAL
                 for i in range(n):
                     p_ids[i] = w_ids[i]
@@ -428,7 +305,7 @@ def run(  # type: ignore[no-untyped-def]
                     for j in range(n + nb):
                         p_edges[i, j] = edges[i, j]
                 pick = target
-                children = split(m, state, v, pick, child)
+                children = branch.split(m, state, v, pick, child)
             else:
                 status[this] = WAITING
                 for i in range(n):
