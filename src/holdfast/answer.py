@@ -1,8 +1,9 @@
-"""What an answer is: a verdict, and why the search stopped."""
+"""What an answer is: a verdict, why the search stopped, and what its JSON begins with; what a replayed one is."""
 
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Any, Protocol
 
 
 class Verdict(StrEnum):
@@ -32,3 +33,45 @@ class Stop(StrEnum):
     # further ones were met that differ
     RESOLUTION = "resolution"
     NUMERICAL = "numerical"  # rounding left a case open, or a solver's answer did not stand up to the check
+
+
+class Timed(Protocol):
+    """Anything with a verdict and a cost."""
+
+    @property
+    def verdict(self) -> StrEnum: ...
+    @property
+    def stop(self) -> Stop: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def nodes(self) -> int: ...
+
+
+def header(answer: Timed, query: str) -> dict[str, Any]:
+    """The keys that every answer's JSON begins with."""
+    return {
+        "schema": "holdfast/answer/1",
+        "query": query,
+        "verdict": str(answer.verdict),
+        "stop": str(answer.stop),
+        "seconds": round(answer.seconds, 6),
+        "nodes": answer.nodes,
+    }
+
+
+class Checked:
+    """What a replayed answer has: `seconds` of wall time, and why it is not all proved, one line, '' if it is."""
+
+    seconds: float
+    reason: str
+
+    @property
+    def ok(self) -> bool:
+        """Was all that is claimed proved?"""
+        return not self.reason
+
+    def _json(self, parts: dict[str, Any]) -> dict[str, Any]:
+        """The JSON object of a replay with these parts."""
+        ends = {"seconds": round(self.seconds, 6), "reason": self.reason}
+        return {"schema": "holdfast/verification/1", "ok": self.ok} | parts | ends

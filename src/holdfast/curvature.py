@@ -91,7 +91,7 @@ def relative_curvatures(solution: Solution) -> Array:
             K_hand = _turned(touch.hand, spot.hand, hand, n)
             K_object = _turned(touch.object, spot.object, its, n)
         except InputError as fault:
-            raise InputError(fault.problem, field=f"contacts[{k}].{fault.field}") from None
+            raise fault.within(f"contacts[{k}]") from None
         out.append(relative_curvature(K_hand, K_object, n))
     return frozen(out, (len(out),), "curvature")
 

@@ -17,6 +17,10 @@ class InputError(ValueError):
         """The same error, said to come from `source` (a file) unless it already names one."""
         return InputError(self.problem, source=self.source or source, field=self.field)
 
+    def within(self, field: str) -> InputError:
+        """The same error of a part, said of the whole that has it at `field`."""
+        return InputError(self.problem, source=self.source, field=f"{field}.{self.field}" if self.field else field)
+
 
 def unknown_name(kind: str, name: str, known: object, *, field: str | None = None) -> InputError:
     """`InputError` for a name that does not exist, listing the names that do."""

@@ -262,13 +262,14 @@ class Hand:
     def joint_axes(self, q: Array) -> tuple[Array, Array]:
         """Unit axes (l, 3) and points on them (l, 3) [m] in the base frame at q (l,)."""
         axes, origins = np.zeros((self.l, 3)), np.zeros((self.l, 3))
-        poses, motions = self.link_poses(q), self.motions(q)
-        for link in self.links:
+        poses, motions = np.empty((len(self.links), 4, 4)), self.motions(q)
+        for i, link in enumerate(self.links):
             T = poses[link.parent] @ link.pose if link.parent >= 0 else np.eye(4)
             for j in link.joints:
                 axes[j] = T[:3, :3] @ self.joints[j].axis
                 origins[j] = T[:3, :3] @ self.joints[j].anchor + T[:3, 3]
                 T = T @ motions[j]
+            poses[i] = T
         return axes, origins
 
     def moved_by(self, link: int) -> tuple[int, ...]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from holdfast.answer import Stop, Verdict
+from holdfast.answer import Stop, Verdict, header
 from holdfast.stability import asked
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.goal import Goal
@@ -21,31 +21,6 @@ if TYPE_CHECKING:
     from holdfast.stability.algorithm1 import Step
     from holdfast.stability.engine.proof import Proof
     from holdfast.stability.interval import Interval
-
-
-class Timed(Protocol):
-    """Anything with a verdict and a cost."""
-
-    @property
-    def verdict(self) -> Verdict: ...
-    @property
-    def stop(self) -> Stop: ...
-    @property
-    def seconds(self) -> float: ...
-    @property
-    def nodes(self) -> int: ...
-
-
-def header(answer: Timed, query: str) -> dict[str, Any]:
-    """The keys that every answer's JSON begins with."""
-    return {
-        "schema": "holdfast/answer/1",
-        "query": query,
-        "verdict": str(answer.verdict),
-        "stop": str(answer.stop),
-        "seconds": round(answer.seconds, 6),
-        "nodes": answer.nodes,
-    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,7 +85,7 @@ def question_of(entry: QuestionEntry) -> Question:
     try:
         asked["grasp"] = grasp_file.from_dict(asked["grasp"])
     except InputError as fault:
-        raise InputError(fault.problem, field=f"question.grasp.{fault.field or ''}".rstrip(".")) from None
+        raise fault.within("question.grasp") from None
     return Question(**asked)
 
 

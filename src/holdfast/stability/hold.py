@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.answer import Stop, Verdict
+from holdfast.answer import Stop, Verdict, header
 from holdfast.grasp import Grasp
-from holdfast.stability.answers import Answer, CheckAnswer, TorquesAnswer, finite, header
+from holdfast.stability.answers import Answer, CheckAnswer, TorquesAnswer, finite
 from holdfast.stability.loads import Loads
 from holdfast.stability.problem import beyond_range
 from holdfast.stability.queries import check, maximum, torques
@@ -62,7 +62,7 @@ class HoldAnswer:
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints."""
         return header(self, "hold") | {
-            "loads": {n: w.tolist() for n, w in zip(self.loads.names, self.loads.wrenches, strict=True)},
+            "loads": self.loads.by_name,
             "preload": self.preload,
             "lower": finite(self.lower),
             "upper": finite(self.upper),

@@ -102,6 +102,11 @@ class Loads:
             raise InputError(f"is {factor:g}; a positive number is needed", field="safety")
         return self if factor == 1 else Loads(self.names, factor * self.wrenches)
 
+    @property
+    def by_name(self) -> dict[str, list[float]]:
+        """Each wrench under its name, as JSON-able data."""
+        return dict(zip(self.names, self.wrenches.tolist(), strict=True))
+
     def __add__(self, other: Loads) -> Loads:
         return Loads(self.names + other.names, np.vstack([self.wrenches, other.wrenches]))
 

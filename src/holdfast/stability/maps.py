@@ -9,11 +9,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from holdfast.answer import Stop, Verdict
+from holdfast.answer import Stop, Verdict, header
 from holdfast.errors import InputError, unknown_name
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array, Mask, frozen
-from holdfast.stability.answers import MaxAnswer, finite, header
+from holdfast.stability.answers import MaxAnswer, finite
 from holdfast.stability.many import Case, OnItem, Options, maxima
 from holdfast.stability.settings import Settings
 

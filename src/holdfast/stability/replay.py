@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from holdfast.answer import Verdict
+from holdfast.answer import Checked, Verdict
 from holdfast.errors import InputError
 from holdfast.files import SAME, read_json, same_json
 from holdfast.mechanism import Array
@@ -75,7 +75,7 @@ class CertificateCheck:
 
 
 @dataclass(frozen=True)
-class Verified:
+class Verified(Checked):
     """What was claimed and replayed; a part that is None was neither claimed nor there.
 
     Attributes:
@@ -88,20 +88,13 @@ class Verified:
     seconds: float
     reason: str
 
-    @property
-    def ok(self) -> bool:
-        """Was all that is claimed proved?"""
-        return not self.reason
-
     def to_json(self) -> dict[str, Any]:
-        return {
-            "schema": "holdfast/verification/1",
-            "ok": self.ok,
-            "witness": self.witness.to_json() if self.witness else None,
-            "certificate": self.certificate.to_json() if self.certificate else None,
-            "seconds": round(self.seconds, 6),
-            "reason": self.reason,
-        }
+        return self._json(
+            {
+                "witness": self.witness.to_json() if self.witness else None,
+                "certificate": self.certificate.to_json() if self.certificate else None,
+            }
+        )
 
 
 def verify(what: str | Path | Answer | Result | Certificate) -> Verified:

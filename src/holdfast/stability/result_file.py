@@ -132,7 +132,7 @@ def from_dict(data: Any) -> Result:
         try:
             certificate = certificate_file.from_dict(entry.certificate)
         except InputError as fault:
-            raise InputError(fault.problem, field=f"certificate.{fault.field or ''}".rstrip(".")) from None
+            raise fault.within("certificate") from None
     witness = _witness(entry.witness, question) if entry.witness else None
     return Result(question, entry.answer, data["answer"], witness, certificate)
 

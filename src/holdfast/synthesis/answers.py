@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.answer import Reach, Stop
+from holdfast.answer import Checked, Reach, Stop, header
 from holdfast.configuration import Configuration
 from holdfast.mechanism import Array, frozen
 from holdfast.region import Bezier, Cap, Region
@@ -129,7 +129,7 @@ class Searched:
 
 
 @dataclass(frozen=True)
-class Replayed:
+class Replayed(Checked):
     """Proofs of existence that were checked.
 
     Attributes:
@@ -142,27 +142,20 @@ class Replayed:
     seconds: float
     reason: str
 
-    @property
-    def ok(self) -> bool:
-        """Was all that is claimed proved?"""
-        return not self.reason
-
     def to_json(self) -> dict[str, Any]:
-        return {
-            "schema": "holdfast/verification/1",
-            "ok": self.ok,
-            "configurations": [
-                {
-                    "ok": r.ok,
-                    "contraction": _finite(r.contraction),
-                    "gap": _finite(r.gap),
-                    "reason": r.reasons[0] if r.reasons else "",
-                }
-                for r in self.reports
-            ],
-            "seconds": round(self.seconds, 6),
-            "reason": self.reason,
-        }
+        return self._json(
+            {
+                "configurations": [
+                    {
+                        "ok": r.ok,
+                        "contraction": _finite(r.contraction),
+                        "gap": _finite(r.gap),
+                        "reason": r.reasons[0] if r.reasons else "",
+                    }
+                    for r in self.reports
+                ],
+            }
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,13 +215,7 @@ class Synthesis:
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
-        return {
-            "schema": "holdfast/answer/1",
-            "query": "synthesize",
-            "verdict": str(self.verdict),
-            "stop": str(self.stop),
-            "seconds": round(self.seconds, 6),
-            "nodes": self.nodes,
+        return header(self, "synthesize") | {
             "starts": self.starts,
             "unproved": self.unproved,
             "seed": self.seed,

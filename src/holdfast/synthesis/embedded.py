@@ -159,7 +159,7 @@ def task_from_dict(data: Any) -> Task:
     try:
         hand = entry.hand.hand()
     except InputError as fault:
-        raise InputError(fault.problem, field=f"hand.{fault.field or ''}".rstrip(".")) from None
+        raise fault.within("hand") from None
     touches = tuple(
         Touch(c.link, c.hand.region(f"contacts[{k}].hand", False), c.object.region(f"contacts[{k}].object", False))
         for k, c in enumerate(entry.contacts)
@@ -172,6 +172,17 @@ def fingerprint(data: dict[str, Any]) -> str:
     hand = {key: data["hand"][key] for key in ("links", "joints", "couplings")}
     said = {"hand": hand, "contacts": data["contacts"], "pose": data["pose"]}
     return digest(said)
+
+
+def sealed(data: dict[str, Any]) -> dict[str, Any]:
+    """The object with its checksum."""
+    return data | {"checksum": digest(data)}
+
+
+def refuse_broken(data: dict[str, Any]) -> None:
+    """`InputError` if an object does not have the checksum that it names."""
+    if digest({key: value for key, value in data.items() if key != "checksum"}) != data["checksum"]:
+        raise InputError("does not fit: the file was changed after it was written", field="checksum")
 
 
 def digest(data: Any) -> str:

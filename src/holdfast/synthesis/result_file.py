@@ -18,7 +18,7 @@ from holdfast.errors import InputError
 from holdfast.files import Strict, read_json, validate, write_text
 from holdfast.region import Cap
 from holdfast.synthesis.answers import Searched, Solution, Synthesis
-from holdfast.synthesis.embedded import digest, fingerprint, task_from_dict, task_to_dict
+from holdfast.synthesis.embedded import fingerprint, refuse_broken, sealed, task_from_dict, task_to_dict
 from holdfast.synthesis.existence import Existence, existence_from_dict, free_joints
 from holdfast.synthesis.task import Task
 
@@ -100,18 +100,17 @@ def to_dict(answer: Synthesis) -> dict[str, Any]:
         "answer": answer.to_json(),
         "state": dict(answer.state) or None,
     }
-    return data | {"checksum": digest(data)}
+    return sealed(data)
 
 
 def from_dict(data: Any) -> Saved:
     """The synthesis in a parsed object; raises `InputError` with field and fault."""
     entry = validate(SynthesisFile, data)
-    if digest({key: value for key, value in data.items() if key != "checksum"}) != entry.checksum:
-        raise InputError("does not fit: the file was changed after it was written", field="checksum")
+    refuse_broken(data)
     try:
         task = task_from_dict(entry.task)
     except InputError as fault:
-        raise InputError(fault.problem, field=f"task.{fault.field or ''}".rstrip(".")) from None
+        raise fault.within("task") from None
     said = entry.answer
     if (said.verdict is Reach.UNDECIDED) != (entry.state is not None):
         raise InputError(
@@ -143,7 +142,7 @@ def solution_of(task: Task, existence: dict[str, Any], field: str) -> Solution:
         _refuse_misfit(task, proof)
         return Solution.of(task, proof)
     except InputError as fault:
-        raise InputError(fault.problem, field=f"{field}.{fault.field or ''}".rstrip(".")) from None
+        raise fault.within(field) from None
 
 
 def _refuse_misfit(task: Task, proof: Existence) -> None:

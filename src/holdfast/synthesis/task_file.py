@@ -81,7 +81,7 @@ class RegionEntry(Strict):
             cap = self.cap
             return Cap(np.array(cap.center), cap.radius, np.array(cap.axis), cap.half_angle, flip)
         except InputError as fault:
-            raise InputError(fault.problem, field=f"{field}.{fault.field}") from None
+            raise fault.within(field) from None
 
 
 class HandSide(Strict):

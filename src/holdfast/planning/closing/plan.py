@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.answer import Stop, Verdict
+from holdfast.answer import Stop, Verdict, header
 from holdfast.body import Body
 from holdfast.errors import InputError
 from holdfast.hand.model import Hand
@@ -60,17 +60,17 @@ class Plan:
         """HOLDS if as many were found as asked for, else UNDECIDED: others may exist."""
         return Verdict.HOLDS if len(self.grasps) >= self.count else Verdict.UNDECIDED
 
+    @property
+    def nodes(self) -> int:
+        """Of the searches that hold the grasps."""
+        return sum(g.answer.nodes for g in self.grasps)
+
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints and writes to plan.json, beside the files' names."""
-        return {
-            "schema": "holdfast/answer/1",
-            "query": "plan",
-            "verdict": str(self.verdict),
-            "stop": str(self.stop),
+        return header(self, "plan") | {
             "seconds": round(self.seconds, 3),
-            "nodes": sum(g.answer.nodes for g in self.grasps),
             "seed": self.seed,
-            "loads": {n: w.tolist() for n, w in zip(self.loads.names, self.loads.wrenches, strict=True)},
+            "loads": self.loads.by_name,
             "tried": self.tried,
             "fates": {f.name.lower(): n for f, n in self.fates.items()},
             "grasps": [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from itertools import combinations
 from typing import Literal, get_args
 
@@ -32,19 +31,6 @@ SHALLOW = 3e-3  # [m] a cut up to this may vanish when the contacts are brought 
 DEEP, UNFIT = 30.0, 0.1  # [1/m, -] how much less promising cuts and misfits make a candidate
 SLACK = 0.01  # [m] added to the widest opening that was seen
 FINGERS_AROUND = 2  # in a power grasp, beside the palm
-
-
-class Reason(StrEnum):
-    """What became of a start."""
-
-    HOLDS = "holds"
-    OBJECT = "penetrates the object"
-    ITSELF = "the hand meets itself"
-    CURVED = "curves into the object at a contact"
-    UNBALANCED = "no friction forces balance a load"
-    SLIPS = "slips passively"
-    UNDECIDED = "not decided in time"
-    ALIKE = "like a better one"
 
 
 @dataclass(frozen=True, eq=False)

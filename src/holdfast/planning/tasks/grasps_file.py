@@ -24,7 +24,7 @@ from holdfast.stability.certificate_file import Six
 from holdfast.stability.loads import Loads
 from holdfast.stability.result_file import Result
 from holdfast.synthesis.answers import Solution
-from holdfast.synthesis.embedded import digest, task_from_dict, task_to_dict
+from holdfast.synthesis.embedded import refuse_broken, sealed, task_from_dict, task_to_dict
 from holdfast.synthesis.existence import existence_to_dict
 from holdfast.synthesis.result_file import solution_of
 from holdfast.synthesis.task import Task
@@ -78,11 +78,11 @@ def to_dict(answer: Grasps) -> dict[str, Any]:
     data = {
         "schema": "holdfast/grasps/1",
         "task": task_to_dict(answer.task),
-        "loads": {n: w.tolist() for n, w in zip(answer.loads.names, answer.loads.wrenches, strict=True)},
+        "loads": answer.loads.by_name,
         "answer": answer.to_json(),
         "grasps": [_entry(g) for g in answer.grasps],
     }
-    return data | {"checksum": digest(data)}
+    return sealed(data)
 
 
 def _entry(g: ProvedGrasp) -> dict[str, Any]:
@@ -97,12 +97,11 @@ def _entry(g: ProvedGrasp) -> dict[str, Any]:
 def from_dict(data: Any) -> SavedGrasps:
     """The grasps in a parsed object; raises `InputError` with field and fault."""
     entry = validate(GraspsFile, data)
-    if digest({key: value for key, value in data.items() if key != "checksum"}) != entry.checksum:
-        raise InputError("does not fit: the file was changed after it was written", field="checksum")
+    refuse_broken(data)
     try:
         task = task_from_dict(entry.task)
     except InputError as fault:
-        raise InputError(fault.problem, field=f"task.{fault.field or ''}".rstrip(".")) from None
+        raise fault.within("task") from None
     loads = Loads(tuple(entry.loads), np.array(list(entry.loads.values())).reshape(-1, 6))
     grasps = []
     for i, e in enumerate(entry.grasps):
@@ -114,7 +113,7 @@ def from_dict(data: Any) -> SavedGrasps:
             checks = tuple(result_file.from_dict(c) for c in e.checks)
             grasps.append(SavedGrasp(solution, e.joints, grasp_file.from_dict(e.grasp), checks))
         except InputError as fault:
-            raise InputError(fault.problem, field=f"{field}.{fault.field or ''}".rstrip(".")) from None
+            raise fault.within(field) from None
     return SavedGrasps(task, loads, tuple(grasps), entry.answer)
 
 

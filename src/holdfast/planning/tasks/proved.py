@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.answer import Reach, Stop
+from holdfast.answer import Reach, Stop, header
 from holdfast.body import Body
 from holdfast.collision import Clearances
 from holdfast.configuration import Configuration
@@ -136,17 +136,16 @@ class Grasps:
         """Certified starts that were judged."""
         return sum(self.fates.values())
 
+    @property
+    def nodes(self) -> int:
+        """Of the searches that hold the grasps."""
+        return sum(g.answer.nodes for g in self.grasps)
+
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
-        return {
-            "schema": "holdfast/answer/1",
-            "query": "grasp",
-            "verdict": str(self.verdict),
-            "stop": str(self.stop),
-            "seconds": round(self.seconds, 6),
-            "nodes": sum(g.answer.nodes for g in self.grasps),
+        return header(self, "grasp") | {
             "seed": self.seed,
-            "loads": {n: w.tolist() for n, w in zip(self.loads.names, self.loads.wrenches, strict=True)},
+            "loads": self.loads.by_name,
             "starts": self.starts,
             "unproved": self.unproved,
             "judged": self.judged,

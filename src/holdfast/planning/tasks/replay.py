@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from holdfast import grasp_file
-from holdfast.answer import Verdict
+from holdfast.answer import Checked, Verdict
 from holdfast.files import same_json
 from holdfast.grasp import Grasp
 from holdfast.planning.tasks.grasps_file import SavedGrasp, SavedGrasps
@@ -24,7 +24,7 @@ CLOSE = 1e-9  # [m], [-], [rad]: what follows from a proof and what the file say
 
 
 @dataclass(frozen=True)
-class ReplayedGrasps:
+class ReplayedGrasps(Checked):
     """Grasps that were checked.
 
     Attributes:
@@ -40,21 +40,14 @@ class ReplayedGrasps:
     seconds: float
     reason: str
 
-    @property
-    def ok(self) -> bool:
-        """Was all that is claimed proved?"""
-        return not self.reason
-
     def to_json(self) -> dict[str, Any]:
-        return {
-            "schema": "holdfast/verification/1",
-            "ok": self.ok,
-            "grasps": [{"ok": not r, "reason": r} for r in self.reasons],
-            "witnesses": self.loads,
-            "residual": self.residual,
-            "seconds": round(self.seconds, 6),
-            "reason": self.reason,
-        }
+        return self._json(
+            {
+                "grasps": [{"ok": not r, "reason": r} for r in self.reasons],
+                "witnesses": self.loads,
+                "residual": self.residual,
+            }
+        )
 
 
 def verify(saved: SavedGrasps) -> ReplayedGrasps:

@@ -64,14 +64,14 @@ class Unused:
             judged = [p not in collisions.left_out and bool({*p} & {*links}) for p in scene.self_pairs]
             self.fingers.append(Finger(joints, x, np.array(links, dtype=np.intp), np.flatnonzero(judged)))
         self._links = [i for finger in self.fingers for i in finger.links]
+        judged_pairs = [p for p in scene.self_pairs if p not in collisions.left_out]
+        self._pairs = np.array([bool({*p} & {*self._links}) for p in judged_pairs], dtype=bool)
 
     def without(self, now: Clearances) -> Clearances:
         """Clearances as if these fingers were not there."""
         to_object = now.to_object.copy()
         to_object[self._links] = now.cutoff
-        mine = {now.links[i] for i in self._links}
-        taken = np.array([bool(mine & {*pair}) for pair in now.pairs], dtype=bool)
-        return replace(now, to_object=to_object, between=np.where(taken, now.cutoff, now.between))
+        return replace(now, to_object=to_object, between=np.where(self._pairs, now.cutoff, now.between))
 
     def placed(self, solution: Solution, now: Clearances, requested: Sequence[Requested]) -> tuple[Array, Clearances]:
         """All joints (l,), and the clearances there; `now`: those of the solution."""

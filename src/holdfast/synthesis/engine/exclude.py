@@ -21,8 +21,20 @@ import numpy as np
 from numba import njit
 
 from holdfast.synthesis.engine.balls import inner
-from holdfast.synthesis.engine.geometry import PATCH
-from holdfast.synthesis.engine.rows import AGAIN, LOOKS, PAD, TURN, angle, center, copy, narrow, swept, taken
+from holdfast.synthesis.engine.rows import (
+    AGAIN,
+    LOOKS,
+    PAD,
+    TURN,
+    angle,
+    center,
+    cone_of,
+    copy,
+    halve,
+    narrow,
+    swept,
+    taken,
+)
 from holdfast.synthesis.engine.spins import between, spins
 from holdfast.synthesis.engine.taylor import WIDER, element, norm, spread, workspace
 
@@ -315,10 +327,7 @@ def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolut
     slack = np.zeros(many)
     for a in range(contacts):
         k = subset[a]
-        if k == flat.steps.shape[0]:
-            slack[a] = np.pi
-        elif flat.hand[k] != PATCH:
-            slack[a] = np.pi if flat.cone[k] <= -1 else np.arccos(flat.cone[k]) + PAD
+        slack[a] = np.pi if k == flat.steps.shape[0] else cone_of(k, flat)
     for c in range(cones.shape[0]):
         for i in range(3):
             V[contacts + c, 1, i] = cones[c, 1 + i]
@@ -342,11 +351,6 @@ def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolut
             kept_share[found] = share[count]
             found += 1
             continue
-        middle = 0.5 * (box[split, 0] + box[split, 1])
-        share[count] *= 0.5
-        share[count + 1] = share[count]
-        copy(box, stack[count + 1])
-        stack[count, split, 0] = middle
-        stack[count + 1, split, 1] = middle
+        halve(stack, share, count, split)
         count += 2
     return count, found, nodes

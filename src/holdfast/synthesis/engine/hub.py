@@ -19,9 +19,21 @@ import numpy as np
 from numba import njit
 
 from holdfast.synthesis.engine.balls import inner
-from holdfast.synthesis.engine.geometry import PATCH
 from holdfast.synthesis.engine.pose import Work, apart, gaps, lever, times, turning
-from holdfast.synthesis.engine.rows import AGAIN, LOOKS, PAD, TURN, angle, center, copy, narrow, swept, taken
+from holdfast.synthesis.engine.rows import (
+    AGAIN,
+    LOOKS,
+    PAD,
+    TURN,
+    angle,
+    center,
+    cone_of,
+    copy,
+    halve,
+    narrow,
+    swept,
+    taken,
+)
 from holdfast.synthesis.engine.taylor import ROUNDING, WIDER, norm, spread, workspace
 
 FINE = 0.35  # own coordinates are split until they stray by less than this share of what the pose does
@@ -247,8 +259,7 @@ def explore(stack, share, count, flat, use, sizes, hub, bend, m, near, budget, r
     n, b = stack.shape[1], flat.steps.shape[0]
     slack = np.zeros(b)
     for k in range(b):
-        if flat.hand[k] != PATCH:
-            slack[k] = np.pi if flat.cone[k] <= -1 else np.arccos(flat.cone[k]) + PAD
+        slack[k] = cone_of(k, flat)
     S = Work(
         np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((4, 3)), np.zeros((4, n, 3)), np.zeros(4),
         workspace(flat), np.zeros((3, 3)), np.zeros((4, 3)), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros((7, n)),
@@ -287,14 +298,9 @@ def explore(stack, share, count, flat, use, sizes, hub, bend, m, near, budget, r
             kept_share[found] = share[count]
             found += 1
             continue
-        middle = 0.5 * (box[split, 0] + box[split, 1])
-        share[count] *= 0.5
-        share[count + 1] = share[count]
-        copy(box, stack[count + 1])
+        halve(stack, share, count, split)
         for i in range(n):
             spots[count + 1, i] = spots[count, i]
         last[count + 1] = last[count]
-        stack[count, split, 0] = middle
-        stack[count + 1, split, 1] = middle
         count += 2
     return count, found, nodes

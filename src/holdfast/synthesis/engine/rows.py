@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from holdfast.synthesis.engine.balls import inner
+from holdfast.synthesis.engine.geometry import PATCH
 from holdfast.synthesis.engine.taylor import WIDER
 
 PAD = 1e-12  # of the sizes that meet in a row: far more than a few hundred roundings
@@ -54,6 +55,25 @@ def copy(box, out):  # type: ignore[no-untyped-def]
     """A box (n, 2) into another; assigning it whole compiles the texts of numpy's errors for 8 s."""
     for i in range(box.shape[0]):
         out[i, 0], out[i, 1] = box[i, 0], box[i, 1]
+
+
+@inner
+def halve(stack, share, count, split):  # type: ignore[no-untyped-def]
+    """Box `count` of the stack in two along a coordinate: itself and the one behind it, each with half its share."""
+    middle = 0.5 * (stack[count, split, 0] + stack[count, split, 1])
+    share[count] *= 0.5
+    share[count + 1] = share[count]
+    copy(stack[count], stack[count + 1])
+    stack[count, split, 0] = middle
+    stack[count + 1, split, 1] = middle
+
+
+@inner
+def cone_of(k, flat):  # type: ignore[no-untyped-def]
+    """Largest angle [rad] between the hand's and the object's direction at contact k: of a cap; 0 of a patch."""
+    if flat.hand[k] == PATCH:
+        return 0.0
+    return np.pi if flat.cone[k] <= -1 else np.arccos(flat.cone[k]) + PAD
 
 
 @inner
