@@ -38,22 +38,23 @@ CONE = 1e-8  # the search itself allows more
 
 
 @njit
-def _solve(m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, ids, W, rhs, z, v, stats):
+def _solve(m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, ids, W, rhs, z, stats):
     n = z.shape[0]
-    edges, pivot, gradient = np.empty((n, n + off.shape[0])), np.empty(n + off.shape[0]), np.empty(6)
-    y, delta, enter = np.empty(n + 1), np.empty(n), np.empty(n)
+    T, order, pivot, gradient = np.empty((n, n + 3)), np.empty(n, np.int64), np.empty(2 * n + 3), np.empty(6)
+    y, delta, enter, column = np.empty(n + 1), np.empty(n + 3), np.empty(n), np.empty(n)
+    c, d, age, normal = np.empty(CT.shape[1]), np.empty(DT.shape[1]), np.zeros(1, np.int64), np.empty(m)
     points = np.zeros((1, n + 1))  # of other nodes: none, no balance of energy
     trig, skip = np.empty((m, 4)), np.empty(m + a + lo.shape[0], np.bool_)
     result = simplex.FAILED
     for attempt in range(2):
         for k in range(n):
             ids[k] = ((rows.BOX_UP if cost[k] >= 0.0 else rows.BOX_DOWN) << rows.KIND) | (k << rows.INDEX)
-            rhs[k] = rows.row(ids[k], m, cos, sin, B, off, mu, lo, hi, box, points, W[k], gradient)
-        simplex.invert(W, BT, edges, pivot)
+            rhs[k] = rows.row(ids[k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, points, W[k], gradient)
+        simplex.invert(W, T, order, pivot)
         result = simplex.solve(
-            m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-            ids, W, rhs, edges, y, z, v, enter, pivot, gradient, delta, stats, CONE, attempt == 0,
-            points, -1,
+            m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
+            ids, W, rhs, T, order, y, z, c, d, enter, column, pivot, gradient, delta, stats, age, CONE, attempt == 0,
+            points, -1, normal,
         )  # fmt: skip
         if result != simplex.FAILED:
             break
@@ -63,21 +64,21 @@ def _solve(m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, ids
 def node_program(search: Search, node: Node, cost: np.ndarray) -> tuple[int, float, bool]:
     """The engine's verdict on a node, the least cost . z, and whether it left out rows."""
     r = search.reduced
-    m, a, n = len(r.p.mu), len(r.active), len(r.cost)
+    m, n = len(r.p.mu), len(r.cost)
     parts = np.array(node, dtype=np.int64).reshape(-1, 3)
     state = np.concatenate([parts[:m, 0], parts[:m, 1], parts[:m, 2], parts[m:, 0]])
     stats, z = np.zeros(9, np.int64), np.zeros(n)
     found = _solve(
-        m, a, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.B, r.BT, r.off, r.p.mu, r.lo, search.hi, search.box,
-        cost, r.driven, state, np.zeros(n + 1, np.int64), np.zeros((n, n)), np.zeros(n), z, np.zeros(len(r.off)), stats,
+        *r.sizes, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.C, r.D, r.CT, r.DT, r.off, r.p.mu, r.lo, search.hi,
+        search.box, cost, r.driven, state, np.zeros(n + 1, np.int64), np.zeros((n, n)), np.zeros(n), z, stats,
     )  # fmt: skip
     return found, float(cost @ z), bool(stats[tree.DROPS])
 
 
 @njit
-def _balance(m, cos, sin, B, off, mu, lo, hi, box, data):
-    out = np.empty(B.shape[1])
-    rhs = rows.row(rows.ENERGY << rows.KIND, m, cos, sin, B, off, mu, lo, hi, box, data, out, np.empty(6))
+def _balance(m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data):
+    out = np.empty(box.shape[0])
+    rhs = rows.row(rows.ENERGY << rows.KIND, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, np.empty(6))
     return out, rhs
 
 
@@ -94,12 +95,13 @@ def test_the_balance_of_energy_holds_for_exact_solutions(goal: Goal) -> None:
         search = Search(r)
         for _ in search:
             pass
-        z, m = search.z, len(r.p.mu)
+        z = search.z
         x = r.point(z)
         put_in = r.load.w_a @ x.r + (r.load.f_a + x.sigma * r.load.f_b) @ (r.p.R @ x.q)
+        at = *r.sizes, np.cos(s.eta), np.sin(s.eta), r.C, r.D, r.off, r.p.mu, r.lo, r.hi
         for noise in (0.0, 0.1, 10.0):
             data = np.append(z + noise * rng.normal(size=len(z)), x.sigma * (1 + noise))[None]
-            out, rhs = _balance(m, np.cos(s.eta), np.sin(s.eta), r.B, r.off, r.p.mu, r.lo, r.hi, search.box, data)
+            out, rhs = _balance(*at, search.box, data)
             assert out @ z - rhs >= -1e-9 * (1 + abs(put_in)), (seed, noise)
             if noise == 0.0:
                 assert out @ z - rhs == pytest.approx(put_in - (x.c[0::3] ** 2).sum(), abs=1e-9 * (1 + abs(put_in)))
@@ -352,14 +354,15 @@ def compare(seed: int) -> Counter:
     s, p, goal = question(seed)
     rng, r = np.random.default_rng(seed), reduce(p, goal)
     search, at, count = Search(r), Unknowns.of(p), Counter()
-    m, first = len(p.mu), len(r.off) - len(r.lo)
+    m, a, _ = r.sizes
+    first = 3 * m + 2 * a
     x_cost = np.zeros(at.n)
     if goal is Goal.EXISTS:
         x_cost[at.c][0::3] = 1.0
-        z_cost, constant = r.B[0 : 6 * m : 6].sum(axis=0), float(r.off[0 : 6 * m : 6].sum())
+        z_cost, constant = r.C[0 : 3 * m : 3].sum(axis=0), float(r.off[0 : 3 * m : 3].sum())
     else:
         x_cost[at.scalar] = -1.0 if goal is Goal.LARGEST else 1.0
-        z_cost, constant = r.B[first].copy(), float(r.off[first])
+        z_cost, constant = r.C[first].copy(), float(r.off[first])
     for node in nodes(s, r, rng):
 
         def referee(room: float, node: Node = node) -> float:

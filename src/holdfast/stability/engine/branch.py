@@ -22,6 +22,8 @@ from holdfast.stability.engine.rows import (
     TURN,
     UNDECIDED,
     inner,
+    larger,
+    smaller,
 )
 
 VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
@@ -34,7 +36,7 @@ DECIDE = 1e9  # added to the energy that an undecided part misses: it is split b
 
 
 @inner
-def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignore[no-untyped-def]
+def select(m, a, cos, sin, mdp, mu, driven, state, c, d, cone, out):  # type: ignore[no-untyped-def]
     """Where to split: the contact i or m + actuator j, into out the sum of all violations and 1 if there is any.
 
     Of what is violated, an undecided part comes first, then where the balance of energy misses most:
@@ -42,7 +44,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignor
     nothing is violated, an undecided part or the widest sector; -1 if all is decided.
     """
     none = VIOLATION * cone
-    narrow = max(NARROW * cone / CONE, LEAST)
+    narrow = larger(NARROW * cone / CONE, LEAST)
     most = -1.0
     pick = -1
     total = 0.0
@@ -53,12 +55,12 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignor
         width = state[2 * m + i] - state[m + i]
         if touch == STICK or (touch == SLIDE and width <= narrow):
             continue
-        k = 6 * i
-        cn = v[k]
-        d1 = v[k + 4]
-        d2 = v[k + 5]
+        k = 3 * i
+        cn = c[k]
+        d1 = d[k + 1]
+        d2 = d[k + 2]
         speed = np.sqrt(d1 * d1 + d2 * d2)
-        gap = cos * v[k + 3] + sin * speed
+        gap = cos * d[k] + sin * speed
         amount = 0.0
         missing = 0.0
         rank = 0.0
@@ -67,23 +69,23 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignor
                 amount = -gap
         else:
             if touch == UNDECIDED:
-                amount = max(min(cn, cn + gap), -(cn + gap))
+                amount = larger(smaller(cn, cn + gap), -(cn + gap))
                 rank = 3.0
             else:
                 amount = abs(cn + gap)
                 rank = width / TURN if touch == SLIDE else (2.0 if mdp else 0.0)
-            missing = cn * max(cn + gap, 0.0)
+            missing = cn * larger(cn + gap, 0.0)
             if mdp:
                 w = mu[i] * cn
-                x = v[k + 1] * speed + w * d1
-                y = v[k + 2] * speed + w * d2
-                size = np.sqrt(v[k + 1] * v[k + 1] + v[k + 2] * v[k + 2])
-                missing += size * speed + v[k + 1] * d1 + v[k + 2] * d2 + max(w - size - cone, 0.0) * speed
+                x = c[k + 1] * speed + w * d1
+                y = c[k + 2] * speed + w * d2
+                size = np.sqrt(c[k + 1] * c[k + 1] + c[k + 2] * c[k + 2])
+                missing += size * speed + c[k + 1] * d1 + c[k + 2] * d2 + larger(w - size - cone, 0.0) * speed
                 if amount < none and cn > 1e-9:  # (4) holds: what about (7)?
-                    amount = np.sqrt(x * x + y * y) / max(speed, 1.0) - cone
+                    amount = np.sqrt(x * x + y * y) / larger(speed, 1.0) - cone
                     if touch == UNDECIDED:
                         amount *= 0.5
-        total += max(amount, 0.0)
+        total += larger(amount, 0.0)
         if touch == UNDECIDED:
             missing += DECIDE
         if amount > none and missing > most:
@@ -95,12 +97,13 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignor
     for j in range(a):
         if state[3 * m + j] != FREE:
             continue
-        k = 6 * m + 3 * j
-        excess = max(max(-v[k + 1], -v[k + 2]), 0.0) if driven[j] else v[k + 1]
-        amount = min(v[k], excess)
-        total += max(amount, 0.0)
-        if amount > none and DECIDE + v[k] * excess > most:
-            most = DECIDE + v[k] * excess
+        k = 3 * m + 2 * j
+        t = d[3 * m + j]
+        excess = larger(larger(-c[k], -c[k + 1]), 0.0) if driven[j] else c[k]
+        amount = smaller(t, excess)
+        total += larger(amount, 0.0)
+        if amount > none and DECIDE + t * excess > most:
+            most = DECIDE + t * excess
             pick = m + j
         if spare < 2.5:
             spare = 2.5
@@ -111,7 +114,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, v, cone, out):  # type: ignor
 
 
 @inner
-def split(m, state, v, pick, child):  # type: ignore[no-untyped-def]
+def split(m, state, c, d, pick, child):  # type: ignore[no-untyped-def]
     """The children's states of the part `pick` and its sector ends into child (4, 3); returns how many."""
     for k in range(4):
         for b in range(3):
@@ -127,14 +130,14 @@ def split(m, state, v, pick, child):  # type: ignore[no-untyped-def]
         return 2
     left = state[m + pick]
     width = state[2 * m + pick] - left
-    k = 6 * pick
-    speed = max(np.sqrt(v[k + 4] ** 2 + v[k + 5] ** 2), 1e-12)
-    force = max(np.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2), 1e-12)
-    x = -v[k + 4] / speed
-    y = -v[k + 5] / speed
+    k = 3 * pick
+    speed = larger(np.sqrt(d[k + 1] ** 2 + d[k + 2] ** 2), 1e-12)
+    force = larger(np.sqrt(c[k + 1] ** 2 + c[k + 2] ** 2), 1e-12)
+    x = -d[k + 1] / speed
+    y = -d[k + 2] / speed
     if (touch == SLIDE) or (touch == CLOSED and speed < 1e-9):
-        x += v[k + 1] / force
-        y += v[k + 2] / force
+        x += c[k + 1] / force
+        y += c[k + 2] / force
     along = int(np.rint(np.arctan2(y, x) * TURN / (2 * np.pi))) % TURN
     if width == 0:  # stick, or one of three sectors, the middle of one at -d_t
         count = 0

@@ -20,8 +20,8 @@ from holdfast.stability.settings import OnStep, Progress, Settings, default_jobs
 
 TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
-FINE = 1e-6  # gap, with which go the tolerances of programs, for what a larger one leaves unresolved
-LEAST = 1e-3  # [s] that is left for it
+FINER, FINE = 0.1, 1e-6  # what a search leaves unresolved is tried with a smaller gap, down to this,
+LEAST = 1e-3  # [s] in the time that is left, or this
 PAUSE = 0.05  # [s] between two reports of progress
 
 
@@ -44,6 +44,42 @@ def search(
     """
     start = time.monotonic()
     r = reduced or reduce(p, goal, settings.motion_cap)
+    out = _search(p, goal, settings, on_step, r, guess, before)
+    if out.stop is Stop.NUMERICAL and before is not None:
+        # Newton is tried where a leaf is made, not where it opens again: from the root, then
+        out = _search(p, goal, settings, on_step, r)
+    gap = settings.gap
+    while out.stop is Stop.NUMERICAL and gap > FINE:  # the tolerances of programs go with the gap
+        gap = max(FINER * gap, FINE)
+        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
+        nodes = settings.node_limit - out.nodes
+        if nodes <= 0:
+            break
+        finer = replace(settings, gap=gap, time_limit=left, node_limit=nodes)
+        out = _better(out, _search(p, goal, finer, on_step, r, guess))
+    return replace(out, seconds=time.monotonic() - start)
+
+
+def _better(a: Outcome, b: Outcome) -> Outcome:
+    """What two searches of the same question, the second more finely, have shown together."""
+    nodes = a.nodes + b.nodes
+    if b.stop is Stop.COMPLETE:
+        return replace(b, nodes=nodes)
+    low, high = (b if b.value <= a.value else a), (b if b.bound >= a.bound else a)
+    return replace(low, bound=high.bound, proof=high.proof, stop=b.stop, nodes=nodes)
+
+
+def _search(
+    p: Problem,
+    goal: Goal,
+    settings: Settings,
+    on_step: OnStep | None,
+    r: Reduced,
+    guess: Sequence[Array] = (),
+    before: Neighbour | None = None,
+) -> Outcome:
+    """One search."""
+    start = time.monotonic()
     gap = settings.gap * (1 - 1e-5)  # leaves room for rounding
     if goal is Goal.SMALLEST_PRELOAD:
         gap /= 1 + gap
@@ -70,14 +106,6 @@ def search(
     stop = s.stop or Stop.INTERRUPTED
     found = None if s.z is None else witness.as_witness(r, r.point(s.z))
     refused = found is not None and not found.valid
-    if before is not None and (stop is Stop.NUMERICAL or refused):
-        # Newton is tried where a leaf is made, not where it opens again: from the root, then
-        return search(p, goal, settings, on_step, reduced=r)
-    if (stop is Stop.NUMERICAL or refused) and settings.gap > FINE:  # what is met up to a program's tolerances only
-        spent = time.monotonic() - start
-        finer = replace(settings, gap=FINE, time_limit=max(settings.time_limit - spent, LEAST))
-        again = search(p, goal, finer, on_step, reduced=r, guess=guess)
-        return replace(again, seconds=again.seconds + spent, nodes=again.nodes + s.nodes)
     if refused:  # the judge has the last word; everything the search cut off by it is open again
         return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, s.nodes)
     torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)

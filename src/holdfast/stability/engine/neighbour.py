@@ -51,14 +51,14 @@ class Neighbour:
         r, pool, leaves = s.reduced, s.pool, np.flatnonzero(self.tree.status != tree.SPLIT)
         closed = np.empty(len(leaves), np.bool_)
         refute(
-            len(r.p.mu), float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.B, r.off, r.p.mu, r.lo, s.hi, s.box,
+            *r.sizes, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.C, r.D, r.off, r.p.mu, r.lo, s.hi, s.box,
             pool.ids, pool.data, leaves, closed,
         )  # fmt: skip
         s.reopen(leaves[~closed])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def refute(m, cos, sin, B, off, mu, lo, hi, box, ids, data, leaves, closed):  # type: ignore[no-untyped-def]
+def refute(m, a, F, cos, sin, C, D, off, mu, lo, hi, box, ids, data, leaves, closed):  # type: ignore[no-untyped-def]
     """Which leaves' rays prove infeasibility as things are now: the test of `simplex.solve`."""
     n = box.shape[0]
     term = np.empty(n)
@@ -75,7 +75,7 @@ def refute(m, cos, sin, B, off, mu, lo, hi, box, ids, data, leaves, closed):  # 
             y = data[leaves[i], k]
             if y <= 0.0:
                 continue
-            b = row(ids[leaves[i], k], m, cos, sin, B, off, mu, lo, hi, box, data, term, gradient)
+            b = row(ids[leaves[i], k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, term, gradient)
             gap += y * b
             slip += ROUNDING * abs(y * b)
             for j in range(n):

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from holdfast.mechanism import Array
-from holdfast.stability.engine.rows import inner, quick, values
+from holdfast.stability.engine.rows import inner, larger, quick, values
 
 if TYPE_CHECKING:
     from holdfast.stability.engine.reduced import Reduced
@@ -95,42 +95,41 @@ def least_step(J, g, E, q, step, size, unit):  # type: ignore[no-untyped-def]
 
 
 @inner
-def equations(m, a, cos, sin, B, off, mu, lo, hi, hold, touch, motor, side, v, G, J, g):  # type: ignore[no-untyped-def]
+def equations(m, a, cos, sin, C, D, mu, lo, hi, hold, touch, motor, side, c, d, G, J, g):  # type: ignore[no-untyped-def]
     """Residuals into g, gradients over z into the rows of J; returns how many equations the modes ask for.
 
     G (4, 6): room for the gradients of one part's equations over its base values.
     """
-    n = B.shape[1]
-    parts = m + a + lo.shape[0]
+    n = J.shape[1]
+    parts = m + a + side.shape[0]
     e = 0
     for part in range(parts):
         for b in range(4):
             for k in range(6):
                 G[b, k] = 0.0
         count = 0
-        first = off.shape[0] - parts + part
-        width = 1
+        first = 3 * part
+        width = 3
         if part < m:
-            first = 6 * part
-            width = 6
-            cn = v[first]
-            c1 = v[first + 1]
-            c2 = v[first + 2]
-            d1 = v[first + 4]
-            d2 = v[first + 5]
+            cn = c[first]
+            c1 = c[first + 1]
+            c2 = c[first + 2]
+            dn = d[first]
+            d1 = d[first + 1]
+            d2 = d[first + 2]
             mode = touch[part]
             speed = np.sqrt(d1 * d1 + d2 * d2)
             force = np.sqrt(c1 * c1 + c2 * c2)
-            u1 = d1 / max(speed, 1e-300)
-            u2 = d2 / max(speed, 1e-300)
-            gap = cos * v[first + 3] + sin * speed
+            u1 = d1 / larger(speed, 1e-300)
+            u2 = d2 / larger(speed, 1e-300)
+            gap = cos * dn + sin * speed
             count = 3
             if mode <= GRAZE:
                 for b in range(3):
-                    g[e + b] = v[first + b]
+                    g[e + b] = c[first + b]
                     G[b, b] = 1.0
             elif mode <= EDGE:
-                g[e] = cn + cos * v[first + 3]
+                g[e] = cn + cos * dn
                 g[e + 1] = d1
                 g[e + 2] = d2
                 G[0, 0] = G[1, 4] = G[2, 5] = 1.0
@@ -151,9 +150,9 @@ def equations(m, a, cos, sin, B, off, mu, lo, hi, hold, touch, motor, side, v, G
                     x1 = -c1 / force
                     x2 = -c2 / force
                 else:  # (7) divided by |d_t|
-                    G[1, 4] = w * u2 * u2 / max(speed, 1e-300)
-                    G[1, 5] = G[2, 4] = -w * u1 * u2 / max(speed, 1e-300)
-                    G[2, 5] = w * u1 * u1 / max(speed, 1e-300)
+                    G[1, 4] = w * u2 * u2 / larger(speed, 1e-300)
+                    G[1, 5] = G[2, 4] = -w * u1 * u2 / larger(speed, 1e-300)
+                    G[2, 5] = w * u1 * u1 / larger(speed, 1e-300)
                 g[e + 1] = c1 + w * x1
                 g[e + 2] = c2 + w * x2
                 G[1, 0] = mu[part] * x1
@@ -168,51 +167,59 @@ def equations(m, a, cos, sin, B, off, mu, lo, hi, hold, touch, motor, side, v, G
             elif mode in (EDGE, RIM):
                 g[e + count] = force - mu[part] * cn
                 G[count, 0] = -mu[part]
-                G[count, 1] = c1 / max(force, 1e-300)
-                G[count, 2] = c2 / max(force, 1e-300)
+                G[count, 1] = c1 / larger(force, 1e-300)
+                G[count, 2] = c2 / larger(force, 1e-300)
                 count += 1
         elif part < m + a:
-            first = 6 * m + 3 * (part - m)
-            width = 2
+            first = 3 * m + 2 * (part - m)
+            width = 1
             mode = motor[part - m]
             if mode in (HELD, BALANCED, HALTED):
-                g[e] = v[first]
-                G[0, 0] = 1.0
+                g[e] = d[2 * m + part]
+                G[0, 3] = 1.0
                 count = 1
             if mode in (TURNS, BALANCED, RELEASED):
-                g[e + count] = v[first + 1]
-                G[count, 1] = 1.0
+                g[e + count] = c[first]
+                G[count, 0] = 1.0
                 count += 1
         else:
             k = part - m - a
+            first = 3 * m + 2 * a + k
+            width = 1
             if side[k] != 0 or (k == 0 and hold):
                 G[0, 0] = 1.0
-                g[e] = v[first] - (hi[k] if side[k] > 0 else lo[k])
+                g[e] = c[first] - (hi[k] if side[k] > 0 else lo[k])
                 count = 1
         for b in range(count):
             for j in range(n):
-                J[e + b, j] = G[b, 0] * B[first, j]
-            for k in range(1, width):
+                J[e + b, j] = 0.0
+            for k in range(width):
                 x = G[b, k]
                 if x != 0.0:
                     for j in range(n):
-                        J[e + b, j] += x * B[first + k, j]
+                        J[e + b, j] += x * C[first + k, j]
+                x = G[b, 3 + k]
+                if x != 0.0:
+                    at = first + k if part < m else 2 * m + part
+                    for j in range(n):
+                        J[e + b, j] += x * D[at, j]
         e += count
     return e
 
 
 @inner
-def read(m, a, mdp, driven, v, tol, touch, motor):  # type: ignore[no-untyped-def]
+def read(m, a, mdp, driven, c, d, tol, touch, motor):  # type: ignore[no-untyped-def]
     """The modes that a point shows; motions and forces below `tol` count as none."""
     for i in range(m):
-        if v[6 * i] <= tol:
+        k = 3 * i
+        if c[k] <= tol:
             touch[i] = OPEN
         elif not mdp:
             touch[i] = LOOSE
         else:
-            touch[i] = SLIDE if np.sqrt(v[6 * i + 4] ** 2 + v[6 * i + 5] ** 2) > tol else STICK
+            touch[i] = SLIDE if np.sqrt(d[k + 1] ** 2 + d[k + 2] ** 2) > tol else STICK
     for j in range(a):
-        turns = v[6 * m + 3 * j] > tol
+        turns = d[3 * m + j] > tol
         if driven[j]:
             motor[j] = DRIVEN if turns else HALTED
         else:
@@ -220,20 +227,20 @@ def read(m, a, mdp, driven, v, tol, touch, motor):  # type: ignore[no-untyped-de
 
 
 @inner
-def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, across, touch, motor, side):  # type: ignore[no-untyped-def]
+def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, c, d, slack, across, touch, motor, side):  # type: ignore[no-untyped-def]
     """Change modes where an inequality is violated; True if any was."""
     changed = False
     for i in range(m):
-        k = 6 * i
-        speed = np.sqrt(v[k + 4] ** 2 + v[k + 5] ** 2)
-        gap = cos * v[k + 3] + sin * speed
-        excess = np.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2) - mu[i] * v[k]
+        k = 3 * i
+        speed = np.sqrt(d[k + 1] ** 2 + d[k + 2] ** 2)
+        gap = cos * d[k] + sin * speed
+        excess = np.sqrt(c[k + 1] ** 2 + c[k + 2] ** 2) - mu[i] * c[k]
         mode = touch[i]
         new = mode
         if mode == OPEN and gap < -slack:
             closed = (SLIDE if speed > STILL else STICK) if mdp else LOOSE
             new = closed if across else GRAZE
-        elif mode > GRAZE and v[k] < -slack:
+        elif mode > GRAZE and c[k] < -slack:
             new = OPEN
         elif mode == STICK and excess > slack:
             new = SLIDE if across else EDGE
@@ -243,8 +250,8 @@ def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, across
             touch[i] = new
             changed = True
     for j in range(a):
-        t = v[6 * m + 3 * j]
-        e = v[6 * m + 3 * j + 1]
+        t = d[3 * m + j]
+        e = c[3 * m + 2 * j]
         mode = motor[j]
         new = mode
         if mode == TURNS and t < -slack:
@@ -258,9 +265,8 @@ def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, across
         if new != mode:
             motor[j] = new
             changed = True
-    plain = v.shape[0] - lo.shape[0]
-    for k in range(objective + motions, lo.shape[0]):  # limits; the cap on motions binds the search alone
-        x = v[plain + k]
+    for k in range(objective, side.shape[0]):  # limits of forces; the cap on motions binds the search alone
+        x = c[3 * m + 2 * a + k]
         new = 1 if x > hi[k] + slack else (-1 if x < lo[k] - slack else 0)
         if new != 0 and side[k] == 0:
             side[k] = new
@@ -270,10 +276,10 @@ def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, across
 
 @inner
 def polish(  # type: ignore[no-untyped-def]
-    m, a, cos, sin, mdp, objective, motions, B, BT, off, mu, lo, hi, driven, hold, tol, start, z, v, touch, motor, side,
-    G, J, g, q, size, step, trial, unit, first,
+    m, a, cos, sin, mdp, objective, C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start,
+    z, c, d, touch, motor, side, G, J, g, q, size, step, trial, unit, first,
 ):  # fmt: skip
-    """An exact solution near `start` into z (n,) and its base values into v; False if none was found.
+    """An exact solution near `start` into z (n,) and its base values into c and d; False if none was found.
 
     hold: keep the objective at its lower bound. tol: below which motions and forces of the start are none.
     """
@@ -281,8 +287,8 @@ def polish(  # type: ignore[no-untyped-def]
     for attempt in range(2):
         for j in range(n):
             z[j] = start[j]
-        values(BT, off, z, v)
-        read(m, a, mdp, driven, v, tol, touch, motor)
+        values(CT, DT, off, z, c, d)
+        read(m, a, mdp, driven, c, d, tol, touch, motor)
         for k in range(side.shape[0]):
             side[k] = 0
         for j in range(n if attempt == 1 else 0):
@@ -293,14 +299,14 @@ def polish(  # type: ignore[no-untyped-def]
             for j in range(n):
                 trial[j] = z[j]
             for _ in range(ITERATIONS):
-                values(BT, off, trial, v)
-                E = equations(m, a, cos, sin, B, off, mu, lo, hi, hold, touch, motor, side, v, G, J, g)
+                values(CT, DT, off, trial, c, d)
+                E = equations(m, a, cos, sin, C, D, mu, lo, hi, hold, touch, motor, side, c, d, G, J, g)
                 worst = 0.0
                 force = 1.0
                 for e in range(E):
-                    worst = max(worst, abs(g[e]))
+                    worst = larger(worst, abs(g[e]))
                 for i in range(m):
-                    force = max(force, abs(v[6 * i]))
+                    force = larger(force, abs(c[3 * i]))
                 if worst < error:
                     error = worst
                     halvings = 0
@@ -323,21 +329,22 @@ def polish(  # type: ignore[no-untyped-def]
                 break
             for j in range(n if repairs == 0 else 0):
                 first[j] = z[j]  # where the other way begins, too
-            values(BT, off, z, v)
+            values(CT, DT, off, z, c, d)
             slack = SLACK * force
             across = attempt == 1
-            if not repair(m, a, cos, sin, mdp, mu, lo, hi, objective, motions, v, slack, across, touch, motor, side):
+            if not repair(m, a, cos, sin, mdp, mu, lo, hi, objective, c, d, slack, across, touch, motor, side):
                 return True
     return False
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _polished(m, a, cos, sin, mdp, objective, motions, B, BT, off, mu, lo, hi, driven, hold, tol, start, z):  # type: ignore[no-untyped-def]
-    n = B.shape[1]
+def _polished(m, a, F, cos, sin, mdp, objective, C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start, z):  # type: ignore[no-untyped-def]
+    n = z.shape[0]
     most = 4 * m + 2 * a + lo.shape[0]
     return polish(
-        m, a, cos, sin, mdp, objective, motions, B, BT, off, mu, lo, hi, driven, hold, tol, start, z,
-        np.empty(off.shape[0]), np.empty(m, np.int64), np.empty(a, np.int64), np.empty(lo.shape[0], np.int64),
+        m, a, cos, sin, mdp, objective, C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start, z,
+        np.empty(CT.shape[1]), np.empty(DT.shape[1]),
+        np.empty(m, np.int64), np.empty(a, np.int64), np.empty(F - 3 * m - 2 * a, np.int64),
         np.empty((4, 6)), np.empty((most, n)), np.empty(most), np.empty(most), np.empty(most),
         np.empty(n), np.empty(n), np.empty(n), np.empty(n),
     )  # fmt: skip
@@ -352,7 +359,7 @@ def solve(r: Reduced, start: Array, *, tol: float = 1e-6, hold: bool = False) ->
     """
     z = np.empty_like(start)
     found = _polished(
-        len(r.p.mu), len(r.active), float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.p.mdp, min(r.objective, 1),
-        r.motions, r.B, r.BT, r.off, r.p.mu, r.lo, r.hi, r.driven, hold, tol, start, z,
+        *r.sizes, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.p.mdp, min(r.objective, 1),
+        r.C, r.D, r.CT, r.DT, r.off, r.p.mu, r.lo, r.hi, r.driven, hold, tol, start, z,
     )  # fmt: skip
     return z if found else None

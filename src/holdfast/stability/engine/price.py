@@ -35,6 +35,7 @@ from holdfast.stability.engine.rows import (
     TANGENT,
     TURN,
     inner,
+    larger,
 )
 
 FEASIBLE = 1e-9  # a row that is violated by less is met
@@ -45,21 +46,20 @@ def trigonometry(m, state, trig):  # type: ignore[no-untyped-def]
     """Sector ends as unit vectors into trig (m, 4): cos and sin of the left end, of the right end."""
     turn = 2 * np.pi / TURN
     for i in range(m):
-        for k in range(2):
+        for k in range(2 if state[2 * m + i] > state[m + i] else 0):
             angle = state[(k + 1) * m + i] * turn
             trig[i, 2 * k] = np.cos(angle)
             trig[i, 2 * k + 1] = np.sin(angle)
 
 
 @inner
-def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip):  # type: ignore[no-untyped-def]
+def price(m, a, F, cos, sin, mu, lo, hi, driven, state, trig, c, d, tol, cone, skip):  # type: ignore[no-untyped-def]
     """The id of the row of the node that is violated most, -1 if none is by more than `tol` (round ones: `cone`).
 
     The rows of part k (contact, actuator, plain value) are left out if skip[k].
     """
     worst = tol
     found = -1
-    turn = 2 * np.pi / TURN
     loose = cone - FEASIBLE  # what is made where it is violated may be missed by a little more
     for i in range(m):
         if skip[i]:
@@ -67,23 +67,21 @@ def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip): 
         touch = state[i]
         la = state[m + i]
         lb = state[2 * m + i]
-        k = 6 * i
-        cn = v[k]
-        c1 = v[k + 1]
-        c2 = v[k + 2]
-        d1 = v[k + 4]
-        d2 = v[k + 5]
+        k = 3 * i
+        cn = c[k]
+        c1 = c[k + 1]
+        c2 = c[k + 2]
+        d1 = d[k + 1]
+        d2 = d[k + 2]
         here = i << INDEX
-        gap = cos * v[k + 3]
+        gap = cos * d[k]
         if -cn > worst:
             worst = -cn
             found = here | (CN_UP << KIND)
         x = np.sqrt(c1 * c1 + c2 * c2) - mu[i] * cn - loose
         if x > worst:
             worst = x
-            steps = TURN // 4 if touch == OPEN else 1  # tangents along the axes bring c_t to zero at once
-            angle = int(np.rint(np.arctan2(c2, c1) / (steps * turn))) * steps
-            found = here | (TANGENT << KIND) | ((angle % TURN) << ANGLE)
+            found = here | (TANGENT << KIND)
         reach = 0.0  # sin(eta) |d_t|, from above
         if lb > la:
             xa = trig[i, 0]
@@ -135,11 +133,8 @@ def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip): 
             if x > worst:
                 worst = x
                 found = here | (GAP_DOWN << KIND)
-                if sin > 0.0:
-                    angle = int(np.rint(np.arctan2(-d2, -d1) / turn))
-                    found |= (angle % TURN) << ANGLE
             if touch == STICK:
-                x = max(abs(d1), abs(d2))
+                x = larger(abs(d1), abs(d2))
                 if x > worst:
                     worst = x
                     kind = STILL + (0 if abs(d1) == x else 2)
@@ -149,31 +144,41 @@ def price(m, a, cos, sin, mu, lo, hi, driven, state, trig, v, tol, cone, skip): 
         if skip[m + j]:
             continue
         moves = state[3 * m + j]
-        k = 6 * m + 3 * j
+        k = 3 * m + 2 * j
+        t = d[3 * m + j]
         here = j << INDEX
-        if -v[k] > worst:
-            worst = -v[k]
+        if -t > worst:
+            worst = -t
             found = here | (T_UP << KIND)
-        if moves == LOCKED and v[k] > worst:
-            worst = v[k]
+        if moves == LOCKED and t > worst:
+            worst = t
             found = here | (T_DOWN << KIND)
-        if (moves == MOVES or not driven[j]) and -v[k + 1] > worst:
-            worst = -v[k + 1]
+        if (moves == MOVES or not driven[j]) and -c[k] > worst:
+            worst = -c[k]
             found = here | (E_UP << KIND)
         if moves == MOVES:
-            x = -v[k + 2] if driven[j] else v[k + 1]
+            x = -c[k + 1] if driven[j] else c[k]
             if x > worst:
                 worst = x
                 found = here | ((S_UP if driven[j] else E_DOWN) << KIND)
-    first = v.shape[0] - lo.shape[0]
     for k in range(lo.shape[0]):
         if skip[m + a + k]:
             continue
-        x = v[first + k]
+        at = 3 * m + 2 * a + k
+        x = c[at] if at < F else d[at - F + 3 * m + a]
         if lo[k] - x > worst:
             worst = lo[k] - x
             found = (k << INDEX) | (PLAIN_UP << KIND)
         if x - hi[k] > worst:
             worst = x - hi[k]
             found = (k << INDEX) | (PLAIN_DOWN << KIND)
+    kind = found >> KIND
+    if found >= 0 and (kind == TANGENT or (kind == GAP_DOWN and sin > 0.0)):  # where it is violated most
+        i = (found >> INDEX) & 255
+        k = 3 * i
+        x = c[k + 1] if kind == TANGENT else -d[k + 1]
+        y = c[k + 2] if kind == TANGENT else -d[k + 2]
+        steps = TURN // 4 if state[i] == OPEN else 1  # tangents along the axes bring c_t to zero at once
+        angle = int(np.rint(np.arctan2(y, x) * (TURN / (2 * np.pi * steps)))) * steps
+        found |= (angle % TURN) << ANGLE
     return found

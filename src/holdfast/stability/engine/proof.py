@@ -97,8 +97,8 @@ class Proof:
         a[energy] = b[energy] = 0
         y[energy] /= force
         n = len(r.cost)
-        normal = slice(0, 6 * len(p.mu), 6)
-        points = force * (s.pool.data[nodes, :n] @ r.B[normal].T + r.off[normal])
+        normal = slice(0, 3 * len(p.mu), 3)
+        points = force * (s.pool.data[nodes, :n] @ r.C[normal].T + r.off[normal])
         references = np.column_stack([points, unit * s.pool.data[nodes, n]])
 
         flip = np.zeros(len(kind), bool)

@@ -24,6 +24,7 @@ HIGHEST = 1 / NONE  # of lambda
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
 RANK = 1e-10
+VECTOR = 4  # numbers
 _NOISE = 1 + np.random.default_rng(0).random(1024)
 
 
@@ -38,6 +39,22 @@ def null_space(A: Array) -> Array:
     return Vt[int((s > RANK * max(s[0], 1e-300)).sum()) :].T
 
 
+def pseudo_inverse(A: Array) -> Array:
+    """(n, k) of A (k, n), by hand if each column has one entry in a row of its own: a motor per joint."""
+    used = A != 0
+    if (used.sum(axis=0) == 1).all() and (used.sum(axis=1) <= 1).all():
+        out: Array = np.divide(1.0, A, out=np.zeros(A.shape), where=used).T
+        return out
+    return np.asarray(np.linalg.pinv(A, rcond=1e-12), dtype=float)
+
+
+def padded(x: Array) -> Array:
+    """With zeros behind each row, for whole vectors of the processor."""
+    out = np.zeros((*x.shape[:-1], x.shape[-1] + -x.shape[-1] % VECTOR))
+    out[..., : x.shape[-1]] = x
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class Reduced:
     """The arrays of a search.
@@ -47,7 +64,8 @@ class Reduced:
         active: (a',) the actuators that may move, in the order of the base values; driven: (a',) bool.
         M: (6 + l, nu) basis of the motions; Y: (ny, nv), y0: (ny,): forces y = y0 + Y v with
             y = (c, f of `kept` actuators, scalar, efforts).
-        B: (nb, n), off: (nb,): base values B z + off; BT: B's transpose.
+        C, D: (., n) base values of `rows`, forces C z + off and motions D z; CT, DT: transposed, without the unknowns
+            that are zero. These and off are filled with zeros up to whole vectors of the processor.
         lo, hi: (P,) bounds of the plain base values; names: what each of them bounds.
         cap: largest (scaled) motion.
         cost: (n,) objective over z, and what is preferred among equals.
@@ -67,8 +85,10 @@ class Reduced:
     M: Array
     Y: Array
     y0: Array
-    B: Array
-    BT: Array
+    C: Array
+    D: Array
+    CT: Array
+    DT: Array
     off: Array
     lo: Array
     hi: Array
@@ -106,8 +126,7 @@ class Reduced:
         """What `box` needs and no disturbance changes: c_n by the cap on motions, |f| over |c|, |t| over the cap."""
         p = self.p
         d = np.abs(p.G[:, 0::3]).sum(axis=0) + np.abs(p.J[0::3]).sum(axis=1)
-        columns = np.vstack([p.R, p.A]).T
-        K = (np.abs(np.linalg.pinv(columns)) @ np.abs(p.J.T))[: len(p.R)] if len(p.R) else np.zeros((0, len(p.J)))
+        K = (np.abs(pseudo_inverse(np.vstack([p.R, p.A]).T)) @ np.abs(p.J.T))[: len(p.R)]
         M = np.abs(self.M).sum(axis=0) * self.cap
         return np.minimum(d * self.cap, p.cn_max), K, np.abs(p.R).sum(axis=1), M, np.abs(self.Y).T
 
@@ -119,19 +138,20 @@ class Reduced:
         y0 = self.solve @ h
         lo = self.lo.copy()
         lo[0] = 1.0 / search_end(p)
-        B = self.B.copy()
+        D, DT = self.D, self.DT
         if self.names[-1][0] == "energy":
-            B[-2, :6] = load_.w_a
-        off = self.values @ y0 + self.constants
-        out = replace(self, p=p, load=load_, y0=y0, B=B, BT=np.ascontiguousarray(B.T), off=off, lo=lo)
+            D, DT = D.copy(), DT.copy()
+            D[-2, :6] = DT[:6, len(D) - 2] = load_.w_a
+        off = padded(self.values @ y0 + self.constants)
+        out = replace(self, p=p, load=load_, y0=y0, D=D, DT=DT, off=off, lo=lo)
         if "_sizes" in self.__dict__:
             out.__dict__["_sizes"] = self._sizes
         return out
 
     @cached_property
-    def motions(self) -> int:
-        """Plain values that are motions: 6 + l."""
-        return len(self.M)
+    def sizes(self) -> tuple[int, int, int]:
+        """m contacts, a actuators that may move, F base values that are forces."""
+        return len(self.p.mu), len(self.active), len(self.C)
 
     def point(self, z: Array) -> Point:
         """The model's scaled unknowns."""
@@ -145,8 +165,7 @@ class Reduced:
         f[self.kept] = y[3 * m : 3 * m + len(self.kept)]
         rest = np.flatnonzero(~(p.moves | np.isfinite(p.f_max)))
         if len(rest) + k:
-            columns = np.vstack([p.R[rest], p.A]).T
-            out = np.linalg.lstsq(columns, p.J.T @ c - p.R.T @ f, rcond=1e-12)[0]
+            out = pseudo_inverse(np.vstack([p.R[rest], p.A]).T) @ (p.J.T @ c - p.R.T @ f)
             f[rest], coupling = out[: len(rest)], np.array(out[len(rest) :])
         sigma = float(y[3 * m + len(self.kept)]) if self.objective else 0.0
         return Point(x[:6], x[6:], c, f, coupling, sigma)
@@ -214,52 +233,50 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
         plain.append(("scalar", 0, -search_end(p), 0.0))
     elif objective:
         plain.append(("scalar", 0, 0.0, STRONGEST))
-    plain += [("motion", i, -cap, cap) for i in range(6 + l)]
     if np.isfinite(p.cn_max):
         plain += [("normal", i, 0.0, p.cn_max) for i in range(m)]
     plain += [("force", int(i), -p.f_max[i], p.f_max[i]) for i in kept if np.isfinite(p.f_max[i])]
     plain += [("effort", int(i), 0.0, STRONGEST) for i in efforts]
-
+    limits = len(plain)
+    plain += [("motion", i, -cap, cap) for i in range(6 + l)]
     if p.mdp and goal in (Goal.EXISTS, Goal.SMALLEST_PRELOAD):  # for `rows.ENERGY`
         plain += [("energy", 0, -np.inf, np.inf), ("energy", 1, -np.inf, np.inf)]
 
-    # base values as functions of the motions (r, q), of the forces y, and their constants
-    first = 6 * m + 3 * len(active)
-    D, V, constants = (
-        np.zeros((first + len(plain), 6 + l)),
-        np.zeros((first + len(plain), ny)),
-        np.zeros(first + len(plain)),
-    )
-    D[: 6 * m].reshape(m, 6, -1)[:, 3:] = np.hstack([p.G.T, -p.J]).reshape(m, 3, -1)
-    V[: 6 * m].reshape(m, 6, -1)[:, :3] = np.eye(C, ny).reshape(m, 3, -1)
+    # base values: forces as functions of y, and their constants, motions as functions of (r, q)
+    first = C + 2 * len(active)
+    V, constants = np.zeros((first + limits, ny)), np.zeros(first + limits)
+    V[:C, :C] = np.eye(C)
     force = {int(i): C + k for k, i in enumerate(kept)}
     effort = {int(i): S + k for k, i in enumerate(efforts)}
-    for j, i in enumerate(active.tolist()):
-        t, excess, left = range(6 * m + 3 * j, 6 * m + 3 * j + 3)
-        D[t, 6:] = p.R[i]
+    for i, excess in zip(active.tolist(), range(C, first, 2), strict=True):
         V[excess, force[i]] = 1.0
         if drive[i]:
-            V[left, effort.get(i, F)], V[left, force[i]] = 1.0, -lever[i] / scale
+            V[excess + 1, effort.get(i, F)], V[excess + 1, force[i]] = 1.0, -lever[i] / scale
         else:
             constants[excess] = -load_.f_a[i]
             if objective:
                 V[excess, F] -= load_.f_b[i]
-    for k, (kind, i, _, _) in enumerate(plain, start=first):
-        if kind == "motion":
-            D[k, i] = 1.0
-        elif kind == "energy":
-            D[k] = np.r_[load_.w_a, load_.f_a @ p.R] if i == 0 else np.r_[load_.w_b, load_.f_b @ p.R]
-        elif kind == "scalar":
+    for k, (kind, i, _, _) in enumerate(plain[:limits], start=first):
+        if kind == "scalar":
             V[k, F] = -1.0 if goal is Goal.LARGEST else 1.0
         else:
             V[k, 3 * i if kind == "normal" else force[i] if kind == "force" else effort[i]] = 1.0
-    B = np.hstack([D @ M, V @ Y])
+    D = np.zeros((C + len(active) + len(plain) - limits, 6 + l))
+    D[:C, :6], D[:C, 6:] = p.G.T, -p.J
+    D[C : C + len(active), 6:] = p.R[active]
+    D[C + len(active) : C + len(active) + 6 + l] = np.eye(6 + l)
+    if plain[-1][0] == "energy":
+        D[-2:, :6] = load_.w_a, load_.w_b
+        D[-2:, 6:] = load_.f_a @ p.R, load_.f_b @ p.R
+    nu, nv = M.shape[1], Y.shape[1]
+    forces, motions = V @ Y, D @ M
 
     lo, hi = np.array([b[2] for b in plain]), np.array([b[3] for b in plain])
-    turning = B[6 * m : first : 3].sum(axis=0)
-    cost = PREFERENCE * (B[0 : 6 * m : 6].sum(axis=0) + 0.1 * turning)
+    cost = np.empty(nu + nv)
+    cost[:nu] = 0.1 * PREFERENCE * motions[C : C + len(active)].sum(axis=0)
+    cost[nu:] = PREFERENCE * forces[0:C:3].sum(axis=0)
     if objective:
-        cost += B[first]
+        cost[nu:] += forces[first]
     cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * _NOISE[: len(cost)]
     return Reduced(
         p=p,
@@ -271,9 +288,11 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
         M=M,
         Y=Y,
         y0=y0,
-        B=B,
-        BT=np.ascontiguousarray(B.T),
-        off=V @ y0 + constants,
+        C=np.hstack([np.zeros((len(forces), nu)), forces]),
+        D=np.hstack([motions, np.zeros((len(motions), nv))]),
+        CT=padded(forces.T),
+        DT=padded(motions.T),
+        off=padded(V @ y0 + constants),
         lo=lo,
         hi=hi,
         names=tuple((b[0], b[1]) for b in plain),

@@ -1,12 +1,13 @@
 """The rows of a node's program by name, compiled: one 64-bit id says what a row is, and makes it on the fly.
 
-Every row is a . z >= b over the reduced unknowns z (`reduced`). It combines a few *base values*, affine in z:
+Every row is a . z >= b over the reduced unknowns z (`reduced`), of which the first nu are motions, the others
+forces. It combines a few *base values*, affine in z: forces c = C z + off and motions d = D z.
 
-    contact i    values 6i .. 6i+5         c_n, c_t1, c_t2, d_n, d_t1, d_t2
-    actuator j   values 6m+3j .. 6m+3j+2   t, excess f - f_c (if its command is sought: f), effort left
-    plain k      values 6m+3a+k            with bounds lo[k], hi[k]: the objective, motions, limits; last, unbounded
-                                           and only where they are used: the energy that the disturbance and fixed
-                                           commands put in, and that of commands per unit of the objective
+    contact i    c[3i], c[3i+1], c[3i+2]: c_n, c_t1, c_t2    d[3i], d[3i+1], d[3i+2]: d_n, d_t1, d_t2
+    actuator j   c[3m+2j]: the excess f - f_c (if its command is sought: f), c[3m+2j+1]: effort left    d[3m+j]: t
+    plain k      with bounds lo[k], hi[k]: c from 3m + 2a on, the objective and limits of forces, F values in all;
+                 then d from 3m + a on, motions; last, unbounded and only where they are used, the energy that the
+                 disturbance and fixed commands put in, and that of commands per unit of the objective
 
 An id holds kind, index and two angles, so that a working set of ids is all a node has to keep, and a parent's
 working set is legal in every child. Angles are integers, `TURN` to a turn. The kinds and what they say are
@@ -20,6 +21,8 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from numba.core import cgutils
+from numba.extending import intrinsic
 
 TURN = 1 << 24
 
@@ -51,45 +54,63 @@ def quick(function: Any) -> Any:
     return njit(cache=True, nogil=True, error_model="numpy", **options)(function)
 
 
-@inner
-def place(id, m, nb, plain):  # type: ignore[no-untyped-def]
-    """The first base value that a row combines, and how many it may; of nb, the last `plain` ones are plain."""
-    kind = id >> KIND
-    i = (id >> INDEX) & 255
-    if kind < T_UP:
-        return 6 * i, 6
-    if kind <= S_UP:
-        return 6 * m + 3 * i, 3
-    return nb - plain + i, 1
+@quick
+def larger(a, b):  # type: ignore[no-untyped-def]
+    """Of two numbers; `max` is a call that is not inlined."""
+    return a if a > b else b
 
 
-@inner
-def row(id, m, cos, sin, B, off, mu, lo, hi, box, data, out, g):  # type: ignore[no-untyped-def]
+@quick
+def smaller(a, b):  # type: ignore[no-untyped-def]
+    return a if a < b else b
+
+
+@intrinsic
+def bare(typing, arrays):  # type: ignore[no-untyped-def]
+    """A tuple of arrays without their owners: the caller keeps them alive, and no call counts references.
+
+    Counting is atomic, a quarter of the kernel's time, and more where two threads share the arrays.
+    """
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        views = []
+        for k, kind in enumerate(arrays.types):
+            view = context.make_array(kind)(context, builder, builder.extract_value(arguments[0], k))
+            view.meminfo = cgutils.get_null_value(view.meminfo.type)
+            view.parent = cgutils.get_null_value(view.parent.type)
+            views.append(view._getvalue())
+        return context.make_tuple(builder, arrays, views)
+
+    return arrays(arrays), code
+
+
+@quick
+def row(id, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, g):  # type: ignore[no-untyped-def]
     """Coefficients of a named row into `out` (n,), over its base values into g (6,); returns b of out . z >= b.
 
-    B (base values, n): the base values' coefficients, off: their constants. sin, cos: of the uncertainty of
-    the normals, equation (17). data: points of the nodes, and above which objective they were made.
+    C (forces, n), D (motions, n): the base values' coefficients, off: the forces' constants. sin, cos: of the
+    uncertainty of the normals, equation (17). data: points of the nodes, and above which objective they were made.
     """
     kind = id >> KIND
     i = (id >> INDEX) & 255
     n = out.shape[0]
+    for j in range(n):
+        out[j] = 0.0
     if kind == ENERGY:
         at = id & NODE
-        last = off.shape[0] - 1
-        rhs = -off[last - 1] - data[at, n] * off[last]
+        last = D.shape[0] - 1
+        rhs = 0.0
         for j in range(n):
-            out[j] = B[last - 1, j] + data[at, n] * B[last, j]
-        for k in range(0, 6 * m, 6):
+            out[j] = D[last - 1, j] + data[at, n] * D[last, j]
+        for k in range(0, 3 * m, 3):
             cn = off[k]
             for j in range(n):
-                cn += B[k, j] * data[at, j]
+                cn += C[k, j] * data[at, j]
             rhs += cn * (2.0 * off[k] - cn)
             for j in range(n):
-                out[j] -= 2.0 * cn * B[k, j]
+                out[j] -= 2.0 * cn * C[k, j]
         return rhs
     if kind >= BOX_UP:
-        for j in range(n):
-            out[j] = 0.0
         out[i] = 1.0 if kind == BOX_UP else -1.0
         return -box[i]
     for k in range(6):
@@ -99,13 +120,15 @@ def row(id, m, cos, sin, B, off, mu, lo, hi, box, data, out, g):  # type: ignore
     h = 1.0
     if kind < T_UP and (sin > 0.0 or (kind >= TANGENT and kind < STILL)):
         turn = 2 * np.pi / TURN
-        a = ((id >> ANGLE) & (2 * TURN - 1)) * turn
-        b = (id & (2 * TURN - 1)) * turn
-        xa = np.cos(a)
-        ya = np.sin(a)
-        xb = np.cos(b)
-        yb = np.sin(b)
+        left = ((id >> ANGLE) & (2 * TURN - 1)) * turn
+        right = (id & (2 * TURN - 1)) * turn
+        xa = np.cos(left)
+        ya = np.sin(left)
+        xb = np.cos(right)
+        yb = np.sin(right)
         h = 1.0 + xa * xb + ya * yb
+    force = 3 * i  # the first of the values that it combines
+    motion = 3 * i
     if kind == CN_UP:
         g[0] = 1.0
     elif kind == CN_DOWN:
@@ -151,33 +174,55 @@ def row(id, m, cos, sin, B, off, mu, lo, hi, box, data, out, g):  # type: ignore
         else:
             g[5] = s
     elif kind <= S_UP:
+        force = 3 * m + 2 * i
+        motion = 3 * m + i
         if kind <= T_DOWN:
-            g[0] = 1.0 if kind == T_UP else -1.0
+            g[3] = 1.0 if kind == T_UP else -1.0
         elif kind <= E_DOWN:
-            g[1] = 1.0 if kind == E_UP else -1.0
+            g[0] = 1.0 if kind == E_UP else -1.0
         else:
-            g[2] = 1.0
+            g[1] = 1.0
     else:
-        g[0] = 1.0 if kind == PLAIN_UP else -1.0
+        force = 3 * m + 2 * a + i
+        motion = 3 * m + a + force - F
+        g[0 if force < F else 3] = 1.0 if kind == PLAIN_UP else -1.0
         rhs = lo[i] if kind == PLAIN_UP else -hi[i]
-    first, count = place(id, m, off.shape[0], lo.shape[0])
-    for j in range(n):
-        out[j] = 0.0
-    for k in range(count):
+    for k in range(3):
         x = g[k]
         if x != 0.0:
-            rhs -= x * off[first + k]
+            rhs -= x * off[force + k]
             for j in range(n):
-                out[j] += x * B[first + k, j]
+                out[j] += x * C[force + k, j]
+        x = g[3 + k]
+        if x != 0.0:
+            for j in range(n):
+                out[j] += x * D[motion + k, j]
     return rhs
 
 
-@inner
-def values(BT, off, z, v):  # type: ignore[no-untyped-def]
-    """The base values of a point z into v; BT is the transpose of B."""
-    for k in range(v.shape[0]):
-        v[k] = off[k]
-    for j in range(z.shape[0]):
-        x = z[j]
-        for k in range(v.shape[0]):
-            v[k] += x * BT[j, k]
+@quick
+def blend(x, first, rows, out):  # type: ignore[no-untyped-def]
+    """out += x rows, of x from `first` on; four rows at a time."""
+    n = rows.shape[0]
+    for j in range(0, n - 3, 4):
+        a = x[first + j]
+        b = x[first + j + 1]
+        c = x[first + j + 2]
+        d = x[first + j + 3]
+        for k in range(out.shape[0]):
+            out[k] += a * rows[j, k] + b * rows[j + 1, k] + c * rows[j + 2, k] + d * rows[j + 3, k]
+    for j in range(n & ~3, n):
+        a = x[first + j]
+        for k in range(out.shape[0]):
+            out[k] += a * rows[j, k]
+
+
+@quick
+def values(CT, DT, off, z, c, d):  # type: ignore[no-untyped-def]
+    """The base values of a point z, forces into c, motions into d."""
+    for k in range(c.shape[0]):
+        c[k] = off[k]
+    for k in range(d.shape[0]):
+        d[k] = 0.0
+    blend(z, 0, DT, d)
+    blend(z, DT.shape[0], CT, c)

@@ -25,7 +25,7 @@ SLICE = 64  # nodes that a lane expands between two looks at the clock and at th
 CHILDREN, SPARE = 4, 8  # of a node at most; rows that the kernel wants beyond
 SHARE = 16  # as many nodes must wait to be dealt, once more if one lane has UNEVEN times as many as the other
 UNEVEN = 4
-ROOM = 512  # nodes at first
+ROOM = 2048  # nodes at first
 INF = float("inf")
 
 
@@ -72,6 +72,7 @@ class Lane:
     best: Array
     z: Array
     stats: Indices
+    work: tuple[Any, ...]
 
     @property
     def waiting(self) -> int:
@@ -79,7 +80,9 @@ class Lane:
 
     def copy(self) -> Lane:
         """Another one that knows as much and has no nodes."""
-        out = Lane(self.heap.copy(), self.hi.copy(), self.best.copy(), self.z.copy(), self.stats.copy())
+        work = tuple(np.empty_like(x) for x in self.work)
+        work[0][:] = -1  # no inverse is kept
+        out = Lane(self.heap.copy(), self.hi.copy(), self.best.copy(), self.z.copy(), self.stats.copy(), work)
         out.stats[tree.HEAP] = 0
         return out
 
@@ -117,7 +120,7 @@ class Search:
 
     def __post_init__(self) -> None:
         r = self.reduced
-        m, a, n = len(r.p.mu), len(r.active), len(r.cost)
+        (m, a, _), n = r.sizes, len(r.cost)
         self.hi = r.hi.copy()
         self.box = r.box(INF)
         self.pool = Pool.of(ROOM, 3 * m + a, n)
@@ -127,22 +130,21 @@ class Search:
         corner = np.where(r.cost >= 0, rows.BOX_UP, rows.BOX_DOWN)
         self.pool.ids[0, :n] = (corner << rows.KIND) | (np.arange(n) << rows.INDEX)
         self.pool.bound[0] = r.lo[0] if r.objective else 0.0
-        lane = Lane(np.zeros(ROOM, np.int64), self.hi.copy(), np.array([INF, INF]), np.zeros(n), self._common.copy())
+        guess = np.array(self.guess).reshape(-1, n) if len(self.guess) else np.zeros((0, n))
+        work = tree.workspace(*r.sizes, n, (r.CT.shape[1], r.DT.shape[1]), len(r.lo))
+        heap, none = np.zeros(ROOM, np.int64), np.array([INF, INF])
+        lane = Lane(heap, self.hi.copy(), none, np.zeros(n), self._common.copy(), work)
         lane.stats[tree.USED] = lane.stats[tree.HEAP] = 1
         self.lanes.append(lane)
-        guess = np.array(self.guess).reshape(-1, n) if len(self.guess) else np.zeros((0, n))
-        self._question = (
-            m, a, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.p.mdp, r.objective, r.motions,
-            self.gap, self.gap_absolute, r.B, r.BT, r.off, r.p.mu, r.lo,
-        )  # fmt: skip
-        self._rest = r.cost, r.driven
-        self._guess = guess
+        uncertain = float(np.cos(r.p.eta)), float(np.sin(r.p.eta))
+        self._numbers = *r.sizes, *uncertain, r.p.mdp, r.objective, self.gap, self.gap_absolute
+        self._question = r.C, r.D, r.CT, r.DT, r.off, r.p.mu, r.lo, r.cost, r.driven, guess
 
     def know(self, z: Array) -> None:
         """Begin with an exact solution (n,) as the incumbent."""
         r, lane = self.reduced, self.lanes[0]
-        scalar = len(r.off) - len(r.lo)
-        value = float(r.B[scalar] @ z + r.off[scalar])
+        scalar = 3 * r.sizes[0] + 2 * r.sizes[1]
+        value = float(r.C[scalar] @ z + r.off[scalar])
         if r.objective != tree.SCALAR or not r.lo[0] - 1e-9 * abs(r.lo[0]) <= value < self.best:
             return
         lane.best[0], lane.z[:] = value, z
@@ -237,10 +239,8 @@ class Search:
         return -INF
 
     def _run(self, lane: Lane, budget: int, close: bool = False) -> int:
-        why = tree.run(
-            *self._question, lane.hi, self.box, *self._rest, budget, close, self._guess,
-            lane.best, lane.z, lane.stats, *self.pool.arrays(), lane.heap,
-        )  # fmt: skip
+        mine = lane.hi, self.box, lane.best, lane.z, lane.stats, lane.heap
+        why = tree.run(*self._numbers, budget, close, self._question, mine, self.pool.arrays(), lane.work)
         return int(why)
 
     def _slice(self, budget: int) -> list[int]:

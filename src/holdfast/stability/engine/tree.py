@@ -4,25 +4,31 @@
 A node is what every contact and actuator is (undecided, open, closed, stick, slide in a sector; free, locked,
 moves) and the working set that solved its program. Expanding a node solves it once more (the bound on the
 objective may have moved), splits it where its point violates the model most, and solves all children from
-its working set: so a node is factorised once, and an infeasible child never is. Nodes are closed by a ray
-alone, which is kept: the certificate is the tree and its rays.
+its working set. The inverses of the nodes made last are kept: most are split before theirs is lost. Nodes are
+closed by a ray alone, which is kept too: the certificate is the tree and its rays.
 
 The state of a node is one row of integers: m contacts, m left sector ends, m right ends, the actuators.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
+from holdfast.mechanism import Array, Indices
 from holdfast.stability.engine import branch, newton, simplex
 from holdfast.stability.engine.rows import (
     BOX_DOWN,
     BOX_UP,
     INDEX,
     KIND,
+    bare,
     inner,
+    larger,
     row,
+    smaller,
     values,
 )
 
@@ -34,6 +40,7 @@ EXHAUSTED, ENOUGH, ROOM, FOUND, ENDLESS = 0, 1, 2, 3, 4
 FIRST = 8  # Newton is tried on the first programs, where nothing is violated, and where little is:
 LESS, MORE = 0.5, 1.1  # less than this share of where it was tried last, a limit that grows with every node
 LITTLE = 1e-3
+KEPT = 64  # inverses of nodes that wait, those made last; in one more place, that of the node being split
 WEIGHT = 1e-3  # of the violation in a node's rank
 
 # what is sought
@@ -84,80 +91,91 @@ def pop(heap, key, stats):  # type: ignore[no-untyped-def]
 
 
 @inner
-def achieved(m, a, objective, driven, v, plain):  # type: ignore[no-untyped-def]
+def copy(ids, rhs, W, T, to_ids, to_rhs, to_W, to_T):  # type: ignore[no-untyped-def]
+    """A working set, to be gone on from."""
+    n = rhs.shape[0]
+    for i in range(n):
+        to_ids[i] = ids[i]
+        to_rhs[i] = rhs[i]
+        for j in range(n):
+            to_W[i, j] = W[i, j]
+        for j in range(T.shape[1]):
+            to_T[i, j] = T[i, j]
+
+
+@inner
+def achieved(m, a, F, objective, driven, c, d):  # type: ignore[no-untyped-def]
     """What an exact solution achieves: its scalar, or the effort of the driven actuators that turn."""
     if objective == SCALAR:
-        return v[plain]
+        return c[3 * m + 2 * a]
     total = 0.0
-    effort = v.shape[0]
+    effort = F
     for j in range(a):
         effort -= 1 if driven[j] else 0
     for j in range(a):
         if driven[j]:
-            if v[6 * m + 3 * j] > 1e-12:
-                left = v[6 * m + 3 * j + 2]
+            if d[3 * m + j] > 1e-12:
+                left = c[3 * m + 2 * j + 1]
                 if objective == LARGEST_EFFORT:
-                    total = max(total, v[plain] - left)
+                    total = larger(total, c[3 * m + 2 * a] - left)
                 elif objective == SUM_OF_EFFORTS:
-                    total += v[effort] - left
+                    total += c[effort] - left
             effort += 1
     return total
 
 
+def workspace(m: int, a: int, F: int, n: int, values: tuple[int, int], plain: int) -> tuple[Any, ...]:
+    """The arrays that `run` writes into besides its lane and the tree, in the order in which it takes them.
+
+    values: how many forces and motions, with what fills them up; plain: base values with bounds.
+    """
+    N, most = -4 * (-n // 4), 4 * m + 2 * a + plain
+
+    def reals(*shapes: int | tuple[int, ...]) -> list[Array]:
+        return [np.empty(shape) for shape in shapes]
+
+    def whole(*shapes: int | tuple[int, ...]) -> list[Indices]:
+        return [np.empty(shape, np.int64) for shape in shapes]
+
+    kept = [
+        np.full((2, KEPT + 1), -1),
+        *whole((KEPT + 1, n)),
+        *reals((KEPT + 1, n), (KEPT + 1, n, n), (KEPT + 1, n, N)),
+    ]
+    part = [*whole(3 * m + a, (4, 3)), np.empty(m + a + plain, np.bool_), *reals((m, 4), 2, m, m)]
+    program = [*whole(n + 1, n, 1), *reals(n, (n, n), (n, N), n + 1, n, *values, n, n, 2 * N, N, 6)]
+    exact = [*whole(m, a, F - 3 * m - 2 * a), *reals(n, *values, (4, 6), (most, n), most, most, most, n, n, n)]
+    return (*kept, *part, *program, *exact)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def run(  # type: ignore[no-untyped-def]
-    m, a, cos, sin, mdp, objective, motions, gap, gap_absolute,
-    B, BT, off, mu, lo, hi, box, cost, driven,
-    budget, close, guess, best, best_z, stats,
-    states, ids, data, key, bound, parent, part, status, heap,
-):  # fmt: skip
-    """Expand up to `budget` nodes; all arrays are the search's state and change in place.
+    m, a, F, cos, sin, mdp, objective, gap, gap_absolute, budget, close, question, lane, pool, work
+):
+    """Expand up to `budget` nodes; the arrays of lane and pool are the search's state and change in place.
 
-    Node k has its state in states[k] (3m + a), its working set in ids[k] (n + 1), and in data[k] (n + 1) its
-    point while it waits, its ray's multipliers once it is empty. best (2,): the smallest objective found,
-    from which the cut hi[0] follows, and the violation below which Newton is tried. guess (g, n): points to start
-    Newton from. close: only close what waits, by the cut in force (no splitting, no Newton). Returns why it stopped.
+    question: C, D, CT, DT, off, mu, lo, cost, driven of `reduced`, and points (g, n) to start Newton from.
+    lane: hi, box, best, best_z, stats, heap. best (2,): the smallest objective found, from which the cut hi[0]
+    follows, and the violation below which Newton is tried.
+    pool: states, ids, data, key, bound, parent, part, status. Node k has its state in states[k] (3m + a), its
+    working set in ids[k] (n + 1), and in data[k] (n + 1) its point while it waits, its ray's multipliers once it is
+    empty.
+    work: see `workspace`.
+    close: only close what waits, by the cut in force (no splitting, no Newton). Returns why it stopped.
     """
-    n = BT.shape[0]
-    nb = off.shape[0]
-    plain = nb - lo.shape[0]
+    C, D, CT, DT, off, mu, lo, cost, driven, guess = bare(question)
+    hi, box, best, best_z, stats, heap = bare(lane)
+    states, ids, data, key, bound, parent, part, status = bare(pool)
+    (
+        owner, kept_ids, kept_rhs, kept_W, kept_T,
+        state, child, skip, trig, amounts, normal, p_normal,
+        w_ids, order, age, rhs, W, T, y, z, c, d, enter_row, column, pivot, delta, gradient,
+        modes, motors, side, exact_z, exact_c, exact_d, G, J, g, q, size, start, step, trial,
+    ) = bare(work)  # fmt: skip
+    n = cost.shape[0]
+    scalar = 3 * m + 2 * a
     room = key.shape[0] - 5
-    most = 4 * m + 2 * a + lo.shape[0]
-    state = np.empty(3 * m + a, np.int64)
-    child = np.empty((4, 3), np.int64)
-    skip = np.empty(m + a + lo.shape[0], np.bool_)
-    modes = np.empty(m, np.int64)
-    motors = np.empty(a, np.int64)
-    side = np.empty(lo.shape[0], np.int64)
-    w_ids = np.empty(n + 1, np.int64)
-    p_ids = np.empty(n + 1, np.int64)
-    W = np.empty((n, n))
-    p_W = np.empty((n, n))
-    edges = np.empty((n, n + nb))
-    p_edges = np.empty((n, n + nb))
-    pivot = np.empty(n + nb)
-    gradient = np.empty(6)
-    trig = np.empty((m, 4))
-    G = np.empty((4, 6))
-    J = np.empty((most, n))
-    v = np.empty(nb)
-    exact_v = np.empty(nb)
-    rhs = np.empty(n)
-    p_rhs = np.empty(n)
-    y = np.empty(n + 1)
-    z = np.empty(n)
-    enter_row = np.empty(n)
-    delta = np.empty(n)
-    start = np.empty(n)
-    exact_z = np.empty(n)
-    step = np.empty(n)
-    trial = np.empty(n)
-    g = np.empty(most)
-    q = np.empty(most)
-    size = np.empty(most)
-    amounts = np.empty(2)
-
-    cone = max(min(branch.CONE, branch.FINER * gap), branch.FINEST)
+    cone = larger(smaller(branch.CONE, branch.FINER * gap), branch.FINEST)
     energetic = lo.shape[0] > 0 and lo[lo.shape[0] - 1] == -np.inf
     expanded = 0
     guesses = guess.shape[0]
@@ -194,30 +212,34 @@ def run(  # type: ignore[no-untyped-def]
             for i in range(3 * m + a):
                 state[i] = states[this, i]
             balance = parent[this] if energetic else -1
+            for i in range(m if balance >= 0 else 0):  # normal forces at the parent's point
+                if k > 0:
+                    normal[i] = p_normal[i]
+                else:
+                    normal[i] = off[3 * i]
+                    for j in range(n):
+                        normal[i] += C[3 * i, j] * data[balance, j]
             result = simplex.FAILED
             for attempt in range(0 if warm or k == 0 else 1, 2):
                 ready = True
-                if k > 0 and attempt == 0:
-                    for i in range(n):
-                        w_ids[i] = p_ids[i]
-                        rhs[i] = p_rhs[i]
-                        for j in range(n):
-                            W[i, j] = p_W[i, j]
-                        for j in range(n + nb):
-                            edges[i, j] = p_edges[i, j]
+                slot = node % KEPT if k == 0 else KEPT
+                if attempt == 0 and owner[0, slot] == node:
+                    age[0] = owner[1, slot]
+                    copy(kept_ids[slot], kept_rhs[slot], kept_W[slot], kept_T[slot], w_ids, rhs, W, T)
                 else:
+                    age[0] = 0
                     stats[RESTARTS] += attempt
                     for i in range(n):
                         w_ids[i] = ids[node, i]
                         if attempt == 1:
                             w_ids[i] = corner(cost, i)
-                        rhs[i] = row(w_ids[i], m, cos, sin, B, off, mu, lo, hi, box, data, W[i], gradient)
-                    ready = simplex.invert(W, BT, edges, pivot)
+                        rhs[i] = row(w_ids[i], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, W[i], gradient)
+                    ready = simplex.invert(W, T, order, pivot)
                 if ready:
                     result = simplex.solve(
-                        m, a, cos, sin, B, BT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-                        w_ids, W, rhs, edges, y, z, v, enter_row, pivot, gradient, delta, stats,
-                        cone, attempt == 0, data, balance,
+                        m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
+                        w_ids, W, rhs, T, order, y, z, c, d, enter_row, column, pivot, gradient, delta, stats, age,
+                        cone, attempt == 0, data, balance, normal,
                     )  # fmt: skip
                 if result != simplex.FAILED:
                     break
@@ -235,12 +257,12 @@ def run(  # type: ignore[no-untyped-def]
                 for i in range(n):  # keep the point it had, or its parent's: it is split from there
                     z[i] = data[node, i]
                     w_ids[i] = corner(cost, i)
-                values(BT, off, z, v)
+                values(CT, DT, off, z, c, d)
             if k == 0 and close:
                 status[this] = UNRESOLVED
                 break
-            target = branch.select(m, a, cos, sin, mdp, mu, driven, state, v, cone, amounts)
-            value = v[plain] if objective != ANY else 0.0
+            target = branch.select(m, a, cos, sin, mdp, mu, driven, state, c, d, cone, amounts)
+            value = c[scalar] if objective != ANY else 0.0
 
             tries = 0
             if k > 0 or node == 0:
@@ -248,7 +270,7 @@ def run(  # type: ignore[no-untyped-def]
                     tries = 4
                 elif stats[NODES] <= FIRST or amounts[0] < best[1]:
                     tries = 1
-                best[1] = LESS * max(amounts[0], LITTLE) if tries > 0 else MORE * best[1]
+                best[1] = LESS * larger(amounts[0], LITTLE) if tries > 0 else MORE * best[1]
             trying = -guesses if node == 0 and k == 0 else 0
             hold = False
             past = 0  # starts beyond the end of the search, to be tried again right at it
@@ -260,21 +282,21 @@ def run(  # type: ignore[no-untyped-def]
                         start[j] = guess[guesses + trying, j] if trying < 0 else z[j]
                 stats[NEWTONS] += 1
                 hit = newton.polish(
-                    m, a, cos, sin, mdp, min(objective, 1), motions, B, BT, off, mu, lo, hi, driven, hold, tol, start,
-                    exact_z, exact_v, modes, motors, side, G, J, g, q, size, step, trial, enter_row, delta,
+                    m, a, cos, sin, mdp, min(objective, 1), C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start,
+                    exact_z, exact_c, exact_d, modes, motors, side, G, J, g, q, size, step, trial, enter_row, delta,
                 )  # fmt: skip
                 if past == 0 and hold and not hit:
                     past = 1
                     hold = False
                     continue
-                if hit and objective == SCALAR and not hold and exact_v[plain] < lo[0] and past < 2:
+                if hit and objective == SCALAR and not hold and exact_c[scalar] < lo[0] and past < 2:
                     past = 2
                     hold = True
                     for j in range(n):
                         start[j] = exact_z[j]
                     continue
                 if hit:
-                    found = achieved(m, a, objective, driven, exact_v, plain)
+                    found = achieved(m, a, F, objective, driven, exact_c, exact_d)
                     if found < best[0] and (objective != SCALAR or found >= lo[0] - 1e-9 * abs(lo[0])):
                         stats[HITS] += 1
                         best[0] = found
@@ -282,7 +304,7 @@ def run(  # type: ignore[no-untyped-def]
                             best_z[j] = exact_z[j]
                         if objective == ANY:
                             return FOUND
-                        hi[0] = min(hi[0], found - gap * abs(found) - gap_absolute)
+                        hi[0] = smaller(hi[0], found - gap * abs(found) - gap_absolute)
                 past = 0
                 if trying >= 0:
                     tol = 1e-8 if trying == 2 else tol * 100.0
@@ -296,23 +318,24 @@ def run(  # type: ignore[no-untyped-def]
                 status[node] = SPLIT
                 data[node, n] = hi[0] if objective != ANY else 0.0
                 warm = result == simplex.OPTIMAL
+                for i in range(m):
+                    p_normal[i] = c[3 * i]
                 for i in range(n):
-                    p_ids[i] = w_ids[i]
-                    p_rhs[i] = rhs[i]
                     data[node, i] = z[i]
-                    for j in range(n):
-                        p_W[i, j] = W[i, j]
-                    for j in range(n + nb):
-                        p_edges[i, j] = edges[i, j]
                 pick = target
-                children = branch.split(m, state, v, pick, child)
+                children = branch.split(m, state, c, d, pick, child)
             else:
                 status[this] = WAITING
                 for i in range(n):
                     ids[this, i] = w_ids[i]
                     data[this, i] = z[i]
-                bound[this] = max(value, bound[node])  # the parent's holds too: no rounding lets a bound fall
+                bound[this] = larger(value, bound[node])  # the parent's holds too: no rounding lets a bound fall
                 key[this] = value + WEIGHT * amounts[0]
                 push(heap, key, stats, this)
+            if result == simplex.OPTIMAL:
+                slot = this % KEPT if k > 0 else KEPT
+                owner[0, slot] = this
+                owner[1, slot] = age[0]
+                copy(w_ids, rhs, W, T, kept_ids[slot], kept_rhs[slot], kept_W[slot], kept_T[slot])
             k += 1
     return EXHAUSTED
