@@ -48,6 +48,12 @@ class State:
         return State(*(s * getattr(self, f.name) for f in fields(self)))
 
 
+def _norms(x: Array) -> Array:
+    """(n,) lengths of the rows; `np.linalg.norm` takes three times as long."""
+    out: Array = np.sqrt((x * x).sum(axis=1))
+    return out
+
+
 # --- the equations, one function each -----------------------------------------------------------
 
 
@@ -77,7 +83,7 @@ def normal_motion(d: Array, eta: float = 0.0) -> Array:
     Printed with a minus, which would load the contact; the worst normal unloads it.
     """
     d = d.reshape(-1, 3)
-    return d[:, 0] * np.cos(eta) + np.linalg.norm(d[:, 1:], axis=1) * np.sin(eta)
+    return d[:, 0] * np.cos(eta) + _norms(d[:, 1:]) * np.sin(eta)
 
 
 def spring_force(d: Array, eta: float = 0.0) -> Array:
@@ -88,7 +94,7 @@ def spring_force(d: Array, eta: float = 0.0) -> Array:
 def cone_excess(c: Array, mu: Array) -> Array:
     """(m,) |c_t| - mu c_n, not positive inside the friction cone: equation (5)."""
     c = c.reshape(-1, 3)
-    return np.linalg.norm(c[:, 1:], axis=1) - mu * c[:, 0]
+    return _norms(c[:, 1:]) - mu * c[:, 0]
 
 
 def dissipation_defect(c: Array, d: Array, mu: Array) -> Array:
@@ -97,7 +103,7 @@ def dissipation_defect(c: Array, d: Array, mu: Array) -> Array:
     Also zero where nothing slides, so one expression covers both cases of (7) together with (5).
     """
     c, d = c.reshape(-1, 3), d.reshape(-1, 3)
-    speed = np.linalg.norm(d[:, 1:], axis=1, keepdims=True)
+    speed = _norms(d[:, 1:])[:, None]
     return c[:, 1:] * speed + (mu * c[:, 0])[:, None] * d[:, 1:]
 
 
@@ -188,7 +194,7 @@ def residuals(
     lever = _actuator_arms(np.abs(grasp.mechanism.R), arms)
     F = _force_scale(grasp, w, state.c, f_c, lever)
     d = relative_motion(grasp, state.r, state.q)
-    dt = np.linalg.norm(d.reshape(-1, 3)[:, 1:], axis=1)
+    dt = _norms(d.reshape(-1, 3)[:, 1:])
     cn = state.c.reshape(-1, 3)[:, 0]
     balance = object_balance(grasp, state.c, w)
 
@@ -202,7 +208,7 @@ def residuals(
     coupling_scale = np.abs(grasp.mechanism.A / arms).max(axis=1) if len(grasp.mechanism.A) else np.ones(0)
 
     def worst(values: Array) -> float:
-        return float(np.max(values, initial=0.0)) / F
+        return float(values.max(initial=0.0)) / F
 
     return Residuals(
         object_balance=max(worst(np.abs(balance[:3])), worst(np.abs(balance[3:]) / grasp.size)),
@@ -256,5 +262,5 @@ def energy(grasp: Grasp, w: Array, state: State, *, command: Array | None = None
         preload=float(f_c @ actuator_motion(grasp, state.q)),
         stored=float(-(c[:, 0] * d[:, 0]).sum()),
         friction=-(c[:, 1:] * d[:, 1:]).sum(axis=1),
-        maximum=grasp.mu * c[:, 0] * np.linalg.norm(d[:, 1:], axis=1),
+        maximum=grasp.mu * c[:, 0] * _norms(d[:, 1:]),
     )

@@ -7,10 +7,12 @@ both have the better incumbent. So what comes out depends neither on the number 
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,16 @@ SHARE = 16  # as many nodes must wait to be dealt, once more if one lane has UNE
 UNEVEN = 4
 ROOM = 2048  # nodes at first
 INF = float("inf")
+
+
+@cache
+def helpers() -> ThreadPoolExecutor:
+    """The threads of second lanes, for all searches: starting one takes as long as a small search."""
+    return ThreadPoolExecutor(thread_name_prefix="holdfast")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=helpers.cache_clear)  # threads do not follow
 
 
 @dataclass(eq=False)
@@ -116,7 +128,6 @@ class Search:
     used: int = 1
     lanes: list[Lane] = field(default_factory=list)
     _common: Indices = field(default_factory=lambda: np.zeros(9, np.int64))  # counted before there were two lanes
-    _threads: ThreadPoolExecutor | None = None
 
     def __post_init__(self) -> None:
         r = self.reduced
@@ -263,8 +274,7 @@ class Search:
         try:
             if len(lanes) == 1 or self.workers == 1:
                 return [self._run(lane, budget) for lane in lanes]
-            self._threads = self._threads or ThreadPoolExecutor(1)
-            other = self._threads.submit(self._run, lanes[1], budget)
+            other = helpers().submit(self._run, lanes[1], budget)
             try:
                 why = self._run(lanes[0], budget)
             finally:  # Ctrl-C comes to this thread alone
@@ -306,24 +316,20 @@ class Search:
         if not tree.run.overloads:  # the first search compiles, or loads what was: no search's time
             self._run(self.lanes[0], 0)
         start = time.monotonic()
-        try:
-            while self.stop is None:
-                left = (self.node_limit - self.nodes + 1) / len(self.lanes)
-                best = self.best
-                why = self._slice(int(min(SLICE, max(1, left))))
-                if tree.FOUND in why or tree.ENDLESS in why:
-                    self.stop = Stop.COMPLETE
-                elif not any(lane.waiting for lane in self.lanes):
-                    self.stop = Stop.NUMERICAL if self.unresolved else Stop.COMPLETE
-                elif time.monotonic() - start > self.time_limit:
-                    self.stop = Stop.TIME
-                elif self.nodes > self.node_limit:
-                    self.stop = Stop.NODES
-                else:
-                    if self.best < best and r.objective:
-                        self.box = r.box(float(self.hi[0]))
-                    self._deal()
-                yield self
-        finally:
-            if self._threads:
-                self._threads.shutdown()
+        while self.stop is None:
+            left = (self.node_limit - self.nodes + 1) / len(self.lanes)
+            best = self.best
+            why = self._slice(int(min(SLICE, max(1, left))))
+            if tree.FOUND in why or tree.ENDLESS in why:
+                self.stop = Stop.COMPLETE
+            elif not any(lane.waiting for lane in self.lanes):
+                self.stop = Stop.NUMERICAL if self.unresolved else Stop.COMPLETE
+            elif time.monotonic() - start > self.time_limit:
+                self.stop = Stop.TIME
+            elif self.nodes > self.node_limit:
+                self.stop = Stop.NODES
+            else:
+                if self.best < best and r.objective:
+                    self.box = r.box(float(self.hi[0]))
+                self._deal()
+            yield self
