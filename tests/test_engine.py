@@ -12,8 +12,11 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from holdfast.answer import Stop, Verdict
-from holdfast.stability import verify
+from holdfast.stability import problem, verify
 from holdfast.stability.certificate import Certificate, ContactState
+from holdfast.stability.engine import front
+from holdfast.stability.goal import Goal
+from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.queries import check, maximum, torques
 from holdfast.stability.settings import Settings
 from problems import bell, nest, pinch, solved, table
@@ -112,6 +115,41 @@ def test_bounds_at_a_node_limit_are_true_and_proved(nodes: int) -> None:
         assert answer.witness is None or answer.witness.valid
         if answer.certificate is not None:
             assert verify.verify(answer.certificate).ok
+
+
+def planted(stop: Stop, value: float, bound: float, nodes: int = 10) -> Outcome:
+    return Outcome(value, bound, None, stop, 0.0, nodes)
+
+
+@pytest.mark.parametrize(
+    ("found", "expected", "gaps"),
+    [
+        # a finer search that runs out of time takes nothing back
+        ([(Stop.NUMERICAL, 5.0, 3.0), (Stop.TIME, 6.0, 4.0)], (Stop.TIME, 5.0, 4.0), [1e-3, 1e-4]),
+        ([(Stop.NUMERICAL, 5.0, 3.0), (Stop.TIME, 4.9, 1.0)], (Stop.TIME, 4.9, 3.0), [1e-3, 1e-4]),
+        # one that finishes has the last word, also where the first one's solution was refused
+        ([(Stop.NUMERICAL, INF, -INF), (Stop.COMPLETE, 6.0, 5.9)], (Stop.COMPLETE, 6.0, 5.9), [1e-3, 1e-4]),
+        # and none is repeated beyond what the tolerances of programs can follow
+        ([(Stop.NUMERICAL, 5.0, 3.0)] * 4, (Stop.NUMERICAL, 5.0, 3.0), [1e-3, 1e-4, 1e-5, 1e-6]),
+        ([(Stop.NUMERICAL, 5.0, 3.0, 100)], (Stop.NUMERICAL, 5.0, 3.0), [1e-3]),  # no nodes are left
+    ],
+)
+def test_what_is_left_unresolved_is_searched_more_finely(
+    found: list, expected: tuple, gaps: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Settings] = []
+
+    def search(p: object, goal: Goal, settings: Settings, *rest: object) -> Outcome:
+        asked.append(settings)
+        return planted(*found[len(asked) - 1])
+
+    monkeypatch.setattr(front, "_search", search)
+    p = problem.build(bell(), np.zeros(6), w(0, 1, 0))
+    out = front.search(p, Goal.SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100, time_limit=60.0))
+    assert (out.stop, out.value, out.bound) == expected
+    assert [s.gap for s in asked] == pytest.approx(gaps)
+    assert [s.node_limit for s in asked] == [100 - 10 * k for k in range(len(gaps))]
+    assert out.nodes == sum(row[3] if len(row) > 3 else 10 for row in found)
 
 
 # --- while it runs --------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from holdfast.stability.settings import OnStep, Progress, Settings, default_jobs
 
 TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
-FINER, FINE = 0.1, 1e-6  # what a search leaves unresolved is tried with a smaller gap, down to this,
+FINER = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
 LEAST = 1e-3  # [s] in the time that is left, or this
 PAUSE = 0.05  # [s] between two reports of progress
 
@@ -48,12 +48,10 @@ def search(
     if out.stop is Stop.NUMERICAL and before is not None:
         # Newton is tried where a leaf is made, not where it opens again: from the root, then
         out = _search(p, goal, settings, on_step, r)
-    gap = settings.gap
-    while out.stop is Stop.NUMERICAL and gap > FINE:  # the tolerances of programs go with the gap
-        gap = max(FINER * gap, FINE)
+    for gap in (g for g in FINER if g < settings.gap):  # the tolerances of programs go with the gap
         left = max(settings.time_limit - (time.monotonic() - start), LEAST)
         nodes = settings.node_limit - out.nodes
-        if nodes <= 0:
+        if out.stop is not Stop.NUMERICAL or nodes <= 0:
             break
         finer = replace(settings, gap=gap, time_limit=left, node_limit=nodes)
         out = _better(out, _search(p, goal, finer, on_step, r, guess))
