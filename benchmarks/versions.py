@@ -1,0 +1,108 @@
+"""Two versions of the engine against each other, turn by turn: processor time of maxima and their nodes.
+
+    git worktree add ../before REVISION
+    python benchmarks/versions.py ../before . [--contacts 3 4 5 6 8] [--rounds 9]
+
+Both versions answer the random cases of the published set of each size in turn, in processes of their own with
+caches of their own, one thread each; who begins alternates. A ratio is that of two neighbouring turns, so that
+other work on the machine hits both alike. Writes results/versions.json and prints a Markdown table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+RESULTS = Path(__file__).parent / "results" / "versions.json"
+
+
+def answer() -> None:
+    """The process of one version: a number of contacts per line in, processor time [s] and nodes out."""
+    from grasps import Case, cases
+    from holdfast.stability.queries import maximum
+    from holdfast.stability.settings import Settings
+
+    settings = Settings(gap=1e-3, time_limit=20.0, workers=1)
+
+    def ask(case: Case) -> int:
+        return maximum(case.grasp, case.direction, base=case.base, settings=settings).nodes
+
+    chosen = cases(("random",))
+    ask(chosen[0])  # compile
+    print("ready", flush=True)
+    for line in sys.stdin:
+        clock = time.process_time()
+        nodes = sum(ask(case) for case in chosen if case.contacts == int(line))
+        print(time.process_time() - clock, nodes, flush=True)
+
+
+class Version:
+    """A checkout and the process that answers with it."""
+
+    def __init__(self, checkout: Path, cache: str) -> None:
+        env = os.environ | {"PYTHONPATH": str(checkout / "src"), "NUMBA_CACHE_DIR": cache}
+        command = [sys.executable, str(Path(__file__)), "--answer"]
+        pipe = subprocess.PIPE
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=env)
+        self._line()
+        git = ["git", "-C", str(checkout), "describe", "--always", "--dirty"]
+        self.revision = subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
+
+    def _line(self) -> str:
+        assert self.process.stdout
+        line = self.process.stdout.readline()
+        if not line:
+            raise SystemExit(f"{self.process.args}: ended; what it says is above")
+        return line
+
+    def ask(self, contacts: int) -> tuple[float, int]:
+        assert self.process.stdin
+        self.process.stdin.write(f"{contacts}\n")
+        self.process.stdin.flush()
+        seconds, nodes = self._line().split()
+        return float(seconds), int(nodes)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("checkouts", nargs="*", type=Path, help="before and after")
+    parser.add_argument("--contacts", nargs="+", type=int, default=[3, 4, 5, 6, 8])
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.answer:
+        answer()
+        return
+    if len(options.checkouts) != 2:
+        parser.error("two checkouts are needed, before and after")
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
+        versions = [Version(c.resolve(), d) for c, d in zip(options.checkouts, (first, second), strict=True)]
+        print("| contacts | nodes: before | after | processor time, after / before | from | to |")
+        print("|---:|---:|---:|---:|---:|---:|")
+        for contacts in options.contacts:
+            ratios, nodes = [], [0, 0]
+            for turn in range(options.rounds):
+                seconds = [0.0, 0.0]
+                for k in (0, 1) if turn % 2 else (1, 0):
+                    seconds[k], nodes[k] = versions[k].ask(contacts)
+                ratios.append(seconds[1] / seconds[0])
+            rows.append({"contacts": contacts, "nodes": nodes, "ratios": ratios})
+            cells = [statistics.median(ratios), min(ratios), max(ratios)]
+            print(f"| {contacts} | {nodes[0]:,} | {nodes[1]:,} | " + " | ".join(f"{x:.2f}" for x in cells) + " |")
+        revisions = [v.revision for v in versions]
+        for version in versions:
+            version.process.communicate()
+    RESULTS.write_text(json.dumps({"revisions": revisions, "rows": rows}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
