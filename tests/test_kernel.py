@@ -46,14 +46,14 @@ def _solve(m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, 
     points = np.zeros((1, n + 1))  # of other nodes: none, no balance of energy
     trig, skip = np.empty((m, 4)), np.empty(m + a + lo.shape[0], np.bool_)
     result = simplex.FAILED
-    for attempt in range(2):
+    for attempt in range(simplex.ATTEMPTS):
         for k in range(n):
             ids[k] = ((rows.BOX_UP if cost[k] >= 0.0 else rows.BOX_DOWN) << rows.KIND) | (k << rows.INDEX)
             rhs[k] = rows.row(ids[k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, points, W[k], gradient)
         simplex.invert(W, T, order, pivot)
         result = simplex.solve(
             m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-            ids, W, rhs, T, order, y, z, c, d, enter, column, pivot, gradient, delta, stats, age, CONE, attempt == 0,
+            ids, W, rhs, T, order, y, z, c, d, enter, column, pivot, gradient, delta, stats, age, CONE, attempt,
             points, -1, normal,
         )  # fmt: skip
         if result != simplex.FAILED:

@@ -11,9 +11,9 @@ box with the coefficients themselves, small parts of the wrong sign dropped. Oth
 afresh; if that does not help, the rows of that contact or actuator are left out, which only loosens the program.
 
 Tolerances are absolute, forces and motions being scaled by the force scale: `FEASIBLE` for rows, the caller's for
-friction outside its cone (tangents are made where it leaves), `PIVOT` for pivots (`SMALL` where there is no
-other, which nearly parallel rows need). T is made afresh after `REFRESH` exchanges; a singular W is reported, and the
-caller starts again from the box.
+friction outside its cone (tangents are made where it leaves), `PIVOT` for pivots (`SMALL` where there is no other,
+which nearly parallel rows need, `FIRM` where such rows have made W singular). T is made afresh after `REFRESH`
+exchanges; a singular W is reported, and the caller starts again from the box.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ from holdfast.stability.engine.rows import (
 )
 
 OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
-PIVOT = 1e-7
+ATTEMPTS = 3  # at a node: from a working set that was left, from the box, and there with firm pivots only
+PIVOT, FIRM = 1e-7, 1e-5
 SMALL = 1e-10
 BLUR, CAUTIOUS = 1e-9, 1e-6  # multipliers may turn negative by this for a better pivot; rays do not care
 ROUNDING = 1e-12  # of the terms of a ray: more than its checker allows for
@@ -97,12 +98,13 @@ def invert(W, T, order, pivot):  # type: ignore[no-untyped-def]
 def solve(  # type: ignore[no-untyped-def]
     m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
     ids, W, rhs, T, order, y, z, c, d, enter_row, column, pivot, gradient, delta, stats, age,
-    cone, daring, data, balance, normal,
+    cone, attempt, data, balance, normal,
 ):  # fmt: skip
     """Solve a node's program from a working set; all of the state is changed in place.
 
     `ids`, `W`, `rhs`, `T`, `age` must be given and consistent; ids has one place more, for the entering row of a ray.
-    daring: poor pivots are taken where there is no other, and no row is left out. balance: the node of `data` at
+    attempt: in the first, poor pivots are taken where there is no other, and no row is left out; in the last, pivots
+    are `FIRM`: the working set of others may turn out singular. balance: the node of `data` at
     whose point the balance of energy is a row, -1 for none; normal (m,): the normal forces there. Returns OPTIMAL
     (z, y, c, d), INFEASIBLE (y: the ray's multipliers of `ids`, 1 for the last) or FAILED.
     """
@@ -116,7 +118,9 @@ def solve(  # type: ignore[no-untyped-def]
             rhs[k] = -hi[0] + off[3 * m + 2 * a]
     since = age[0]
     fresh = True
-    least = PIVOT
+    daring = attempt == 0
+    usual = FIRM if attempt == 2 else PIVOT
+    least = usual
     blur = BLUR if daring else CAUTIOUS
     for exchange in range(EXCHANGES):
         if since >= REFRESH:
@@ -240,6 +244,6 @@ def solve(  # type: ignore[no-untyped-def]
         ids[leave] = enter
         since += 1
         if least == SMALL:
-            least = PIVOT
+            least = usual
             since = REFRESH
     return FAILED

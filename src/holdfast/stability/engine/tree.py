@@ -220,7 +220,7 @@ def run(  # type: ignore[no-untyped-def]
                     for j in range(n):
                         normal[i] += C[3 * i, j] * data[balance, j]
             result = simplex.FAILED
-            for attempt in range(0 if warm or k == 0 else 1, 2):
+            for attempt in range(0 if warm or k == 0 else 1, simplex.ATTEMPTS):
                 ready = True
                 slot = node % KEPT if k == 0 else KEPT
                 if attempt == 0 and owner[0, slot] == node:
@@ -228,10 +228,10 @@ def run(  # type: ignore[no-untyped-def]
                     copy(kept_ids[slot], kept_rhs[slot], kept_W[slot], kept_T[slot], w_ids, rhs, W, T)
                 else:
                     age[0] = 0
-                    stats[RESTARTS] += attempt
+                    stats[RESTARTS] += attempt > 0
                     for i in range(n):
                         w_ids[i] = ids[node, i]
-                        if attempt == 1:
+                        if attempt > 0:
                             w_ids[i] = corner(cost, i)
                         rhs[i] = row(w_ids[i], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, W[i], gradient)
                     ready = simplex.invert(W, T, order, pivot)
@@ -239,7 +239,7 @@ def run(  # type: ignore[no-untyped-def]
                     result = simplex.solve(
                         m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
                         w_ids, W, rhs, T, order, y, z, c, d, enter_row, column, pivot, gradient, delta, stats, age,
-                        cone, attempt == 0, data, balance, normal,
+                        cone, attempt, data, balance, normal,
                     )  # fmt: skip
                 if result != simplex.FAILED:
                     break
