@@ -11,7 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from holdfast.answer import Stop
 from holdfast.stability import problem
+from holdfast.stability.queries import maximum
+from holdfast.stability.settings import Settings
+from holdfast.stability.verify import verify
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 FINGERPRINT = "795e9b567f5f6719637db87607d74ff773c10cafc0a401d855cf5557109a8b9d"
@@ -65,3 +69,15 @@ def test_random_preloads_press_the_contacts(grasps: ModuleType, chosen: list[Any
 
     assert len(some) == 4
     assert all(grasps.presses(c.grasp) for c in some)
+
+
+@pytest.mark.parametrize("name", ["allegro_6_3", "allegro_7_4"])
+def test_contacts_at_one_point_close(chosen: list[Any], name: str) -> None:
+    """Nearly parallel rows make working sets singular: no program may be given up for that."""
+    case = next(c for c in chosen if c.name == name)
+
+    answer = maximum(case.grasp, case.direction, base=case.base, settings=Settings(gap=1e-3, node_limit=40_000))
+
+    assert answer.stop is Stop.COMPLETE
+    assert answer.nodes < 30_000
+    assert answer.unbounded or verify(answer.certificate).ok
