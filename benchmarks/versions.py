@@ -21,6 +21,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from machine import describe
+
 RESULTS = Path(__file__).parent / "results" / "versions.json"
 
 
@@ -101,7 +103,7 @@ def main() -> None:
         revisions = [v.revision for v in versions]
         for version in versions:
             version.process.communicate()
-    RESULTS.write_text(json.dumps({"revisions": revisions, "rows": rows}, indent=1) + "\n")
+    RESULTS.write_text(json.dumps({"machine": describe(), "revisions": revisions, "rows": rows}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import numpy as np
 from holdfast.mechanism import Array, Indices, Mask
 from holdfast.stability import goal as goals
 from holdfast.stability.engine import tree
+from holdfast.stability.engine.rows import vectors
 from holdfast.stability.goal import MOTION_CAP, NONE, STRONGEST, Goal, Load, Point, load, search_end
 from holdfast.stability.problem import Problem
 
@@ -24,7 +25,6 @@ HIGHEST = 1 / NONE  # of lambda
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
 RANK = 1e-10
-VECTOR = 4  # numbers
 _NOISE = 1 + np.random.default_rng(0).random(1024)
 
 
@@ -50,7 +50,7 @@ def pseudo_inverse(A: Array) -> Array:
 
 def padded(x: Array) -> Array:
     """With zeros behind each row, for whole vectors of the processor."""
-    out = np.zeros((*x.shape[:-1], x.shape[-1] + -x.shape[-1] % VECTOR))
+    out = np.zeros((*x.shape[:-1], vectors(x.shape[-1])))
     out[..., : x.shape[-1]] = x
     return out
 

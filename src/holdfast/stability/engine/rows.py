@@ -41,6 +41,12 @@ FREE, LOCKED, MOVES = 0, 1, 2
 
 KIND, INDEX, ANGLE = 58, 50, 25  # places of the fields in an id; the second angle is at 0
 NODE = (1 << INDEX) - 1
+VECTOR = 4  # numbers that the processor takes at once
+
+
+def vectors(n: int) -> int:
+    """So many numbers that whole vectors of the processor hold n of them."""
+    return n + -n % VECTOR
 
 
 def inner(function: Any) -> Any:

@@ -30,6 +30,7 @@ from holdfast.stability.engine.rows import (
     row,
     smaller,
     values,
+    vectors,
 )
 
 # what became of a node
@@ -129,7 +130,7 @@ def workspace(m: int, a: int, F: int, n: int, values: tuple[int, int], plain: in
 
     values: how many forces and motions, with what fills them up; plain: base values with bounds.
     """
-    N, most = -4 * (-n // 4), 4 * m + 2 * a + plain
+    N, most = vectors(n), 4 * m + 2 * a + plain
 
     def reals(*shapes: int | tuple[int, ...]) -> list[Array]:
         return [np.empty(shape) for shape in shapes]
@@ -142,7 +143,7 @@ def workspace(m: int, a: int, F: int, n: int, values: tuple[int, int], plain: in
         *whole((KEPT + 1, n)),
         *reals((KEPT + 1, n), (KEPT + 1, n, n), (KEPT + 1, n, N)),
     ]
-    part = [*whole(3 * m + a, (4, 3)), np.empty(m + a + plain, np.bool_), *reals((m, 4), 2, m, m)]
+    part = [*whole(3 * m + a, (4, 3)), np.empty(m + a + plain, np.bool_), *reals((m, 4), 2, m)]
     program = [*whole(n + 1, n, 1), *reals(n, (n, n), (n, N), n + 1, n, *values, n, n, 2 * N, N, 6)]
     exact = [*whole(m, a, F - 3 * m - 2 * a), *reals(n, *values, (4, 6), (most, n), most, most, most, n, n, n)]
     return (*kept, *part, *program, *exact)
@@ -168,7 +169,7 @@ def run(  # type: ignore[no-untyped-def]
     states, ids, data, key, bound, parent, part, status = bare(pool)
     (
         owner, kept_ids, kept_rhs, kept_W, kept_T,
-        state, child, skip, trig, amounts, normal, p_normal,
+        state, child, skip, trig, amounts, normal,
         w_ids, order, age, rhs, W, T, y, z, c, d, enter_row, column, pivot, delta, gradient,
         modes, motors, side, exact_z, exact_c, exact_d, G, J, g, q, size, start, step, trial,
     ) = bare(work)  # fmt: skip
@@ -212,13 +213,10 @@ def run(  # type: ignore[no-untyped-def]
             for i in range(3 * m + a):
                 state[i] = states[this, i]
             balance = parent[this] if energetic else -1
-            for i in range(m if balance >= 0 else 0):  # normal forces at the parent's point
-                if k > 0:
-                    normal[i] = p_normal[i]
-                else:
-                    normal[i] = off[3 * i]
-                    for j in range(n):
-                        normal[i] += C[3 * i, j] * data[balance, j]
+            for i in range(m if balance >= 0 and k == 0 else 0):  # normal forces at the parent's point
+                normal[i] = off[3 * i]
+                for j in range(n):
+                    normal[i] += C[3 * i, j] * data[balance, j]
             result = simplex.FAILED
             for attempt in range(0 if warm or k == 0 else 1, simplex.ATTEMPTS):
                 ready = True
@@ -318,8 +316,8 @@ def run(  # type: ignore[no-untyped-def]
                 status[node] = SPLIT
                 data[node, n] = hi[0] if objective != ANY else 0.0
                 warm = result == simplex.OPTIMAL
-                for i in range(m):
-                    p_normal[i] = c[3 * i]
+                for i in range(m):  # for the children
+                    normal[i] = c[3 * i]
                 for i in range(n):
                     data[node, i] = z[i]
                 pick = target
