@@ -17,7 +17,7 @@ from typing import Any
 
 from grasps import Case, cases
 from holdfast.stability import problem, witness
-from holdfast.stability.engine import tree
+from holdfast.stability.engine import arrays
 from holdfast.stability.engine.reduced import reduce
 from holdfast.stability.engine.search import Search
 from holdfast.stability.queries import max_goal
@@ -52,9 +52,9 @@ def once(case: Case) -> dict[str, Any]:
         "search": searched,
         "judge": judged,
         "nodes": search.nodes,
-        "exchanges": int(search.stats[tree.EXCHANGES]),
-        "newtons": int(search.stats[tree.NEWTONS]),
-        "restarts": int(search.stats[tree.RESTARTS]),
+        "exchanges": int(search.stats[arrays.EXCHANGES]),
+        "newtons": int(search.stats[arrays.NEWTONS]),
+        "restarts": int(search.stats[arrays.RESTARTS]),
         "unknowns": len(r.cost),
     }
 

@@ -10,28 +10,31 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "src" / "holdfast"
-ENGINES = (PACKAGE / "stability" / "engine", PACKAGE / "synthesis" / "engine")
+ENGINE = PACKAGE / "synthesis" / "engine"
 
 
 KERNELS = (  # each in a process of its own: every kernel is compiled once, not once by each worker
     "from holdfast import load_task; from holdfast.synthesis.problem import Problem;"
     "from holdfast.synthesis.starts import Starts; from holdfast.synthesis.diverse import Walks;"
     "Walks(Starts(Problem.of(load_task('scalpel-upholding')), 0))",
-    "from holdfast import check, load_grasp, load_task; check(load_grasp('fig1'), [0, 1, 0, 0, 0, 0]);"
+    "from holdfast import load_task;"
     "from holdfast.synthesis.problem import Problem; from holdfast.synthesis.prover import Prover;"
     "Prover(Problem.of(load_task('scalpel-handling'))).run(seconds=0.1)",
 )
 
 
+STABILITY = "from holdfast.stability.engine.machine import kernel; kernel()"
+
+
 def pytest_configure(config: pytest.Config) -> None:
     # numba renews a function's machine code when its own file changes, not when a file that it calls does
-    for engine in ENGINES:
-        newest = max(f.stat().st_mtime for f in engine.glob("*.py"))
-        for code in engine.glob("__pycache__/*.nb[ic]"):
-            with suppress(FileNotFoundError):  # another session may be doing the same
-                if code.stat().st_mtime < newest:
-                    code.unlink()
-    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS and not hasattr(config, "workerinput")
-    if whole and not list(ENGINES[1].glob("__pycache__/search.find*.nbi")):
-        for process in [subprocess.Popen([sys.executable, "-c", code]) for code in KERNELS]:
-            process.wait()
+    newest = max(f.stat().st_mtime for f in ENGINE.glob("*.py"))
+    for code in ENGINE.glob("__pycache__/*.nb[ic]"):
+        with suppress(FileNotFoundError):  # another session may be doing the same
+            if code.stat().st_mtime < newest:
+                code.unlink()
+    if config.args_source is not pytest.Config.ArgsSource.TESTPATHS or hasattr(config, "workerinput"):
+        return
+    missing = [] if list(ENGINE.glob("__pycache__/search.find*.nbi")) else list(KERNELS)
+    for process in [subprocess.Popen([sys.executable, "-c", code]) for code in (STABILITY, *missing)]:
+        process.wait()

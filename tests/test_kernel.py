@@ -17,7 +17,9 @@ from numba import njit
 
 from holdfast.stability import problem
 from holdfast.stability.certificate import HALF, TURN, ActuatorState, ContactState, directions
-from holdfast.stability.engine import rows, simplex, tree
+from holdfast.stability.engine import arrays, rows
+from holdfast.stability.engine.kernel import simplex
+from holdfast.stability.engine.kernel.values import row
 from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.engine.search import Search
 from holdfast.stability.goal import Goal, load, motion_cap, search_end
@@ -49,7 +51,7 @@ def _solve(m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, 
     for attempt in range(simplex.ATTEMPTS):
         for k in range(n):
             ids[k] = ((rows.BOX_UP if cost[k] >= 0.0 else rows.BOX_DOWN) << rows.KIND) | (k << rows.INDEX)
-            rhs[k] = rows.row(ids[k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, points, W[k], gradient)
+            rhs[k] = row(ids[k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, points, W[k], gradient)
         simplex.invert(W, T, order, pivot)
         result = simplex.solve(
             m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
@@ -72,13 +74,13 @@ def node_program(search: Search, node: Node, cost: np.ndarray) -> tuple[int, flo
         *r.sizes, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.C, r.D, r.CT, r.DT, r.off, r.p.mu, r.lo, search.hi,
         search.box, cost, r.driven, state, np.zeros(n + 1, np.int64), np.zeros((n, n)), np.zeros(n), z, stats,
     )  # fmt: skip
-    return found, float(cost @ z), bool(stats[tree.DROPS])
+    return found, float(cost @ z), bool(stats[arrays.DROPS])
 
 
 @njit
 def _balance(m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data):
     out = np.empty(box.shape[0])
-    rhs = rows.row(rows.ENERGY << rows.KIND, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, np.empty(6))
+    rhs = row(rows.ENERGY << rows.KIND, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, np.empty(6))
     return out, rhs
 
 

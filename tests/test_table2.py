@@ -70,7 +70,9 @@ def test_the_stored_answers_are_the_engines(table2: ModuleType, stored: dict[str
         assert now["verdict"] == before["verdict"]
         if now.get("upper") is not None:
             assert now["lower"] == pytest.approx(before["lower"], rel=1e-3)
-            assert now["upper"] == pytest.approx(before["upper"], rel=1e-3)
+            # where the infimum is 0 and only approached, any command up to a millionth of the forces in play is right
+            approached = now["lower"] == before["lower"] == 0.0 and q.task == "torques"
+            assert now["upper"] == pytest.approx(before["upper"], rel=1e-3, abs=2e-6 if approached else 1e-12)
 
 
 @pytest.mark.parametrize("task", ["check", "max", "torques"])

@@ -14,16 +14,16 @@ from rich.text import Text
 from holdfast.answer import Verdict
 from holdfast.report import words
 from holdfast.report.words import num, vector
-from holdfast.stability.result_file import Result
+from holdfast.stability.certificate import Certificate
 
 if TYPE_CHECKING:
     from holdfast.cli.options import QueryOptions
     from holdfast.cli.torques import Torques
     from holdfast.grasp import Contact, Grasp
     from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
-    from holdfast.stability.certificate import Certificate
     from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
     from holdfast.stability.replay import Verified
+    from holdfast.stability.result_file import Result
     from holdfast.stability.witness import Witness
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
@@ -78,8 +78,10 @@ def show_verified(out: Console, what: Result | Certificate, done: Verified) -> N
     word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
     if done.ok and not (done.witness or done.certificate):
         word, style = "NOTHING CLAIMED", "bold yellow"
-    query = str(what.said["query"]) if isinstance(what, Result) else "certificate"
-    said = f"{what.answer.verdict.upper()}, stop {what.answer.stop}" if isinstance(what, Result) else "by itself"
+    if isinstance(what, Certificate):
+        query, said = "certificate", "by itself"
+    else:
+        query, said = str(what.said["query"]), f"{what.answer.verdict.upper()}, stop {what.answer.stop}"
     out.print(Text.assemble((word, style), "  ", f"{query} of {what.question.grasp.name}: {said}"))
     if not done.ok:
         out.print(done.reason, style="yellow")

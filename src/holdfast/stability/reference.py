@@ -13,7 +13,7 @@ import numpy as np
 from holdfast.answer import Stop
 from holdfast.stability import algorithm1
 from holdfast.stability.algorithm1 import Step
-from holdfast.stability.engine import newton
+from holdfast.stability.engine import exact
 from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.goal import NEAR_END, Goal, Point, interval
 from holdfast.stability.mip import Status
@@ -96,7 +96,7 @@ def find(r: Reduced, start: Point, *, hold: bool = False) -> tuple[Witness, Poin
     hold: at the end of the search for a maximum.
     """
     for tol in MODE_TOLERANCES:
-        z = newton.solve(r, r.z(start), tol=tol, hold=hold)
+        z = exact.solve(r, r.z(start), tol=tol, hold=hold)
         if z is None:
             continue
         x = r.point(z)

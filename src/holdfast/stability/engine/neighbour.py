@@ -12,13 +12,12 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from holdfast.mechanism import Array
-from holdfast.stability.engine import newton, tree
-from holdfast.stability.engine.rows import row
+from holdfast.stability.engine import exact
+from holdfast.stability.engine.arrays import REFUTED, SPLIT, table
+from holdfast.stability.engine.machine import kernel
 from holdfast.stability.engine.search import Pool, Search
-from holdfast.stability.engine.simplex import ROUNDING
 
 TOLERANCES = 1e-6, 1e-4  # motions and forces of a starting point below this count as none
 
@@ -41,46 +40,16 @@ class Neighbour:
         """Let a search begin with what is known."""
         ahead = [2 * self.points[0] - self.points[1]] if len(self.points) > 1 else []
         for point, tol in itertools.product((*ahead, self.points[0]), TOLERANCES):
-            z = newton.solve(s.reduced, point, tol=tol, hold=self.unbounded)
+            z = exact.solve(s.reduced, point, tol=tol, hold=self.unbounded)
             if z is not None:
                 s.know(z)
                 break
         if s.z is None or self.tree is None:
             return
         s.follow(self.tree)
-        r, pool, leaves = s.reduced, s.pool, np.flatnonzero(self.tree.status != tree.SPLIT)
+        r, pool, leaves = s.reduced, s.pool, np.flatnonzero(self.tree.status != SPLIT)
         closed = np.empty(len(leaves), np.bool_)
-        refute(
-            *r.sizes, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.C, r.D, r.off, r.p.mu, r.lo, s.hi, s.box,
-            pool.ids, pool.data, leaves, closed,
-        )  # fmt: skip
+        question = table(REFUTED, (r.C, r.D, r.off, r.p.mu, r.lo, s.hi, s.box, pool.ids, pool.data, leaves, closed))
+        angle = float(np.cos(r.p.eta)), float(np.sin(r.p.eta))
+        kernel().refuted(*r.sizes, *angle, question.ctypes.data, s.lanes[0].room.table.ctypes.data)
         s.reopen(leaves[~closed])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def refute(m, a, F, cos, sin, C, D, off, mu, lo, hi, box, ids, data, leaves, closed):  # type: ignore[no-untyped-def]
-    """Which leaves' rays prove infeasibility as things are now: the test of `simplex.solve`."""
-    n = box.shape[0]
-    term = np.empty(n)
-    gradient = np.empty(6)
-    total = np.empty(n)
-    size = np.empty(n)
-    for i in range(leaves.shape[0]):
-        gap = 0.0
-        slip = 0.0
-        for j in range(n):
-            total[j] = 0.0
-            size[j] = 0.0
-        for k in range(n + 1):
-            y = data[leaves[i], k]
-            if y <= 0.0:
-                continue
-            b = row(ids[leaves[i], k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, term, gradient)
-            gap += y * b
-            slip += ROUNDING * abs(y * b)
-            for j in range(n):
-                total[j] += y * term[j]
-                size[j] += abs(y * term[j])
-        for j in range(n):
-            slip += (2.0 * abs(total[j]) + ROUNDING * size[j]) * box[j]
-        closed[i] = gap > slip

@@ -10,7 +10,7 @@ import numpy as np
 from holdfast.mechanism import Indices
 from holdfast.stability import asked
 from holdfast.stability.certificate import Certificate, Columns, Row
-from holdfast.stability.engine import rows, tree
+from holdfast.stability.engine import arrays, rows
 from holdfast.stability.engine.search import Search
 from holdfast.stability.goal import Goal
 
@@ -25,7 +25,7 @@ class Proof:
         """The certificate; None if nodes are left that no ray closes."""
         s, r = self.search, self.search.reduced
         used, status = s.used, s.pool.status
-        if not r.solvable or np.isin(status, (tree.UNRESOLVED, tree.WAITING)).any():
+        if not r.solvable or np.isin(status, (arrays.UNRESOLVED, arrays.WAITING)).any():
             return None
         p, hi = r.p, float(s.hi[0])
         # of the smallest preload everything is homogeneous: w = d is the search's w = stretch d, divided
@@ -37,7 +37,7 @@ class Proof:
             lo = float(r.lo[0])
             scalar = (-hi * p.stretch, -lo * p.stretch) if r.goal is Goal.LARGEST else (lo * unit, hi * unit)
         question = asked.question(p, r.goal)
-        leaves = np.flatnonzero(status == tree.EMPTY)
+        leaves = np.flatnonzero(status == arrays.EMPTY)
         start, entries = self._rows(leaves, Columns.of(question), force, unit)
         parent = s.pool.parent
         part, m = s.pool.part, len(p.mu)

@@ -16,8 +16,7 @@ import numpy as np
 
 from holdfast.mechanism import Array, Indices, Mask
 from holdfast.stability import goal as goals
-from holdfast.stability.engine import tree
-from holdfast.stability.engine.rows import vectors
+from holdfast.stability.engine import arrays
 from holdfast.stability.goal import MOTION_CAP, NONE, STRONGEST, Goal, Load, Point, load, search_end
 from holdfast.stability.problem import Problem
 
@@ -50,7 +49,7 @@ def pseudo_inverse(A: Array) -> Array:
 
 def padded(x: Array) -> Array:
     """With zeros behind each row, for whole vectors of the processor."""
-    out = np.zeros((*x.shape[:-1], vectors(x.shape[-1])))
+    out = np.zeros((*x.shape[:-1], arrays.vectors(x.shape[-1])))
     out[..., : x.shape[-1]] = x
     return out
 
@@ -69,7 +68,7 @@ class Reduced:
         lo, hi: (P,) bounds of the plain base values; names: what each of them bounds.
         cap: largest (scaled) motion.
         cost: (n,) objective over z, and what is preferred among equals.
-        objective: what is sought, a constant of `tree`.
+        objective: what is sought, a constant of `arrays`.
         scale: [N m or N] per unit of the objective, for torques.
         solvable: can (1) and (2) be met at all?
         solve: (ny, e) pseudo-inverse of the equations; values, constants: base values over y. With them
@@ -153,6 +152,11 @@ class Reduced:
         """m contacts, a actuators that may move, F base values that are forces."""
         return len(self.p.mu), len(self.active), len(self.C)
 
+    @property
+    def room(self) -> tuple[int, ...]:
+        """The sizes of an `arrays.Room`."""
+        return *self.sizes, len(self.cost), self.CT.shape[1], self.DT.shape[1], len(self.lo)
+
     def point(self, z: Array) -> Point:
         """The model's scaled unknowns."""
         p = self.p
@@ -193,13 +197,13 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
     keep = moves | np.isfinite(p.f_max)
     kept = np.flatnonzero(keep)
     objective = {
-        Goal.EXISTS: tree.ANY,
-        Goal.SMALLEST_PRELOAD: tree.SCALAR,
-        Goal.LARGEST: tree.SCALAR,
-        Goal.SMALLEST_MAX_TORQUE: tree.LARGEST_EFFORT,
-        Goal.SMALLEST_SUM_TORQUE: tree.SUM_OF_EFFORTS,
+        Goal.EXISTS: arrays.ANY,
+        Goal.SMALLEST_PRELOAD: arrays.SCALAR,
+        Goal.LARGEST: arrays.SCALAR,
+        Goal.SMALLEST_MAX_TORQUE: arrays.LARGEST_EFFORT,
+        Goal.SMALLEST_SUM_TORQUE: arrays.SUM_OF_EFFORTS,
     }[goal]
-    efforts = np.flatnonzero(drive) if objective == tree.SUM_OF_EFFORTS else np.zeros(0, int)
+    efforts = np.flatnonzero(drive) if objective == arrays.SUM_OF_EFFORTS else np.zeros(0, int)
     lever = np.abs(p.command(np.ones(a)))  # N m or N per scaled actuator force
     scale = float(lever[drive].max()) if drive.any() else 1.0
 
@@ -212,7 +216,7 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
     ny = S + len(efforts)
     E, h = np.zeros((6 + Z.shape[1] + (len(efforts) > 0), ny)), np.zeros(6 + Z.shape[1] + (len(efforts) > 0))
     E[:6, :C], h[:6] = p.G, -load_.w_a  # (1)
-    if objective == tree.SCALAR:
+    if objective == arrays.SCALAR:
         E[:6, F] = load_.w_b
     E[6 : 6 + Z.shape[1], :C] = Z.T @ p.J.T  # (2)
     E[6 : 6 + Z.shape[1], C:F] = -Z.T @ p.R[kept].T

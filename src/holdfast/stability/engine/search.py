@@ -12,14 +12,16 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 
 from holdfast.answer import Stop
 from holdfast.mechanism import Array, Indices, Mask
-from holdfast.stability.engine import rows, tree
+from holdfast.stability.engine import arrays, rows
+from holdfast.stability.engine.arrays import Room
+from holdfast.stability.engine.machine import kernel
 from holdfast.stability.engine.reduced import Reduced
 
 CLOSING = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
@@ -43,7 +45,7 @@ if hasattr(os, "register_at_fork"):
 
 @dataclass(eq=False)
 class Pool:
-    """The tree's arrays, one row per node; see `tree.run`. A row without a parent, but for the first, is no node."""
+    """The tree's arrays, one row per node; see `kernel.tree`. A row without a parent, but for the first, is no node."""
 
     states: Indices
     ids: Indices
@@ -64,6 +66,10 @@ class Pool:
             np.empty(room), np.empty(room), np.full(room, -1), whole(room), whole(room),
         )  # fmt: skip
 
+    @cached_property
+    def table(self) -> Indices:
+        return arrays.table(arrays.POOL, self.arrays())
+
     def arrays(self) -> tuple[Any, ...]:
         return self.states, self.ids, self.data, self.key, self.bound, self.parent, self.part, self.status
 
@@ -77,31 +83,47 @@ class Pool:
 
 @dataclass(eq=False)
 class Lane:
-    """What one thread changes besides the tree: a heap of nodes that wait, its incumbent and cut; see `tree.run`."""
+    """What one thread changes besides the tree: a heap of nodes that wait, its incumbent and cut; see `kernel.tree`.
+
+    The box is that of the search, for all lanes.
+    """
 
     heap: Indices
     hi: Array
+    box: Array
     best: Array
     z: Array
     stats: Indices
-    work: tuple[Any, ...]
+    room: Room
+    table: Indices = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.table = arrays.table(arrays.LANE, (self.hi, self.box, self.best, self.z, self.stats, self.heap))
 
     @property
     def waiting(self) -> int:
-        return int(self.stats[tree.HEAP])
+        return int(self.stats[arrays.HEAP])
 
     def copy(self) -> Lane:
         """Another one that knows as much and has no nodes."""
-        work = tuple(np.empty_like(x) for x in self.work)
-        work[0][:] = -1  # no inverse is kept
-        out = Lane(self.heap.copy(), self.hi.copy(), self.best.copy(), self.z.copy(), self.stats.copy(), work)
-        out.stats[tree.HEAP] = 0
+        mine = self.hi.copy(), self.box, self.best.copy(), self.z.copy(), self.stats.copy()
+        out = Lane(self.heap.copy(), *mine, Room(self.room.sizes))
+        out.stats[arrays.HEAP] = 0
         return out
 
     def give(self, nodes: Indices) -> None:
         """Let it have these nodes, in the order of their keys, instead of those it had."""
-        self.heap = np.concatenate([nodes, self.heap[len(nodes) :]])
-        self.stats[tree.HEAP] = len(nodes)
+        self.reserve(len(nodes))
+        self.heap[: len(nodes)] = nodes
+        self.stats[arrays.HEAP] = len(nodes)
+
+    def reserve(self, room: int) -> None:
+        """Let as many nodes wait, or more."""
+        if room > len(self.heap):
+            heap = np.zeros(4 * room, np.int64)
+            heap[: len(self.heap)] = self.heap
+            self.heap = heap
+            self.__post_init__()
 
 
 @dataclass(eq=False)
@@ -142,53 +164,55 @@ class Search:
         self.pool.ids[0, :n] = (corner << rows.KIND) | (np.arange(n) << rows.INDEX)
         self.pool.bound[0] = r.lo[0] if r.objective else 0.0
         guess = np.array(self.guess).reshape(-1, n) if len(self.guess) else np.zeros((0, n))
-        work = tree.workspace(*r.sizes, n, (r.CT.shape[1], r.DT.shape[1]), len(r.lo))
         heap, none = np.zeros(ROOM, np.int64), np.array([INF, INF])
-        lane = Lane(heap, self.hi.copy(), none, np.zeros(n), self._common.copy(), work)
-        lane.stats[tree.USED] = lane.stats[tree.HEAP] = 1
+        lane = Lane(heap, self.hi.copy(), self.box, none, np.zeros(n), self._common.copy(), Room(r.room))
+        lane.stats[arrays.USED] = lane.stats[arrays.HEAP] = 1
         self.lanes.append(lane)
         uncertain = float(np.cos(r.p.eta)), float(np.sin(r.p.eta))
         self._numbers = *r.sizes, *uncertain, r.p.mdp, r.objective, self.gap, self.gap_absolute
-        self._question = r.C, r.D, r.CT, r.DT, r.off, r.p.mu, r.lo, r.cost, r.driven, guess
+        self._guess = guess  # kept alive for the table
+        self._question = arrays.table(
+            arrays.QUESTION, (r.C, r.D, r.CT, r.DT, r.off, r.p.mu, r.lo, r.cost, r.driven, guess)
+        )
 
     def know(self, z: Array) -> None:
         """Begin with an exact solution (n,) as the incumbent."""
         r, lane = self.reduced, self.lanes[0]
         scalar = 3 * r.sizes[0] + 2 * r.sizes[1]
         value = float(r.C[scalar] @ z + r.off[scalar])
-        if r.objective != tree.SCALAR or not r.lo[0] - 1e-9 * abs(r.lo[0]) <= value < self.best:
+        if r.objective != arrays.SCALAR or not r.lo[0] - 1e-9 * abs(r.lo[0]) <= value < self.best:
             return
         lane.best[0], lane.z[:] = value, z
         lane.hi[0] = min(lane.hi[0], value - self.gap * abs(value) - self.gap_absolute)
         self._compare()
-        self.box = r.box(float(self.hi[0]))
+        self.box[:] = r.box(float(self.hi[0]))
 
     def follow(self, finished: Pool) -> None:
         """Begin with a finished, trimmed tree of the same grasp, balances of energy under the cut of this search."""
         used = len(finished.parent)
         self.pool, self.used = finished.grown(used + ROOM, used), used
-        self.pool.data[:used][finished.status == tree.SPLIT, -1] = self.hi[0]
+        self.pool.data[:used][finished.status == arrays.SPLIT, -1] = self.hi[0]
 
     def reopen(self, leaves: Indices) -> None:
-        """Search these leaves of the tree."""
+        """Search these leaves of the arrays."""
         lane = self.lanes[0]
-        self.pool.status[leaves], self.pool.key[leaves] = tree.WAITING, 0.0
+        self.pool.status[leaves], self.pool.key[leaves] = arrays.WAITING, 0.0
         self.pool.bound[leaves] = self.reduced.lo[0]
         lane.give(leaves)
-        lane.stats[tree.NODES] = len(leaves) - 1
+        lane.stats[arrays.NODES] = len(leaves) - 1
 
     @property
     def stats(self) -> Indices:
         """What was counted, at the places that `tree` names."""
         out: Indices = np.sum([lane.stats for lane in self.lanes], axis=0) - (len(self.lanes) - 1) * self._common
-        out[tree.USED] = self.used
+        out[arrays.USED] = self.used
         return out
 
     @property
     def nodes(self) -> int:
         """Programs solved."""
-        count = sum(int(lane.stats[tree.NODES]) for lane in self.lanes)
-        return count - (len(self.lanes) - 1) * int(self._common[tree.NODES]) + 1
+        count = sum(int(lane.stats[arrays.NODES]) for lane in self.lanes)
+        return count - (len(self.lanes) - 1) * int(self._common[arrays.NODES]) + 1
 
     @property
     def bound(self) -> float:
@@ -199,7 +223,7 @@ class Search:
     @property
     def unresolved(self) -> int:
         """Nodes that neither a ray nor Newton settled."""
-        return int((self._real() & (self.pool.status[: self.used] == tree.UNRESOLVED)).sum())
+        return int((self._real() & (self.pool.status[: self.used] == arrays.UNRESOLVED)).sum())
 
     def _real(self) -> Mask:
         """(used,) which rows are nodes."""
@@ -210,7 +234,7 @@ class Search:
     def _open(self) -> Mask:
         """(used,) what is no leaf of a proof yet."""
         status = self.pool.status[: self.used]
-        return self._real() & ((status == tree.WAITING) | (status == tree.UNRESOLVED))
+        return self._real() & ((status == arrays.WAITING) | (status == arrays.UNRESOLVED))
 
     def trim(self) -> None:
         """Give back the room that no node took; nothing can be expanded afterwards."""
@@ -220,7 +244,7 @@ class Search:
             return
         pool, number = Pool(*(a[: self.used][real] for a in self.pool.arrays())), np.cumsum(real) - 1
         pool.parent[1:] = number[pool.parent[1:]]
-        named = (pool.ids >> rows.KIND == rows.ENERGY) & (pool.status == tree.EMPTY)[:, None]  # after a node
+        named = (pool.ids >> rows.KIND == rows.ENERGY) & (pool.status == arrays.EMPTY)[:, None]  # after a node
         old = pool.ids[named] & rows.NODE
         pool.ids[named] += number[old] - old
         self.pool, self.used = pool, len(pool.parent)
@@ -240,7 +264,7 @@ class Search:
             cut = bound - margin * max(abs(bound), margin)
             if not r.lo[0] <= cut < INF:
                 break
-            pool.status[waiting] = tree.WAITING
+            pool.status[waiting] = arrays.WAITING
             pool.key[waiting] = 0.0
             lane.give(waiting)  # nothing is split
             self.hi[0] = lane.hi[0] = min(cut, self.hi[0])
@@ -250,9 +274,8 @@ class Search:
         return -INF
 
     def _run(self, lane: Lane, budget: int, close: bool = False) -> int:
-        mine = lane.hi, self.box, lane.best, lane.z, lane.stats, lane.heap
-        why = tree.run(*self._numbers, budget, close, self._question, mine, self.pool.arrays(), lane.work)
-        return int(why)
+        tables = (x.ctypes.data for x in (self._question, lane.table, self.pool.table, lane.room.table))
+        return kernel().run(*self._numbers, budget, close, *tables)
 
     def _slice(self, budget: int) -> list[int]:
         """Every lane expands up to `budget` nodes; returns why each of them stopped.
@@ -267,10 +290,8 @@ class Search:
         if self.used + SPARE > len(self.pool.key):
             self.pool = self.pool.grown(2 * self.used + ROOM, first)
         for k, lane in enumerate(lanes):
-            lane.stats[tree.USED] = first + k * each
-            short = lane.waiting + each - len(lane.heap)
-            if short > 0:
-                lane.heap = np.concatenate([lane.heap, np.zeros(4 * short, np.int64)])
+            lane.stats[arrays.USED] = first + k * each
+            lane.reserve(lane.waiting + each)
         try:
             if len(lanes) == 1 or self.workers == 1:
                 return [self._run(lane, budget) for lane in lanes]
@@ -281,7 +302,7 @@ class Search:
                 last = other.result()
             return [why, last]
         finally:
-            self.used = int(lanes[-1].stats[tree.USED])
+            self.used = int(lanes[-1].stats[arrays.USED])
             self._compare()
 
     def _compare(self) -> None:
@@ -311,16 +332,15 @@ class Search:
         r = self.reduced
         if not r.solvable:
             self.stop = Stop.COMPLETE
-            self.pool.status[0] = tree.EMPTY
+            self.pool.status[0] = arrays.EMPTY
             return
-        if not tree.run.overloads:  # the first search compiles, or loads what was: no search's time
-            self._run(self.lanes[0], 0)
+        kernel()  # the first search compiles, or loads what was: no search's time
         start = time.monotonic()
         while self.stop is None:
             left = (self.node_limit - self.nodes + 1) / len(self.lanes)
             best = self.best
             why = self._slice(int(min(SLICE, max(1, left))))
-            if tree.FOUND in why or tree.ENDLESS in why:
+            if arrays.FOUND in why or arrays.ENDLESS in why:
                 self.stop = Stop.COMPLETE
             elif not any(lane.waiting for lane in self.lanes):
                 self.stop = Stop.NUMERICAL if self.unresolved else Stop.COMPLETE
@@ -330,6 +350,6 @@ class Search:
                 self.stop = Stop.NODES
             else:
                 if self.best < best and r.objective:
-                    self.box = r.box(float(self.hi[0]))
+                    self.box[:] = r.box(float(self.hi[0]))
                 self._deal()
             yield self

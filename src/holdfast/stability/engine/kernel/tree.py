@@ -12,43 +12,44 @@ The state of a node is one row of integers: m contacts, m left sector ends, m ri
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
 
-from holdfast.mechanism import Array, Indices
-from holdfast.stability.engine import branch, newton, simplex
-from holdfast.stability.engine.rows import (
-    BOX_DOWN,
-    BOX_UP,
-    INDEX,
-    KIND,
-    bare,
-    inner,
-    larger,
-    row,
-    smaller,
-    values,
-    vectors,
+from holdfast.stability.engine.arrays import (
+    ANY,
+    EMPTY,
+    ENDLESS,
+    ENOUGH,
+    EXHAUSTED,
+    FAILURES,
+    FOUND,
+    HEAP,
+    HITS,
+    KEPT,
+    LANE,
+    LARGEST_EFFORT,
+    NEWTONS,
+    NODES,
+    POOL,
+    QUESTION,
+    RESTARTS,
+    ROOM,
+    SCALAR,
+    SPLIT,
+    SUM_OF_EFFORTS,
+    UNRESOLVED,
+    USED,
+    WAITING,
+    WORK,
 )
-
-# what became of a node
-WAITING, SPLIT, EMPTY, UNRESOLVED = 0, 1, 2, 3
-# why `run` returned
-EXHAUSTED, ENOUGH, ROOM, FOUND, ENDLESS = 0, 1, 2, 3, 4
+from holdfast.stability.engine.kernel import branch, newton, simplex
+from holdfast.stability.engine.kernel.compiled import inner, larger, smaller, views
+from holdfast.stability.engine.kernel.values import row, values
+from holdfast.stability.engine.rows import BOX_DOWN, BOX_UP, INDEX, KIND
 
 FIRST = 8  # Newton is tried on the first programs, where nothing is violated, and where little is:
 LESS, MORE = 0.5, 1.1  # less than this share of where it was tried last, a limit that grows with every node
 LITTLE = 1e-3
-KEPT = 64  # inverses of nodes that wait, those made last; in one more place, that of the node being split
 WEIGHT = 1e-3  # of the violation in a node's rank
-
-# what is sought
-ANY, SCALAR, LARGEST_EFFORT, SUM_OF_EFFORTS = 0, 1, 2, 3
-
-# places in `stats`
-NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 
 @inner
@@ -125,31 +126,6 @@ def achieved(m, a, F, objective, driven, c, d):  # type: ignore[no-untyped-def]
     return total
 
 
-def workspace(m: int, a: int, F: int, n: int, values: tuple[int, int], plain: int) -> tuple[Any, ...]:
-    """The arrays that `run` writes into besides its lane and the tree, in the order in which it takes them.
-
-    values: how many forces and motions, with what fills them up; plain: base values with bounds.
-    """
-    N, most = vectors(n), 4 * m + 2 * a + plain
-
-    def reals(*shapes: int | tuple[int, ...]) -> list[Array]:
-        return [np.empty(shape) for shape in shapes]
-
-    def whole(*shapes: int | tuple[int, ...]) -> list[Indices]:
-        return [np.empty(shape, np.int64) for shape in shapes]
-
-    kept = [
-        np.full((2, KEPT + 1), -1),
-        *whole((KEPT + 1, n)),
-        *reals((KEPT + 1, n), (KEPT + 1, n, n), (KEPT + 1, n, N)),
-    ]
-    part = [*whole(3 * m + a, (4, 3)), np.empty(m + a + plain, np.bool_), *reals((m, 4), 2, m)]
-    program = [*whole(n + 1, n, 1), *reals(n, (n, n), (n, N), n + 1, n, *values, n, n, 2 * N, N, 6)]
-    exact = [*whole(m, a, F - 3 * m - 2 * a), *reals(n, *values, (4, 6), (most, n), most, most, most, n, n, n)]
-    return (*kept, *part, *program, *exact)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def run(  # type: ignore[no-untyped-def]
     m, a, F, cos, sin, mdp, objective, gap, gap_absolute, budget, close, question, lane, pool, work
 ):
@@ -164,20 +140,21 @@ def run(  # type: ignore[no-untyped-def]
     work: see `workspace`.
     close: only close what waits, by the cut in force (no splitting, no Newton). Returns why it stopped.
     """
-    C, D, CT, DT, off, mu, lo, cost, driven, guess = bare(question)
-    hi, box, best, best_z, stats, heap = bare(lane)
-    states, ids, data, key, bound, parent, part, status = bare(pool)
+    C, D, CT, DT, off, mu, lo, cost, driven, guess = views(question, QUESTION)
+    hi, box, best, best_z, stats, heap = views(lane, LANE)
+    states, ids, data, key, bound, parent, part, status = views(pool, POOL)
     (
         owner, kept_ids, kept_rhs, kept_W, kept_T,
         state, child, skip, trig, amounts, normal,
         w_ids, order, age, rhs, W, T, y, z, c, d, enter_row, column, pivot, delta, gradient,
         modes, motors, side, exact_z, exact_c, exact_d, G, J, g, q, size, start, step, trial,
-    ) = bare(work)  # fmt: skip
+    ) = views(work, WORK)  # fmt: skip
     n = cost.shape[0]
     scalar = 3 * m + 2 * a
     room = key.shape[0] - 5
     cone = larger(smaller(branch.CONE, branch.FINER * gap), branch.FINEST)
     energetic = lo.shape[0] > 0 and lo[lo.shape[0] - 1] == -np.inf
+    first = 0 if objective == ANY else 1  # of the plain values, the first that limits something
     expanded = 0
     guesses = guess.shape[0]
     while stats[HEAP] > 0:
@@ -280,7 +257,7 @@ def run(  # type: ignore[no-untyped-def]
                         start[j] = guess[guesses + trying, j] if trying < 0 else z[j]
                 stats[NEWTONS] += 1
                 hit = newton.polish(
-                    m, a, cos, sin, mdp, min(objective, 1), C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start,
+                    m, a, cos, sin, mdp, first, C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start,
                     exact_z, exact_c, exact_d, modes, motors, side, G, J, g, q, size, step, trial, enter_row, delta,
                 )  # fmt: skip
                 if past == 0 and hold and not hit:

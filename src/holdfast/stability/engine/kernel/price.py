@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from holdfast.stability.engine.kernel.compiled import inner, larger
 from holdfast.stability.engine.rows import (
     ANGLE,
     C_LEFT,
@@ -34,8 +35,6 @@ from holdfast.stability.engine.rows import (
     T_UP,
     TANGENT,
     TURN,
-    inner,
-    larger,
 )
 
 FEASIBLE = 1e-9  # a row that is violated by less is met

@@ -10,16 +10,11 @@ slides, right where everything is fixed). `stability/model` judges the result, n
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numba import njit
 
-from holdfast.mechanism import Array
-from holdfast.stability.engine.rows import inner, larger, quick, values
-
-if TYPE_CHECKING:
-    from holdfast.stability.engine.reduced import Reduced
+from holdfast.stability.engine.arrays import EXACT, POLISHED, ROW, WORK
+from holdfast.stability.engine.kernel.compiled import inner, larger, length, quick, views
+from holdfast.stability.engine.kernel.values import values
 
 CONVERGED = 1e-13  # scaled residual at which Newton stops
 GOOD = 1e-10  # scaled residual that is accepted when it cannot be lowered further: motions of 1e4 round to 1e-11
@@ -118,8 +113,8 @@ def equations(m, a, cos, sin, C, D, mu, lo, hi, hold, touch, motor, side, c, d, 
             d1 = d[first + 1]
             d2 = d[first + 2]
             mode = touch[part]
-            speed = np.sqrt(d1 * d1 + d2 * d2)
-            force = np.sqrt(c1 * c1 + c2 * c2)
+            speed = length(d1, d2)
+            force = length(c1, c2)
             u1 = d1 / larger(speed, 1e-300)
             u2 = d2 / larger(speed, 1e-300)
             gap = cos * dn + sin * speed
@@ -217,7 +212,7 @@ def read(m, a, mdp, driven, c, d, tol, touch, motor):  # type: ignore[no-untyped
         elif not mdp:
             touch[i] = LOOSE
         else:
-            touch[i] = SLIDE if np.sqrt(d[k + 1] ** 2 + d[k + 2] ** 2) > tol else STICK
+            touch[i] = SLIDE if length(d[k + 1], d[k + 2]) > tol else STICK
     for j in range(a):
         turns = d[3 * m + j] > tol
         if driven[j]:
@@ -232,9 +227,9 @@ def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, c, d, slack, across, touc
     changed = False
     for i in range(m):
         k = 3 * i
-        speed = np.sqrt(d[k + 1] ** 2 + d[k + 2] ** 2)
+        speed = length(d[k + 1], d[k + 2])
         gap = cos * d[k] + sin * speed
-        excess = np.sqrt(c[k + 1] ** 2 + c[k + 2] ** 2) - mu[i] * c[k]
+        excess = length(c[k + 1], c[k + 2]) - mu[i] * c[k]
         mode = touch[i]
         new = mode
         if mode == OPEN and gap < -slack:
@@ -337,29 +332,15 @@ def polish(  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _polished(m, a, F, cos, sin, mdp, objective, C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start, z):  # type: ignore[no-untyped-def]
-    n = z.shape[0]
-    most = 4 * m + 2 * a + lo.shape[0]
-    return polish(
-        m, a, cos, sin, mdp, objective, C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start, z,
-        np.empty(CT.shape[1]), np.empty(DT.shape[1]),
-        np.empty(m, np.int64), np.empty(a, np.int64), np.empty(F - 3 * m - 2 * a, np.int64),
-        np.empty((4, 6)), np.empty((most, n)), np.empty(most), np.empty(most), np.empty(most),
-        np.empty(n), np.empty(n), np.empty(n), np.empty(n),
-    )  # fmt: skip
+def polished(m, a, cos, sin, mdp, objective, hold, tol, question, work):  # type: ignore[no-untyped-def]
+    """`polish` for callers that have no search: an exact solution near `start` into z; was one found?
 
-
-def solve(r: Reduced, start: Array, *, tol: float = 1e-6, hold: bool = False) -> Array | None:
-    """An exact solution (n,) of the reduced problem near `start` (n,); None if none was found.
-
-    Args:
-        tol: (scaled) motions and forces of the start below this count as none.
-        hold: keep the objective at its lower bound.
+    question: C, D, CT, DT, off, mu, lo, hi, driven of `reduced`, start and z (n,).
     """
-    z = np.empty_like(start)
-    found = _polished(
-        *r.sizes, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.p.mdp, min(r.objective, 1),
-        r.C, r.D, r.CT, r.DT, r.off, r.p.mu, r.lo, r.hi, r.driven, hold, tol, start, z,
+    C, D, CT, DT, off, mu, lo, hi, driven, start, z = views(question, POLISHED)
+    enter_row, _, _, delta, _ = views(work, WORK)[ROW:EXACT]
+    modes, motors, side, _, c, d, G, J, g, q, size, _, step, trial = views(work, WORK)[EXACT:]
+    return polish(
+        m, a, cos, sin, mdp, objective, C, D, CT, DT, off, mu, lo, hi, driven, hold != 0, tol, start,
+        z, c, d, modes, motors, side, G, J, g, q, size, step, trial, enter_row, delta,
     )  # fmt: skip
-    return z if found else None

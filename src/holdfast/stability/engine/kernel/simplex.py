@@ -20,22 +20,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from holdfast.stability.engine.price import FEASIBLE, price, trigonometry
-from holdfast.stability.engine.rows import (
-    BOX_UP,
-    ENERGY,
-    INDEX,
-    KIND,
-    PLAIN_DOWN,
-    S_UP,
-    T_UP,
-    blend,
-    larger,
-    quick,
-    row,
-    smaller,
-    values,
-)
+from holdfast.stability.engine.kernel.compiled import larger, quick, smaller
+from holdfast.stability.engine.kernel.price import FEASIBLE, price, trigonometry
+from holdfast.stability.engine.kernel.values import blend, row, values
+from holdfast.stability.engine.rows import BOX_UP, ENERGY, INDEX, KIND, PLAIN_DOWN, S_UP, T_UP
 
 OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
 ATTEMPTS = 3  # at a node: from a working set that was left, from the box, and there with firm pivots only

@@ -11,24 +11,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from holdfast.stability.engine.rows import (
-    CLOSED,
-    FREE,
-    LOCKED,
-    MOVES,
-    OPEN,
-    SLIDE,
-    STICK,
-    TURN,
-    UNDECIDED,
-    inner,
-    larger,
-    smaller,
-)
+from holdfast.stability.engine.kernel.compiled import inner, larger, length, smaller
+from holdfast.stability.engine.rows import CLOSED, FREE, LOCKED, MOVES, OPEN, SLIDE, STICK, TURN, UNDECIDED
 
 VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
 NARROW = 64  # sectors narrower than this, in grid steps, are not split,
-LEAST = 4  # or in proportion where the tolerance of cones is finer, but none narrower than this
+LEAST = 4.0  # or in proportion where the tolerance of cones is finer, but none narrower than this
 CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes,
 FINER = 1e-3  # or by this share of a smaller gap,
 FINEST = 2e-9  # but not by less: rows are met to 1e-9
@@ -59,7 +47,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, c, d, cone, out):  # type: ig
         cn = c[k]
         d1 = d[k + 1]
         d2 = d[k + 2]
-        speed = np.sqrt(d1 * d1 + d2 * d2)
+        speed = length(d1, d2)
         gap = cos * d[k] + sin * speed
         amount = 0.0
         missing = 0.0
@@ -79,10 +67,10 @@ def select(m, a, cos, sin, mdp, mu, driven, state, c, d, cone, out):  # type: ig
                 w = mu[i] * cn
                 x = c[k + 1] * speed + w * d1
                 y = c[k + 2] * speed + w * d2
-                size = np.sqrt(c[k + 1] * c[k + 1] + c[k + 2] * c[k + 2])
+                size = length(c[k + 1], c[k + 2])
                 missing += size * speed + c[k + 1] * d1 + c[k + 2] * d2 + larger(w - size - cone, 0.0) * speed
                 if amount < none and cn > 1e-9:  # (4) holds: what about (7)?
-                    amount = np.sqrt(x * x + y * y) / larger(speed, 1.0) - cone
+                    amount = length(x, y) / larger(speed, 1.0) - cone
                     if touch == UNDECIDED:
                         amount *= 0.5
         total += larger(amount, 0.0)
@@ -131,8 +119,8 @@ def split(m, state, c, d, pick, child):  # type: ignore[no-untyped-def]
     left = state[m + pick]
     width = state[2 * m + pick] - left
     k = 3 * pick
-    speed = larger(np.sqrt(d[k + 1] ** 2 + d[k + 2] ** 2), 1e-12)
-    force = larger(np.sqrt(c[k + 1] ** 2 + c[k + 2] ** 2), 1e-12)
+    speed = larger(length(d[k + 1], d[k + 2]), 1e-12)
+    force = larger(length(c[k + 1], c[k + 2]), 1e-12)
     x = -d[k + 1] / speed
     y = -d[k + 2] / speed
     if (touch == SLIDE) or (touch == CLOSED and speed < 1e-9):
@@ -155,7 +143,8 @@ def split(m, state, c, d, pick, child):  # type: ignore[no-untyped-def]
     ahead = (along - left) % TURN
     if ahead > (width + TURN) // 2:
         ahead = 0  # behind the sector's start
-    cut = left + max(1, int(min(max(ahead / width, 0.15), 0.85) * width))
+    step = int(smaller(larger(ahead / width, 0.15), 0.85) * width)
+    cut = left + (step if step > 0 else 1)
     child[0, 0] = touch
     child[0, 1] = left
     child[0, 2] = cut

@@ -1,0 +1,104 @@
+"""What Python and the compiled kernel have in common: the arrays of a search, and the numbers that stand in them.
+
+Arrays go to the kernel as tables of addresses and lengths, so that it is called like any C function: nothing of
+numba is needed once its machine code exists (`machine`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from holdfast.mechanism import Array, Indices, Mask
+
+# what became of a node
+WAITING, SPLIT, EMPTY, UNRESOLVED = 0, 1, 2, 3
+# why a run of the kernel ended
+EXHAUSTED, ENOUGH, ROOM, FOUND, ENDLESS = 0, 1, 2, 3, 4
+# what is sought
+ANY, SCALAR, LARGEST_EFFORT, SUM_OF_EFFORTS = 0, 1, 2, 3
+# places in `stats`
+NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = 0, 1, 2, 3, 4, 5, 6, 7, 8
+
+KEPT = 64  # inverses of nodes that wait, those made last; in one more place, that of the node being split
+VECTOR = 4  # numbers that the processor takes at once
+
+KINDS = {"f": np.dtype(np.float64), "i": np.dtype(np.int64), "b": np.dtype(np.bool_)}
+LINE = 4  # numbers for an array in a table: its address and up to three lengths
+
+UNUSED = tuple((0,) * (LINE - 1 - ndim) for ndim in range(LINE))
+
+# kinds and dimensions of the arrays in the tables, in the order in which the kernel takes them; see `kernel.tree`
+QUESTION = "f2 f2 f2 f2 f1 f1 f1 f1 b1 f2"  # C, D, CT, DT, off, mu, lo, cost, driven, guess
+LANE = "f1 f1 f1 f1 i1 i1"  # hi, box, best, best_z, stats, heap
+POOL = "i2 i2 f2 f1 f1 i1 i1 i1"  # states, ids, data, key, bound, parent, part, status
+REFUTED = "f2 f2 f1 f1 f1 f1 f1 i2 f2 i1 b1"  # C, D, off, mu, lo, hi, box, ids, data, leaves, closed
+POLISHED = "f2 f2 f2 f2 f1 f1 f1 f1 b1 f1 f1"  # C, D, CT, DT, off, mu, lo, hi, driven, start, z
+# room: owners and working sets that are kept,
+_KEPT = "i2 i2 f2 f3 f3"
+# state, child, skip, trig, amounts, normal of the node at hand,
+_NODE = "i1 i2 i1 f2 f1 f1"
+# its program: ids, order, age, rhs, W, T, y, z, c, d, enter_row, column, pivot, delta, gradient,
+_PROGRAM = "i1 i1 i1 f1 f2 f2 f1 f1 f1 f1 f1 f1 f1 f1 f1"
+# and Newton's method from its point: modes, motors, side, z, c, d, G, J, g, q, size, start, step, trial
+_EXACT = "i1 i1 i1 f1 f1 f1 f2 f2 f1 f1 f1 f1 f1 f1"
+WORK = f"{_KEPT} {_NODE} {_PROGRAM} {_EXACT}"
+EXACT = len(WORK.split()) - len(_EXACT.split())  # where Newton's begin
+ROW = EXACT - 5  # where enter_row, column, pivot, delta, gradient begin
+
+
+def vectors(n: int) -> int:
+    """So many numbers that whole vectors of the processor hold n of them."""
+    return n + -n % VECTOR
+
+
+def table(layout: str, arrays: Sequence[Array | Indices | Mask]) -> Indices:
+    """(k, LINE) where these arrays are and how long. The caller keeps them alive.
+
+    Raises:
+        TypeError: an array is not of the kind that the layout names, or not contiguous.
+    """
+    lines = []
+    for x, kind in zip(arrays, layout.split(), strict=True):
+        if x.dtype != KINDS[kind[0]] or x.ndim != int(kind[1]) or not x.flags.c_contiguous:
+            raise TypeError(f"{x.dtype} array of shape {x.shape} where the kernel takes {kind}")
+        lines.append((x.ctypes.data, *x.shape, *UNUSED[x.ndim]))
+    return np.array(lines, np.int64)
+
+
+class Room:
+    """Arrays that the kernel alone writes and reads, in one block: a table of their places in it."""
+
+    def __init__(self, sizes: tuple[int, ...]) -> None:
+        """sizes: m, a, F, unknowns, forces and motions with what fills them up, plain base values."""
+        self.sizes = sizes
+        relative, total = _places(*sizes)
+        self.block = np.empty(total)
+        self.block.view(np.int64)[: 2 * (KEPT + 1)] = -1  # no inverse is kept
+        self.table = relative.copy()
+        self.table[:, 0] += self.block.ctypes.data
+
+
+@lru_cache(maxsize=64)
+def _places(m: int, a: int, F: int, n: int, forces: int, motions: int, plain: int) -> tuple[Indices, int]:
+    """The table of `WORK` relative to the beginning of a block, and how many numbers of 8 bytes the block has."""
+    N, most = vectors(n), 4 * m + 2 * a + plain
+    kept = (2, KEPT + 1), (KEPT + 1, n), (KEPT + 1, n), (KEPT + 1, n, n), (KEPT + 1, n, N)
+    node = (3 * m + a,), (4, 3), (m + a + plain,), (m, 4), (2,), (m,)
+    program: tuple[tuple[int, ...], ...] = (
+        (n + 1,), (n,), (1,), (n,), (n, n), (n, N), (n + 1,), (n,), (forces,), (motions,),
+        (n,), (n,), (2 * N,), (N,), (6,),
+    )  # fmt: skip
+    exact = (
+        (m,), (a,), (F - 3 * m - 2 * a,), (n,), (forces,), (motions,), (4, 6), (most, n), (most,), (most,), (most,),
+        (n,), (n,), (n,),
+    )  # fmt: skip
+    out, at = np.zeros((len(WORK.split()), LINE), np.int64), 0
+    for line, shape in zip(out, (*kept, *node, *program, *exact), strict=True):
+        line[0] = 8 * at
+        line[1 : 1 + len(shape)] = shape
+        at += vectors(math.prod(shape))
+    return out, at

@@ -1,0 +1,40 @@
+"""Does a ray still prove what it proved, compiled: the test of `simplex.solve`, for other questions on its tree."""
+
+from __future__ import annotations
+
+from holdfast.stability.engine.arrays import EXACT, REFUTED, ROW, WORK
+from holdfast.stability.engine.kernel.compiled import views
+from holdfast.stability.engine.kernel.simplex import ROUNDING
+from holdfast.stability.engine.kernel.values import row
+
+
+def refuted(m, a, F, cos, sin, question, work):  # type: ignore[no-untyped-def]
+    """Which leaves' rays prove infeasibility as things are now, into `closed`; returns how many.
+
+    question: C, D, off, mu, lo of `reduced`, hi and box of the search, ids and data of its nodes; the leaves' numbers.
+    """
+    C, D, off, mu, lo, hi, box, ids, data, leaves, closed = views(question, REFUTED)
+    term, total, size, _, gradient = views(work, WORK)[ROW:EXACT]
+    n = box.shape[0]
+    count = 0
+    for i in range(leaves.shape[0]):
+        gap = 0.0
+        slip = 0.0
+        for j in range(n):
+            total[j] = 0.0
+            size[j] = 0.0
+        for k in range(n + 1):
+            y = data[leaves[i], k]
+            if y <= 0.0:
+                continue
+            b = row(ids[leaves[i], k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, term, gradient)
+            gap += y * b
+            slip += ROUNDING * abs(y * b)
+            for j in range(n):
+                total[j] += y * term[j]
+                size[j] += abs(y * term[j])
+        for j in range(n):
+            slip += (2.0 * abs(total[j]) + ROUNDING * size[j]) * box[j]
+        closed[i] = gap > slip
+        count += 1 if gap > slip else 0
+    return count
