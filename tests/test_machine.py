@@ -87,13 +87,21 @@ def test_a_table_says_where_and_how_long() -> None:
 
 @pytest.mark.parametrize("sizes", [(3, 4, 21, 13, 24, 24, 5), (1, 0, 4, 6, 4, 12, 0), (15, 16, 80, 60, 80, 64, 30)])
 def test_the_arrays_of_a_room_lie_apart_within_it(sizes: tuple[int, ...]) -> None:
-    room = arrays.Room(sizes)
-    begin = room.table[:, 0]
+    room = arrays.room(sizes)
+    memory, begin = room._memory, room.table[:, 0]
     shapes = [line[1 : 1 + int(kind[1])] for line, kind in zip(room.table, arrays.WORK.split(), strict=True)]
     length = 8 * np.array([np.prod(shape) for shape in shapes])
     assert (begin[1:] >= (begin + length)[:-1]).all()
-    assert begin[0] == room.block.ctypes.data
-    assert begin[-1] + length[-1] <= room.block.ctypes.data + room.block.nbytes
-    assert (room.block.view(np.int64)[: 2 * (arrays.KEPT + 1)] == -1).all()
-    other = arrays.Room(sizes)
+    assert begin[0] == memory.ctypes.data
+    assert begin[-1] + length[-1] <= memory.ctypes.data + memory.nbytes
+    assert (memory.view(np.int64)[: 2 * (arrays.KEPT + 1)] == -1).all()
+    other = arrays.room(sizes)
     assert not np.intersect1d(other.table[:, 0], begin).size
+
+
+def test_the_arrays_of_a_block_are_those_of_its_table() -> None:
+    block = arrays.Block(arrays.LANE, ((3,), (2,), (2,), (2,), (9,), (1, 2), (5,)))
+    made = block.arrays()
+    assert arrays.table(arrays.LANE, made).tolist() == block.table.tolist()
+    made[4][:] = np.arange(9)
+    assert (block.arrays()[4] == np.arange(9)).all()

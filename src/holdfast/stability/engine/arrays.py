@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ EXHAUSTED, ENOUGH, ROOM, FOUND, ENDLESS = 0, 1, 2, 3, 4
 # what is sought
 ANY, SCALAR, LARGEST_EFFORT, SUM_OF_EFFORTS = 0, 1, 2, 3
 # places in `stats`
-NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = 0, 1, 2, 3, 4, 5, 6, 7, 8
+NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = STATS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 KEPT = 64  # inverses of nodes that wait, those made last; in one more place, that of the node being split
 VECTOR = 4  # numbers that the processor takes at once
@@ -32,11 +33,11 @@ LINE = 4  # numbers for an array in a table: its address and up to three lengths
 UNUSED = tuple((0,) * (LINE - 1 - ndim) for ndim in range(LINE))
 
 # kinds and dimensions of the arrays in the tables, in the order in which the kernel takes them; see `kernel.tree`
-QUESTION = "f2 f2 f2 f2 f1 f1 f1 f1 b1 f2"  # C, D, CT, DT, off, mu, lo, cost, driven, guess
-LANE = "f1 f1 f1 f1 i1 i1"  # hi, box, best, best_z, stats, heap
+QUESTION = "f2 f2 f2 f2 f1 f1 f1 f1 b1"  # C, D, CT, DT, off, mu, lo, cost, driven
+LANE = "f1 f1 f1 f1 i1 f2 i1"  # hi, box, best, best_z, stats, guess, heap
 POOL = "i2 i2 f2 f1 f1 i1 i1 i1"  # states, ids, data, key, bound, parent, part, status
-REFUTED = "f2 f2 f1 f1 f1 f1 f1 i2 f2 i1 b1"  # C, D, off, mu, lo, hi, box, ids, data, leaves, closed
-POLISHED = "f2 f2 f2 f2 f1 f1 f1 f1 b1 f1 f1"  # C, D, CT, DT, off, mu, lo, hi, driven, start, z
+POINTS = "f1 f1"  # where Newton's method begins, and where it ends
+LEAVES = "i1 b1"  # their numbers, and whether their rays hold
 # room: owners and working sets that are kept,
 _KEPT = "i2 i2 f2 f3 f3"
 # state, child, skip, trig, amounts, normal of the node at hand,
@@ -48,6 +49,8 @@ _EXACT = "i1 i1 i1 f1 f1 f1 f2 f2 f1 f1 f1 f1 f1 f1"
 WORK = f"{_KEPT} {_NODE} {_PROGRAM} {_EXACT}"
 EXACT = len(WORK.split()) - len(_EXACT.split())  # where Newton's begin
 ROW = EXACT - 5  # where enter_row, column, pivot, delta, gradient begin
+
+Shape = tuple[int, ...]
 
 
 def vectors(n: int) -> int:
@@ -69,26 +72,56 @@ def table(layout: str, arrays: Sequence[Array | Indices | Mask]) -> Indices:
     return np.array(lines, np.int64)
 
 
-class Room:
-    """Arrays that the kernel alone writes and reads, in one block: a table of their places in it."""
+class Block:
+    """Arrays in one piece of memory, and the table of them."""
 
-    def __init__(self, sizes: tuple[int, ...]) -> None:
-        """sizes: m, a, F, unknowns, forces and motions with what fills them up, plain base values."""
-        self.sizes = sizes
-        relative, total = _places(*sizes)
-        self.block = np.empty(total)
-        self.block.view(np.int64)[: 2 * (KEPT + 1)] = -1  # no inverse is kept
-        self.table = relative.copy()
-        self.table[:, 0] += self.block.ctypes.data
+    def __init__(self, layout: str, shapes: tuple[Shape, ...]) -> None:
+        self._layout, self._shapes = layout, shapes
+        places, self._begin, total = _places(layout, shapes)
+        self._memory = np.empty(total)
+        self.table = places.copy()
+        self.table[:, 0] += self._memory.ctypes.data
+
+    def arrays(self) -> list[Any]:
+        """The arrays, which keep the memory alive."""
+        numbers = {"f": self._memory, "i": self._memory.view(np.int64)}
+        return [
+            numbers[kind[0]][begin : begin + math.prod(shape)].reshape(shape)
+            for kind, begin, shape in zip(self._layout.split(), self._begin, self._shapes, strict=True)
+        ]
+
+
+@lru_cache(maxsize=256)
+def _places(layout: str, shapes: tuple[Shape, ...]) -> tuple[Indices, tuple[int, ...], int]:
+    """The table relative to the beginning of the memory, where arrays begin, and how many numbers there are."""
+    out, begin, at = np.zeros((len(shapes), LINE), np.int64), [], 0
+    for line, kind, shape in zip(out, layout.split(), shapes, strict=True):
+        assert int(kind[1]) == len(shape)
+        assert kind[0] != "b"
+        line[0] = 8 * at
+        line[1 : 1 + len(shape)] = shape
+        begin.append(at)
+        at += vectors(math.prod(shape))
+    return out, tuple(begin), at
+
+
+def room(sizes: Shape) -> Block:
+    """Arrays that the kernel alone writes and reads.
+
+    sizes: m, a, F, unknowns, forces and motions with what fills them up, plain base values.
+    """
+    out = Block(WORK, _shapes(*sizes))
+    out.arrays()[0][:] = -1  # no inverse is kept
+    return out
 
 
 @lru_cache(maxsize=64)
-def _places(m: int, a: int, F: int, n: int, forces: int, motions: int, plain: int) -> tuple[Indices, int]:
-    """The table of `WORK` relative to the beginning of a block, and how many numbers of 8 bytes the block has."""
+def _shapes(m: int, a: int, F: int, n: int, forces: int, motions: int, plain: int) -> tuple[Shape, ...]:
+    """Of `WORK`."""
     N, most = vectors(n), 4 * m + 2 * a + plain
     kept = (2, KEPT + 1), (KEPT + 1, n), (KEPT + 1, n), (KEPT + 1, n, n), (KEPT + 1, n, N)
     node = (3 * m + a,), (4, 3), (m + a + plain,), (m, 4), (2,), (m,)
-    program: tuple[tuple[int, ...], ...] = (
+    program: tuple[Shape, ...] = (
         (n + 1,), (n,), (1,), (n,), (n, n), (n, N), (n + 1,), (n,), (forces,), (motions,),
         (n,), (n,), (2 * N,), (N,), (6,),
     )  # fmt: skip
@@ -96,9 +129,4 @@ def _places(m: int, a: int, F: int, n: int, forces: int, motions: int, plain: in
         (m,), (a,), (F - 3 * m - 2 * a,), (n,), (forces,), (motions,), (4, 6), (most, n), (most,), (most,), (most,),
         (n,), (n,), (n,),
     )  # fmt: skip
-    out, at = np.zeros((len(WORK.split()), LINE), np.int64), 0
-    for line, shape in zip(out, (*kept, *node, *program, *exact), strict=True):
-        line[0] = 8 * at
-        line[1 : 1 + len(shape)] = shape
-        at += vectors(math.prod(shape))
-    return out, at
+    return (*kept, *node, *program, *exact)

@@ -28,8 +28,8 @@ _WHOLE, _REAL, _TABLE = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
 # module and arguments of the functions, each of which returns a whole number
 FUNCTIONS = {
     "run": ("tree", 3 * [_WHOLE] + 2 * [_REAL] + 2 * [_WHOLE] + 2 * [_REAL] + 2 * [_WHOLE] + 4 * [_TABLE]),
-    "polished": ("newton", 2 * [_WHOLE] + 2 * [_REAL] + 3 * [_WHOLE] + [_REAL] + 2 * [_TABLE]),
-    "refuted": ("refute", 3 * [_WHOLE] + 2 * [_REAL] + 2 * [_TABLE]),
+    "polished": ("newton", 2 * [_WHOLE] + 2 * [_REAL] + 3 * [_WHOLE] + [_REAL] + 4 * [_TABLE]),
+    "refuted": ("refute", 3 * [_WHOLE] + 2 * [_REAL] + 5 * [_TABLE]),
 }
 
 # arrays of the kernel have no owners, whose references numba would count at every use

@@ -15,7 +15,7 @@ import numpy as np
 
 from holdfast.mechanism import Array
 from holdfast.stability.engine import exact
-from holdfast.stability.engine.arrays import REFUTED, SPLIT, table
+from holdfast.stability.engine.arrays import LEAVES, SPLIT, table
 from holdfast.stability.engine.machine import kernel
 from holdfast.stability.engine.search import Pool, Search
 
@@ -38,18 +38,20 @@ class Neighbour:
 
     def start(self, s: Search) -> None:
         """Let a search begin with what is known."""
+        r, lane = s.reduced, s.lanes[0]
         ahead = [2 * self.points[0] - self.points[1]] if len(self.points) > 1 else []
         for point, tol in itertools.product((*ahead, self.points[0]), TOLERANCES):
-            z = exact.solve(s.reduced, point, tol=tol, hold=self.unbounded)
+            z = exact.solve(r, point, tol=tol, hold=self.unbounded, lane=lane)
             if z is not None:
                 s.know(z)
                 break
         if s.z is None or self.tree is None:
             return
         s.follow(self.tree)
-        r, pool, leaves = s.reduced, s.pool, np.flatnonzero(self.tree.status != SPLIT)
+        pool, leaves = s.pool, np.flatnonzero(self.tree.status != SPLIT)
         closed = np.empty(len(leaves), np.bool_)
-        question = table(REFUTED, (r.C, r.D, r.off, r.p.mu, r.lo, s.hi, s.box, pool.ids, pool.data, leaves, closed))
-        angle = float(np.cos(r.p.eta)), float(np.sin(r.p.eta))
-        kernel().refuted(*r.sizes, *angle, question.ctypes.data, s.lanes[0].room.table.ctypes.data)
+        which = table(LEAVES, (leaves, closed))
+        assert pool.table is not None
+        tables = (x.ctypes.data for x in (r.table, lane.table, pool.table, which, lane.room.table))
+        kernel().refuted(*r.numbers[:5], *tables)
         s.reopen(leaves[~closed])

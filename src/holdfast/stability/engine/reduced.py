@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -151,6 +152,18 @@ class Reduced:
     def sizes(self) -> tuple[int, int, int]:
         """m contacts, a actuators that may move, F base values that are forces."""
         return len(self.p.mu), len(self.active), len(self.C)
+
+    @cached_property
+    def table(self) -> Indices:
+        """The question as the kernel takes it, see `arrays`."""
+        what = self.C, self.D, self.CT, self.DT, self.off, self.p.mu, self.lo, self.cost, self.driven
+        return arrays.table(arrays.QUESTION, what)
+
+    @cached_property
+    def numbers(self) -> tuple[Any, ...]:
+        """m, a, F, cos and sin of eta, whether the dissipation principle holds, and what is sought."""
+        p = self.p
+        return *self.sizes, float(np.cos(p.eta)), float(np.sin(p.eta)), p.mdp, self.objective
 
     @property
     def room(self) -> tuple[int, ...]:

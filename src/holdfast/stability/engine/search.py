@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy as np
 from holdfast.answer import Stop
 from holdfast.mechanism import Array, Indices, Mask
 from holdfast.stability.engine import arrays, rows
-from holdfast.stability.engine.arrays import Room
+from holdfast.stability.engine.arrays import Block
 from holdfast.stability.engine.machine import kernel
 from holdfast.stability.engine.reduced import Reduced
 
@@ -45,7 +45,10 @@ if hasattr(os, "register_at_fork"):
 
 @dataclass(eq=False)
 class Pool:
-    """The tree's arrays, one row per node; see `kernel.tree`. A row without a parent, but for the first, is no node."""
+    """The tree's arrays, one row per node; see `kernel.tree`. A row without a parent, but for the first, is no node.
+
+    table: where they are, for the kernel; None if nothing is to be expanded.
+    """
 
     states: Indices
     ids: Indices
@@ -55,20 +58,16 @@ class Pool:
     parent: Indices
     part: Indices
     status: Indices
+    table: Indices | None = None
 
     @classmethod
     def of(cls, room: int, width: int, n: int) -> Pool:
-        def whole(*shape: int) -> Indices:
-            return np.empty(shape, np.int64)
-
-        return cls(
-            whole(room, width), whole(room, n + 1), np.empty((room, n + 1)),
-            np.empty(room), np.empty(room), np.full(room, -1), whole(room), whole(room),
-        )  # fmt: skip
-
-    @cached_property
-    def table(self) -> Indices:
-        return arrays.table(arrays.POOL, self.arrays())
+        rows = (room,)
+        shapes = (room, width), (room, n + 1), (room, n + 1), rows, rows, rows, rows, rows
+        block = Block(arrays.POOL, shapes)
+        states, ids, data, key, bound, parent, part, status = block.arrays()
+        parent[:] = -1
+        return cls(states, ids, data, key, bound, parent, part, status, block.table)
 
     def arrays(self) -> tuple[Any, ...]:
         return self.states, self.ids, self.data, self.key, self.bound, self.parent, self.part, self.status
@@ -83,31 +82,43 @@ class Pool:
 
 @dataclass(eq=False)
 class Lane:
-    """What one thread changes besides the tree: a heap of nodes that wait, its incumbent and cut; see `kernel.tree`.
+    """What one thread changes besides the tree: its incumbent and cut, a heap of nodes that wait; see `kernel.tree`.
 
-    The box is that of the search, for all lanes.
+    table: where the arrays are; room: `arrays.room`.
     """
 
-    heap: Indices
     hi: Array
     box: Array
     best: Array
     z: Array
     stats: Indices
-    room: Room
-    table: Indices = field(init=False)
+    guess: Array
+    heap: Indices
+    table: Indices
+    room: Block
 
-    def __post_init__(self) -> None:
-        self.table = arrays.table(arrays.LANE, (self.hi, self.box, self.best, self.z, self.stats, self.heap))
+    @classmethod
+    def of(cls, r: Reduced, guess: Sequence[Array] | Array = (), heap: int = ROOM) -> Lane:
+        """That knows nothing yet; guess: points (n,) to start Newton's method from."""
+        n = len(r.cost)
+        shapes = r.hi.shape, (n,), (2,), (n,), (len(arrays.STATS),), (len(guess), n), (heap,)
+        block = Block(arrays.LANE, shapes)
+        hi, box, best, z, stats, points, waiting = block.arrays()
+        hi[:], best[:], stats[:] = r.hi, INF, 0
+        if len(guess):
+            points[:] = guess
+        return cls(hi, box, best, z, stats, points, waiting, block.table, arrays.room(r.room))
 
     @property
     def waiting(self) -> int:
         return int(self.stats[arrays.HEAP])
 
-    def copy(self) -> Lane:
-        """Another one that knows as much and has no nodes."""
-        mine = self.hi.copy(), self.box, self.best.copy(), self.z.copy(), self.stats.copy()
-        out = Lane(self.heap.copy(), *mine, Room(self.room.sizes))
+    def copy(self, r: Reduced) -> Lane:
+        """Another one of the same question that knows as much and has no nodes."""
+        out = Lane.of(r, self.guess, len(self.heap))
+        for old, new in ((self.hi, out.hi), (self.box, out.box), (self.best, out.best), (self.z, out.z)):
+            new[:] = old
+        out.stats[:] = self.stats
         out.stats[arrays.HEAP] = 0
         return out
 
@@ -122,8 +133,7 @@ class Lane:
         if room > len(self.heap):
             heap = np.zeros(4 * room, np.int64)
             heap[: len(self.heap)] = self.heap
-            self.heap = heap
-            self.__post_init__()
+            self.heap, self.table[-1] = heap, arrays.table("i1", [heap])[0]
 
 
 @dataclass(eq=False)
@@ -149,13 +159,11 @@ class Search:
     stop: Stop | None = None
     used: int = 1
     lanes: list[Lane] = field(default_factory=list)
-    _common: Indices = field(default_factory=lambda: np.zeros(9, np.int64))  # counted before there were two lanes
 
     def __post_init__(self) -> None:
         r = self.reduced
         (m, a, _), n = r.sizes, len(r.cost)
         self.hi = r.hi.copy()
-        self.box = r.box(INF)
         self.pool = Pool.of(ROOM, 3 * m + a, n)
         for x in self.pool.arrays():  # the root: all is undecided
             x[0] = 0
@@ -163,17 +171,18 @@ class Search:
         corner = np.where(r.cost >= 0, rows.BOX_UP, rows.BOX_DOWN)
         self.pool.ids[0, :n] = (corner << rows.KIND) | (np.arange(n) << rows.INDEX)
         self.pool.bound[0] = r.lo[0] if r.objective else 0.0
-        guess = np.array(self.guess).reshape(-1, n) if len(self.guess) else np.zeros((0, n))
-        heap, none = np.zeros(ROOM, np.int64), np.array([INF, INF])
-        lane = Lane(heap, self.hi.copy(), self.box, none, np.zeros(n), self._common.copy(), Room(r.room))
+        lane = Lane.of(r, self.guess)
         lane.stats[arrays.USED] = lane.stats[arrays.HEAP] = 1
+        lane.heap[0] = 0
         self.lanes.append(lane)
-        uncertain = float(np.cos(r.p.eta)), float(np.sin(r.p.eta))
-        self._numbers = *r.sizes, *uncertain, r.p.mdp, r.objective, self.gap, self.gap_absolute
-        self._guess = guess  # kept alive for the table
-        self._question = arrays.table(
-            arrays.QUESTION, (r.C, r.D, r.CT, r.DT, r.off, r.p.mu, r.lo, r.cost, r.driven, guess)
-        )
+        self._confine(INF)
+        self._common = np.zeros_like(lane.stats)  # counted before there were two lanes
+
+    def _confine(self, highest: float) -> None:
+        """Bound the unknowns, while the objective is at most `highest`."""
+        self.box = self.reduced.box(highest)
+        for lane in self.lanes:
+            lane.box[:] = self.box
 
     def know(self, z: Array) -> None:
         """Begin with an exact solution (n,) as the incumbent."""
@@ -185,7 +194,7 @@ class Search:
         lane.best[0], lane.z[:] = value, z
         lane.hi[0] = min(lane.hi[0], value - self.gap * abs(value) - self.gap_absolute)
         self._compare()
-        self.box[:] = r.box(float(self.hi[0]))
+        self._confine(float(self.hi[0]))
 
     def follow(self, finished: Pool) -> None:
         """Begin with a finished, trimmed tree of the same grasp, balances of energy under the cut of this search."""
@@ -274,8 +283,10 @@ class Search:
         return -INF
 
     def _run(self, lane: Lane, budget: int, close: bool = False) -> int:
-        tables = (x.ctypes.data for x in (self._question, lane.table, self.pool.table, lane.room.table))
-        return kernel().run(*self._numbers, budget, close, *tables)
+        r, pool = self.reduced, self.pool
+        assert pool.table is not None
+        tables = (x.ctypes.data for x in (r.table, lane.table, pool.table, lane.room.table))
+        return kernel().run(*r.numbers, self.gap, self.gap_absolute, budget, close, *tables)
 
     def _slice(self, budget: int) -> list[int]:
         """Every lane expands up to `budget` nodes; returns why each of them stopped.
@@ -321,7 +332,7 @@ class Search:
             return
         if len(self.lanes) == 1:
             self._common = self.stats
-            self.lanes.append(self.lanes[0].copy())
+            self.lanes.append(self.lanes[0].copy(self.reduced))
         nodes = np.concatenate([lane.heap[: lane.waiting] for lane in self.lanes])
         nodes = nodes[np.lexsort((nodes, self.pool.key[nodes]))]
         for k, lane in enumerate(self.lanes):
@@ -350,6 +361,6 @@ class Search:
                 self.stop = Stop.NODES
             else:
                 if self.best < best and r.objective:
-                    self.box[:] = r.box(float(self.hi[0]))
+                    self._confine(float(self.hi[0]))
                 self._deal()
             yield self

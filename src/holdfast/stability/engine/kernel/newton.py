@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from holdfast.stability.engine.arrays import EXACT, POLISHED, ROW, WORK
+from holdfast.stability.engine.arrays import EXACT, LANE, POINTS, QUESTION, ROW, WORK
 from holdfast.stability.engine.kernel.compiled import inner, larger, length, quick, views
 from holdfast.stability.engine.kernel.values import values
 
@@ -332,12 +332,11 @@ def polish(  # type: ignore[no-untyped-def]
     return False
 
 
-def polished(m, a, cos, sin, mdp, objective, hold, tol, question, work):  # type: ignore[no-untyped-def]
-    """`polish` for callers that have no search: an exact solution near `start` into z; was one found?
-
-    question: C, D, CT, DT, off, mu, lo, hi, driven of `reduced`, start and z (n,).
-    """
-    C, D, CT, DT, off, mu, lo, hi, driven, start, z = views(question, POLISHED)
+def polished(m, a, cos, sin, mdp, objective, hold, tol, question, lane, points, work):  # type: ignore[no-untyped-def]
+    """`polish` from a given point: an exact solution near `start` into z; was one found?"""
+    C, D, CT, DT, off, mu, lo, _, driven = views(question, QUESTION)
+    hi = views(lane, LANE)[0]
+    start, z = views(points, POINTS)
     enter_row, _, _, delta, _ = views(work, WORK)[ROW:EXACT]
     modes, motors, side, _, c, d, G, J, g, q, size, _, step, trial = views(work, WORK)[EXACT:]
     return polish(

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from holdfast.stability.engine.arrays import EXACT, REFUTED, ROW, WORK
+from holdfast.stability.engine.arrays import EXACT, LANE, LEAVES, POOL, QUESTION, ROW, WORK
 from holdfast.stability.engine.kernel.compiled import views
 from holdfast.stability.engine.kernel.simplex import ROUNDING
 from holdfast.stability.engine.kernel.values import row
 
 
-def refuted(m, a, F, cos, sin, question, work):  # type: ignore[no-untyped-def]
-    """Which leaves' rays prove infeasibility as things are now, into `closed`; returns how many.
-
-    question: C, D, off, mu, lo of `reduced`, hi and box of the search, ids and data of its nodes; the leaves' numbers.
-    """
-    C, D, off, mu, lo, hi, box, ids, data, leaves, closed = views(question, REFUTED)
+def refuted(m, a, F, cos, sin, question, lane, pool, which, work):  # type: ignore[no-untyped-def]
+    """Which leaves' rays prove infeasibility as things are now, into `closed`; returns how many."""
+    C, D, _, _, off, mu, lo, _, _ = views(question, QUESTION)
+    hi, box = views(lane, LANE)[:2]
+    ids, data = views(pool, POOL)[1:3]
+    leaves, closed = views(which, LEAVES)
     term, total, size, _, gradient = views(work, WORK)[ROW:EXACT]
     n = box.shape[0]
     count = 0

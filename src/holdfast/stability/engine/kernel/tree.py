@@ -131,17 +131,17 @@ def run(  # type: ignore[no-untyped-def]
 ):
     """Expand up to `budget` nodes; the arrays of lane and pool are the search's state and change in place.
 
-    question: C, D, CT, DT, off, mu, lo, cost, driven of `reduced`, and points (g, n) to start Newton from.
-    lane: hi, box, best, best_z, stats, heap. best (2,): the smallest objective found, from which the cut hi[0]
-    follows, and the violation below which Newton is tried.
+    question: C, D, CT, DT, off, mu, lo, cost, driven of `reduced`.
+    lane: hi, box, best, best_z, stats, guess, heap. best (2,): the smallest objective found, from which the cut
+    hi[0] follows, and the violation below which Newton is tried. guess (g, n): points to start Newton from.
     pool: states, ids, data, key, bound, parent, part, status. Node k has its state in states[k] (3m + a), its
     working set in ids[k] (n + 1), and in data[k] (n + 1) its point while it waits, its ray's multipliers once it is
     empty.
-    work: see `workspace`.
+    work: see `arrays.room`.
     close: only close what waits, by the cut in force (no splitting, no Newton). Returns why it stopped.
     """
-    C, D, CT, DT, off, mu, lo, cost, driven, guess = views(question, QUESTION)
-    hi, box, best, best_z, stats, heap = views(lane, LANE)
+    C, D, CT, DT, off, mu, lo, cost, driven = views(question, QUESTION)
+    hi, box, best, best_z, stats, guess, heap = views(lane, LANE)
     states, ids, data, key, bound, parent, part, status = views(pool, POOL)
     (
         owner, kept_ids, kept_rhs, kept_W, kept_T,
