@@ -8,7 +8,7 @@ import pytest
 from holdfast.answer import Stop
 from holdfast.errors import InputError
 from holdfast.grasp_file import load_grasp
-from holdfast.stability.many import max_many
+from holdfast.stability.many import FEW, max_many
 from holdfast.stability.queries import maximum
 from holdfast.stability.settings import Settings
 from holdfast.stability.verify import verify
@@ -36,6 +36,30 @@ def test_every_bound_is_certified() -> None:
     for answer in max_many(bell(), CIRCLE):
         if not answer.unbounded:
             assert verify(answer.certificate).ok
+
+
+def test_processes_and_threads_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    grasp, many = bell(), [x for x in CIRCLE for _ in range(3)]
+    assert len(many) > FEW
+    monkeypatch.setattr("holdfast.stability.many.BLOCK", 20)  # as many as that know of each other
+    ways = [max_many(grasp, many, jobs=2)]
+    monkeypatch.setattr("holdfast.stability.many.START", "spawn")
+    ways.append(max_many(grasp, many, jobs=2))
+    ways.append(max_many(grasp, many, jobs=1))
+    for first, *others in zip(*ways, strict=True):
+        for answer in others:
+            assert (answer.lower, answer.upper, answer.nodes) == (first.lower, first.upper, first.nodes)
+        assert first.witness.valid
+        assert verify(first.certificate).ok
+
+
+def test_ctrl_c_leaves_none_in_processes_either() -> None:
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    answers = max_many(pinch(), CIRCLE * 4, jobs=2, on_item=stop)
+    assert answers[0] is not None
+    assert answers[-1] is None
 
 
 def test_base_loads_and_limits() -> None:

@@ -1,8 +1,8 @@
 """Maxima of many disturbances at once, on all cores, each helped by its neighbour.
 
-The engine works in threads: its kernel holds no interpreter lock. Consecutive cases of one grasp share the
-reduced problem, and each search begins with the solution and the tree before it (`engine/neighbour`).
-Algorithm 1 works in processes.
+Consecutive cases of one grasp share the reduced problem, and each search begins with the solution and the tree before
+it (`engine/neighbour`). Cores work in processes, for half of an easy case is Python; in threads where processes cannot
+be forked or few cases do not pay for them: the engine's kernel holds no interpreter lock.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ from holdfast.stability.settings import Settings
 from holdfast.stability.settings import default_jobs as default_jobs
 
 OnItem = Callable[[int, int], None]  # done, total
-BLOCK = 30  # cases that a thread takes at a time: neighbours
+BLOCK = 30  # cases that a worker takes at a time: neighbours
+FEW = 60  # cases for which no process is made
 # forked workers need no guarded main module in the caller's script; elsewhere one process is the safe default
 START = "fork" if sys.platform.startswith("linux") else "spawn"
 
@@ -98,7 +99,8 @@ def maxima(
     if cases:
         options.build(cases[0])  # bad input's one line is raised here, not in a worker
     settings = options.settings or Settings()
-    run = _in_processes if settings.method == "algorithm1" else _in_threads
+    worth = settings.method == "algorithm1" or len(cases) > FEW
+    run = _in_processes if worth and START == "fork" else _in_threads
     done: list[MaxAnswer | None] = []
     try:
         for answer in run(cases, options, min(jobs or default_jobs(), max(len(cases), 1))):
@@ -148,7 +150,7 @@ def _left(answer: MaxAnswer, point: Array | None, before: Neighbour | None) -> N
         return None
     points = (point, before.points[0]) if before else (point,)
     closed = answer.proof is not None and answer.stop is Stop.COMPLETE
-    return Neighbour(points, answer.unbounded, answer.proof.search.pool if closed and answer.proof else None)
+    return Neighbour(points, answer.unbounded, answer.proof.pool if closed and answer.proof else None)
 
 
 def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:
@@ -167,17 +169,20 @@ def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[
             pool.shutdown(cancel_futures=True)
 
 
-def _alone(task: tuple[Case, Options]) -> MaxAnswer:
-    # a thousand answers travel between processes: leave the search's history behind
-    return replace(_block([task[0]], task[1])[0], steps=(), witness=None)
+def _task(task: tuple[Sequence[Case], Options]) -> list[MaxAnswer]:
+    # a thousand answers travel between processes: leave the history of Algorithm 1 behind
+    return [replace(answer, steps=()) for answer in _block(*task)]
 
 
 def _in_processes(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:
-    tasks = [(case, options) for case in cases]
-    if jobs <= 1 or START != "fork":
-        yield from map(_alone, tasks)
+    if jobs <= 1:
+        yield from _in_threads(cases, options, 1)
         return
+    algorithm1 = options.settings is not None and options.settings.method == "algorithm1"
+    size = 1 if algorithm1 else BLOCK  # its cases take long, and no neighbour helps
+    tasks = [(cases[i : i + size], options) for i in range(0, len(cases), size)]
     # workers leave Ctrl-C to the parent, which then ends them
     context = multiprocessing.get_context(START)
     with context.Pool(jobs, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
-        yield from pool.imap(_alone, tasks)
+        for block in pool.imap(_task, tasks):
+            yield from block

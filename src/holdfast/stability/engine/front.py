@@ -117,7 +117,7 @@ def _search(
     proof = None
     if bound > -INF:
         s.trim()
-        proof = Proof(s)
+        proof = Proof(r, s.pool, float(s.hi[0]))
     if torques:
         bound = max(bound, 0.0)
     return Outcome(value, bound, found, stop, time.monotonic() - start, s.nodes, proof=proof, point=s.z)

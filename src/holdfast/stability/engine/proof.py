@@ -11,23 +11,30 @@ from holdfast.mechanism import Indices
 from holdfast.stability import asked
 from holdfast.stability.certificate import Certificate, Columns, Row
 from holdfast.stability.engine import arrays, rows
-from holdfast.stability.engine.search import Search
+from holdfast.stability.engine.reduced import Reduced
+from holdfast.stability.engine.search import Pool
 from holdfast.stability.goal import Goal
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Proof:
-    """A finished, trimmed search: every leaf of its tree is closed by a ray, under the cut in force at its end."""
+    """What a finished search leaves: every leaf of its tree is closed by a ray, under the cut in force at its end.
 
-    search: Search
+    Attributes:
+        reduced: the question; pool: the tree, trimmed; cut: the upper bound of the objective.
+    """
+
+    reduced: Reduced
+    pool: Pool
+    cut: float
 
     def certificate(self) -> Certificate | None:
         """The certificate; None if nodes are left that no ray closes."""
-        s, r = self.search, self.search.reduced
-        used, status = s.used, s.pool.status
+        r, pool, hi = self.reduced, self.pool, self.cut
+        status = pool.status
         if not r.solvable or np.isin(status, (arrays.UNRESOLVED, arrays.WAITING)).any():
             return None
-        p, hi = r.p, float(s.hi[0])
+        p = r.p
         # of the smallest preload everything is homogeneous: w = d is the search's w = stretch d, divided
         homogeneous = r.goal is Goal.SMALLEST_PRELOAD
         force = p.force / p.stretch if homogeneous else p.force
@@ -39,11 +46,10 @@ class Proof:
         question = asked.question(p, r.goal)
         leaves = np.flatnonzero(status == arrays.EMPTY)
         start, entries = self._rows(leaves, Columns.of(question), force, unit)
-        parent = s.pool.parent
-        part, m = s.pool.part, len(p.mu)
+        part, m = pool.part, len(p.mu)
         moved = np.maximum(part - m, 0)
-        states = s.pool.states
-        at = np.arange(used)
+        states = pool.states
+        at = np.arange(len(status))
         contact = part < m
         i = np.minimum(part, m - 1)
         state = states[at, i]
@@ -57,7 +63,7 @@ class Proof:
             cap_r=r.cap * force * p.lengths,
             cap_q=r.cap * force / p.joint_scale,
             scalar=scalar,
-            parent=parent,
+            parent=pool.parent,
             part=part,
             state=state,
             left=left,
@@ -72,8 +78,8 @@ class Proof:
 
         force, unit: [N] and units of the scalar, per scaled one.
         """
-        s, r, p = self.search, self.search.reduced, self.search.reduced.p
-        ids, y = s.pool.ids[leaves], s.pool.data[leaves].copy()
+        r, p, pool = self.reduced, self.reduced.p, self.pool
+        ids, y = pool.ids[leaves], pool.data[leaves].copy()
         kind = ids >> rows.KIND
         box = (kind == rows.BOX_UP) | (kind == rows.BOX_DOWN)
         used = (y > 0) & ~box  # a bound on z itself says nothing about x: the caps stand in for it
@@ -98,8 +104,8 @@ class Proof:
         y[energy] /= force
         n = len(r.cost)
         normal = slice(0, 3 * len(p.mu), 3)
-        points = force * (s.pool.data[nodes, :n] @ r.C[normal].T + r.off[normal])
-        references = np.column_stack([points, unit * s.pool.data[nodes, n]])
+        points = force * (pool.data[nodes, :n] @ r.C[normal].T + r.off[normal])
+        references = np.column_stack([points, unit * pool.data[nodes, n]])
 
         flip = np.zeros(len(kind), bool)
         columns, factors = np.zeros(len(r.names), int), np.ones(len(r.names))

@@ -159,6 +159,10 @@ class Reduced:
         what = self.C, self.D, self.CT, self.DT, self.off, self.p.mu, self.lo, self.cost, self.driven
         return arrays.table(arrays.QUESTION, what)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """For another process: addresses mean nothing there."""
+        return {name: value for name, value in self.__dict__.items() if name != "table"}
+
     @cached_property
     def numbers(self) -> tuple[Any, ...]:
         """m, a, F, cos and sin of eta, whether the dissipation principle holds, and what is sought."""

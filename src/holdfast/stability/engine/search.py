@@ -248,9 +248,6 @@ class Search:
     def trim(self) -> None:
         """Give back the room that no node took; nothing can be expanded afterwards."""
         real = self._real()
-        if real.all():
-            self.pool = self.pool.grown(self.used, self.used)
-            return
         pool, number = Pool(*(a[: self.used][real] for a in self.pool.arrays())), np.cumsum(real) - 1
         pool.parent[1:] = number[pool.parent[1:]]
         named = (pool.ids >> rows.KIND == rows.ENERGY) & (pool.status == arrays.EMPTY)[:, None]  # after a node
