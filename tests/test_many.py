@@ -50,7 +50,7 @@ def test_processes_and_threads_give_the_same(monkeypatch: pytest.MonkeyPatch) ->
         for answer in others:
             assert (answer.lower, answer.upper, answer.nodes) == (first.lower, first.upper, first.nodes)
         assert first.witness.valid
-        assert verify(first.certificate).ok
+        assert first.unbounded or verify(first.certificate).ok
 
 
 def test_ctrl_c_leaves_none_in_processes_either() -> None:
