@@ -5,7 +5,7 @@
 
 Both versions answer the random cases of the published set of each size in turn, in processes of their own with
 caches of their own, one thread each; who begins alternates. A ratio is that of two neighbouring turns, so that
-other work on the machine hits both alike. Writes results/versions.json and prints a Markdown table.
+other work on the machine hits both alike. Adds to results/versions.json and prints a Markdown table.
 """
 
 from __future__ import annotations
@@ -103,7 +103,9 @@ def main() -> None:
         revisions = [v.revision for v in versions]
         for version in versions:
             version.process.communicate()
-    RESULTS.write_text(json.dumps({"machine": describe(), "revisions": revisions, "rows": rows}, indent=1) + "\n")
+    kept = [run for run in json.loads(RESULTS.read_text())["runs"] if run["revisions"] != revisions]
+    kept.append({"machine": describe(), "revisions": revisions, "rows": rows})
+    RESULTS.write_text(json.dumps({"runs": kept}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -49,13 +49,14 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Options:
-    """What all cases share, as in `maximum`."""
+    """What all cases share, as in `maximum`; proofs: are witnesses and certificates wanted, too?"""
 
     eta: float = 0.0
     mdp: bool = True
     torque_limits: Mapping[str, float] | None = None
     force_limit: float | None = None
     settings: Settings | None = None
+    proofs: bool = True
 
     def build(self, case: Case) -> Problem:
         limits = {"torque_limits": self.torque_limits, "force_limit": self.force_limit}
@@ -170,8 +171,9 @@ def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[
 
 
 def _task(task: tuple[Sequence[Case], Options]) -> list[MaxAnswer]:
-    # a thousand answers travel between processes: leave the history of Algorithm 1 behind
-    return [replace(answer, steps=()) for answer in _block(*task)]
+    # a thousand answers travel between processes: leave behind what nobody asks for, and the history of Algorithm 1
+    left: dict[str, Any] = {"steps": ()} | ({} if task[1].proofs else {"witness": None, "proof": None, "posed": None})
+    return [replace(answer, **left) for answer in _block(*task)]
 
 
 def _in_processes(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:

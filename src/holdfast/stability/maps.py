@@ -188,7 +188,7 @@ def force_map(
     directions[:, i], directions[:, j] = np.cos(angles), np.sin(angles)
     directions[np.abs(directions) < 1e-12] = 0.0
     grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
-    options = Options(eta=eta, torque_limits=torque_limits, force_limit=force_limit, settings=settings)
+    options = Options(eta, True, torque_limits, force_limit, settings, proofs=False)
     base = np.zeros(6)
     wrenches = np.hstack([directions, np.cross(point, directions)]) + 0.0  # no -0
     cases = [Case(g, w, base) for g in grasps for w in wrenches]
@@ -236,7 +236,7 @@ def sweep(
         raise unknown_name("actuator", actuator, grasp.mechanism.actuators, field="joint")
     d = np.atleast_2d(np.asarray(directions, dtype=float))
     x = np.asarray(values, dtype=float)
-    options = Options(eta=eta, torque_limits=torque_limits, force_limit=force_limit, settings=settings)
+    options = Options(eta, True, torque_limits, force_limit, settings, proofs=False)
     base = np.zeros(6)
     grasps = [grasp.with_preload(grasp.preload | {actuator: float(value)}) for value in x]
     cases = [Case(g, direction, base) for direction in d for g in grasps]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import logging
 import os
 import re
 import sys
@@ -60,7 +61,7 @@ class Kernel:
 
 @cache
 def kernel() -> Kernel:
-    """The kernel, compiled if this processor has not seen it yet: half a minute."""
+    """The kernel, compiled if this processor has not seen it yet, which takes half a minute and says so."""
     name = file_name()
     for folder in _folders():
         try:
@@ -68,6 +69,7 @@ def kernel() -> Kernel:
         except OSError:
             continue
         return Kernel(code)
+    logging.getLogger("holdfast").warning("compiling the engine for this processor, once: about half a minute")
     code = compiled()
     for folder in _folders():
         try:
