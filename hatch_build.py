@@ -11,7 +11,8 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
 class Kernel(BuildHookInterface):
-    """Where the processor is another one, or for an editable installation, the first question compiles."""
+    """On another processor the first question compiles. What is made here is kept beside the sources, too: an editable
+    installation, which is not built, finds it there."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         if version == "editable":
@@ -19,10 +20,9 @@ class Kernel(BuildHookInterface):
         sys.path.insert(0, str(Path(self.root) / "src"))
         from holdfast.stability.engine import machine
 
-        self.app.display_info("compiling the engine for this processor, half a minute")
         self._folder = tempfile.TemporaryDirectory()
         made = Path(self._folder.name) / machine.file_name()
-        made.write_bytes(machine.compiled())
+        made.write_bytes(machine.machine_code())
         place = machine.HERE.relative_to(Path(self.root) / "src") / "__pycache__" / made.name
         build_data["force_include"][str(made)] = place.as_posix()
         build_data["pure_python"] = False

@@ -10,6 +10,10 @@ import numpy as np
 import pytest
 
 from holdfast.stability.engine import arrays, machine
+from holdfast.stability.many import max_many
+from holdfast.stability.queries import maximum
+from holdfast.stability.settings import Settings
+from problems import bell, solved
 
 QUESTION = """
 import sys
@@ -105,3 +109,56 @@ def test_the_arrays_of_a_block_are_those_of_its_table() -> None:
     assert arrays.table(arrays.LANE, made).tolist() == block.table.tolist()
     made[4][:] = np.arange(9)
     assert (block.arrays()[4] == np.arange(9)).all()
+
+
+def answers() -> list[tuple[float, float, int]]:
+    """Of grasps with one lane and with two, a map's neighbours, limits and uncertain normals."""
+    out = []
+    for seed in range(8):
+        s = solved(seed, 3 + seed % 4, 0.05 * (seed % 2))
+        if s.wrench.any():
+            out.append(maximum(s.grasp, s.wrench, eta=s.eta, settings=Settings(node_limit=3000)))
+    out += max_many(bell(), [[np.cos(x), np.sin(x), 0, 0, 0, 0] for x in np.linspace(0, 1, 6)], force_limit=5.0)
+    return [(a.lower, a.upper, a.nodes) for a in out]
+
+
+@pytest.mark.parametrize("rest", [0.0, np.nan, -1.0, 1e300])
+def test_the_kernel_reads_nothing_that_nobody_wrote(monkeypatch: pytest.MonkeyPatch, rest: float) -> None:
+    usual, made = answers(), arrays.Block.__init__
+
+    def filled(self: arrays.Block, layout: str, shapes: tuple[arrays.Shape, ...]) -> None:
+        made(self, layout, shapes)
+        self._memory[:] = rest
+
+    monkeypatch.setattr(arrays.Block, "__init__", filled)
+    assert answers() == usual
+    assert max(nodes for *_, nodes in usual) > 200  # two lanes
+
+
+def test_the_kernel_writes_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Arrays without padding, apart from each other: what lies between them stays as it is."""
+    mark, between, blocks = 1.25e67, 16, []
+
+    def apart(layout: str, shapes: tuple[arrays.Shape, ...]) -> tuple[np.ndarray, tuple[int, ...], int]:
+        lines, begin, at = np.zeros((len(shapes), arrays.LINE), np.int64), [], between
+        for line, shape in zip(lines, shapes, strict=True):
+            line[0], line[1 : 1 + len(shape)] = 8 * at, shape
+            begin.append(at)
+            at += int(np.prod(shape)) + between
+        return lines, tuple(begin), at
+
+    made = arrays.Block.__init__
+
+    def marked(self: arrays.Block, layout: str, shapes: tuple[arrays.Shape, ...]) -> None:
+        made(self, layout, shapes)
+        free = np.ones(len(self._memory), bool)
+        for begin, shape in zip(self._begin, shapes, strict=True):
+            free[begin : begin + int(np.prod(shape))] = False
+        self._memory[free] = mark
+        blocks.append((self._memory, free))
+
+    monkeypatch.setattr(arrays, "_places", apart)
+    monkeypatch.setattr(arrays.Block, "__init__", marked)
+    answers()
+    assert len(blocks) > 30
+    assert all((memory[free] == mark).all() for memory, free in blocks)

@@ -62,13 +62,17 @@ class Kernel:
 @cache
 def kernel() -> Kernel:
     """The kernel, compiled if this processor has not seen it yet, which takes half a minute and says so."""
+    return Kernel(machine_code())
+
+
+def machine_code() -> bytes:
+    """The object file for this processor: as it is kept, or compiled and kept."""
     name = file_name()
     for folder in _folders():
         try:
-            code = (folder / name).read_bytes()
+            return (folder / name).read_bytes()
         except OSError:
             continue
-        return Kernel(code)
     logging.getLogger("holdfast").warning("compiling the engine for this processor, once: about half a minute")
     code = compiled()
     for folder in _folders():
@@ -77,7 +81,7 @@ def kernel() -> Kernel:
         except OSError:  # not ours to write to
             continue
         break
-    return Kernel(code)
+    return code
 
 
 def compiled() -> bytes:
