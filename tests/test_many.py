@@ -8,6 +8,7 @@ import pytest
 from holdfast.answer import Stop
 from holdfast.errors import InputError
 from holdfast.grasp_file import load_grasp
+from holdfast.stability import many
 from holdfast.stability.many import FEW, max_many
 from holdfast.stability.queries import maximum
 from holdfast.stability.settings import Settings
@@ -39,18 +40,27 @@ def test_every_bound_is_certified() -> None:
 
 
 def test_processes_and_threads_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    grasp, many = bell(), [x for x in CIRCLE for _ in range(3)]
-    assert len(many) > FEW
+    grasp, directions = bell(), [x for x in CIRCLE for _ in range(3)]
+    assert len(directions) > FEW
     monkeypatch.setattr("holdfast.stability.many.BLOCK", 20)  # as many as that know of each other
-    ways = [max_many(grasp, many, jobs=2)]
+    ways = [max_many(grasp, directions, jobs=2)]
     monkeypatch.setattr("holdfast.stability.many.START", "spawn")
-    ways.append(max_many(grasp, many, jobs=2))
-    ways.append(max_many(grasp, many, jobs=1))
+    ways.append(max_many(grasp, directions, jobs=2))
+    ways.append(max_many(grasp, directions, jobs=1))
     for first, *others in zip(*ways, strict=True):
         for answer in others:
             assert (answer.lower, answer.upper, answer.nodes) == (first.lower, first.upper, first.nodes)
         assert first.witness.valid
         assert first.unbounded or verify(first.certificate).ok
+
+
+def test_solvers_of_algorithm1_are_not_for_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+    monkeypatch.setattr(many, "START", "spawn")
+    monkeypatch.setattr(many, "_in_threads", lambda cases, options, jobs: seen.append(jobs) or iter(()))
+    max_many(bell(), CIRCLE, settings=Settings(method="algorithm1"), jobs=4)
+    max_many(bell(), CIRCLE, jobs=4)
+    assert seen == [1, 4]
 
 
 def test_ctrl_c_leaves_none_in_processes_either() -> None:

@@ -99,9 +99,10 @@ def maxima(
     """One answer per case, in order; None from the first one that Ctrl-C prevented."""
     if cases:
         options.build(cases[0])  # bad input's one line is raised here, not in a worker
-    settings = options.settings or Settings()
-    worth = settings.method == "algorithm1" or len(cases) > FEW
-    run = _in_processes if worth and START == "fork" else _in_threads
+    algorithm1 = (options.settings or Settings()).method == "algorithm1"
+    run = _in_processes if START == "fork" and (algorithm1 or len(cases) > FEW) else _in_threads
+    if algorithm1 and START != "fork":  # its solvers are not for threads
+        jobs = 1
     done: list[MaxAnswer | None] = []
     try:
         for answer in run(cases, options, min(jobs or default_jobs(), max(len(cases), 1))):

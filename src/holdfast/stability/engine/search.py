@@ -203,7 +203,7 @@ class Search:
         self.pool.data[:used][finished.status == arrays.SPLIT, -1] = self.hi[0]
 
     def reopen(self, leaves: Indices) -> None:
-        """Search these leaves of the arrays."""
+        """Search these leaves of the tree."""
         lane = self.lanes[0]
         self.pool.status[leaves], self.pool.key[leaves] = arrays.WAITING, 0.0
         self.pool.bound[leaves] = self.reduced.lo[0]
@@ -212,7 +212,7 @@ class Search:
 
     @property
     def stats(self) -> Indices:
-        """What was counted, at the places that `tree` names."""
+        """What was counted, at the places that `arrays` names."""
         out: Indices = np.sum([lane.stats for lane in self.lanes], axis=0) - (len(self.lanes) - 1) * self._common
         out[arrays.USED] = self.used
         return out
