@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 PACKAGES = ("holdfast", "numpy", "scipy", "mujoco", "pyscipopt", "gurobipy")
@@ -24,3 +26,9 @@ def describe() -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": versions,
     }
+
+
+def revision(checkout: Path) -> str:
+    """Of a checkout, by git; whether anything in it is changed since."""
+    git = ["git", "-C", str(checkout), "describe", "--always", "--dirty"]
+    return subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()

@@ -21,7 +21,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from machine import describe
+from machine import describe, revision
 
 RESULTS = Path(__file__).parent / "results" / "start.json"
 HERE = Path(__file__).parents[1]
@@ -44,12 +44,7 @@ def main() -> None:
     parser.add_argument("--cold", type=int, default=3)
     parser.add_argument("--warm", type=int, default=9)
     given = parser.parse_args()
-    names = [
-        subprocess.run(
-            ["git", "-C", str(c), "describe", "--always", "--dirty"], capture_output=True, text=True, check=True
-        ).stdout.strip()
-        for c in given.checkouts
-    ]
+    names = [revision(checkout) for checkout in given.checkouts]
     times: dict[str, list[list[tuple[float, float]]]] = {k: [[] for _ in names] for k in ("compile", "check", "import")}
     for turn in range(given.cold):
         with tempfile.TemporaryDirectory() as folder:

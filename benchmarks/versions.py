@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from machine import describe
+from machine import describe, revision
 
 RESULTS = Path(__file__).parent / "results" / "versions.json"
 
@@ -55,8 +55,7 @@ class Version:
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=env)
         self._line()
-        git = ["git", "-C", str(checkout), "describe", "--always", "--dirty"]
-        self.revision = subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
+        self.revision = revision(checkout)
 
     def _line(self) -> str:
         assert self.process.stdout

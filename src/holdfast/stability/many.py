@@ -58,6 +58,11 @@ class Options:
     settings: Settings | None = None
     proofs: bool = True
 
+    @property
+    def algorithm1(self) -> bool:
+        """Is it Algorithm 1 that is asked?"""
+        return self.settings is not None and self.settings.method == "algorithm1"
+
     def build(self, case: Case) -> Problem:
         limits = {"torque_limits": self.torque_limits, "force_limit": self.force_limit}
         return problem.build(case.grasp, case.base, case.direction, eta=self.eta, mdp=self.mdp, **limits)  # type: ignore[arg-type]
@@ -99,9 +104,8 @@ def maxima(
     """One answer per case, in order; None from the first one that Ctrl-C prevented."""
     if cases:
         options.build(cases[0])  # bad input's one line is raised here, not in a worker
-    algorithm1 = (options.settings or Settings()).method == "algorithm1"
-    run = _in_processes if START == "fork" and (algorithm1 or len(cases) > FEW) else _in_threads
-    if algorithm1 and START != "fork":  # its solvers are not for threads
+    run = _in_processes if START == "fork" and (options.algorithm1 or len(cases) > FEW) else _in_threads
+    if options.algorithm1 and START != "fork":  # its solvers are not for threads
         jobs = 1
     done: list[MaxAnswer | None] = []
     try:
@@ -181,8 +185,7 @@ def _in_processes(cases: Sequence[Case], options: Options, jobs: int) -> Iterato
     if jobs <= 1:
         yield from _in_threads(cases, options, 1)
         return
-    algorithm1 = options.settings is not None and options.settings.method == "algorithm1"
-    size = 1 if algorithm1 else BLOCK  # its cases take long, and no neighbour helps
+    size = 1 if options.algorithm1 else BLOCK  # its cases take long, and no neighbour helps
     tasks = [(cases[i : i + size], options) for i in range(0, len(cases), size)]
     # workers leave Ctrl-C to the parent, which then ends them
     context = multiprocessing.get_context(START)

@@ -84,11 +84,14 @@ class Block:
 
     def arrays(self) -> list[Any]:
         """The arrays, which keep the memory alive."""
-        numbers = {"f": self._memory, "i": self._memory.view(np.int64)}
-        return [
-            numbers[kind[0]][begin : begin + math.prod(shape)].reshape(shape)
-            for kind, begin, shape in zip(self._layout.split(), self._begin, self._shapes, strict=True)
-        ]
+        return [self._array(*place) for place in zip(self._layout.split(), self._begin, self._shapes, strict=True)]
+
+    def first(self) -> Any:
+        """The first of them."""
+        return self._array(self._layout[:2], self._begin[0], self._shapes[0])
+
+    def _array(self, kind: str, begin: int, shape: Shape) -> Any:
+        return self._memory[begin : begin + math.prod(shape)].view(KINDS[kind[0]]).reshape(shape)
 
 
 @lru_cache(maxsize=256)
@@ -111,7 +114,7 @@ def room(sizes: Shape) -> Block:
     sizes: m, a, F, unknowns, forces and motions with what fills them up, plain base values.
     """
     out = Block(WORK, _shapes(*sizes))
-    out.arrays()[0][:] = -1  # no inverse is kept
+    out.first()[:] = -1  # no inverse is kept
     return out
 
 

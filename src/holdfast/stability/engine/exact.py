@@ -22,7 +22,6 @@ def solve(r: Reduced, start: Array, *, tol: float = 1e-6, hold: bool = False, la
     lane = lane or Lane.of(r)
     m, a, _, cos, sin, mdp, objective = r.numbers
     start, z = np.ascontiguousarray(start), np.empty(len(start))
-    points = table(POINTS, (start, z))
-    tables = (x.ctypes.data for x in (r.table, lane.table, points, lane.room.table))
+    tables = r.table, lane.table, table(POINTS, (start, z)), lane.room.table
     found = kernel().polished(m, a, cos, sin, mdp, min(objective, 1), hold, tol, *tables)
     return z if found else None

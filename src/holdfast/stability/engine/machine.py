@@ -21,11 +21,13 @@ from typing import Any
 
 import llvmlite
 import llvmlite.binding as llvm
+import numpy as np
 
 HERE = Path(__file__).parent
 SOURCES = (HERE / "rows.py", HERE / "arrays.py", *sorted((HERE / "kernel").glob("*.py")))
 
-_WHOLE, _REAL, _TABLE = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+_WHOLE, _REAL = ctypes.c_int64, ctypes.c_double
+_TABLE = np.ctypeslib.ndpointer(np.int64, ndim=2, flags="C_CONTIGUOUS")
 # module and arguments of the functions, each of which returns a whole number
 FUNCTIONS = {
     "run": ("tree", 3 * [_WHOLE] + 2 * [_REAL] + 2 * [_WHOLE] + 2 * [_REAL] + 2 * [_WHOLE] + 4 * [_TABLE]),
@@ -43,7 +45,7 @@ define void @NRT_decref(ptr %x) alwaysinline { ret void }
 class Kernel:
     """The compiled functions of `kernel.tree`, `kernel.newton` and `kernel.refute`.
 
-    They take numbers and the addresses of tables (see `arrays`), and let other threads run meanwhile.
+    They take numbers and tables (see `arrays`), and let other threads run meanwhile.
     """
 
     run: Callable[..., int]

@@ -50,8 +50,6 @@ class Neighbour:
         s.follow(self.tree)
         pool, leaves = s.pool, np.flatnonzero(self.tree.status != SPLIT)
         closed = np.empty(len(leaves), np.bool_)
-        which = table(LEAVES, (leaves, closed))
-        assert pool.table is not None
-        tables = (x.ctypes.data for x in (r.table, lane.table, pool.table, which, lane.room.table))
+        tables = r.table, lane.table, pool.table, table(LEAVES, (leaves, closed)), lane.room.table
         kernel().refuted(*r.numbers[:5], *tables)
         s.reopen(leaves[~closed])

@@ -180,9 +180,14 @@ class Search:
 
     def _confine(self, highest: float) -> None:
         """Bound the unknowns, while the objective is at most `highest`."""
-        self.box = self.reduced.box(highest)
+        box = self.reduced.box(highest)
         for lane in self.lanes:
-            lane.box[:] = self.box
+            lane.box[:] = box
+
+    @property
+    def box(self) -> Array:
+        """(n,) bounds of the unknowns, the same for every lane."""
+        return self.lanes[0].box
 
     def know(self, z: Array) -> None:
         """Begin with an exact solution (n,) as the incumbent."""
@@ -280,9 +285,8 @@ class Search:
         return -INF
 
     def _run(self, lane: Lane, budget: int, close: bool = False) -> int:
-        r, pool = self.reduced, self.pool
-        assert pool.table is not None
-        tables = (x.ctypes.data for x in (r.table, lane.table, pool.table, lane.room.table))
+        r = self.reduced
+        tables = r.table, lane.table, self.pool.table, lane.room.table
         return kernel().run(*r.numbers, self.gap, self.gap_absolute, budget, close, *tables)
 
     def _slice(self, budget: int) -> list[int]:
