@@ -18,7 +18,14 @@ if TYPE_CHECKING:
     from holdfast.synthesis.answers import Replayed, Synthesis
     from holdfast.synthesis.result_file import Saved
 
-SCHEMAS = ("holdfast/result/1", "holdfast/certificate/1", "holdfast/synthesis/1", "holdfast/grasps/1")
+SCHEMAS = (
+    "holdfast/result/1",
+    "holdfast/result/2",
+    "holdfast/certificate/1",
+    "holdfast/certificate/2",
+    "holdfast/synthesis/1",
+    "holdfast/grasps/1",
+)
 
 
 def verify(

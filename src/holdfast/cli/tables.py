@@ -97,8 +97,6 @@ def show_verified(out: Console, what: Result | Certificate, done: Verified) -> N
             grid.add_row(*cells, "refused" if refused else "proved")
         out.print()
         out.print(grid)
-    if done.certificate:
-        out.print(f"The certificate covers virtual motions up to {num(done.certificate.motion)} N.")
     out.print(f"{num(done.seconds, 2)} s, without the engine and without any solver", style="dim")
 
 

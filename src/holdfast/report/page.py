@@ -137,7 +137,7 @@ def _answer(
             parts += [*_pictures(grasp, witness, meshes), tables]
     elif answer.verdict is Verdict.SLIPS:
         why = (
-            f"every case of equations (1) to (8) was refuted: {words.certified(answer.certificate)}."
+            f"every case of equations (1) to (8) was refuted: {words.certified(answer.certificate, answer.verified)}."
             if answer.certificate
             else "a relaxation of equations (1) to (8), wider than the model, has no solution."
         )

@@ -136,7 +136,7 @@ def actuators_that_turn(witness: Witness) -> list[bool]:
 
     grasp = witness.grasp
     moved = np.abs(model.actuator_motion(grasp, witness.state.q)) * model.actuator_arms(grasp)
-    return list(moved > 1e-9 * model.force_scale(grasp, witness.wrench, witness.state.c))
+    return list(moved > 1e-9 * model.force_scale(witness.wrench, witness.state.c))
 
 
 # --- verdicts -----------------------------------------------------------------------------------
@@ -234,13 +234,13 @@ def work(answer: Answer, settings: Settings) -> str:
     if settings.method == "algorithm1":
         return f"Algorithm 1 on {settings.solver}: {count(len(answer.steps), 'program')}, {seconds}"
     found = f"{count(answer.nodes, 'node')}, {seconds}"
-    return f"{found}; {certified(answer.certificate)}" if answer.certificate else found
+    return f"{found}; {certified(answer.certificate, answer.verified)}" if answer.certificate else found
 
 
-def certified(certificate: Certificate) -> str:
-    """'certificate of 4 leaves, for motions up to 20000 N'."""
+def certified(certificate: Certificate, verified: bool) -> str:
+    """'certificate of 4 leaves, replayed'."""
     leaves = count(len(certificate.leaves), "leaf")
-    return f"certificate of {leaves}, for motions up to {num(float(certificate.cap_r[0]))} N"
+    return f"certificate of {leaves}, {'replayed' if verified else 'not replayed yet'}"
 
 
 def curve_states(curve: Curve) -> list[str]:

@@ -34,6 +34,7 @@ class Answer:
         witness: the exact solution behind `verdict` or `lower`.
         proof: what the other bound rests on; Algorithm 1 has none.
         posed: the problem and the goal of the search.
+        verified: was everything that it says replayed, the proof by the independent checker?
     """
 
     verdict: Verdict
@@ -44,11 +45,12 @@ class Answer:
     witness: Witness | None
     proof: Proof | None = field(repr=False)
     posed: tuple[Problem, Goal] | None = field(default=None, kw_only=True, repr=False)
+    verified: bool = field(default=False, kw_only=True)
 
     @cached_property
     def certificate(self) -> Certificate | None:
         """The proof of SLIPS, or of the bound that no state was found for, for `verify`; None without."""
-        return self.proof.certificate() if self.proof else None
+        return self.proof.certificate if self.proof else None
 
     @cached_property
     def question(self) -> Question | None:
@@ -56,16 +58,15 @@ class Answer:
         return asked.question(*self.posed) if self.posed else None
 
     def proof_json(self) -> dict[str, Any]:
-        """Keys of every answer: is there a certificate, and up to which virtual motion of the object [N]?"""
-        c = self.certificate
-        return {"certified": c is not None, "motion_cap": float(c.cap_r[0]) if c else None}
+        """Keys of every answer: is there a certificate, and was everything replayed?"""
+        return {"certified": self.certificate is not None, "verified": self.verified}
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
         raise NotImplementedError
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write a `holdfast/result/1` file: question, answer, witness, certificate. For `holdfast.verify`.
+        """Write a `holdfast/result/2` file: question, answer, witness, certificate. For `holdfast.verify`.
 
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.

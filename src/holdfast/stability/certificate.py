@@ -1,9 +1,10 @@
 """A certificate: the written proof that no state of the model exists, for anyone to check (`verify`).
 
-It claims: no state solves (1)-(8) for the question, with the scalar in its range and every motion inside
-its cap. The proof is a tree of cases. A node is its parent with one part changed: parts 0 to m-1 are the
+It claims: no state of any motion solves (1)-(8) for the question, with the scalar in its range. The proof is
+a tree of cases. A node is its parent with one part changed: parts 0 to m-1 are the
 contacts, m to m+a-1 the actuators. Each leaf lists inequalities that hold in its case, and multipliers
->= 0 under which they contradict the equilibrium and the bounds: Farkas' lemma.
+>= 0 under which they contradict the equilibrium: Farkas' lemma. Certificates of version 1 claim it for motions
+inside a cap only, and their multipliers need the cap.
 
 Directions in the contact plane are integers, 2^24 to the turn; a sector is a pair left < right of them.
 Actuators are mirrored into the sense of their command, so that (8) reads t >= 0, f >= |f_c| everywhere.
@@ -30,6 +31,7 @@ Integers = NDArray[np.int64]
 
 TURN = 2**24  # directions in a full turn
 HALF = TURN // 2  # a sector is narrower than this
+WIDER = 2.0**-40  # relative; rows of the cone, and bounds on |d_t|, give way by as much: see `farkas`
 MAX_ETA = float(np.radians(45.0))
 NODE_ARRAYS = ("parent", "part", "state", "left", "right")
 ROW_ARRAYS = ("start", "kind", "index", "a", "b", "multiplier")
@@ -221,8 +223,8 @@ class Certificate:
 
     Attributes:
         question: what was asked.
-        cap_r, cap_q: (6,), (l,) no state with |r_k| <= cap_r[k], |q_j| <= cap_q[j] (units of `State`) exists.
-        scalar: nor with the goal's scalar in this range (lo, hi); None for a check.
+        scalar: no state with the goal's scalar in this range (lo, hi) exists; hi may be infinite for the smallest
+            preload. None for a check.
         parent: the parent of each node, a smaller number; -1 for the root.
         part, state, left, right: what changed: part, its state, its sector (0, 0 without).
         leaves: (L,) nodes that are not split.
@@ -231,6 +233,8 @@ class Certificate:
             reference, its directions, and its multiplier.
         references: (K, m+1) normal forces [N] at which the balance of energy has tangents, and the scalar that
             f_c is taken at.
+        cap_r, cap_q: (6,), (l,) of version 1: nothing is claimed of motions but |r_k| <= cap_r[k],
+            |q_j| <= cap_q[j] (units of `State`). None otherwise.
 
     Raises:
         InputError: arrays of the wrong shape, caps or a range that are none. Whether the proof is right
@@ -238,8 +242,6 @@ class Certificate:
     """
 
     question: Question
-    cap_r: Array
-    cap_q: Array
     scalar: tuple[float, float] | None
     parent: Integers
     part: Integers
@@ -254,12 +256,18 @@ class Certificate:
     b: Integers
     multiplier: Array
     references: Array = field(default_factory=lambda: np.zeros((0, 1)))
+    cap_r: Array | None = None
+    cap_q: Array | None = None
 
     def __post_init__(self) -> None:
         put = object.__setattr__
+        if not len(self.references):
+            put(self, "references", np.zeros((0, self.question.grasp.m + 1)))
         shape = (len(self.references), self.question.grasp.m + 1)
         put(self, "references", frozen(self.references, shape, "references"))
-        for name, size in (("cap_r", 6), ("cap_q", self.question.grasp.l)):
+        if (self.cap_r is None) != (self.cap_q is None):
+            raise InputError("caps are of all motions, or of none", field="cap_r, cap_q")
+        for name, size in (("cap_r", 6), ("cap_q", self.question.grasp.l)) if self.capped else ():
             put(self, name, frozen(getattr(self, name), (size,), name))
             if (getattr(self, name) < 0).any():
                 raise InputError("is negative; a cap is 0 or more", field=name)
@@ -268,7 +276,9 @@ class Certificate:
         if self.scalar is not None:
             lo, hi = (float(v) for v in self.scalar)
             put(self, "scalar", (lo, hi))
-            if not -np.inf < lo <= hi < np.inf or (lo < 0 and self.question.goal is not Goal.LARGEST):
+            endless = self.question.goal is Goal.SMALLEST_PRELOAD and not self.capped
+            real = -np.inf < lo <= hi and (hi < np.inf or endless)
+            if not real or (lo < 0 and self.question.goal is not Goal.LARGEST):
                 raise InputError(f"is {lo:g} to {hi:g}, not a range that the goal knows", field="scalar")
         nodes, leaves, rows = len(np.atleast_1d(self.parent)), len(np.atleast_1d(self.leaves)), len(self.kind)
         sizes = {"leaves": leaves, "start": leaves + 1} | dict.fromkeys(NODE_ARRAYS, nodes)
@@ -282,5 +292,12 @@ class Certificate:
             value.flags.writeable = False
             put(self, name, value)
         s = self.start
+        if not nodes:
+            raise InputError("is empty; the root at least is needed", field="parent")
         if s[0] != 0 or s[-1] != rows or (np.diff(s) < 0).any():
             raise InputError(f"must rise from 0 to the number of rows, {rows}", field="start")
+
+    @property
+    def capped(self) -> bool:
+        """Is it of version 1, which says nothing about motions beyond its caps?"""
+        return self.cap_r is not None

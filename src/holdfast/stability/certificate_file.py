@@ -1,4 +1,4 @@
-"""The `holdfast/certificate/1` file: a claim and its proof, numbers to the last bit."""
+"""The `holdfast/certificate/2` file: a claim and its proof, numbers to the last bit. Version 1, with caps, is read."""
 
 from __future__ import annotations
 
@@ -52,15 +52,21 @@ class RowsEntry(Strict):
 class CertificateFile(Strict):
     """The file as it stands on disk."""
 
-    format: Literal["holdfast/certificate/1"] = Field(alias="schema")
+    format: Literal["holdfast/certificate/2"] = Field(alias="schema")
     question: QuestionEntry
-    cap_r: Six
-    cap_q: list[float]
-    scalar: tuple[float, float] | None = None
+    scalar: tuple[float, float | None] | None = None
     nodes: NodesEntry
     leaves: list[Int]
     rows: RowsEntry
     references: list[list[float]] = Field(default_factory=list)
+
+
+class FirstVersion(CertificateFile):
+    """Version 1: the claim holds for motions inside a cap."""
+
+    format: Literal["holdfast/certificate/1"] = Field(alias="schema")  # type: ignore[assignment]
+    cap_r: Six
+    cap_q: list[float]
 
 
 def question_to_dict(q: Question) -> dict[str, Any]:
@@ -90,14 +96,14 @@ def question_of(entry: QuestionEntry) -> Question:
 
 
 def to_dict(certificate: Certificate) -> dict[str, Any]:
-    """The certificate as a `holdfast/certificate/1` object; numbers come back exactly."""
+    """The certificate as a `holdfast/certificate/2` object (1 if it has caps); numbers come back exactly."""
     c = certificate
+    caps = {} if c.cap_r is None or c.cap_q is None else {"cap_r": c.cap_r.tolist(), "cap_q": c.cap_q.tolist()}
     return {
-        "schema": "holdfast/certificate/1",
+        "schema": "holdfast/certificate/1" if c.capped else "holdfast/certificate/2",
         "question": question_to_dict(c.question),
-        "cap_r": c.cap_r.tolist(),
-        "cap_q": c.cap_q.tolist(),
-        "scalar": None if c.scalar is None else list(c.scalar),
+        **caps,
+        "scalar": None if c.scalar is None else [x if np.isfinite(x) else None for x in c.scalar],
         "nodes": {name: getattr(c, name).tolist() for name in NODE_ARRAYS},
         "leaves": c.leaves.tolist(),
         "rows": {name: getattr(c, name).tolist() for name in ROW_ARRAYS},
@@ -107,18 +113,20 @@ def to_dict(certificate: Certificate) -> dict[str, Any]:
 
 def from_dict(data: Any) -> Certificate:
     """The certificate in a parsed object; raises `InputError` as `load_certificate` does."""
-    entry = validate(CertificateFile, data)
+    first = isinstance(data, dict) and data.get("schema") == "holdfast/certificate/1"
+    entry = validate(FirstVersion if first else CertificateFile, data)
     question = question_of(entry.question)
     shape = (len(entry.references), question.grasp.m + 1)
+    caps = {"cap_r": entry.cap_r, "cap_q": entry.cap_q} if isinstance(entry, FirstVersion) else {}
+    scalar = None if entry.scalar is None else (entry.scalar[0], np.inf if entry.scalar[1] is None else entry.scalar[1])
     return Certificate(
         question=question,
-        cap_r=np.array(entry.cap_r),
-        cap_q=np.array(entry.cap_q),
-        scalar=entry.scalar,
+        scalar=scalar,
         leaves=np.array(entry.leaves, dtype=np.int64),
         **entry.nodes.model_dump(),
         **entry.rows.model_dump(),
         references=frozen(entry.references, shape, "references"),
+        **{name: np.array(cap, dtype=float) for name, cap in caps.items()},
     )
 
 

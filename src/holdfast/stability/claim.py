@@ -1,4 +1,13 @@
-"""What a certificate claims, as numbers: bounds, equalities and motions in the unknowns x. For `verify`."""
+"""Certificates of version 1: a leaf is refuted for motions inside a cap, in floating point.
+
+With rows F x >= b, multipliers y >= 0, equalities E x = h and any v, every x of the leaf has
+
+    y b + v h <= (y F + v E) x <= sum over k of max(rho_k lo_k, rho_k hi_k),   rho = y F + v E,
+
+so the leaf is empty if the left end is larger than the right one. Which v is used does not matter for soundness:
+least squares makes rho small. Floating-point errors are bounded from above throughout. Bounds of forces follow from
+those of motions, which the file gives: proofs without any cap are in `farkas`.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from holdfast.mechanism import Array
-from holdfast.stability.certificate import Certificate, Columns, Question
+from holdfast.stability.certificate import HALF, Certificate, Columns, Integers, Question, Row, directions
 
 UNIT = 2.0**-53  # relative error of one rounded operation
 TINY = 1e-300  # above anything that underflow can lose
@@ -117,3 +126,133 @@ def _solution_bound(K: Array, load: Array, error: float) -> Array:
         return np.full(K.shape[1], np.inf)
     z = np.abs(P) @ load * (1 + error)
     return (z + 2 * delta * z.max(initial=0.0)) / size * (1 + 4 * error) + TINY  # delta / (1 - delta) < 2 delta
+
+
+# --- the proof of each leaf ---------------------------------------------------------------------
+
+
+def leaf_margins(certificate: Certificate, claim: Claim) -> Array:
+    """(L,) how far each leaf's rows contradict the bounds, of the numbers involved; positive is a proof."""
+    n, eps = claim.columns.n, claim.error
+    S, size, rhs, rhs_size = weighed_rows(certificate, claim)
+    rho0 = S[:, :n] + S[:, n:] @ claim.Z
+    error = eps * (size[:, :n] + size[:, n:] @ np.abs(claim.Z))
+
+    v = equality_multipliers(rho0, claim)
+    rho = rho0 + v @ claim.E
+    error = error + eps * (np.abs(rho0) + np.abs(v) @ np.abs(claim.E)) + TINY
+    bounded = np.isfinite(claim.reach)
+    lo, hi, reach = (np.where(bounded, b, 0.0) for b in (claim.lo, claim.hi, claim.reach))
+    most = np.maximum(rho * lo, rho * hi).sum(axis=1)
+    gap = rhs + v @ claim.h - most
+    involved = rhs_size + np.abs(v) @ np.abs(claim.h) + np.abs(rho) @ reach
+    gap -= 2 * (error @ reach + eps * involved + TINY)
+    # an unknown without bound may occur nowhere, not even by rounding
+    gap[(size[:, :n][:, ~bounded] != 0).any(axis=1)] = -np.inf
+    return np.asarray(gap / np.maximum(involved, TINY))
+
+
+def equality_multipliers(rho0: Array, claim: Claim) -> Array:
+    """(L, p) v that makes rho0 + v E small, each unknown weighed by its reach; any v would be sound."""
+    weight = np.where(np.isfinite(claim.reach), claim.reach, 0.0)
+    weight /= max(weight.max(), TINY)
+    weight[np.isfinite(claim.reach)] += 1e-9  # rows still say v where the reach is 0: no friction
+    norms = np.linalg.norm(claim.E * weight, axis=1)
+    scale = np.where(norms > 0, 1.0 / np.where(norms > 0, norms, 1.0), 0.0)[:, None]
+    inverse = np.linalg.pinv(claim.E * weight * scale)
+    v = -((rho0 * weight) @ inverse) * scale.T
+    return v - (((rho0 + v @ claim.E) * weight) @ inverse) * scale.T  # once more for what rounding left
+
+
+def weighed_rows(certificate: Certificate, claim: Claim) -> tuple[Array, Array, Array, Array]:
+    """Rows weighed by multipliers: S (L, n+3m+a) on (x, d, t), the sum of sizes, b (L,), its sum of sizes.
+
+    The sizes times `Claim.error` bound all errors: of rounding, and of float directions U = (1 + e) unit,
+    |e| < 10 u. Those make g wrong by less than 80 u |d_t| / (1 + U_a . U_b)^1.5, the chord by as much times
+    mu c_n, `TANGENT` by 10 u mu c_n, `GAP_DOWN` by 10 u |d_t|: added to the sizes as `more`, for 256 u.
+    `C_LEFT` and the like are exact: U_(a + half a turn) = -U_a.
+    """
+    c, q, at = certificate, certificate.question, claim.columns
+    m, width = q.grasp.m, at.n + len(claim.Z)
+    leaf = np.repeat(np.arange(len(c.leaves)), np.diff(c.start))
+    force, motion = at.c.start + 3 * c.index, at.n + 3 * c.index
+    t, f = at.n + 3 * m + c.index, at.f.start + c.index
+    cos, sin = np.cos(q.eta), np.sin(q.eta)
+    U = directions(np.concatenate([c.a, c.b]))
+    if not (np.abs((U * U).sum(axis=1) - 1) < 16 * UNIT).all():
+        raise ValueError("the directions of this computer are not of unit length")
+    Ua, Ub = U[: len(leaf)], U[len(leaf) :]
+    needs_both = np.isin(c.kind, (Row.GAP_UP, Row.DN_UP, Row.CHORD)) & (np.abs(c.b - c.a) < HALF)
+    both = np.where(needs_both, 1 + (Ua * Ub).sum(axis=1), 1.0)
+    g, wide = (Ua + Ub) / both[:, None], both**-1.5
+    mu = np.append(q.grasp.mu, 0.0)[np.minimum(c.index, m)]
+    constant, per_scalar = (np.append(f_c, 0.0)[np.minimum(c.index, len(f_c))] for f_c in q.commands)
+    rows = [np.flatnonzero(c.kind == kind) for kind in Row]
+    flat, value, sizes = [], [], []
+    b = np.zeros(len(leaf))
+
+    def put(kinds: tuple[Row, ...], column: Integers, coefficient: Array | float, more: Array | float = 0.0) -> None:
+        here = np.concatenate([rows[kind] for kind in kinds])
+        x, extra = (v[here] if isinstance(v, np.ndarray) else v for v in (coefficient, more))
+        flat.append(leaf[here] * width + column[here])
+        value.append(c.multiplier[here] * x)
+        sizes.append(c.multiplier[here] * (np.abs(x) + extra))
+
+    put((Row.CN_UP, Row.GAP_UP), force, 1.0)
+    put((Row.CN_DOWN, Row.GAP_DOWN), force, -1.0)
+    put((Row.TANGENT,), force, mu, mu)
+    put((Row.CHORD,), force, -mu * both / 2, mu * wide)
+    put((Row.GAP_UP, Row.DN_UP), motion, cos)
+    put((Row.GAP_DOWN,), motion, -cos)
+    for axis in (0, 1):
+        put((Row.TANGENT,), force + 1 + axis, -Ua[:, axis])
+        put((Row.CHORD,), force + 1 + axis, (Ua + Ub)[:, axis] / 2)
+        put((Row.GAP_UP, Row.DN_UP), motion + 1 + axis, -sin * g[:, axis], sin * wide)
+        put((Row.GAP_DOWN,), motion + 1 + axis, sin * Ua[:, axis], sin)
+    put((Row.C_LEFT,), force + 1, -Ua[:, 1])
+    put((Row.C_LEFT,), force + 2, Ua[:, 0])
+    put((Row.C_RIGHT,), force + 1, Ub[:, 1])
+    put((Row.C_RIGHT,), force + 2, -Ub[:, 0])
+    put((Row.D_LEFT,), motion + 1, Ua[:, 1])
+    put((Row.D_LEFT,), motion + 2, -Ua[:, 0])
+    put((Row.D_RIGHT,), motion + 1, -Ub[:, 1])
+    put((Row.D_RIGHT,), motion + 2, Ub[:, 0])
+    put((Row.STILL_1_UP,), motion + 1, 1.0)
+    put((Row.STILL_1_DOWN,), motion + 1, -1.0)
+    put((Row.STILL_2_UP,), motion + 2, 1.0)
+    put((Row.STILL_2_DOWN,), motion + 2, -1.0)
+    put((Row.T_UP,), t, 1.0)
+    put((Row.T_DOWN,), t, -1.0)
+    put((Row.E_UP,), f, 1.0)
+    put((Row.E_DOWN, Row.S_UP), f, -1.0)
+    put((Row.S_UP,), at.e.start + c.index if at.e.stop > at.e.start else np.full_like(f, at.scalar.start), 1.0)
+    put((Row.BOUND_UP,), c.index, 1.0)
+    put((Row.BOUND_DOWN,), c.index, -1.0)
+    if at.scalar.stop > at.scalar.start:  # commands lambda f_c
+        put((Row.E_UP,), np.full_like(f, at.scalar.start), -per_scalar)
+        put((Row.E_DOWN,), np.full_like(f, at.scalar.start), per_scalar)
+    energy = rows[Row.ENERGY]
+    if len(energy):
+        x = np.zeros((len(leaf), m + 1))
+        x[energy] = c.references[c.index[energy]]
+        here = np.zeros_like(c.index)
+        w, (f_c, per_s) = q.loads[0], q.commands
+        for axis in range(6):
+            put((Row.ENERGY,), here + at.r.start + axis, w[axis])
+        for i in range(m):
+            put((Row.ENERGY,), here + at.c.start + 3 * i, -2 * x[:, i])
+        for i in range(len(f_c)):
+            put((Row.ENERGY,), here + at.n + 3 * m + i, f_c[i] + x[:, m] * per_s[i])
+        b -= (x[:, :m] ** 2).sum(axis=1)
+    b += np.where(c.kind == Row.E_UP, constant, 0.0) - np.where(c.kind == Row.E_DOWN, constant, 0.0)
+    column = np.minimum(c.index, at.n - 1)
+    b += np.where(c.kind == Row.BOUND_UP, claim.lo[column], 0.0)
+    b -= np.where(c.kind == Row.BOUND_DOWN, claim.hi[column], 0.0)
+
+    def total(where: Integers, what: Array, length: int) -> Array:
+        return np.bincount(where, weights=what, minlength=length).astype(float)
+
+    L, where = len(c.leaves), np.concatenate(flat)
+    S, size = (total(where, np.concatenate(v), L * width).reshape(L, width) for v in (value, sizes))
+    y = c.multiplier
+    return S, size, total(leaf, y * b, L), total(leaf, np.abs(y * b), L)

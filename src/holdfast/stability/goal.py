@@ -16,10 +16,8 @@ from holdfast.mechanism import Array
 from holdfast.stability.problem import Problem
 
 ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
-NONE = 1e-4  # of the other forces in play: a maximum that is smaller counts as none
 STRONGEST = 1e3  # (scaled) commands that are sought go as far
 NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
-MOTION_CAP = 1e4  # (scaled) virtual motions beyond this many force scales are not searched
 
 
 class Goal(StrEnum):
@@ -68,18 +66,7 @@ def load(p: Problem, goal: Goal) -> Load:
 
 def search_end(p: Problem) -> float:
     """The magnitude s / stretch at which the search for a maximum ends: `ENDLESS` times the other forces in play."""
-    return ENDLESS * _others(p) / float(np.abs(p.direction).max())
-
-
-def _others(p: Problem) -> float:
-    """The largest (scaled) force in play beside the disturbance that is sought."""
-    others = np.concatenate([p.f_c, np.abs(p.w0), p.f_max, [p.cn_max]])
-    return float(others[np.isfinite(others)].max(initial=0.0)) or 1.0
-
-
-def motion_cap(p: Problem, goal: Goal, cap: float = MOTION_CAP) -> float:
-    """The largest (scaled) virtual motion that is searched: `cap` times the forces in play."""
-    return cap * (_others(p) if goal is Goal.LARGEST else 1.0)
+    return ENDLESS * p.strongest / (p.stretch * p.size_of(p.along))
 
 
 def interval(p: Problem, goal: Goal, value: float, bound: float) -> tuple[float, float]:

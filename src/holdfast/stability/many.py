@@ -135,11 +135,7 @@ def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None
         p = p.towards(case.direction) if same and p is not None else options.build(case)
         hints: dict[str, Any] = {}
         if settings.method == "engine" and max_goal(p) is Goal.SMALLEST_PRELOAD:
-            reduced = (
-                reduced.redirected(p)
-                if same and reduced is not None
-                else reduce(p, Goal.SMALLEST_PRELOAD, settings.motion_cap)
-            )
+            reduced = reduced.redirected(p) if same and reduced is not None else reduce(p, Goal.SMALLEST_PRELOAD)
             hints = {"reduced": reduced, "before": before if same else None}
         else:
             reduced = None

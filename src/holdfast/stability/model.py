@@ -16,7 +16,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from holdfast.grasp import Grasp
+from holdfast.grasp import Grasp, cross
 from holdfast.mechanism import Array, Mask, frozen
 
 
@@ -137,28 +137,49 @@ def _actuator_arms(R: Array, arms: Array) -> Array:
     return np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1) if R.size else np.ones(0)
 
 
-def force_scale(grasp: Grasp, w: Array, c: Array | None = None, command: Array | None = None) -> float:
-    """[N] the largest force in play: of the disturbance, of the commands, and of the contacts if given."""
-    return _force_scale(grasp, w, c, grasp.command if command is None else command, actuator_arms(grasp))
-
-
-def _force_scale(grasp: Grasp, w: Array, c: Array | None, f_c: Array, lever: Array) -> float:
-    """The same with the actuators' arms known."""
-    candidates = [np.abs(w[:3]).max(), np.abs(w[3:]).max() / grasp.size]
-    if len(f_c):
-        candidates.append((np.abs(f_c) / lever).max())
-    if c is not None and len(c):
-        candidates.append(np.abs(c).max())
-    scale = float(max(candidates))
+def force_scale(w: Array, c: Array) -> float:
+    """[N] the largest force that acts: of the disturbance w (6,), or a contact force of c (3m,); 1 if none does."""
+    scale = max(float(np.linalg.norm(w[:3])), float(_norms(c.reshape(-1, 3)).max(initial=0.0)))
     return scale if scale > 0 else 1.0
+
+
+def imbalance(grasp: Grasp, c: Array, w: Array) -> tuple[float, float]:
+    """What (1) misses: force [N], and torque [N m] about the middle of the contacts that carry something."""
+    missing = object_balance(grasp, c, w)
+    moment = missing[3:] - cross(_middle(grasp, c), missing[:3])
+    return float(np.linalg.norm(missing[:3])), float(np.linalg.norm(moment))
+
+
+def _middle(grasp: Grasp, c: Array) -> Array:
+    """(3,) [m] the middle of the contacts that carry a force, or of all: moments about it do not know the origin."""
+    p = np.array([k.position for k in grasp.contacts])
+    loaded = c.reshape(-1, 3).any(axis=1)
+    return np.asarray((p[loaded] if loaded.any() else p).mean(axis=0))
+
+
+def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float) -> float:
+    """[N m] the largest moment about `_middle` that acts; at least that of the force scale at a contact's distance.
+
+    A contact that carries nothing has no part in it, however far away it is, nor has the distance to the origin.
+    """
+    p, middle = np.array([k.position for k in grasp.contacts]), _middle(grasp, c)
+    F = np.array([k.frame @ ci for k, ci in zip(grasp.contacts, c.reshape(-1, 3), strict=True)])
+    moments = _norms(np.cross(p - middle, F)).max(initial=0.0)
+    load = np.linalg.norm(w[3:] - cross(middle, w[:3]))
+    apart = np.linalg.norm(p[:, None] - p[None], axis=2)
+    nearest = apart[apart > 0].min(initial=np.inf)
+    arm = nearest if np.isfinite(nearest) else float(np.linalg.norm(p[0]))
+    return float(max(moments, load, force * (arm or 1.0)))
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """How far a state is from solving (1)-(8): each relative to the force scale, so without units.
+    """How far a state is from solving (1)-(8): relative to the forces and moments that act, so without units.
 
-    Lengths are measured in grasp sizes, joint torques in lever arms. A sliding contact's direction
-    is judged at full weight once it slides farther than the force scale; below, in proportion.
+    Every equation is measured by what stands in it: forces by the largest that acts, moments by the largest about
+    the middle of the loaded contacts, joint torques by those of their own joint, motions by the force that they
+    cause at a contact. A contact or an actuator that takes no part hides nothing. A sliding contact's direction is
+    judged at full weight once it slides farther than the force scale; below, in proportion.
     """
 
     object_balance: float  # (1)
@@ -190,31 +211,37 @@ def residuals(
     """
     w = np.asarray(w, dtype=float)
     f_c = grasp.command if command is None else command
-    arms = joint_arms(grasp)
-    lever = _actuator_arms(np.abs(grasp.mechanism.R), arms)
-    F = _force_scale(grasp, w, state.c, f_c, lever)
+    R, A = grasp.mechanism.R, grasp.mechanism.A
+    F = force_scale(w, state.c)
     d = relative_motion(grasp, state.r, state.q)
     dt = _norms(d.reshape(-1, 3)[:, 1:])
-    cn = state.c.reshape(-1, 3)[:, 0]
-    balance = object_balance(grasp, state.c, w)
+    c = state.c.reshape(-1, 3)
+    force, moment = imbalance(grasp, state.c, w)
+
+    loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
+    terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(state.f) + np.abs(A.T) @ np.abs(state.coupling)
+    torque = np.maximum(terms, F * np.sqrt((loaded * loaded).sum(axis=0)))
+    missing = np.abs(joint_balance(grasp, state.c, state.f, state.coupling))
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
+    arms = joint_arms(grasp)
+    lever = _actuator_arms(np.abs(R), arms)
     sense = np.where(f_c < 0, -1.0, 1.0)
     t = sense * actuator_motion(grasp, state.q) * lever
     excess = sense * (state.f - f_c) / lever
     moves = commanded(grasp, f_c)
     actuator = np.where(moves, np.maximum.reduce([-t, -excess, np.minimum(np.abs(t), np.abs(excess))]), np.abs(t))
     dissipation = dissipation_defect(state.c, d, grasp.mu) / np.maximum(dt, F)[:, None]
-    coupling_scale = np.abs(grasp.mechanism.A / arms).max(axis=1) if len(grasp.mechanism.A) else np.ones(0)
+    slip = np.abs(A @ state.q)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
     def worst(values: Array) -> float:
         return float(values.max(initial=0.0)) / F
 
     return Residuals(
-        object_balance=max(worst(np.abs(balance[:3])), worst(np.abs(balance[3:]) / grasp.size)),
-        joint_balance=worst(np.abs(joint_balance(grasp, state.c, state.f, state.coupling)) / arms),
-        couplings=worst(np.abs(grasp.mechanism.A @ state.q) / coupling_scale),
-        normal=worst(np.abs(cn - spring_force(d, eta))),
+        object_balance=max(force / F, moment / _moment_scale(grasp, state.c, w, F)),
+        joint_balance=float((missing / np.where(missing > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)),
+        couplings=worst(slip),
+        normal=worst(np.abs(c[:, 0] - spring_force(d, eta))),
         cone=worst(cone_excess(state.c, grasp.mu)),
         dissipation=worst(np.abs(dissipation)) if mdp else 0.0,
         actuators=worst(actuator),

@@ -27,7 +27,7 @@ class Outcome:
         stop: why it ended.
         seconds, nodes: wall time, programs solved.
         steps: of Algorithm 1.
-        proof: of `bound`, where the engine gave it.
+        proof: of `bound`, where the engine gave it; verified: it was replayed and holds.
         point: (n,) the witness in the engine's unknowns, a start for neighbouring questions.
     """
 
@@ -40,3 +40,4 @@ class Outcome:
     steps: tuple[Step, ...] = ()
     proof: Proof | None = None
     point: Array | None = None
+    verified: bool = False

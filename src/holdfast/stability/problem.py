@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from holdfast.errors import InputError
-from holdfast.grasp import Grasp
+from holdfast.grasp import Grasp, cross
 from holdfast.mechanism import Array, Mask
 from holdfast.stability import model
 from holdfast.stability.model import State
@@ -79,6 +79,16 @@ class Problem:
         """(6,) 1 for translations and forces, 1 / length for rotations and torques: scaled wrench over wrench."""
         return _lengths(self.length)
 
+    @property
+    def strongest(self) -> float:
+        """[N] the largest of the forces in play beside a disturbance that is sought, limits included."""
+        limits = _limits(self.grasp, self.torque_limits, self.force_limit)
+        return max([self.force, *limits])
+
+    def size_of(self, w: Array) -> float:
+        """[N] a disturbance (6,), wherever the object's frame is and however it is turned."""
+        return _size(self.grasp, w)
+
     def relative_motion(self, r: Array, q: Array) -> Array:
         """(m, 3) scaled d = G^T r - J q, equation (3)."""
         return (self.G.T @ r - self.J @ q).reshape(-1, 3)
@@ -88,10 +98,19 @@ class Problem:
         d = _wrench(direction, "direction")
         if not d.any():
             raise InputError("is zero; give a force, a torque or both", field="direction")
-        arms = model.actuator_arms(self.grasp)
-        stretch = _stretch(self.grasp, self.wrench, d, self.torque_limits, self.force_limit, arms)
-        direction = self.lengths * (stretch * d) / self.force
-        p = replace(self, along=d, direction=direction, stretch=stretch)
+        others = _others(self.grasp, self.wrench, self.torque_limits, self.force_limit)
+        if not others:  # nothing else gives the scale
+            return build(
+                self.grasp,
+                self.wrench,
+                d,
+                eta=self.eta,
+                mdp=self.mdp,
+                torque_limits=self.torque_limits,
+                force_limit=self.force_limit,
+            )
+        stretch = _stretch(self.grasp, d, others)
+        p = replace(self, along=d, direction=self.lengths * (stretch * d) / self.force, stretch=stretch)
         _check_range(p, True)
         return p
 
@@ -156,10 +175,12 @@ def build(
     sense = np.where(grasp.command < 0, -1.0, 1.0)
     actuator_scale = sense / np.sqrt((R * R).sum(axis=1))
     coupling_scale = 1.0 / np.sqrt((A * A).sum(axis=1))
-    # the force scale is what is asked about: it must not depend on an answer that is not known yet
-    arms = model.actuator_arms(grasp)
-    stretch = _stretch(grasp, w0, d, torque_limits or {}, force_limit, arms) if direction is not None else 1.0
-    force = _force_scale(grasp, w0 if w0.any() or direction is None else stretch * d, arms)
+    # the force scale is what is asked about: it must not depend on an answer that is not known yet, nor, where
+    # other forces are in play, on the direction, of which a map has many, or on the size of commands that are sought
+    posed = grasp if driven is None else grasp.with_preload(None)
+    others = _others(posed, w0, torque_limits or {} if direction is not None else {}, force_limit)
+    stretch = _stretch(grasp, d, others) if direction is not None else 1.0
+    force = others or (_size(grasp, d) if direction is not None else 0.0) or 1.0
 
     drive = np.zeros(mech.a, dtype=bool) if driven is None else driven
     f_c = grasp.command if driven is None else np.zeros(mech.a)
@@ -200,29 +221,39 @@ def build(
     return p
 
 
-def _stretch(
-    grasp: Grasp, w0: Array, d: Array, torque_limits: Mapping[str, float], force_limit: float | None, arms: Array
-) -> float:
-    """The power of two that brings a direction to the size of commands and base load, else of limits, else 1."""
-    if w0.any() or grasp.command.any():
-        others = _force_scale(grasp, w0, arms)
-    else:
-        lever = dict(zip(grasp.mechanism.actuators, arms, strict=True))
-        limits = [v / lever[name] for name, v in torque_limits.items() if name in lever]
-        others = max([*limits, *([] if force_limit is None else [force_limit])], default=0.0)
+def _others(grasp: Grasp, w0: Array, torque_limits: Mapping[str, float], force_limit: float | None) -> float:
+    """[N] the forces in play beside a disturbance that is sought: commands and base load, else limits; 0 for none."""
+    commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
+    scale = max(_size(grasp, w0), float(commands.max(initial=0.0)))
+    return scale or max(_limits(grasp, torque_limits, force_limit), default=0.0)
+
+
+def _limits(grasp: Grasp, torque_limits: Mapping[str, float], force_limit: float | None) -> list[float]:
+    """[N] each limit as a force at a contact."""
+    arms = dict(zip(grasp.mechanism.actuators, model.actuator_arms(grasp), strict=True))
+    takes_part = dict(zip(grasp.mechanism.actuators, _takes_part(grasp), strict=True))
+    limits = [v / arms[name] for name, v in torque_limits.items() if takes_part.get(name)]
+    return [*limits, *([] if force_limit is None else [force_limit])]
+
+
+def _takes_part(grasp: Grasp) -> Mask:
+    """(a,) bool: actuators that move a contact."""
+    return (grasp.mechanism.R[:, grasp.J.any(axis=0)] != 0).any(axis=1)
+
+
+def _stretch(grasp: Grasp, d: Array, others: float) -> float:
+    """The power of two that brings a direction (6,) to the size of the other forces; 1 if there are none."""
     return float(2.0 ** np.round(np.log2(others / _size(grasp, d)))) if others > 0 else 1.0
 
 
-def _force_scale(grasp: Grasp, w: Array, arms: Array) -> float:
-    """`model.force_scale` of a disturbance and the commands, with the actuators' arms known."""
-    scale = max(_size(grasp, w), float((np.abs(grasp.command) / arms).max(initial=0.0)))
-    return scale if scale > 0 else 1.0
-
-
 def _size(grasp: Grasp, w: Array) -> float:
-    """[N] the largest component of a disturbance, torques over the grasp's size."""
-    a = [abs(x) for x in w.tolist()]
-    return max(*a[:3], max(a[3:]) / grasp.size)
+    """[N] a disturbance (6,): its force, or its torque about the middle of the contacts over the grasp's size.
+
+    However the object's frame is placed or turned, it is the same.
+    """
+    middle = np.mean([c.position for c in grasp.contacts], axis=0)
+    torque = np.linalg.norm(w[3:] - cross(middle, w[:3]))
+    return float(max(np.linalg.norm(w[:3]), torque / grasp.size))
 
 
 def _lengths(length: float) -> Array:

@@ -21,6 +21,7 @@ from holdfast.stability import goal as goals
 from holdfast.stability import problem
 from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.engine import front
+from holdfast.stability.engine.reduced import HIGHEST
 from holdfast.stability.goal import NEAR_END, Goal, search_end
 from holdfast.stability.interval import resisted
 from holdfast.stability.outcome import INF, Outcome
@@ -29,6 +30,7 @@ from holdfast.stability.settings import OnStep, Settings
 from holdfast.stability.witness import Witness
 
 MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
+MORE = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds
 NEARLY_NONE = 1e-6  # (scaled) commands where the least that hold are only approached, as they go to 0
 
 
@@ -71,7 +73,8 @@ def check(
 def _exists(p: Problem, settings: Settings, on_step: OnStep | None) -> CheckAnswer:
     found = _search(p, Goal.EXISTS, settings, on_step)
     verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
-    return CheckAnswer(verdict, found.stop, *_cost(found), found.witness, found.proof, posed=(p, Goal.EXISTS))
+    posed, cost = (p, Goal.EXISTS), _cost(found)
+    return CheckAnswer(verdict, found.stop, *cost, found.witness, found.proof, posed=posed, verified=_verified(found))
 
 
 def maximum(
@@ -116,10 +119,25 @@ def largest(
     if goal is Goal.EXISTS:  # nothing but the disturbance: resisted at every magnitude or at none
         p = replace(p, w0=p.direction, wrench=p.along)
     found = _search(p, goal, settings, on_step, **hints)
+    if found.bound == INF and goal is Goal.SMALLEST_PRELOAD and settings.method == "engine":
+        found = _smallest(p, settings, on_step, found)
+    if found.witness is None and found.bound < INF and goal is Goal.LARGEST:
+        found = _base_alone(p, settings, found)
 
     def answer(verdict: Verdict, witness: Witness | None, lower: float, upper: float, unbounded: bool) -> MaxAnswer:
-        cost = _cost(found)
-        return MaxAnswer(verdict, found.stop, *cost, witness, found.proof, lower, upper, unbounded, posed=(p, goal))
+        cost, backing = _cost(found), _verified(found)
+        return MaxAnswer(
+            verdict,
+            found.stop,
+            *cost,
+            witness,
+            found.proof,
+            lower,
+            upper,
+            unbounded,
+            posed=(p, goal),
+            verified=backing,
+        )
 
     if found.bound == INF:
         return answer(Verdict.SLIPS, None, 0.0, 0.0, False), None
@@ -138,6 +156,24 @@ def largest(
     if unbounded:
         upper = INF
     return answer(Verdict.HOLDS, w, s, upper, unbounded), found.point
+
+
+def _smallest(p: Problem, settings: Settings, on_step: OnStep | None, found: Outcome) -> Outcome:
+    """No magnitude was resisted as far as lambda went: are those below, however small? What both searches showed."""
+    below = _search(p, Goal.SMALLEST_PRELOAD, settings, on_step, endless=True)
+    seconds, nodes = found.seconds + below.seconds, found.nodes + below.nodes
+    if below.witness is not None or below.bound == INF:
+        return replace(below, seconds=seconds, nodes=nodes)
+    return replace(found, bound=HIGHEST, stop=below.stop, seconds=seconds, nodes=nodes)
+
+
+def _base_alone(p: Problem, settings: Settings, found: Outcome) -> Outcome:
+    """No magnitude was witnessed: is the base load resisted, at least?"""
+    alone = _search(p, Goal.EXISTS, settings, None)
+    seconds, nodes = found.seconds + alone.seconds, found.nodes + alone.nodes
+    if alone.witness is None:
+        return replace(found, seconds=seconds, nodes=nodes)
+    return replace(found, witness=alone.witness, value=0.0, point=None, seconds=seconds, nodes=nodes)
 
 
 def max_goal(p: Problem) -> Goal:
@@ -183,18 +219,32 @@ def torques(
     asked = grasp.with_preload({n: np.sign(sense.get(n, 1.0)) for n in names})
     p = problem.build(asked, wrench, eta=eta, torque_limits=torque_limits, force_limit=force_limit, driven=chosen)
     goal = Goal.SMALLEST_MAX_TORQUE if objective == "max" else Goal.SMALLEST_SUM_TORQUE
-    found = _search(p, goal, settings, on_step)
+    finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
+    found = _search(p, goal, finer, on_step)
     if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
-        little = asked.with_preload(NEARLY_NONE * np.abs(p.command(np.ones(grasp.mechanism.a))) * asked.command)
-        q = problem.build(little, wrench, eta=eta, torque_limits=torque_limits, force_limit=force_limit)
-        there = _search(q, Goal.EXISTS, settings, on_step)
-        seconds, nodes = found.seconds + there.seconds, found.nodes + there.nodes
-        found = replace(there if there.witness else found, bound=found.bound, proof=None, seconds=seconds, nodes=nodes)
+        little = NEARLY_NONE * np.abs(p.command(np.ones(grasp.mechanism.a))) * asked.command
+        found = _held(p, asked.with_preload(little), settings, found) or found
+    elif found.witness is not None and settings.method == "engine":
+        # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
+        for factor in 1 + settings.gap * np.array(MORE):
+            held = _held(p, grasp.with_preload(factor * found.witness.grasp.command), settings, found)
+            if held is not None:
+                found = held
+                break
 
     def answer(verdict: Verdict, preload: dict[str, float] | None, lower: float, upper: float) -> TorquesAnswer:
-        cost = _cost(found)
+        cost, backing = _cost(found), _verified(found)
         return TorquesAnswer(
-            verdict, found.stop, *cost, found.witness, found.proof, preload, lower, upper, posed=(p, goal)
+            verdict,
+            found.stop,
+            *cost,
+            found.witness,
+            found.proof,
+            preload,
+            lower,
+            upper,
+            posed=(p, goal),
+            verified=backing,
         )
 
     if found.bound == INF:
@@ -217,6 +267,22 @@ def _search(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None, 
 
         return reference.search(p, goal, settings, on_step)
     return front.search(p, goal, settings, on_step, **hints)
+
+
+def _held(p: Problem, grasp: Grasp, settings: Settings, found: Outcome) -> Outcome | None:
+    """`found` with the witness of a check under these commands; None if it is not resisted."""
+    limits = {"torque_limits": p.torque_limits, "force_limit": p.force_limit}
+    q = problem.build(grasp, p.wrench, eta=p.eta, mdp=p.mdp, **limits)  # type: ignore[arg-type]
+    there = _search(q, Goal.EXISTS, replace(settings, verify=False), None)
+    if there.witness is None:
+        return None
+    seconds, nodes = found.seconds + there.seconds, found.nodes + there.nodes
+    return replace(found, witness=there.witness, seconds=seconds, nodes=nodes)
+
+
+def _verified(found: Outcome) -> bool:
+    """Was everything replayed? Witnesses always are."""
+    return found.verified or found.proof is None
 
 
 def _cost(found: Outcome) -> tuple[float, int, tuple[Any, ...]]:

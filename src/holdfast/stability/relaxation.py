@@ -9,8 +9,9 @@ that contains every exact solution and its formula does not give one:
   of edge-length weights (18). `printed_robustness=True` restores the formula as printed.
 - The maximum (23) is posed as its homogeneous twin, see `goal`.
 
-Virtual motions are searched up to `MOTION_CAP`: beyond it a solver's tolerance times the motion is a force,
-and coplanar contacts, about whose line the object turns for nothing, would be held by rounding errors.
+Virtual motions are searched up to `MOTIONS`: beyond it a solver's tolerance times the motion is a force, and
+coplanar contacts, about whose line the object turns for nothing, would be held by rounding errors. So the bounds of
+Algorithm 1 hold for motions up to there only; the engine knows no such end.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from holdfast.mechanism import Array, Indices, Mask
-from holdfast.stability.goal import Goal, Point, load, motion_cap, search_end
+from holdfast.stability.goal import Goal, Point, load, search_end
 from holdfast.stability.mip import INF, Program, Term
 from holdfast.stability.problem import Problem
 from holdfast.stability.sectors import Edges, Sector
 
+MOTIONS = 1e4  # (scaled) largest virtual motion of a program
 ACTIVE = 1e-7  # (scaled) motions and forces below this do not make a sector active
 SIDES = 256  # edges of the polygon that stands for the cone when the dissipation principle is left out
 
@@ -91,7 +93,7 @@ def relaxation(p: Problem, goal: Goal, edges: Sequence[Edges], printed_robustnes
     """Equations (1)-(4), (8)-(12), (15), with (17), (19) if eta > 0, as a program with ordered sets."""
     m, l, a, k = p.sizes
     P = Program()
-    cap = motion_cap(p, goal)
+    cap = MOTIONS
     if not p.mdp and np.isfinite(p.cn_max):
         cap = 2.0 * p.cn_max  # motions free of consequence only blur the picture of what is wrong
     still = _still(p)

@@ -21,13 +21,21 @@ from holdfast.stability import verify as checker
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.certificate_file import question_to_dict
-from holdfast.stability.goal import NEAR_END, NONE, STRONGEST, search_end
+from holdfast.stability.goal import NEAR_END, STRONGEST, search_end
 from holdfast.stability.problem import Problem
 from holdfast.stability.result_file import MaxEntry, Result, TorquesEntry
 from holdfast.stability.witness import VALID, Witness
 
 if TYPE_CHECKING:
     from holdfast.stability.answers import Answer
+
+
+RESULTS = ("holdfast/result/1", "holdfast/result/2")
+CERTIFICATES = ("holdfast/certificate/1", "holdfast/certificate/2")
+# certificates of version 1: 10^4 force scales of motion and of lambda, ends of a search by a scale that was defined
+# slightly otherwise. What they cover exactly is in their claim.
+FIRST_SHARE = 4.0
+FIRST_CAP = FIRST_HIGHEST = 1e4 / FIRST_SHARE
 
 
 class Refused(Exception):
@@ -52,13 +60,13 @@ class CertificateCheck:
 
     Attributes:
         claim: what it stands for.
-        motion: virtual translations of the object that it covers [N].
+        motion: virtual translations of the object that it covers [N]; None for all, as of version 2.
         leaves, margin: of its proof, see `verify.Verification`.
         reason: why it is refused, '' if it is not.
     """
 
     claim: str
-    motion: float
+    motion: float | None
     leaves: int
     margin: float
     reason: str = ""
@@ -101,7 +109,7 @@ def verify(what: str | Path | Answer | Result | Certificate) -> Verified:
     """Is everything that an answer claims proved? Replayed without the engine and without any solver.
 
     Args:
-        what: a `holdfast/result/1` or `holdfast/certificate/1` file, or an answer, or a certificate.
+        what: a `holdfast/result/2` or `holdfast/certificate/2` file, or an answer, or a certificate.
 
     Raises:
         InputError: the file cannot be read, or is neither.
@@ -139,11 +147,11 @@ def load(path: str | Path) -> Result | Certificate:
 def from_dict(data: Any) -> Result | Certificate:
     """What the parsed JSON of one holds; `InputError` if it is neither."""
     schema = data.get("schema") if isinstance(data, dict) else None
-    if schema == "holdfast/certificate/1":
+    if schema in CERTIFICATES:
         return certificate_file.from_dict(data)
-    if schema == "holdfast/result/1":
+    if schema in RESULTS:
         return result_file.from_dict(data)
-    needed = "holdfast/result/1 or holdfast/certificate/1 is needed"
+    needed = f"{RESULTS[-1]} or {CERTIFICATES[-1]} is needed"
     raise InputError(f"is missing; {needed}" if schema is None else f"is '{schema}'; {needed}", field="schema")
 
 
@@ -180,7 +188,7 @@ def _state_fault(q: Question, w: Witness, wrench: Array, command: Array) -> str:
         return "it is a state under another disturbance"
     if not _close(w.grasp.command, command):
         return "it is a state with other commands"
-    scale = SAME * model.force_scale(q.grasp, wrench, w.state.c, command)
+    scale = SAME * model.force_scale(wrench, w.state.c)
     lever = model.actuator_arms(q.grasp)
     for i, name in enumerate(q.grasp.mechanism.actuators):
         if abs(w.state.f[i]) > q.torque_limits.get(name, np.inf) + scale * lever[i]:
@@ -212,7 +220,7 @@ def _commands_fault(q: Question, w: Witness, answer: TorquesEntry) -> str:
 
 
 def _certificate(result: Result) -> CertificateCheck | None:
-    q, answer, c = result.question, result.answer, result.certificate
+    q, c = result.question, result.certificate
     need = _needed(q, result)
     if need is None:
         if c is not None:
@@ -221,23 +229,45 @@ def _certificate(result: Result) -> CertificateCheck | None:
     claim, lo, hi = need
     if c is None:
         raise Refused(f"{claim}: no certificate")
+    if result.first and c.scalar is not None:
+        claim, (lo, hi) = claim_text(c), _first_range(q, lo, hi)
     reason = ""
     if question_to_dict(c.question) != question_to_dict(q):
         reason = "it answers another question"
-    elif c.scalar is not None and not (c.scalar[0] <= lo + SAME * abs(lo) and c.scalar[1] >= hi - SAME * abs(hi)):
+    elif c.capped and not result.first:
+        reason = "it has caps on motions; an answer of this version is about all of them"
+    elif c.scalar is not None and not (c.scalar[0] <= lo + SAME * abs(lo) and c.scalar[1] >= hi * (1 - SAME)):
         reason = f"it covers {c.scalar[0]:.9g} to {c.scalar[1]:.9g}; the answer needs {lo:.9g} to {hi:.9g}"
-    cap = (answer.motion_cap or 0.0) * (1 - SAME)
-    turning = np.array([1.0] * 3 + [1.0 / q.grasp.size] * 3)
-    if not reason and not ((c.cap_r >= cap * turning).all() and (c.cap_q >= cap / model.joint_arms(q.grasp)).all()):
-        reason = f"it covers smaller motions than the answer says, {answer.motion_cap:.6g} N"
-    if not reason and not cap > 0:
-        reason = "the answer does not say which motions it covers"
     return _replay_certificate(c, claim, reason)
 
 
 def _replay_certificate(c: Certificate, claim: str, reason: str = "") -> CertificateCheck:
+    motion = None if c.cap_r is None else float(c.cap_r[:3].min())
+    if c.capped:
+        reason = reason or _cap_fault(c)
+        claim = f"{claim}, up to virtual motions of {motion:.6g} N"
     found = checker.verify(c)
-    return CertificateCheck(claim, float(c.cap_r[0]), found.leaves, found.margin, reason or found.reason)
+    return CertificateCheck(claim, motion, found.leaves, found.margin, reason or found.reason)
+
+
+def _first_range(q: Question, lo: float, hi: float) -> tuple[float, float]:
+    """What a certificate of version 1 has to cover at least: its searches ended a little earlier or later."""
+    if q.goal is Claimed.SMALLEST_PRELOAD:
+        return FIRST_SHARE * lo, min(hi, FIRST_HIGHEST / asked.posed(q)[0].stretch)
+    return lo, max(lo, hi / FIRST_SHARE)
+
+
+def _cap_fault(c: Certificate) -> str:
+    """What is wrong with the caps of version 1: they are a matter of the question, not of the file."""
+    p, _ = asked.posed(c.question)
+    q = c.question
+    least = FIRST_CAP * p.force / (p.stretch if q.goal is Claimed.SMALLEST_PRELOAD else 1.0)
+    turning = np.array([1.0] * 3 + [1.0 / q.grasp.size] * 3)
+    if c.cap_r is None or c.cap_q is None:
+        return ""
+    if (c.cap_r >= least * turning).all() and (c.cap_q >= least / model.joint_arms(q.grasp)).all():
+        return ""
+    return f"it covers motions up to {c.cap_r[:3].min():.6g} N only; this question's begin to matter at {least:.6g} N"
 
 
 def _needed(q: Question, result: Result) -> tuple[str, float, float] | None:
@@ -265,26 +295,34 @@ def _needed(q: Question, result: Result) -> tuple[str, float, float] | None:
 def _needed_of_max(q: Question, p: Problem, answer: MaxEntry) -> tuple[str, float, float] | None:
     """For a maximum: no magnitude from the upper bound to the end of the search."""
     _load(q)
-    slips = answer.verdict is Verdict.SLIPS
+    slips, holds = answer.verdict is Verdict.SLIPS, answer.verdict is Verdict.HOLDS
     end = p.stretch * search_end(p) if q.goal is not Claimed.CHECK else np.inf
-    if slips and (answer.lower, answer.upper) != (0.0, 0.0):
+    if not answer.lower >= 0:
+        raise Refused(f"a largest magnitude of {answer.lower:.6g}")
+    if not holds and answer.lower != 0:
+        raise Refused(f"{answer.verdict.upper()} with a magnitude that is resisted")
+    if slips and answer.upper != 0:
         raise Refused("SLIPS with bounds above 0")
     if answer.unbounded:
-        if answer.upper is not None or answer.verdict is not Verdict.HOLDS:
+        if answer.upper is not None or not holds:
             raise Refused("unbounded, with a bound")
-        if q.goal is not Claimed.CHECK and not answer.lower >= end * (1 - 2 * NEAR_END):
-            raise Refused(f"unbounded, but shown up to {answer.lower:.6g} only; a search goes to {end:.6g}")
+        least = end * (1 - 2 * NEAR_END) if q.goal is not Claimed.CHECK else np.nextafter(0.0, 1.0)
+        if not answer.lower >= least:
+            raise Refused(f"unbounded, but shown up to {answer.lower:.6g} only; a search goes to {least:.6g}")
         return None
     if answer.upper is None:
         return None
-    claim = "nothing is resisted" if slips else f"nothing above {answer.upper:.6g} times the direction is resisted"
+    if answer.lower > answer.upper:
+        raise Refused(f"its lower bound {answer.lower:.9g} is above its upper bound {answer.upper:.9g}")
+    to = "" if q.goal is Claimed.CHECK else f", up to {end:.6g} times it"
+    what = "nothing" if slips else f"nothing above {answer.upper:.6g} times the direction"
+    claim = f"{what} is resisted{to}"
     if q.goal is Claimed.CHECK:  # homogeneous: what slips at one magnitude slips at all
         if not slips:
             raise Refused("has an upper bound where magnitudes make no difference")
         return claim, 0.0, 0.0
     if q.goal is Claimed.SMALLEST_PRELOAD:  # its scalar is 1 / s
-        least = answer.upper if answer.upper > 0 else NONE * p.stretch * (1 + NEAR_END)
-        return claim, (1 + NEAR_END) / end, 1.0 / least
+        return claim, (1 + NEAR_END) / end, 1.0 / answer.upper if answer.upper > 0 else np.inf
     return claim, answer.upper, end * (1 - NEAR_END)
 
 

@@ -1,4 +1,7 @@
-"""The `holdfast/result/1` file: an answer with its question and what backs it, for `holdfast verify`."""
+"""The `holdfast/result/2` file: an answer with its question and what backs it, for `holdfast verify`.
+
+Version 1 is read: its answers speak of motions up to a cap.
+"""
 
 from __future__ import annotations
 
@@ -23,6 +26,9 @@ if TYPE_CHECKING:
     from holdfast.stability.answers import Answer
 
 
+FIRST, SCHEMA = "holdfast/result/1", "holdfast/result/2"
+
+
 class AnswerEntry(Strict):
     """What every answer says; it may say more than is verified."""
 
@@ -32,7 +38,8 @@ class AnswerEntry(Strict):
     verdict: Verdict
     stop: Stop
     certified: bool
-    motion_cap: float | None
+    verified: bool = False
+    motion_cap: float | None = None
 
 
 class CheckEntry(AnswerEntry):
@@ -67,7 +74,7 @@ class WitnessEntry(Strict):
 class ResultFile(Strict):
     """The file as it stands on disk."""
 
-    format: Literal["holdfast/result/1"] = Field(alias="schema")
+    format: Literal["holdfast/result/1", "holdfast/result/2"] = Field(alias="schema")
     question: QuestionEntry
     answer: Annotated[CheckEntry | MaxEntry | TorquesEntry, Field(discriminator="query")]
     witness: WitnessEntry | None
@@ -83,6 +90,7 @@ class Result:
         answer: what was answered; `said`: all of it, as JSON.
         witness: the state behind it; None without.
         certificate: the proof behind it; None without.
+        first: is it of version 1, whose certificates have caps?
     """
 
     question: Question
@@ -90,6 +98,7 @@ class Result:
     said: dict[str, Any]
     witness: Witness | None
     certificate: Certificate | None
+    first: bool = False
 
     @classmethod
     def of(cls, answer: Answer) -> Result:
@@ -97,7 +106,7 @@ class Result:
         if answer.question is None:
             raise InputError("does not know its question; save what a query returned", field="answer")
         said = answer.to_json()
-        bare = {"schema": "holdfast/result/1", "question": question_to_dict(answer.question), "answer": said}
+        bare = {"schema": SCHEMA, "question": question_to_dict(answer.question), "answer": said}
         entry = validate(ResultFile, bare | {"witness": None, "certificate": None})
         return cls(answer.question, entry.answer, said, answer.witness, answer.certificate)
 
@@ -113,9 +122,9 @@ def _state(w: Witness) -> dict[str, Any]:
 
 
 def to_dict(result: Result) -> dict[str, Any]:
-    """The result as a `holdfast/result/1` object; numbers come back exactly."""
+    """The result as a `holdfast/result/2` object (1 if it was read from one); numbers come back exactly."""
     return {
-        "schema": "holdfast/result/1",
+        "schema": FIRST if result.first else SCHEMA,
         "question": question_to_dict(result.question),
         "answer": result.said,
         "witness": None if result.witness is None else _state(result.witness),
@@ -134,7 +143,7 @@ def from_dict(data: Any) -> Result:
         except InputError as fault:
             raise fault.within("certificate") from None
     witness = _witness(entry.witness, question) if entry.witness else None
-    return Result(question, entry.answer, data["answer"], witness, certificate)
+    return Result(question, entry.answer, data["answer"], witness, certificate, entry.format == FIRST)
 
 
 def _witness(entry: WitnessEntry, question: Question) -> Witness:

@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from holdfast.errors import InputError
-from holdfast.stability.goal import MOTION_CAP
 from holdfast.stability.mip import INF, SOLVERS, Solver
 
 if TYPE_CHECKING:
     from holdfast.stability.algorithm1 import Step
 
-LARGEST_CAP = 1e6  # beyond it rounding errors of the motions are forces
 Method = Literal["engine", "algorithm1"]
 METHODS: tuple[Method, ...] = ("engine", "algorithm1")
 
@@ -38,7 +36,8 @@ class Settings:
         node_limit: for one query of the engine.
         workers: threads of the engine for one question, 1 or 2; 0 takes two where there are two cores. They change
             nothing but the time.
-        motion_cap: of the engine: virtual motions beyond this many force scales are not searched.
+        verify: of the engine: replay every proof with the independent checker before it is answered; what does not
+            pass is searched again more finely. Many questions are quicker without, and their answers say so.
         solver: of Algorithm 1: "scip" or "gurobi".
         sectors: of Algorithm 1, finest friction discretisation: 4, 8, .. 2048 .. (4 * 2^q).
         full: of Algorithm 1: all sectors at the finest level at once, no refinement (the paper's comparison).
@@ -54,7 +53,7 @@ class Settings:
     time_limit: float = INF
     node_limit: float = INF
     workers: int = 0
-    motion_cap: float = MOTION_CAP
+    verify: bool = True
     solver: Solver = "scip"
     sectors: int = 2048
     full: bool = False
@@ -72,8 +71,6 @@ class Settings:
             raise InputError(f"is {self.node_limit:g}; a positive number is needed", field="node limit")
         if self.workers not in (0, 1, 2):
             raise InputError(f"is {self.workers}; 1 or 2 is possible, or 0 for as many as there are", field="workers")
-        if not 1 <= self.motion_cap <= LARGEST_CAP:
-            raise InputError(f"is {self.motion_cap:g}; 1 to {LARGEST_CAP:g} is possible", field="motion cap")
         if self.method not in METHODS:
             raise InputError(f"is '{self.method}'; one of {', '.join(METHODS)} is needed", field="method")
         if self.solver not in SOLVERS:

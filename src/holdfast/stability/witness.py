@@ -70,7 +70,7 @@ class Witness:
         """Per contact "open", "stick" or "slide"."""
         d = model.relative_motion(self.grasp, self.state.r, self.state.q).reshape(-1, 3)
         c = self.state.c.reshape(-1, 3)
-        tiny = VALID * model.force_scale(self.grasp, self.wrench, self.state.c)
+        tiny = VALID * model.force_scale(self.wrench, self.state.c)
         return [
             "open" if ci[0] <= tiny else "slide" if np.linalg.norm(di[1:]) > tiny else "stick"
             for ci, di in zip(c, d, strict=True)

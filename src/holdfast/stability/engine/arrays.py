@@ -33,8 +33,8 @@ LINE = 4  # numbers for an array in a table: its address and up to three lengths
 UNUSED = tuple((0,) * (LINE - 1 - ndim) for ndim in range(LINE))
 
 # kinds and dimensions of the arrays in the tables, in the order in which the kernel takes them; see `kernel.tree`
-QUESTION = "f2 f2 f2 f2 f1 f1 f1 f1 b1"  # C, D, CT, DT, off, mu, lo, cost, driven
-LANE = "f1 f1 f1 f1 i1 f2 i1"  # hi, box, best, best_z, stats, guess, heap
+QUESTION = "f2 f2 f2 f2 f1 f1 f1 f1 f1 b1"  # C, D, CT, DT, off, mu, lo, cost, box, driven
+LANE = "f1 f1 f1 i1 f2 i1"  # hi, best, best_z, stats, guess, heap
 POOL = "i2 i2 f2 f1 f1 i1 i1 i1"  # states, ids, data, key, bound, parent, part, status
 POINTS = "f1 f1"  # where Newton's method begins, and where it ends
 LEAVES = "i1 b1"  # their numbers, and whether their rays hold

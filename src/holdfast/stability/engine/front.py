@@ -6,9 +6,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from holdfast.answer import Stop
 from holdfast.mechanism import Array
 from holdfast.stability import witness
+from holdfast.stability.engine import arrays, exact
 from holdfast.stability.engine.neighbour import Neighbour
 from holdfast.stability.engine.proof import Proof
 from holdfast.stability.engine.reduced import Reduced, reduce
@@ -17,11 +20,14 @@ from holdfast.stability.goal import NEAR_END, Goal, interval
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Progress, Settings, default_jobs
+from holdfast.stability.witness import Witness
 
 TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
 FINER = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
 LEAST = 1e-3  # [s] in the time that is left, or this
+ROUNDS = 6  # in which leaves that the checker refuses are split
+INSIDE = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
 PAUSE = 0.05  # [s] between two reports of progress
 
 
@@ -34,6 +40,7 @@ def search(
     reduced: Reduced | None = None,
     guess: Sequence[Array] = (),
     before: Neighbour | None = None,
+    endless: bool = False,
 ) -> Outcome:
     """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
 
@@ -41,9 +48,10 @@ def search(
         reduced: the reduced problem, if it is known already.
         guess: reduced points (n,) to start Newton from.
         before: what the question before this one left; it wants `reduced`.
+        endless: see `reduce`.
     """
     start = time.monotonic()
-    r = reduced or reduce(p, goal, settings.motion_cap)
+    r = reduced or reduce(p, goal, endless=endless)
     out = _search(p, goal, settings, on_step, r, guess, before)
     if out.stop is Stop.NUMERICAL and before is not None:
         # Newton is tried where a leaf is made, not where it opens again: from the root, then
@@ -64,7 +72,7 @@ def _better(a: Outcome, b: Outcome) -> Outcome:
     if b.stop is Stop.COMPLETE:
         return replace(b, nodes=nodes)
     low, high = (b if b.value <= a.value else a), (b if b.bound >= a.bound else a)
-    return replace(low, bound=high.bound, proof=high.proof, stop=b.stop, nodes=nodes)
+    return replace(low, bound=high.bound, proof=high.proof, verified=high.verified, stop=b.stop, nodes=nodes)
 
 
 def _search(
@@ -78,7 +86,7 @@ def _search(
 ) -> Outcome:
     """One search."""
     start = time.monotonic()
-    gap = settings.gap * (1 - 1e-5)  # leaves room for rounding
+    gap = settings.gap * (1 - 2 * INSIDE)  # leaves room for rounding, and for a witness inside
     if goal is Goal.SMALLEST_PRELOAD:
         gap /= 1 + gap
     s = Search(
@@ -110,14 +118,54 @@ def _search(
     value = s.best * r.scale
     shown = float(s.hi[0]) if found else INF
     bound = r.scale * (shown if stop is Stop.COMPLETE else s.close())
+    at_end = found is not None and r.objective == arrays.SCALAR and s.best <= r.lo[0] + NEAR_END * abs(r.lo[0])
     if goal is Goal.EXISTS:
         value, bound = (0.0, -INF) if found else (INF, bound)
-    elif found and not torques and s.best <= r.lo[0] + NEAR_END * abs(r.lo[0]):
+    elif at_end:
         bound = -INF  # unbounded, as far as the search goes
-    proof = None
+    proof, verified = None, False
     if bound > -INF:
-        s.trim()
-        proof = Proof(r, s.pool, float(s.hi[0]))
+        proof, verified = _proved(s, r, settings, start)
+        if proof is None:
+            stop, bound = (Stop.NUMERICAL if stop is Stop.COMPLETE else stop), -INF
     if torques:
         bound = max(bound, 0.0)
-    return Outcome(value, bound, found, stop, time.monotonic() - start, s.nodes, proof=proof, point=s.z)
+    z = s.z
+    if found and z is not None and r.objective == arrays.SCALAR and not at_end:
+        z, value, found = _inside(r, z, value, settings.gap, found)
+    return Outcome(
+        value, bound, found, stop, time.monotonic() - start, s.nodes, proof=proof, point=z, verified=verified
+    )
+
+
+def _proved(s: Search, r: Reduced, settings: Settings, start: float) -> tuple[Proof | None, bool]:
+    """What the finished search proves, and was it replayed? None if the checker does not accept it.
+
+    Leaves that it does not accept are split once more: the more is decided, the more rows there are.
+    """
+    for _ in range(ROUNDS):
+        s.trim()
+        proof = Proof(r, s.pool, float(s.hi[0]))
+        if not settings.verify:
+            return proof, False
+        proof, ok, unproved = proof.checked()
+        if ok:
+            return proof, True
+        if not len(unproved) or time.monotonic() - start > settings.time_limit or not s.refine(unproved):
+            return None, False
+        for _state in s:
+            pass
+        if s.stop is not Stop.COMPLETE:
+            return None, False
+    return None, False
+
+
+def _inside(r: Reduced, z: Array, value: float, gap: float, found: Witness) -> tuple[Array, float, Witness]:
+    """The witness a little inside the largest magnitude: at the very end, rounding decides whether it is resisted."""
+    little = INSIDE * gap * (1 if value > 0 else -1)
+    near = replace(r, lo=np.r_[value * (1 + little), r.lo[1:]])
+    inner = exact.solve(near, z, hold=True)
+    if inner is None:
+        return z, value, found
+    w = witness.as_witness(r, r.point(inner))
+    return (inner, value * (1 + little), w) if w.valid else (z, value, found)

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from holdfast.mechanism import Indices
 from holdfast.stability import asked
+from holdfast.stability import verify as checker
 from holdfast.stability.certificate import Certificate, Columns, Row
 from holdfast.stability.engine import arrays, rows
 from holdfast.stability.engine.reduced import Reduced
+from holdfast.stability.engine.repair import repaired
 from holdfast.stability.engine.search import Pool
 from holdfast.stability.goal import Goal
+
+MOST = 200  # leaves for which another ray is sought
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +33,7 @@ class Proof:
     pool: Pool
     cut: float
 
+    @cached_property
     def certificate(self) -> Certificate | None:
         """The certificate; None if nodes are left that no ray closes."""
         r, pool, hi = self.reduced, self.pool, self.cut
@@ -60,8 +66,6 @@ class Proof:
         left, right = np.where(contact, left, 0), np.where(contact, right, 0)
         return Certificate(
             question=question,
-            cap_r=r.cap * force * p.lengths,
-            cap_q=r.cap * force / p.joint_scale,
             scalar=scalar,
             parent=pool.parent,
             part=part,
@@ -73,6 +77,23 @@ class Proof:
             **entries,
         )
 
+    def checked(self) -> tuple[Proof, bool, Indices]:
+        """The proof, does the independent checker accept it, and if not, which nodes of the tree are not proved.
+
+        With other rays where those found do not do.
+        """
+        none = np.zeros(0, int)
+        if self.certificate is None:
+            return self, False, none
+        found = checker.verify(self.certificate)
+        if found.ok or not 0 < len(found.unproved) <= MOST:
+            return self, found.ok, self.certificate.leaves[list(found.unproved)]
+        mended = replace(self)
+        certificate = repaired(self.certificate, found.unproved)
+        mended.__dict__["certificate"] = certificate
+        found = checker.verify(certificate)
+        return mended, found.ok, certificate.leaves[list(found.unproved)]
+
     def _rows(self, leaves: Indices, at: Columns, force: float, unit: float) -> tuple[Indices, dict[str, Any]]:
         """Row pointers and entries of the leaves' rays, multipliers for rows in the grasp's units.
 
@@ -82,7 +103,7 @@ class Proof:
         ids, y = pool.ids[leaves], pool.data[leaves].copy()
         kind = ids >> rows.KIND
         box = (kind == rows.BOX_UP) | (kind == rows.BOX_DOWN)
-        used = (y > 0) & ~box  # a bound on z itself says nothing about x: the caps stand in for it
+        used = (y > 0) & ~box  # nothing bounds z
         start = np.r_[0, np.cumsum(used.sum(axis=1))]
         ids, kind, y = ids[used], kind[used], y[used]
         index = (ids >> rows.INDEX) & 255
@@ -113,9 +134,6 @@ class Proof:
             if name == "scalar":
                 columns[k] = at.scalar.start
                 factors[k] = p.force / (p.stretch if r.goal is Goal.LARGEST else r.scale)
-            elif name == "motion":
-                columns[k] = at.r.start + i
-                factors[k] = (1.0 if i < 3 else p.length) if i < 6 else p.joint_scale[i - 6]
             elif name == "normal":
                 columns[k] = at.c.start + 3 * i
             elif name == "force":

@@ -4,7 +4,8 @@ Motions (r, q) = M u, with M a basis of what couplings and locked actuators leav
 (1) and (2), the latter against admissible motions of the joints only, so that locked actuators' forces and
 coupling multipliers never appear. z = (u, v). All base values of `rows` are affine in z.
 
-Motions are capped at `MOTION_CAP` force scales. Every base value is then bounded, and so is z: the box.
+Nothing bounds motions, and nothing but limits bounds forces. Programs begin at the corner of a box in z that is
+larger than anything they have to find; no proof may cite it.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from typing import Any
 import numpy as np
 
 from holdfast.mechanism import Array, Indices, Mask
-from holdfast.stability import goal as goals
 from holdfast.stability.engine import arrays
-from holdfast.stability.goal import MOTION_CAP, NONE, STRONGEST, Goal, Load, Point, load, search_end
+from holdfast.stability.goal import STRONGEST, Goal, Load, Point, load, search_end
 from holdfast.stability.problem import Problem
 
-HIGHEST = 1 / NONE  # of lambda
+HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy needs an end
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
 RANK = 1e-10
+MOTIONS, FORCES = 1e6, 1e5  # (scaled) the box: where programs begin
 _NOISE = 1 + np.random.default_rng(0).random(1024)
 
 
@@ -67,7 +68,7 @@ class Reduced:
         C, D: (., n) base values of `rows`, forces C z + off and motions D z; CT, DT: transposed, without the unknowns
             that are zero. These and off are filled with zeros up to whole vectors of the processor.
         lo, hi: (P,) bounds of the plain base values; names: what each of them bounds.
-        cap: largest (scaled) motion.
+        box: (n,) where programs begin: |z| there.
         cost: (n,) objective over z, and what is preferred among equals.
         objective: what is sought, a constant of `arrays`.
         scale: [N m or N] per unit of the objective, for torques.
@@ -93,42 +94,14 @@ class Reduced:
     lo: Array
     hi: Array
     names: tuple[tuple[str, int], ...]
-    cap: float
     cost: Array
+    box: Array
     objective: int
     scale: float
     solvable: bool
     solve: Array
     values: Array
     constants: Array
-
-    def box(self, highest: float) -> Array:
-        """(n,) bounds of |z| while the objective is at most `highest` (of plain value 0).
-
-        From the cap on motions: c_n <= |d_n|, and by energy sum c_n^2 <= w . r + f_c . t where friction obeys the
-        dissipation principle.
-        """
-        p = self.p
-        top = max(abs(float(self.lo[0])), abs(min(highest, float(self.hi[0])))) if self.objective else 0.0
-        cn, K, R, M, Y = self._sizes
-        if p.mdp:
-            sought = top * self.scale / np.abs(p.command(np.ones(len(p.R))))
-            command = np.where(p.driven, sought, self.load.f_a + top * self.load.f_b)
-            force = np.abs(self.load.w_a) + top * np.abs(self.load.w_b)
-            cn = np.minimum(cn, np.sqrt((force.sum() + command @ R) * self.cap))
-        c = np.column_stack([cn, p.mu * cn, p.mu * cn]).reshape(-1)
-        f = np.minimum(K @ c, p.f_max)[self.kept]
-        y = np.concatenate([c, f, np.full(len(self.y0) - len(c) - len(f), top)])
-        return np.concatenate([M, Y @ (y + np.abs(self.y0))])
-
-    @cached_property
-    def _sizes(self) -> tuple[Array, Array, Array, Array, Array]:
-        """What `box` needs and no disturbance changes: c_n by the cap on motions, |f| over |c|, |t| over the cap."""
-        p = self.p
-        d = np.abs(p.G[:, 0::3]).sum(axis=0) + np.abs(p.J[0::3]).sum(axis=1)
-        K = (np.abs(pseudo_inverse(np.vstack([p.R, p.A]).T)) @ np.abs(p.J.T))[: len(p.R)]
-        M = np.abs(self.M).sum(axis=0) * self.cap
-        return np.minimum(d * self.cap, p.cn_max), K, np.abs(p.R).sum(axis=1), M, np.abs(self.Y).T
 
     def redirected(self, p: Problem) -> Reduced:
         """The same grasp and scales, the smallest preload, with another disturbance in `p`."""
@@ -139,14 +112,11 @@ class Reduced:
         lo = self.lo.copy()
         lo[0] = 1.0 / search_end(p)
         D, DT = self.D, self.DT
-        if self.names[-1][0] == "energy":
+        if self.names and self.names[-1][0] == "energy":
             D, DT = D.copy(), DT.copy()
             D[-2, :6] = DT[:6, len(D) - 2] = load_.w_a
         off = padded(self.values @ y0 + self.constants)
-        out = replace(self, p=p, load=load_, y0=y0, D=D, DT=DT, off=off, lo=lo)
-        if "_sizes" in self.__dict__:
-            out.__dict__["_sizes"] = self._sizes
-        return out
+        return replace(self, p=p, load=load_, y0=y0, D=D, DT=DT, off=off, lo=lo)
 
     @cached_property
     def sizes(self) -> tuple[int, int, int]:
@@ -156,7 +126,7 @@ class Reduced:
     @cached_property
     def table(self) -> Indices:
         """The question as the kernel takes it, see `arrays`."""
-        what = self.C, self.D, self.CT, self.DT, self.off, self.p.mu, self.lo, self.cost, self.driven
+        what = self.C, self.D, self.CT, self.DT, self.off, self.p.mu, self.lo, self.cost, self.box, self.driven
         return arrays.table(arrays.QUESTION, what)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -200,13 +170,13 @@ class Reduced:
         return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
 
 
-def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
+def reduce(p: Problem, goal: Goal, *, endless: bool = False) -> Reduced:
     """Eliminate the linear equations of a question.
 
     Args:
         p: the scaled problem.
         goal: what is sought.
-        motion_cap: virtual motions beyond this many force scales are not searched.
+        endless: lambda of the smallest preload may be as large as it likes, so that small magnitudes count, too.
     """
     m, l, a, _ = p.sizes
     drive, moves, load_ = p.driven, p.moves, load(p, goal)
@@ -246,10 +216,9 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
     Y = Vt[rank:].T
     solvable = bool(np.abs(E @ y0 - h).max() < 1e-9)
 
-    cap = goals.motion_cap(p, goal, motion_cap)
     plain: list[tuple[str, int, float, float]] = []  # what is bounded, which, and between what
     if goal is Goal.SMALLEST_PRELOAD:
-        plain.append(("scalar", 0, 1.0 / search_end(p), HIGHEST))
+        plain.append(("scalar", 0, 1.0 / search_end(p), np.inf if endless else HIGHEST))
     elif goal is Goal.LARGEST:
         plain.append(("scalar", 0, -search_end(p), 0.0))
     elif objective:
@@ -259,8 +228,7 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
     plain += [("force", int(i), -p.f_max[i], p.f_max[i]) for i in kept if np.isfinite(p.f_max[i])]
     plain += [("effort", int(i), 0.0, STRONGEST) for i in efforts]
     limits = len(plain)
-    plain += [("motion", i, -cap, cap) for i in range(6 + l)]
-    if p.mdp and goal in (Goal.EXISTS, Goal.SMALLEST_PRELOAD):  # for `rows.ENERGY`
+    if p.mdp and goal in (Goal.EXISTS, Goal.SMALLEST_PRELOAD) and not endless:  # for `rows.ENERGY`
         plain += [("energy", 0, -np.inf, np.inf), ("energy", 1, -np.inf, np.inf)]
 
     # base values: forces as functions of y, and their constants, motions as functions of (r, q)
@@ -285,8 +253,7 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
     D = np.zeros((C + len(active) + len(plain) - limits, 6 + l))
     D[:C, :6], D[:C, 6:] = p.G.T, -p.J
     D[C : C + len(active), 6:] = p.R[active]
-    D[C + len(active) : C + len(active) + 6 + l] = np.eye(6 + l)
-    if plain[-1][0] == "energy":
+    if plain and plain[-1][0] == "energy":
         D[-2:, :6] = load_.w_a, load_.w_b
         D[-2:, 6:] = load_.f_a @ p.R, load_.f_b @ p.R
     nu, nv = M.shape[1], Y.shape[1]
@@ -317,8 +284,8 @@ def reduce(p: Problem, goal: Goal, motion_cap: float = MOTION_CAP) -> Reduced:
         lo=lo,
         hi=hi,
         names=tuple((b[0], b[1]) for b in plain),
-        cap=cap,
         cost=cost,
+        box=np.repeat([MOTIONS, FORCES], [nu, nv]),
         objective=objective,
         scale=scale,
         solvable=solvable,

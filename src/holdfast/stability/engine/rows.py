@@ -18,6 +18,7 @@ is the tangent, at the point of k, of the balance of energy: sum c_n^2 <= w . r 
 from __future__ import annotations
 
 TURN = 1 << 24
+WIDER = 2.0**-40  # as in `certificate`
 
 # kinds of rows, see `row`
 CN_UP, CN_DOWN, GAP_UP, GAP_DOWN, DN_UP, TANGENT, CHORD = 0, 1, 2, 3, 4, 5, 6

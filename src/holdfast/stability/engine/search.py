@@ -19,7 +19,7 @@ import numpy as np
 
 from holdfast.answer import Stop
 from holdfast.mechanism import Array, Indices, Mask
-from holdfast.stability.engine import arrays, rows
+from holdfast.stability.engine import arrays, branch, rows
 from holdfast.stability.engine.arrays import Block
 from holdfast.stability.engine.machine import kernel
 from holdfast.stability.engine.reduced import Reduced
@@ -88,7 +88,6 @@ class Lane:
     """
 
     hi: Array
-    box: Array
     best: Array
     z: Array
     stats: Indices
@@ -101,13 +100,13 @@ class Lane:
     def of(cls, r: Reduced, guess: Sequence[Array] | Array = (), heap: int = ROOM) -> Lane:
         """That knows nothing yet; guess: points (n,) to start Newton's method from."""
         n = len(r.cost)
-        shapes = r.hi.shape, (n,), (2,), (n,), (len(arrays.STATS),), (len(guess), n), (heap,)
+        shapes = r.hi.shape, (2,), (n,), (len(arrays.STATS),), (len(guess), n), (heap,)
         block = Block(arrays.LANE, shapes)
-        hi, box, best, z, stats, points, waiting = block.arrays()
+        hi, best, z, stats, points, waiting = block.arrays()
         hi[:], best[:], stats[:] = r.hi, INF, 0
         if len(guess):
             points[:] = guess
-        return cls(hi, box, best, z, stats, points, waiting, block.table, arrays.room(r.room))
+        return cls(hi, best, z, stats, points, waiting, block.table, arrays.room(r.room))
 
     @property
     def waiting(self) -> int:
@@ -116,7 +115,7 @@ class Lane:
     def copy(self, r: Reduced) -> Lane:
         """Another one of the same question that knows as much and has no nodes."""
         out = Lane.of(r, self.guess, len(self.heap))
-        for old, new in ((self.hi, out.hi), (self.box, out.box), (self.best, out.best), (self.z, out.z)):
+        for old, new in ((self.hi, out.hi), (self.best, out.best), (self.z, out.z)):
             new[:] = old
         out.stats[:] = self.stats
         out.stats[arrays.HEAP] = 0
@@ -168,26 +167,13 @@ class Search:
         for x in self.pool.arrays():  # the root: all is undecided
             x[0] = 0
         self.pool.parent[0] = -1
-        corner = np.where(r.cost >= 0, rows.BOX_UP, rows.BOX_DOWN)
-        self.pool.ids[0, :n] = (corner << rows.KIND) | (np.arange(n) << rows.INDEX)
+        self.pool.ids[0, :n] = self._corner
         self.pool.bound[0] = r.lo[0] if r.objective else 0.0
         lane = Lane.of(r, self.guess)
         lane.stats[arrays.USED] = lane.stats[arrays.HEAP] = 1
         lane.heap[0] = 0
         self.lanes.append(lane)
-        self._confine(INF)
         self._common = np.zeros_like(lane.stats)  # counted before there were two lanes
-
-    def _confine(self, highest: float) -> None:
-        """Bound the unknowns, while the objective is at most `highest`."""
-        box = self.reduced.box(highest)
-        for lane in self.lanes:
-            lane.box[:] = box
-
-    @property
-    def box(self) -> Array:
-        """(n,) bounds of the unknowns, the same for every lane."""
-        return self.lanes[0].box
 
     def know(self, z: Array) -> None:
         """Begin with an exact solution (n,) as the incumbent."""
@@ -199,13 +185,36 @@ class Search:
         lane.best[0], lane.z[:] = value, z
         lane.hi[0] = min(lane.hi[0], value - self.gap * abs(value) - self.gap_absolute)
         self._compare()
-        self._confine(float(self.hi[0]))
 
     def follow(self, finished: Pool) -> None:
         """Begin with a finished, trimmed tree of the same grasp, balances of energy under the cut of this search."""
         used = len(finished.parent)
         self.pool, self.used = finished.grown(used + ROOM, used), used
         self.pool.data[:used][finished.status == arrays.SPLIT, -1] = self.hi[0]
+
+    def refine(self, leaves: Indices) -> int:
+        """Split these closed leaves of a trimmed tree, to be searched once more; returns how many could be split."""
+        r, (m, _, _), n = self.reduced, self.reduced.sizes, len(self.reduced.cost)
+        lane = self.lanes[0].copy(r)
+        self.lanes, self.stop, self._common = [lane], None, np.zeros_like(lane.stats)
+        self.pool = self.pool.grown(self.used + CHILDREN * len(leaves) + SPARE, self.used)
+        pool, first, split = self.pool, self.used, 0
+        for node in leaves:
+            part, children = branch.cases(pool.states[node], m, r.p.mdp, r.p.eta > 0)
+            if part < 0:
+                continue
+            split += 1
+            pool.status[node] = arrays.SPLIT
+            pool.data[node], pool.data[node, n] = 0.0, self.hi[0] if r.objective else 0.0
+            for states in children:
+                k = self.used
+                self.used += 1
+                pool.states[k], pool.parent[k], pool.part[k] = states, node, part
+                pool.ids[k, :n], pool.data[k], pool.key[k] = self._corner, 0.0, 0.0
+                pool.bound[k], pool.status[k] = pool.bound[node], arrays.WAITING
+        lane.give(np.arange(first, self.used))
+        lane.stats[arrays.NODES] += self.used - first
+        return split
 
     def reopen(self, leaves: Indices) -> None:
         """Search these leaves of the tree."""
@@ -214,6 +223,13 @@ class Search:
         self.pool.bound[leaves] = self.reduced.lo[0]
         lane.give(leaves)
         lane.stats[arrays.NODES] = len(leaves) - 1
+
+    @property
+    def _corner(self) -> Indices:
+        """(n,) the working set that a program begins with where there is no other."""
+        corner = np.where(self.reduced.cost >= 0, rows.BOX_UP, rows.BOX_DOWN)
+        out: Indices = (corner << rows.KIND) | (np.arange(len(corner)) << rows.INDEX)
+        return out
 
     @property
     def stats(self) -> Indices:
@@ -350,7 +366,6 @@ class Search:
         start = time.monotonic()
         while self.stop is None:
             left = (self.node_limit - self.nodes + 1) / len(self.lanes)
-            best = self.best
             why = self._slice(int(min(SLICE, max(1, left))))
             if arrays.FOUND in why or arrays.ENDLESS in why:
                 self.stop = Stop.COMPLETE
@@ -361,7 +376,5 @@ class Search:
             elif self.nodes > self.node_limit:
                 self.stop = Stop.NODES
             else:
-                if self.best < best and r.objective:
-                    self._confine(float(self.hi[0]))
                 self._deal()
             yield self

@@ -260,7 +260,7 @@ def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, c, d, slack, across, touc
         if new != mode:
             motor[j] = new
             changed = True
-    for k in range(objective, side.shape[0]):  # limits of forces; the cap on motions binds the search alone
+    for k in range(objective, side.shape[0]):  # limits of forces
         x = c[3 * m + 2 * a + k]
         new = 1 if x > hi[k] + slack else (-1 if x < lo[k] - slack else 0)
         if new != 0 and side[k] == 0:
@@ -334,7 +334,7 @@ def polish(  # type: ignore[no-untyped-def]
 
 def polished(m, a, cos, sin, mdp, objective, hold, tol, question, lane, points, work):  # type: ignore[no-untyped-def]
     """`polish` from a given point: an exact solution near `start` into z; was one found?"""
-    C, D, CT, DT, off, mu, lo, _, driven = views(question, QUESTION)
+    C, D, CT, DT, off, mu, lo, _, _, driven = views(question, QUESTION)
     hi = views(lane, LANE)[0]
     start, z = views(points, POINTS)
     enter_row, _, _, delta, _ = views(work, WORK)[ROW:EXACT]

@@ -6,12 +6,13 @@ from holdfast.stability.engine.arrays import EXACT, LANE, LEAVES, POOL, QUESTION
 from holdfast.stability.engine.kernel.compiled import views
 from holdfast.stability.engine.kernel.simplex import ROUNDING
 from holdfast.stability.engine.kernel.values import row
+from holdfast.stability.engine.rows import BOX_DOWN, BOX_UP, KIND
 
 
 def refuted(m, a, F, cos, sin, question, lane, pool, which, work):  # type: ignore[no-untyped-def]
     """Which leaves' rays prove infeasibility as things are now, into `closed`."""
-    C, D, _, _, off, mu, lo, _, _ = views(question, QUESTION)
-    hi, box = views(lane, LANE)[:2]
+    C, D, _, _, off, mu, lo, _, box, _ = views(question, QUESTION)
+    hi = views(lane, LANE)[0]
     ids, data = views(pool, POOL)[1:3]
     leaves, closed = views(which, LEAVES)
     term, total, size, _, gradient = views(work, WORK)[ROW:EXACT]
@@ -24,7 +25,8 @@ def refuted(m, a, F, cos, sin, question, lane, pool, which, work):  # type: igno
             size[j] = 0.0
         for k in range(n + 1):
             y = data[leaves[i], k]
-            if y <= 0.0:
+            kind = ids[leaves[i], k] >> KIND
+            if y <= 0.0 or kind in (BOX_UP, BOX_DOWN):
                 continue
             b = row(ids[leaves[i], k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, term, gradient)
             gap += y * b

@@ -7,8 +7,9 @@ violated, the worst one enters and the ratio test picks the one that leaves. If 
 and the working set add up to 0 >= positive: the program is infeasible and the multipliers are a Farkas ray.
 
 Nothing is believed on the inverse's word: a ray counts only if it proves infeasibility for every z in the
-box with the coefficients themselves, small parts of the wrong sign dropped. Otherwise W is factorised
-afresh; if that does not help, the rows of that contact or actuator are left out, which only loosens the program.
+box with the coefficients themselves, small parts of the wrong sign and the rows of the box dropped. Otherwise W is
+factorised afresh; if that does not help, the rows of that contact or actuator are left out, which only loosens the
+program.
 
 Tolerances are absolute, forces and motions being scaled by the force scale: `FEASIBLE` for rows, the caller's for
 friction outside its cone (tangents are made where it leaves), `PIVOT` for pivots (`SMALL` where there is no other,
@@ -23,7 +24,7 @@ import numpy as np
 from holdfast.stability.engine.kernel.compiled import larger, quick, smaller
 from holdfast.stability.engine.kernel.price import FEASIBLE, price, trigonometry
 from holdfast.stability.engine.kernel.values import blend, row, values
-from holdfast.stability.engine.rows import BOX_UP, ENERGY, INDEX, KIND, PLAIN_DOWN, S_UP, T_UP
+from holdfast.stability.engine.rows import BOX_DOWN, BOX_UP, ENERGY, INDEX, KIND, PLAIN_DOWN, S_UP, T_UP
 
 OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
 ATTEMPTS = 3  # at a node: from a working set that was left, from the box, and there with firm pivots only
@@ -31,6 +32,8 @@ PIVOT, FIRM = 1e-7, 1e-5
 SMALL = 1e-10
 BLUR, CAUTIOUS = 1e-9, 1e-6  # multipliers may turn negative by this for a better pivot; rays do not care
 ROUNDING = 1e-12  # of the terms of a ray: more than its checker allows for
+PURE = 1e-10  # relative: a ray with more than this of the box is none
+WIDE = 1e3  # the box, where a program seems empty for its sake
 MISSING = 0.1  # (scaled) energy by which the balance must be missed for its row to enter
 REFRESH = 40
 EXCHANGES = 500
@@ -110,6 +113,7 @@ def solve(  # type: ignore[no-untyped-def]
     usual = FIRM if attempt == 2 else PIVOT
     least = usual
     blur = BLUR if daring else CAUTIOUS
+    wide = False
     for exchange in range(EXCHANGES):
         if since >= REFRESH:
             if not invert(W, T, order, pivot):
@@ -168,13 +172,19 @@ def solve(  # type: ignore[no-untyped-def]
         if leave < 0:
             gap = b
             slip = ROUNDING * abs(b)
+            cited = 1.0
+            boxed = 0.0
             for j in range(n):
                 z_total = enter_row[j]
                 pivot[j] = z_total
                 pivot[n + j] = abs(z_total)
             for k in range(n):
                 f = delta[k]
-                if f < 0.0:
+                kind = ids[k] >> KIND
+                if kind in (BOX_UP, BOX_DOWN):  # nothing bounds the unknowns in truth
+                    boxed = larger(boxed, -f)
+                elif f < 0.0:
+                    cited = larger(cited, -f)
                     gap -= f * rhs[k]
                     slip += ROUNDING * abs(f * rhs[k])
                     for j in range(n):
@@ -182,7 +192,15 @@ def solve(  # type: ignore[no-untyped-def]
                         pivot[n + j] += abs(f * W[k, j])
             for j in range(n):
                 slip += (2.0 * abs(pivot[j]) + ROUNDING * pivot[n + j]) * box[j]
-            if gap > slip:
+            if gap > slip and boxed > PURE * cited and not wide:
+                for k in range(n):  # empty within the box, it may be: how about a larger one?
+                    kind = ids[k] >> KIND
+                    if kind in (BOX_UP, BOX_DOWN):
+                        rhs[k] *= WIDE
+                wide = True
+                fresh = True
+                continue
+            if gap > slip and boxed <= PURE * cited:
                 for k in range(n):
                     y[k] = larger(-delta[k], 0.0)
                 ids[n] = enter

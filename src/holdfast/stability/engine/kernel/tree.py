@@ -131,8 +131,8 @@ def run(  # type: ignore[no-untyped-def]
 ):
     """Expand up to `budget` nodes; the arrays of lane and pool are the search's state and change in place.
 
-    question: C, D, CT, DT, off, mu, lo, cost, driven of `reduced`.
-    lane: hi, box, best, best_z, stats, guess, heap. best (2,): the smallest objective found, from which the cut
+    question: C, D, CT, DT, off, mu, lo, cost, box, driven of `reduced`.
+    lane: hi, best, best_z, stats, guess, heap. best (2,): the smallest objective found, from which the cut
     hi[0] follows, and the violation below which Newton is tried. guess (g, n): points to start Newton from.
     pool: states, ids, data, key, bound, parent, part, status. Node k has its state in states[k] (3m + a), its
     working set in ids[k] (n + 1), and in data[k] (n + 1) its point while it waits, its ray's multipliers once it is
@@ -140,8 +140,8 @@ def run(  # type: ignore[no-untyped-def]
     work: see `arrays.room`.
     close: only close what waits, by the cut in force (no splitting, no Newton). Returns why it stopped.
     """
-    C, D, CT, DT, off, mu, lo, cost, driven = views(question, QUESTION)
-    hi, box, best, best_z, stats, guess, heap = views(lane, LANE)
+    C, D, CT, DT, off, mu, lo, cost, box, driven = views(question, QUESTION)
+    hi, best, best_z, stats, guess, heap = views(lane, LANE)
     states, ids, data, key, bound, parent, part, status = views(pool, POOL)
     (
         owner, kept_ids, kept_rhs, kept_W, kept_T,
@@ -272,7 +272,10 @@ def run(  # type: ignore[no-untyped-def]
                     continue
                 if hit:
                     found = achieved(m, a, F, objective, driven, exact_c, exact_d)
-                    if found < best[0] and (objective != SCALAR or found >= lo[0] - 1e-9 * abs(lo[0])):
+                    allowed = objective != SCALAR or found >= lo[0] - 1e-9 * abs(lo[0])
+                    if best[0] == np.inf and found > hi[0]:  # Newton's method does not know the scalar's other end
+                        allowed = objective == ANY
+                    if found < best[0] and allowed:
                         stats[HITS] += 1
                         best[0] = found
                         for j in range(n):

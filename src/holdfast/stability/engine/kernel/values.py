@@ -31,6 +31,7 @@ from holdfast.stability.engine.rows import (
     T_UP,
     TANGENT,
     TURN,
+    WIDER,
 )
 
 
@@ -86,29 +87,31 @@ def row(id, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, g):  # typ
     elif kind == GAP_UP:
         g[0] = 1.0
         g[3] = cos
-        g[4] = -sin * (xa + xb) / h
-        g[5] = -sin * (ya + yb) / h
+        g[4] = -sin * (1.0 + WIDER) * (xa + xb) / h
+        g[5] = -sin * (1.0 + WIDER) * (ya + yb) / h
     elif kind == GAP_DOWN:
         g[0] = -1.0
         g[3] = -cos
-        g[4] = sin * xa
-        g[5] = sin * ya
+        g[4] = sin * (1.0 - WIDER) * xa
+        g[5] = sin * (1.0 - WIDER) * ya
     elif kind == DN_UP:
         g[3] = cos
-        g[4] = -sin * (xa + xb) / h
-        g[5] = -sin * (ya + yb) / h
+        g[4] = -sin * (1.0 + WIDER) * (xa + xb) / h
+        g[5] = -sin * (1.0 + WIDER) * (ya + yb) / h
     elif kind == TANGENT:
-        g[0] = mu[i]
+        g[0] = mu[i] * (1.0 + WIDER)
         g[1] = -xa
         g[2] = -ya
     elif kind == CHORD:
-        g[0] = -0.5 * mu[i] * h
+        g[0] = -mu[i] * (0.5 * h - WIDER)
         g[1] = 0.5 * (xa + xb)
         g[2] = 0.5 * (ya + yb)
     elif kind == C_LEFT:
+        g[0] = mu[i] * WIDER
         g[1] = -ya
         g[2] = xa
     elif kind == C_RIGHT:
+        g[0] = mu[i] * WIDER
         g[1] = yb
         g[2] = -xb
     elif kind == D_LEFT:

@@ -1,0 +1,520 @@
+"""The proof of a leaf without any bound on motions or forces: multipliers that cancel every unknown exactly.
+
+A leaf's case and the equations of the model say, of the unknowns x (see `certificate.Columns`),
+
+    F x >= b,   E x = h.
+
+The leaf is empty if there are y (>= 0 where a row is an inequality) and v with y F + v E = 0 and y b + v h > 0. A
+sum that is only nearly 0 proves nothing, as motions have no bound. A file has y as rounded numbers, and v follows
+from it by least squares; `proved_margins` shows that multipliers near them cancel exactly:
+
+- In floating point, all leaves at once: where the rows that are involved have full rank, a correction of
+  bounded size exists (`enclosed_margins`). A right inverse P and |B P - 1| < 1 show the rank.
+- In rational arithmetic, leaf by leaf, where ranks are lost: two fingertips that stick do not keep an object
+  from turning about the line through them, and rounded numbers do not show it (`exact_margin`).
+
+All of F, b, E, h but the grasp map and the Jacobian are floating-point numbers taken as they are. G and J come
+from the file's positions, axes and contact frames exactly. Rows of the friction cone are wider than the cone by
+`WIDER`, which covers directions and frames that are of unit length, and at right angles, to rounding only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from flint import fmpq, fmpq_mat
+from scipy.linalg import qr
+
+from holdfast.grasp import Grasp
+from holdfast.mechanism import Array, Mask
+from holdfast.stability.certificate import (
+    HALF,
+    WIDER,
+    Certificate,
+    Columns,
+    ContactState,
+    Integers,
+    Question,
+    Row,
+    directions,
+)
+
+UNIT = 2.0**-53  # relative error of one rounded operation
+CHUNK = 256  # leaves whose systems are in memory at a time
+DUST = 1e-13  # relative: multipliers of equalities below this are taken for 0
+LEAST = 1e-4  # a small multiplier may change by this share of what an equality's may, relative to the rows' size
+TILT = 1e-16  # relative, of a diagonal: enough for an inverse to exist, which may be useless
+RANK = 1e-9  # relative: what is smaller does not count for the rank, until shown exactly
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of leaves over (x, d, t): value . (x, d, t) >= b, or = b where `either`.
+
+    Attributes:
+        value: (R, n+3m+a); b: (R,): numbers as they are, not rounded ones of others.
+        either: (R,) bool: an equation in its case, so that its multiplier may have any sign.
+    """
+
+    value: Array
+    b: Array
+    either: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """What all leaves share.
+
+    Attributes:
+        E, h: (p, n), (p,) equalities, E rounded. Z: (3m+a, n) motions (d, t) over x, rounded.
+        E_size, Z_size: sums of absolute values: |rounded - exact| <= error * size.
+        scale: (n,) powers of two by which unknowns are scaled.
+        error: relative error of every sum.
+    """
+
+    E: Array
+    h: Array
+    E_size: Array
+    Z: Array
+    Z_size: Array
+    scale: Array
+    error: float
+
+    @classmethod
+    def of(cls, question: Question) -> System:
+        """The equations (1), (2), couplings, locked actuators, and (3)."""
+        g, at = question.grasp, Columns.of(question)
+        E, h, Z = equations(question, g.G, g.J)
+        G, J = sizes(g)
+        E_size, _, Z_size = (np.abs(a) for a in equations(question, G, J))
+        largest = np.maximum(np.abs(E).max(axis=0, initial=0.0), np.abs(Z).max(axis=0, initial=0.0))
+        scale: Array = np.exp2(-np.round(np.log2(np.where(largest > 0, largest, 1.0))))
+        scale[at.c] = 1.0
+        return cls(E * scale, h, E_size * scale, Z * scale, Z_size * scale, scale, 64 * UNIT)
+
+
+def equations(question: Question, G: Array, J: Array) -> tuple[Array, Array, Array]:
+    """E (p, n), h (p,) and Z (3m+a, n) with the given grasp map and Jacobian."""
+    q, g, at = question, question.grasp, Columns.of(question)
+    R, A = q.sense[:, None] * g.mechanism.R, g.mechanism.A
+    locked = np.flatnonzero(~q.may_move)
+    sizes = (6, g.l, len(A), len(locked), int(at.e.stop > at.e.start))
+    b1, b2, b3, b4, p = np.cumsum(sizes).tolist()
+    E, h = np.zeros((p, at.n)), np.zeros(p)
+    constant, per_scalar = q.loads
+    E[:b1, at.c], h[:b1] = G, -constant  # (1)
+    E[:b1, at.scalar] = per_scalar[:, None]
+    E[b1:b2, at.c], E[b1:b2, at.f], E[b1:b2, at.coupling] = J.T, -R.T, -A.T  # (2)
+    E[b2:b3, at.q] = A
+    E[b3:b4, at.q] = R[locked]  # (8) where nothing is commanded
+    if p > b4:
+        E[b4:, at.scalar], E[b4:, at.e] = 1.0, -q.is_driven.astype(float)
+    Z = np.zeros((3 * g.m + len(R), at.n))
+    Z[: 3 * g.m, at.r], Z[: 3 * g.m, at.q], Z[3 * g.m :, at.q] = G.T, -J, R  # (3)
+    return E, h, Z
+
+
+def sizes(grasp: Grasp) -> tuple[Array, Array]:
+    """(6, 3m), (3m, l): sums of the absolute values of what the entries of G and J are made of."""
+    G, J = np.zeros((6, 3 * grasp.m)), np.zeros((3 * grasp.m, grasp.l))
+
+    def crossed(a: Array, b: Array) -> Array:
+        return np.array([a[1] * b[2] + a[2] * b[1], a[2] * b[0] + a[0] * b[2], a[0] * b[1] + a[1] * b[0]])
+
+    for i, c in enumerate(grasp.contacts):
+        frame, p = np.abs(c.frame), np.abs(c.position)
+        G[:3, 3 * i : 3 * i + 3] = frame
+        for k in range(3):
+            G[3:, 3 * i + k] = crossed(p, frame[:, k])
+        for j, joint in enumerate(grasp.joints):
+            if i in joint.moves:
+                axis = np.abs(joint.axis)
+                speed = axis if joint.type == "prismatic" else crossed(axis, p + np.abs(joint.origin))
+                J[3 * i : 3 * i + 3, j] = frame.T @ speed
+    return G, J
+
+
+# --- the rows -------------------------------------------------------------------------------------
+
+
+def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array) -> Rows:
+    """The rows of all leaves; states (R, m+a): what contacts and actuators are where a row stands.
+
+    lo, hi: (n,) the bounds that BOUND rows cite.
+    """
+    c, q, at = certificate, certificate.question, Columns.of(certificate.question)
+    g, count = q.grasp, len(c.kind)
+    m, a = g.m, g.mechanism.a
+    cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
+    value, b = np.zeros((count, at.n + 3 * m + a)), np.zeros(count)
+    Ua, Ub = directions(c.a), directions(c.b)
+    two_sided = np.isin(c.kind, (Row.GAP_UP, Row.DN_UP, Row.CHORD)) & (np.abs(c.b - c.a) < HALF)
+    both = np.where(two_sided, 1 + (Ua * Ub).sum(axis=1), 1.0)
+    wide = (Ua + Ub) / both[:, None]
+    contact = np.minimum(c.index, m - 1)
+    mu = g.mu[contact]
+    force, motion = at.c.start + 3 * c.index, at.n + 3 * c.index
+    t, f = at.n + 3 * m + c.index, at.f.start + c.index
+
+    def put(kinds: tuple[Row, ...], column: Integers | int, coefficient: Array | float) -> None:
+        here = np.flatnonzero(np.isin(c.kind, kinds))
+        columns = column[here] if isinstance(column, np.ndarray) else column
+        value[here, columns] += coefficient[here] if isinstance(coefficient, np.ndarray) else coefficient
+
+    put((Row.CN_UP, Row.GAP_UP), force, 1.0)
+    put((Row.CN_DOWN, Row.GAP_DOWN), force, -1.0)
+    put((Row.TANGENT,), force, mu * (1 + WIDER))
+    put((Row.CHORD,), force, -mu * (both / 2 - WIDER))
+    put((Row.C_LEFT, Row.C_RIGHT), force, mu * WIDER)
+    put((Row.GAP_UP, Row.DN_UP), motion, cos)
+    put((Row.GAP_DOWN,), motion, -cos)
+    for axis in (0, 1):
+        put((Row.TANGENT,), force + 1 + axis, -Ua[:, axis])
+        put((Row.CHORD,), force + 1 + axis, (Ua + Ub)[:, axis] / 2)
+        if sin > 0:
+            put((Row.GAP_UP, Row.DN_UP), motion + 1 + axis, -sin * (1 + WIDER) * wide[:, axis])
+            put((Row.GAP_DOWN,), motion + 1 + axis, sin * (1 - WIDER) * Ua[:, axis])
+    put((Row.C_LEFT,), force + 1, -Ua[:, 1])
+    put((Row.C_LEFT,), force + 2, Ua[:, 0])
+    put((Row.C_RIGHT,), force + 1, Ub[:, 1])
+    put((Row.C_RIGHT,), force + 2, -Ub[:, 0])
+    put((Row.D_LEFT,), motion + 1, Ua[:, 1])
+    put((Row.D_LEFT,), motion + 2, -Ua[:, 0])
+    put((Row.D_RIGHT,), motion + 1, -Ub[:, 1])
+    put((Row.D_RIGHT,), motion + 2, Ub[:, 0])
+    put((Row.STILL_1_UP,), motion + 1, 1.0)
+    put((Row.STILL_1_DOWN,), motion + 1, -1.0)
+    put((Row.STILL_2_UP,), motion + 2, 1.0)
+    put((Row.STILL_2_DOWN,), motion + 2, -1.0)
+    put((Row.T_UP,), t, 1.0)
+    put((Row.T_DOWN,), t, -1.0)
+    put((Row.E_UP,), f, 1.0)
+    put((Row.E_DOWN, Row.S_UP), f, -1.0)
+    put((Row.S_UP,), at.e.start + c.index if at.e.stop > at.e.start else at.scalar.start, 1.0)
+    put((Row.BOUND_UP,), c.index, 1.0)
+    put((Row.BOUND_DOWN,), c.index, -1.0)
+    constant, per_scalar = (np.append(x, 0.0)[np.minimum(c.index, a)] for x in q.commands)
+    if at.scalar.stop > at.scalar.start:  # commands lambda f_c
+        put((Row.E_UP,), at.scalar.start, -per_scalar)
+        put((Row.E_DOWN,), at.scalar.start, per_scalar)
+    b += np.where(c.kind == Row.E_UP, constant, 0.0) - np.where(c.kind == Row.E_DOWN, constant, 0.0)
+    column = np.minimum(c.index, at.n - 1)
+    b += np.where(c.kind == Row.BOUND_UP, lo[column], 0.0) - np.where(c.kind == Row.BOUND_DOWN, hi[column], 0.0)
+
+    energy = np.flatnonzero(c.kind == Row.ENERGY)
+    if len(energy):  # rounded so that it says less than (6) does: t >= 0
+        x, (f_c, per_s) = c.references[c.index[energy]], q.commands
+        value[energy, at.r] = q.loads[0]
+        value[energy[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m]
+        value[energy[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_s) * (1 + 4 * UNIT)
+        b[energy] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT)
+
+    part = np.where(c.kind >= Row.T_UP, np.minimum(m + c.index, m + a - 1), contact) if m + a else contact
+    state = states[np.arange(count), part]
+    moves = np.append(q.may_move, False)[np.minimum(c.index, a)]
+    still = (c.kind >= Row.STILL_1_UP) & (c.kind <= Row.STILL_2_DOWN)
+    gap = ((c.kind == Row.GAP_UP) | (c.kind == Row.GAP_DOWN)) & (q.eta == 0) & (state >= ContactState.CLOSED)
+    turn = ((c.kind == Row.T_UP) | (c.kind == Row.T_DOWN)) & ((state == 1) | ~moves)  # locked
+    driven = np.append(q.is_driven, False)[np.minimum(c.index, a)]
+    excess = ((c.kind == Row.E_UP) | (c.kind == Row.E_DOWN)) & (state == 2) & ~driven  # moves
+    return Rows(value, b, still | gap | turn | excess)
+
+
+def bounds(question: Question, scalar: tuple[float, float] | None) -> tuple[Array, Array]:
+    """(n,) each: what BOUND rows may say of the unknowns; infinite where nothing is known."""
+    q, at = question, Columns.of(question)
+    lo, hi = np.full(at.n, -np.inf), np.full(at.n, np.inf)
+    lo[at.c][0::3] = 0.0
+    if q.force_limit is not None:
+        hi[at.c][0::3] = q.force_limit
+    limit = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.mechanism.actuators])
+    lo[at.f], hi[at.f] = -limit, limit
+    if scalar is not None:
+        lo[at.scalar], hi[at.scalar] = scalar
+        lo[at.e] = 0.0
+        hi[at.e] = np.where(q.is_driven, scalar[1], np.inf)[: at.e.stop - at.e.start]
+    return lo, hi
+
+
+# --- the proof of each leaf -------------------------------------------------------------------------
+
+
+def proved_margins(certificate: Certificate, cases: Integers) -> Array:
+    """(L,) y b + v h of every leaf, relative to its terms; positive is a proof.
+
+    cases: (L, m+a, 3) of `verify.leaf_cases`.
+    """
+    c, q = certificate, certificate.question
+    system, (lo, hi) = System.of(q), bounds(q, c.scalar)
+    counts = np.diff(c.start)
+    leaf = np.repeat(np.arange(len(c.leaves)), counts)
+    rows = rows_of(c, cases[leaf, :, 0], lo, hi)
+    margins = np.full(len(c.leaves), -np.inf)
+    order = np.argsort(counts, kind="stable")  # leaves of like size together: little is wasted on padding
+    exact: Exact | None = None
+    for begin in range(0, len(order), CHUNK):
+        chosen = order[begin : begin + CHUNK]
+        leaves = Leaves.of(c, rows, system, cases, chosen)
+        margins[chosen] = leaves.margins()
+        for k in np.flatnonzero(~(margins[chosen] > 0)):
+            exact = exact or Exact.of(q)
+            margins[chosen[k]] = exact.margin(leaves, int(k), rows)
+    return margins
+
+
+@dataclass(frozen=True, eq=False)
+class Leaves:
+    """Some leaves as padded systems: w B = 0 is to be shown for w near the given one.
+
+    Attributes:
+        B: (L, K, n) rows of the leaf, then equalities; zero where a contact is open, whose force is zero.
+        size: (L, K, n) sums of absolute values behind B.
+        w: (L, K) multipliers. free: (L, K) bool, may have any sign. b: (L, K) right-hand sides.
+        unit: (L, K) powers of two that rows were divided by.
+        index: (L, k) which rows of the certificate, -1 for padding; the last p of K are the equalities.
+        closed: (L, n) bool: unknowns that are not known to be zero.
+        error: relative error of sums.
+    """
+
+    B: Array
+    size: Array
+    w: Array
+    free: Mask
+    b: Array
+    unit: Array
+    index: Integers
+    closed: Mask
+    error: float
+
+    @classmethod
+    def of(
+        cls, c: Certificate, rows: Rows, system: System, cases: Integers, chosen: Integers, *, whole: bool = False
+    ) -> Leaves:
+        """The systems of the chosen leaves, with v by least squares; whole: forces of open contacts included."""
+        at, g = Columns.of(c.question), c.question.grasp
+        counts = np.diff(c.start)[chosen]
+        k, p, n = int(counts.max(initial=0)), len(system.E), at.n
+        index = np.full((len(chosen), k), -1)
+        for i, leaf in enumerate(chosen):
+            index[i, : counts[i]] = np.arange(c.start[leaf], c.start[leaf + 1])
+        there = index >= 0
+        value = np.where(there[..., None], rows.value[index], 0.0)
+        x, motions = value[..., :n] * system.scale, value[..., n:]
+        F, F_size = x + motions @ system.Z, np.abs(x) + np.abs(motions) @ system.Z_size
+        y = np.where(there, c.multiplier[index], 0.0)
+        y = y / np.maximum(y.max(axis=1, initial=0.0), 1e-300)[:, None]
+
+        norms = np.linalg.norm(system.E, axis=1)
+        unit = np.exp2(-np.round(np.log2(np.where(norms > 0, norms, 1.0))))[:, None]
+        inverse = np.linalg.pinv(unit * system.E, rcond=1e-12)
+        rest = np.einsum("lk,lkn->ln", y, F)
+        v = -(rest @ inverse)
+        alone = counts == 0  # the equilibrium contradicts itself
+        v[alone] = system.h - system.E @ (inverse @ system.h)
+        v -= (rest + v @ (unit * system.E)) @ inverse  # once more for what rounding left
+        v *= unit[:, 0]
+
+        closed = np.ones((len(chosen), n), bool)
+        opened = (cases[chosen, : g.m, 0] == ContactState.OPEN) & (not whole)
+        closed[:, at.c] = ~np.repeat(opened, 3, axis=1)
+        shape = len(chosen), p, n
+        B = np.concatenate([F, np.broadcast_to(system.E, shape)], axis=1) * closed[:, None]
+        size = np.concatenate([F_size, np.broadcast_to(system.E_size, shape)], axis=1) * closed[:, None]
+        free = np.concatenate([there & rows.either[index], np.ones((len(chosen), p), bool)], axis=1)
+        b = np.concatenate([np.where(there, rows.b[index], 0.0), np.broadcast_to(system.h, (len(chosen), p))], axis=1)
+        w = np.concatenate([y, v], axis=1)
+        # rows to a like size, so that a multiplier says how much its row counts
+        most = np.abs(B).max(axis=2, initial=0.0)
+        divisor: Array = np.exp2(np.round(np.log2(np.where(most > 0, most, 1.0))))
+        B, size, b, w = B / divisor[..., None], size / divisor[..., None], b / divisor, w * divisor
+        terms = 4 * (k + p + n + 3 * g.m)
+        return cls(B, size, w, free, b, divisor, index, closed, system.error + terms * UNIT)
+
+    def margins(self) -> Array:
+        """(L,) by enclosure, first with what counts only, then with all equalities; -inf where ranks are lost."""
+        used = self.used
+        out = self._enclosed(used)
+        again = np.flatnonzero(~(out > 0))
+        if len(again):
+            out[again] = self.some(again)._enclosed((used | (self.free & (self.index_of_all() < 0)))[again])
+        return out
+
+    @property
+    def used(self) -> Mask:
+        """(L, K) which rows count: inequalities with a multiplier above 0, equalities with one that is not dust."""
+        size = np.abs(self.w)
+        enough: Mask = size > np.where(self.free, DUST * size.max(axis=1, initial=0.0)[:, None], 0.0)
+        return enough & (self.free | (self.w > 0))
+
+    def index_of_all(self) -> Integers:
+        """(L, K) `index`, -1 for the equalities."""
+        p = self.B.shape[1] - self.index.shape[1]
+        return np.concatenate([self.index, np.full((len(self.w), p), -1)], axis=1)
+
+    def some(self, chosen: Integers) -> Leaves:
+        """Of these leaves only."""
+        names = ("B", "size", "w", "free", "b", "unit", "index", "closed")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+    def _enclosed(self, used: Mask) -> Array:
+        """(L,) a lower bound on w b for a w that cancels exactly, using some rows (L, K) only; relative.
+
+        With D what a multiplier may change by, and P = D^2 B (B^T D^2 B)^-1 rounded: |B^T P - 1| < 1 shows that
+        w + P z cancels for some z, no larger than `z` below.
+        """
+        w = np.where(used, self.w, 0.0)
+        B, size = self.B * used[..., None], self.size * used[..., None]
+        alive = (size != 0).any(axis=1)  # (L, n); the others are zero in every row that is used
+        most = np.maximum(np.abs(w).max(axis=1, initial=0.0), 1e-300)[:, None]
+        D = np.where(self.free, 1.0, np.clip(np.sqrt(np.abs(w) / most), LEAST, 1.0)) * used
+        DB = D[..., None] * B
+        M = DB.transpose(0, 2, 1) @ DB
+        n = M.shape[1]
+        M[:, np.arange(n), np.arange(n)] += ~alive + TILT * M.max(axis=(1, 2), initial=0.0)[:, None]
+        ok = np.isfinite(M).all(axis=(1, 2))
+        M[~ok] = np.eye(n)
+        try:
+            X = np.linalg.inv(M)
+        except np.linalg.LinAlgError:  # some leaf's is singular, in spite of the tilt
+            return np.full(len(M), -np.inf)
+        P = D[..., None] * (DB @ (X * alive[:, None, :]))
+        PT, BT = np.abs(P), B.transpose(0, 2, 1)
+        off = BT @ P
+        off[:, np.arange(n), np.arange(n)] -= alive
+        e = np.abs(off) + self.error * (size.transpose(0, 2, 1) @ PT)
+        miss = e.sum(axis=2)
+        worst = miss.max(axis=1, initial=0.0)
+        r = np.abs(np.einsum("lkn,lk->ln", B, w)) + self.error * np.einsum("lkn,lk->ln", size, np.abs(w))
+        r = (r + 1e-300) * alive
+        z = r + miss * (r.max(axis=1, initial=0.0) / np.maximum(1 - worst, 1e-300))[:, None]
+        change = np.einsum("lkn,ln->lk", PT, z) * (1 + 1e-9)
+        terms = np.abs(w * self.b)
+        value = (w * self.b).sum(axis=1) - (change * np.abs(self.b)).sum(axis=1) * (1 + 1e-9)
+        value -= self.error * terms.sum(axis=1)
+        out = value / np.maximum(terms.sum(axis=1), 1e-300)
+        kept = (self.free | (w >= change)).all(axis=1)
+        return np.where(ok & (worst < 0.5) & kept & np.isfinite(out), out, -np.inf)
+
+
+# --- in rational arithmetic -------------------------------------------------------------------------
+
+Sparse = dict[int, fmpq]  # an unknown's number, its coefficient
+
+
+def rational(x: float) -> fmpq:
+    """A floating-point number as it is."""
+    return fmpq(*float(x).as_integer_ratio())
+
+
+@dataclass(frozen=True, eq=False)
+class Exact:
+    """The equalities E and the motions Z of `equations` over x, as rational numbers: one dictionary per row."""
+
+    E: list[Sparse]
+    Z: list[Sparse]
+    n: int
+
+    @classmethod
+    def of(cls, question: Question) -> Exact:
+        """From the positions, axes and contact frames as they are."""
+        g, at = question.grasp, Columns.of(question)
+        E, _, Z = (
+            [{int(j): rational(row[j]) for j in np.flatnonzero(row)} for row in np.atleast_2d(a)]
+            for a in equations(question, np.zeros((6, 3 * g.m)), np.zeros((3 * g.m, g.l)))
+        )
+        for i, contact in enumerate(g.contacts):
+            p = [rational(x) for x in contact.position]
+            frame = [[rational(x) for x in column] for column in contact.frame.T]
+            for k, direction in enumerate(frame, start=3 * i):
+                for row, x in enumerate([*direction, *_cross(p, direction)]):
+                    E[row][at.c.start + k] = Z[k][at.r.start + row] = x
+            for j, joint in enumerate(g.joints):
+                if i not in joint.moves:
+                    continue
+                speed = [rational(x) for x in joint.axis]
+                if joint.type != "prismatic":
+                    speed = _cross(speed, [x - rational(o) for x, o in zip(p, joint.origin, strict=True)])
+                for k, direction in enumerate(frame, start=3 * i):
+                    x = _sum(a * b for a, b in zip(direction, speed, strict=True))
+                    E[6 + j][at.c.start + k], Z[k][at.q.start + j] = x, -x
+        return cls(E, Z, at.n)
+
+    def margin(self, leaves: Leaves, k: int, rows: Rows) -> float:
+        """y b + v h, relative, of multipliers that cancel exactly, near those of leaf k; -inf if none are found."""
+        w, free = leaves.w[k], leaves.free[k]
+        if not np.isfinite(leaves.B[k]).all() or not np.isfinite(w).all():
+            return -np.inf
+        used = leaves.used[k]
+        equations_ = free & (leaves.index_of_all()[k] < 0) & (leaves.B[k] != 0).any(axis=1)
+        for chosen in (used, used | equations_):
+            out = self._solved(leaves, k, rows, np.flatnonzero(chosen))
+            if out > 0:
+                return out
+        return -np.inf
+
+    def _solved(self, leaves: Leaves, k: int, rows: Rows, used: Integers) -> float:
+        """The same with these rows of the leaf's system only."""
+        B, w, free = leaves.B[k][used], leaves.w[k][used], leaves.free[k][used]
+        alive = np.flatnonzero((leaves.size[k][used] != 0).any(axis=0))
+        exact = [self._row(rows, leaves.index_of_all()[k, j], int(j), leaves.B.shape[1]) for j in used]
+        y = [rational(x) / rational(unit) for x, unit in zip(w, leaves.unit[k][used], strict=True)]
+        if len(alive):
+            # solve for the multipliers that may change most, by as many independent unknowns
+            weight = np.where(free, 1.0, np.clip(np.sqrt(np.abs(w) / np.abs(w).max()), LEAST, 1.0))
+            upper, order = qr((B[:, alive] * weight[:, None]).T, mode="r", pivoting=True)
+            diagonal = np.abs(np.diag(upper))
+            rank = int((diagonal > RANK * diagonal[0]).sum())
+            basis, others = order[:rank].tolist(), order[rank:].tolist()
+            _, pivots = qr(B[basis][:, alive], mode="r", pivoting=True)
+            unknowns = alive[pivots[:rank]].tolist()
+            zero = fmpq(0)
+            matrix = fmpq_mat(rank, rank, [exact[j].get(i, zero) for i in unknowns for j in basis])
+            right = [-_sum(y[j] * exact[j][i] for j in others if i in exact[j]) for i in unknowns]
+            try:
+                found = matrix.solve(fmpq_mat(rank, 1, right))
+            except ZeroDivisionError:  # singular
+                return -np.inf
+            for place, j in enumerate(basis):
+                y[j] = found[place, 0]
+        if any(x < 0 for x, any_sign in zip(y, free, strict=True) if not any_sign):
+            return -np.inf
+        opened = ~leaves.closed[k]
+        total: Sparse = {}
+        for x, row in zip(y, exact, strict=True):
+            for i, coefficient in row.items():
+                if not opened[i]:
+                    total[i] = total.get(i, fmpq(0)) + x * coefficient
+        if any(x != 0 for x in total.values()):
+            return -np.inf
+        b = [rational(x) * rational(unit) for x, unit in zip(leaves.b[k][used], leaves.unit[k][used], strict=True)]
+        terms = [x * right for x, right in zip(y, b, strict=True)]
+        size = _sum(abs(x) for x in terms)
+        return float(_ratio(_sum(terms), size)) if size != 0 else -np.inf
+
+    def _row(self, rows: Rows, number: int, place: int, K: int) -> Sparse:
+        """A row of a leaf's system over x: of the certificate, or the equality at a place of K."""
+        if number < 0:
+            return self.E[place - (K - len(self.E))]
+        value = rows.value[number]
+        out = {int(i): rational(value[i]) for i in np.flatnonzero(value[: self.n])}
+        for j in np.flatnonzero(value[self.n :]):
+            factor = rational(value[self.n + j])
+            for i, x in self.Z[j].items():
+                out[i] = out.get(i, fmpq(0)) + factor * x
+        return out
+
+
+def _cross(a: list[fmpq], b: list[fmpq]) -> list[fmpq]:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def _sum(terms: Iterable[fmpq]) -> fmpq:
+    return sum(terms, fmpq(0))
+
+
+def _ratio(x: fmpq, y: fmpq) -> float:
+    """x / y rounded; integers of any length."""
+    z = x / y
+    return int(z.p) / int(z.q)
