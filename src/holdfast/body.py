@@ -10,7 +10,7 @@ import numpy as np
 from holdfast import bundled
 from holdfast.errors import InputError
 from holdfast.mechanism import Array, frozen
-from holdfast.shape import MESH_FILES, Faces, Shape, read_mesh, rigid, volume_and_centroid
+from holdfast.shape import MESH_FILES, Faces, Shape, read_mesh, refuse_far, rigid, volume_and_centroid
 
 CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
 
@@ -65,6 +65,8 @@ class Body:
         vertices, faces = mesh or _joined([p.triangles() for p in pieces])
         if center_of_mass is None:
             volumes = np.array([p.volume for p in pieces])
+            if not volumes.sum() > 0:
+                raise InputError("has no volume; is its scale right?", field="pieces")
             center_of_mass = volumes @ np.array([p.centroid for p in pieces]) / volumes.sum()
         return cls(name, tuple(pieces), mass, np.asarray(center_of_mass), friction, vertices, faces)
 
@@ -162,6 +164,8 @@ def mesh_pieces(path: Path, scale: float = 1.0, pose: object = None) -> list[Sha
         raise InputError(f"is {scale}; metres per unit of the mesh are needed, more than 0", field="scale")
     pose = rigid(np.eye(4) if pose is None else pose)
     groups = [(v * scale, f) for v, f in read_mesh(path)]
+    for vertices, _ in groups:
+        refuse_far(vertices, path.name)
     if len(groups) > 1 and not all(closed(f) for _, f in groups):
         groups = [_merged(groups)]  # groups that only colour one solid
     parts = [part for group in groups for part in components(*group)]

@@ -69,4 +69,6 @@ def _read(path: Path) -> Hand:
             return read_mjcf(root, path)
     except InputError as fault:
         raise fault.at(str(path)) from None
+    except UnicodeDecodeError:  # mujoco reads bytes, whatever encoding the file declares
+        raise InputError("has names that are not in UTF-8", source=str(path)) from None
     raise InputError(f"has root element <{root.tag}>; <robot> or <mujoco> is needed", source=str(path))

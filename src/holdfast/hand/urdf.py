@@ -193,5 +193,7 @@ def parse_xml(path: Path) -> Element:
         return ElementTree.parse(path).getroot()
     except ElementTree.ParseError as fault:
         raise InputError(f"is not XML ({fault}); a URDF or MJCF file is needed", source=str(path)) from None
+    except (LookupError, ValueError) as fault:  # an encoding that it declares
+        raise InputError(f"has an encoding that cannot be read ({fault}); UTF-8 is right", source=str(path)) from None
     except OSError as fault:
         raise InputError(f"cannot be read ({fault.strerror})", source=str(path)) from None
