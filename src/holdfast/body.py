@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from holdfast import bundled
+from holdfast.decompose import decompose
 from holdfast.errors import InputError
 from holdfast.mechanism import Array, frozen
 from holdfast.shape import MESH_FILES, Faces, Shape, read_mesh, refuse_far, rigid, volume_and_centroid
@@ -217,15 +218,6 @@ def is_convex(vertices: Array, faces: Faces) -> bool:
         return abs(volume_and_centroid(vertices, faces)[0]) >= (1 - CONVEX) * hull.volume
     points = np.vstack([vertices, vertices[faces].mean(axis=1)])
     return bool(hull.depth(points).max() <= CONVEX * np.ptp(vertices, axis=0).max())
-
-
-def decompose(vertices: Array, faces: Faces) -> list[Array]:
-    """Vertices of convex pieces that together approximate a solid that is not convex (CoACD, fixed seed)."""
-    import coacd  # slow to import
-
-    coacd.set_log_level("off")
-    parts = coacd.run_coacd(coacd.Mesh(vertices, faces), threshold=0.05, seed=0)
-    return [np.asarray(v, dtype=float) for v, _ in parts]
 
 
 def _joined(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:

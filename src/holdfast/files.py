@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +14,8 @@ from holdfast.errors import InputError
 
 SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
 DEPTH = 50  # of lists and objects in each other; our own files need ten
-DIGITS = 300  # of a whole number: more would be no floating-point number
+LARGEST = 1e50  # nothing that is measured comes near, and no product of a few numbers overflows
+DIGITS = 50  # of a whole number
 
 
 class Strict(BaseModel):
@@ -71,7 +71,7 @@ def parse_json(text: str) -> Any:
     """Parsed JSON, which any code may walk through and write again.
 
     Raises:
-        InputError: no JSON; NaN, infinity or a number beyond floating point; a name twice in one object; half a
+        InputError: no JSON; NaN, infinity or a number beyond `LARGEST`; a name twice in one object; half a
             character; more than `DEPTH` lists and objects in each other.
     """
     try:
@@ -102,9 +102,9 @@ def _whole(digits: str) -> int:
 
 def _real(text: str) -> float:
     number = float(text)
-    if math.isinf(number):
+    if abs(number) > LARGEST:
         shown = text if len(text) <= 20 else f"{text[:20]}..."
-        raise InputError(f"contains {shown}, which is beyond floating point; finite numbers are needed")
+        raise InputError(f"contains {shown}; numbers up to {LARGEST:g} are possible")
     return number
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -291,6 +292,9 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
     obj = path.suffix.lower() == ".obj"
     split = ("split_object", "split_objects", "split_groups")  # trimesh 4 and 5 name them differently
     options: dict[str, Any] = dict.fromkeys(split, True) | {"group_material": False} if obj else {}
+    log = logging.getLogger("trimesh")
+    heard = log.level
+    log.setLevel(logging.CRITICAL)  # it tells of faults at length, and then raises them
     try:
         with np.errstate(all="ignore"):
             scene: Any = trimesh.load(path, force="scene", process=False, skip_materials=True, **options)
@@ -299,6 +303,8 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
     except Exception as fault:  # whatever a library makes of bytes that are no mesh
         reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
         raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
+    finally:
+        log.setLevel(heard)
     if not found:
         raise InputError("has no triangles", source=str(path))
     groups = []
