@@ -178,6 +178,13 @@ def test_the_largest_grasp_is_one_that_the_search_can_name_by_a_byte(sizes: tupl
         of_size(m + 1, l, a)
 
 
+def test_names_that_would_break_the_line() -> None:
+    data = bundled.read("grasps", "fig1")
+    with pytest.raises(InputError, match=r"unknown actuator 'a\\nb\\x1b\[31mc'; known: finger_1") as raised:
+        from_dict(changed(data, ("preload",), {"a\nb\x1b[31mc": 1.0}))
+    assert str(raised.value).isprintable()
+
+
 def test_couplings_and_gears_of_nothing() -> None:
     data = bundled.read("grasps", "fig1-coupled")
     for row in ({}, {"finger_1_prox": 0.0}, {"finger_1_prox": 1e-200}):
@@ -215,6 +222,7 @@ MESHES = {
     "index": ("a.obj", TETRAHEDRON + "f 1 2 9\n", "cannot be read as a mesh|corner that is none"),
     "ply index": ("a.ply", PLY.replace("3 1 2 3", "3 1 2 30"), "a triangle with a corner that is none of its 4"),
     "ply negative": ("a.ply", PLY.replace("3 1 2 3", "3 1 2 -3"), "a triangle with a corner that is none of its 4"),
+    "plane": ("a.obj", "v 0 0\nv 1 0\nv 0 1\nv 1 1\nf 1 2 3\nf 2 3 4\n", "cannot be read as a mesh|of 2 coordinates"),
     "no face": ("a.obj", "v 0 0 0\nv 1 0 0\n", "has no triangles"),
     "ply no face": ("a.ply", PLY.replace("face 4", "face 0").split("3 0 2")[0], "no triangles|cannot be read as a m"),
     "flat": ("a.stl", STL, "is flat"),

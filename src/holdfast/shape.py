@@ -309,6 +309,8 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
         raise InputError("has no triangles", source=str(path))
     groups = []
     for v, f in found:
+        if v.ndim != 2 or v.shape[1] != 3:
+            raise InputError(f"has vertices of {v.shape[-1]} coordinates; three are needed", source=str(path))
         if f.ndim != 2 or f.shape[1] != 3 or f.min() < 0 or f.max() >= len(v):
             raise InputError(f"has a triangle with a corner that is none of its {len(v)} vertices", source=str(path))
         if not np.isfinite(v).all():
