@@ -89,6 +89,22 @@ def test_a_path_that_no_file_can_have() -> None:
         load_loads("a\0b.json")
 
 
+@pytest.mark.parametrize("name", ["a" * 5000, "a" * 300 + ".json", "\0", "x\0.json", "\ud800", "**", "[a-"])
+def test_names_that_no_file_can_have(tmp_path: Path, name: str) -> None:
+    for load in (*LOADERS.values(), load_hand):
+        with pytest.raises(InputError):
+            load(name)
+    for kind, bundled_name, keys in (
+        ("tasks", "scalpel-upholding", ["hand", "object"]),
+        ("hand_regions", "schunk-sah", ["hand"]),
+        ("objects", "flask", ["mesh"]),
+    ):
+        for key in keys:
+            data = changed(bundled.read(kind, bundled_name), (key,), name)
+            with pytest.raises(InputError):
+                LOADS[kind](written(tmp_path / "bad.json", json.dumps(data)))
+
+
 def changed(data: Any, at: tuple[Any, ...], value: object) -> Any:
     out = json.loads(json.dumps(data))
     inner = out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -131,7 +132,7 @@ def load_body(
             field that the JSON schema does not know. One line, naming the file.
     """
     path = Path(bundled.resolve("objects", str(source)))
-    if not path.is_file():
+    if not os.path.isfile(path):  # False, too, for what can be no name
         raise InputError("no such file; an OBJ, STL, PLY, OFF or JSON file is needed", source=str(path))
     try:
         if path.suffix.lower() in MESH_FILES:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -285,7 +286,7 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
     """
     if path.suffix.lower() not in MESH_FILES:
         raise InputError(f"is not a mesh file; known: {', '.join(MESH_FILES)}", source=str(path))
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError("no such file", source=str(path))
     import trimesh  # slow to import
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -162,4 +163,4 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
 
 def _from_anywhere(name: str) -> str:
     """A path that is right wherever the files are read from; a bundled name as it is."""
-    return str(Path(name).resolve()) if Path(name).is_file() else name
+    return str(Path(name).resolve()) if os.path.isfile(name) else name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
@@ -149,7 +150,7 @@ def find_mesh(filename: str, path: Path, where: str) -> Path:
     else:
         candidates.append(folder / filename.removeprefix("file://"))
     for candidate in candidates:
-        if candidate.is_file():
+        if os.path.isfile(candidate):  # False, too, for what can be no name
             return candidate
     upwards = "searched upwards from" if filename.startswith("package://") else "searched in"
     raise InputError(f"its mesh file '{filename}' was not found ({upwards} {folder})", field=where)
