@@ -378,7 +378,7 @@ def test_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
     placed = load_configuration("out/configuration-1.json")
     assert placed.hand == "schunk-sah"
     assert main(["grasp", NAME, "-o", "out"]) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "holds grasps already" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -128,9 +128,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
             return
         if self.resume and self.force:
             raise InputError("give either --resume or --force")
-        if not (self.force or self.resume) and any(
-            any(self.output.glob(kind)) for kind in ("plan.json", "[0-9]*.grasp.json")
-        ):
+        begun = [file for kind in ("plan.json", "[0-9]*.grasp.json") for file in self.output.glob(kind)]
+        if begun and not (self.force or self.resume):
             problem = "holds a plan already; give --resume to go on, or --force to write over it"
             raise InputError(problem, source=str(self.output))
 
@@ -148,9 +147,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
             for g in planned.grasps:
                 links = ", ".join(sorted({c.link for c in g.grasp.contacts}))
                 preload = ", ".join(f"{n} {v:.3g}" for n, v in g.grasp.preload.items()) or "none: locked"
-                grid.add_row(
-                    str(planned.number(g)), str(g.index), str(g.grasp.m), links, preload, f"{g.answer.upper:.3g}"
-                )
+                numbers = str(planned.number(g)), str(g.index), str(g.grasp.m)
+                grid.add_row(*numbers, links, preload, f"{g.answer.upper:.3g}")
             out.print(grid)
         grid = tables.table("what became of the starts", "")
         for fate, number in planned.fates.items():
