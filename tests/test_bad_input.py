@@ -336,6 +336,7 @@ MJCF = """<mujoco model="m"><asset><mesh name="t" vertex="0 0 0 1 0 0 0 1 0 0 0 
 MJCF_HANDS = [
     ('axis="0 1 0" range="0 1"/><geom type="mesh"', 'axis="0 1e308 0" range="0 1"/><geom type="mesh"', "axis"),
     ('pos="0.1 0 0"', 'pos="inf 0 0"', "p.pose: contains NaN or infinity"),
+    ('pos="0.1 0 0"', 'pos="0.1 0 0" quat="1 1.7e308 0 0"', "quaternion: is .*; a unit quaternion"),
     ('pos="0.1 0 0"', 'pos="nan 0 0"', "p.pose: contains NaN or infinity"),
     ("0 0 1 0 0 0 1 0 0 0 1", "0 0 1 0 0 0 1 0 1 1 0", "volume|flat|coplanar"),
     ('size="0.1 0.1 0.1"', 'size="0.1 0.1 1e200"', "sizes are|inertia"),

@@ -253,8 +253,12 @@ def transform(position: ArrayLike, rotation: ArrayLike | None = None) -> Array:
 
 
 def quaternion_matrix(q: object) -> Array:
-    """(3, 3) rotation of a unit quaternion (w, x, y, z); it is normalised first."""
-    w, x, y, z = np.asarray(q, dtype=float) / np.linalg.norm(np.asarray(q, dtype=float))
+    """(3, 3) rotation of a unit quaternion (w, x, y, z); it is normalised first. `InputError` if that is impossible."""
+    given = np.asarray(q, dtype=float)
+    length = float(np.linalg.norm(given))
+    if not 0 < length < np.inf:
+        raise InputError(f"is {given.tolist()}; a unit quaternion w, x, y, z is needed", field="quaternion")
+    w, x, y, z = given / length
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
