@@ -22,7 +22,7 @@ class Kernel(BuildHookInterface):
 
         self._folder = tempfile.TemporaryDirectory()
         made = Path(self._folder.name) / machine.file_name()
-        made.write_bytes(machine.machine_code())
+        made.write_bytes(machine.sealed(machine.machine_code()))
         place = machine.HERE.relative_to(Path(self.root) / "src") / "__pycache__" / made.name
         build_data["force_include"][str(made)] = place.as_posix()
         build_data["pure_python"] = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,27 @@ def test_an_inner_surface_makes_a_hollow_solid(tmp_path: Path, monkeypatch: pyte
 def test_open_convex_part_is_its_hull(tmp_path: Path) -> None:
     body = load_body(obj(tmp_path / "b.obj", ([0, 0, 0], [1, 1, 1]), faces=5))
     assert [p.volume for p in body.pieces] == pytest.approx([1])
+
+
+def scrambled(path: Path) -> Path:
+    """A box whose faces name other corners than they should: closed, and cutting itself all over."""
+    corners = [(-1, -2, -3), (-1, -2, 3), (1, 2, -3), (-1, 2, -3), (-1, 2, 3), (1, -2, -3), (1, -2, 3), (1, 2, 3)]
+    faces = ["2 4 1", "5 2 1", "1 4 3", "3 5 1", "2 8 4", "6 2 5", "6 8 2", "4 8 3", "7 5 3", "3 8 7", "7 6 5", "8 6 7"]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {f}" for f in faces]
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_a_surface_that_cuts_itself_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("holdfast.decompose.PATIENCE", 1.0)
+    with pytest.raises(InputError, match=r"b\.obj: has no convex pieces after 1 s; does its surface cut itself"):
+        load_body(scrambled(tmp_path / "b.obj"), scale=0.05)
+
+
+def test_a_library_that_dies_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.executable", shutil.which("false"))
+    with pytest.raises(InputError, match=r"ell\.obj: cannot be taken apart into convex pieces"):
+        load_body(ell(tmp_path / "ell.obj"))
 
 
 def test_a_solid_that_is_not_convex_is_decomposed_the_same_way_twice(tmp_path: Path) -> None:

@@ -773,11 +773,6 @@ def test_joints_that_their_limits_fix() -> None:
 def test_hands_in_which_nothing_can_be_proved() -> None:
     planted = sah_case(0)
     hand = planted.task.hand
-    first = hand.couplings[2]
-    circle = replace(hand, couplings=(*hand.couplings, Coupling(first.leader, first.joint, 1.0)))
-    refused(replace(planted.task, hand=circle), planted.proof(), "is tied to itself")
-    twice = replace(hand, couplings=(*hand.couplings, Coupling(first.joint, 0, 1.0)))
-    refused(replace(planted.task, hand=twice), planted.proof(), "index_distal: is tied to two joints at once")
     links = list(hand.links)
     crooked = np.array(links[9].pose)
     crooked[:3, 0] *= 1 + 1e-9

@@ -362,7 +362,12 @@ def test_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
     )
     answer = json.loads(capsys.readouterr().out)
     assert (status, answer["verdict"], answer["query"]) == (0, "found", "grasp")
-    assert sorted(p.name for p in Path("out").iterdir()) == ["configuration-1.json", "grasp-1.json", "grasps.json"]
+    assert sorted(p.name for p in Path("out").iterdir()) == [
+        "configuration-1.json",
+        "grasp-1.json",
+        "grasps.json",
+        "search.json",
+    ]
     assert list(answer["loads"]) == ["gravity -z"]
     assert "<canvas" in Path("page.html").read_text()
     assert main(["verify", "out/grasps.json"]) == 0
@@ -373,7 +378,7 @@ def test_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
     placed = load_configuration("out/configuration-1.json")
     assert placed.hand == "schunk-sah"
     assert main(["grasp", NAME, "-o", "out"]) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "holds grasps already" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

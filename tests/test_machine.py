@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from holdfast.stability.engine import arrays, machine
 from holdfast.stability.many import max_many
 from holdfast.stability.queries import maximum
 from holdfast.stability.settings import Settings
+from holdfast.trusted import trusted
 from problems import bell, solved
 
 QUESTION = """
@@ -32,7 +34,7 @@ def test_questions_are_answered_without_numba() -> None:
 @pytest.fixture
 def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path]:
     """Two empty folders in place of the usual ones; compiling gives what this processor has."""
-    code = next(f.read_bytes() for f in (d / machine.file_name() for d in machine._folders()) if f.exists())
+    code = machine.machine_code()
     folders = [tmp_path / "package", tmp_path / "user"]
     made: list[int] = []
 
@@ -57,6 +59,109 @@ def test_where_the_package_cannot_be_written_the_user_keeps_it(elsewhere: list[P
     machine.kernel.__wrapped__()
     assert (elsewhere[1] / machine.file_name()).exists()
     assert machine.kernel.__wrapped__().run
+
+
+def spoil(file: Path, how: str) -> None:
+    data = bytearray(file.read_bytes())
+    if how == "cut short":
+        data = data[: len(data) // 2]
+    elif how == "one bit":
+        data[len(data) // 2] ^= 1
+    else:
+        data.clear()
+    file.write_bytes(data)
+
+
+@pytest.mark.parametrize("how", ["cut short", "one bit", "empty"])
+def test_a_damaged_file_is_made_anew(elsewhere: list[Path], monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    code = machine.machine_code()
+    file = elsewhere[0] / machine.file_name()
+    whole = file.read_bytes()
+    spoil(file, how)
+    made: list[int] = []
+    monkeypatch.setattr(machine, "compiled", lambda: made.append(1) or code)
+    assert machine.machine_code() == code
+    assert made == [1]
+    assert file.read_bytes() == whole
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes of files are POSIX's")
+@pytest.mark.parametrize("mode", [0o020, 0o002])
+@pytest.mark.parametrize("what", ["file", "folder"])
+def test_what_others_may_write_is_not_loaded(
+    elsewhere: list[Path], monkeypatch: pytest.MonkeyPatch, what: str, mode: int
+) -> None:
+    code = machine.machine_code()
+    file = elsewhere[0] / machine.file_name()
+    file.write_bytes(machine.sealed(b"theirs"))
+    assert machine.machine_code() == b"theirs"  # else this test shows nothing
+    place = file if what == "file" else file.parent
+    place.chmod(place.stat().st_mode | mode)
+    made: list[int] = []
+    monkeypatch.setattr(machine, "compiled", lambda: made.append(1) or code)
+    assert machine.machine_code() == code
+    assert made == [1]
+    kept = elsewhere[0] if what == "file" else elsewhere[1]  # nothing is written where it would not be read
+    assert (kept / machine.file_name()).read_bytes() == machine.sealed(code)
+    assert not (kept / machine.file_name()).stat().st_mode & 0o022
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="owners of files are POSIX's")
+def test_only_the_user_and_root_are_trusted() -> None:
+    def status(mode: int, owner: int) -> os.stat_result:
+        return os.stat_result((mode, 0, 0, 1, owner, 0, 0, 0, 0, 0))
+
+    me = os.geteuid()
+    assert trusted(status(0o100644, me))
+    assert trusted(status(0o40755, 0))
+    assert not trusted(status(0o100644, me + 1))
+    assert not trusted(status(0o100664, me))
+    assert not trusted(status(0o40757, 0))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the variable is another")
+@pytest.mark.parametrize("value", ["", ".", "cache", "./cache", None])
+def test_a_cache_that_is_no_absolute_path_is_ignored(monkeypatch: pytest.MonkeyPatch, value: str | None) -> None:
+    monkeypatch.setenv("HOME", "/home/somebody")
+    if value is None:
+        monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    else:
+        monkeypatch.setenv("XDG_CACHE_HOME", value)
+    assert machine._folders()[1:] == (Path("/home/somebody/.cache/holdfast"),)
+    monkeypatch.setenv("XDG_CACHE_HOME", "/var/cache/somebody")
+    assert machine._folders()[1:] == (Path("/var/cache/somebody/holdfast"),)
+    monkeypatch.setenv("XDG_CACHE_HOME", value or "")
+    monkeypatch.setenv("HOME", "here")
+    assert machine._folders()[1:] == ()
+
+
+NUMBA = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+from numba import config
+config.CACHE_DIR = sys.argv[2]
+from holdfast.synthesis.engine import balls, search
+print(search.find.stats.cache_path, balls.add.stats.cache_path)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes of files are POSIX's")
+def test_numba_keeps_code_only_where_nobody_else_can_write(tmp_path: Path) -> None:
+    def kept(folder: str) -> str:
+        source = str(Path(machine.HERE).parents[2])
+        run = [sys.executable, "-c", NUMBA, source, folder]
+        return subprocess.run(run, capture_output=True, text=True, check=True, cwd=tmp_path).stdout
+
+    safe, open_ = tmp_path / "safe", tmp_path / "open"
+    safe.mkdir()
+    assert kept(str(safe)).count(str(safe)) == 2
+    assert kept("here").split() == ["None", "None"]
+    assert kept("").count("__pycache__") == 2
+    kept(str(open_))
+    for folder in open_.iterdir():
+        folder.chmod(0o777)
+    assert kept(str(open_)).split() == ["None", "None"]
 
 
 def test_other_source_or_processor_is_other_code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from holdfast import bundled
+from holdfast.decompose import decompose
 from holdfast.errors import InputError
 from holdfast.mechanism import Array, frozen
-from holdfast.shape import MESH_FILES, Faces, Shape, read_mesh, rigid, volume_and_centroid
+from holdfast.shape import MESH_FILES, Faces, Shape, read_mesh, refuse_far, rigid, volume_and_centroid
 
 CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
 
@@ -65,6 +67,8 @@ class Body:
         vertices, faces = mesh or _joined([p.triangles() for p in pieces])
         if center_of_mass is None:
             volumes = np.array([p.volume for p in pieces])
+            if not volumes.sum() > 0:
+                raise InputError("has no volume; is its scale right?", field="pieces")
             center_of_mass = volumes @ np.array([p.centroid for p in pieces]) / volumes.sum()
         return cls(name, tuple(pieces), mass, np.asarray(center_of_mass), friction, vertices, faces)
 
@@ -128,7 +132,7 @@ def load_body(
             field that the JSON schema does not know. One line, naming the file.
     """
     path = Path(bundled.resolve("objects", str(source)))
-    if not path.is_file():
+    if not os.path.isfile(path):  # False, too, for what can be no name
         raise InputError("no such file; an OBJ, STL, PLY, OFF or JSON file is needed", source=str(path))
     try:
         if path.suffix.lower() in MESH_FILES:
@@ -162,6 +166,8 @@ def mesh_pieces(path: Path, scale: float = 1.0, pose: object = None) -> list[Sha
         raise InputError(f"is {scale}; metres per unit of the mesh are needed, more than 0", field="scale")
     pose = rigid(np.eye(4) if pose is None else pose)
     groups = [(v * scale, f) for v, f in read_mesh(path)]
+    for vertices, _ in groups:
+        refuse_far(vertices, path.name)
     if len(groups) > 1 and not all(closed(f) for _, f in groups):
         groups = [_merged(groups)]  # groups that only colour one solid
     parts = [part for group in groups for part in components(*group)]
@@ -213,15 +219,6 @@ def is_convex(vertices: Array, faces: Faces) -> bool:
         return abs(volume_and_centroid(vertices, faces)[0]) >= (1 - CONVEX) * hull.volume
     points = np.vstack([vertices, vertices[faces].mean(axis=1)])
     return bool(hull.depth(points).max() <= CONVEX * np.ptp(vertices, axis=0).max())
-
-
-def decompose(vertices: Array, faces: Faces) -> list[Array]:
-    """Vertices of convex pieces that together approximate a solid that is not convex (CoACD, fixed seed)."""
-    import coacd  # slow to import
-
-    coacd.set_log_level("off")
-    parts = coacd.run_coacd(coacd.Mesh(vertices, faces), threshold=0.05, seed=0)
-    return [np.asarray(v, dtype=float) for v, _ in parts]
 
 
 def _joined(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:

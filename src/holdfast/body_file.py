@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -137,7 +138,7 @@ class BodyFile(Strict):
                 pieces.append(Shape("ellipsoid", s.ellipsoid.semi_axes, pose, name=f"ellipsoid_{i}"))
             elif s.mesh:
                 file = folder / s.mesh.file
-                if not file.is_file():
+                if not os.path.isfile(file):  # False, too, for what can be no name
                     raise InputError(f"mesh '{s.mesh.file}' was not found in {folder}", field=f"shapes.{i}")
                 pieces += mesh_pieces(file, s.mesh.scale, pose)
         return pieces

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ def resolve(kind: str, name: str) -> str:
     """
     for file in sorted(folder(kind).glob(f"{name}.*")) if name in names(kind) else []:
         return str(file)
-    if not Path(name).exists() and not Path(name).suffix:
+    if not os.path.exists(name) and not Path(name).suffix:
         known = ", ".join(names(kind)) or "none"
         problem = f"no such file, and no bundled {kind[:-1]} of that name; bundled: {known}"
         raise InputError(problem, source=name)

@@ -11,7 +11,9 @@ class InputError(ValueError):
 
     def __init__(self, problem: str, *, source: str | None = None, field: str | None = None) -> None:
         self.source, self.field, self.problem = source, field, problem
-        super().__init__(": ".join(part for part in (source, field, problem) if part))
+        message = ": ".join(part for part in (source, field, problem) if part)
+        # names come from files: what would break the line, or speak to the terminal, is spelt out
+        super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in message))
 
     def at(self, source: str) -> InputError:
         """The same error, said to come from `source` (a file) unless it already names one."""

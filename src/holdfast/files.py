@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,10 +13,14 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from holdfast.errors import InputError
 
 SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
+DEPTH = 50  # of lists and objects in each other; our own files need ten
+LARGEST = 1e50  # nothing that is measured comes near, and no product of a few numbers overflows
+DIGITS = 50  # of a whole number
 
 
 class Strict(BaseModel):
-    """Base of every file format: unknown fields, NaN and infinity are errors."""
+    """Base of every file format: unknown fields, NaN and infinity are errors, and so are texts and truth values
+    where a number belongs (see `validate`)."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True)
 
@@ -37,6 +42,8 @@ def read_json(path: str | Path, kind: str) -> Any:
         raise InputError(f"is not a text file; a {kind} file is JSON", source=str(path)) from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", source=str(path)) from None
+    except ValueError:  # a NUL in the path
+        raise InputError(f"is no name of a file; a {kind} file is needed", source=repr(str(path))) from None
 
 
 def write_text(path: str | Path, text: str, *, force: bool) -> None:
@@ -61,21 +68,76 @@ def write_bytes(path: str | Path, data: bytes, *, force: bool) -> None:
 
 
 def parse_json(text: str) -> Any:
-    """Parsed JSON; NaN and infinity are refused like any other fault."""
+    """Parsed JSON, which any code may walk through and write again.
 
-    def refuse(constant: str) -> Any:
-        raise InputError(f"contains {constant}; finite numbers are needed")
-
+    Raises:
+        InputError: no JSON; NaN, infinity or a number beyond `LARGEST`; a name twice in one object; half a
+            character; more than `DEPTH` lists and objects in each other.
+    """
     try:
-        return json.loads(text, parse_constant=refuse)
+        data = json.loads(text, parse_constant=_refused, parse_int=_whole, parse_float=_real, object_pairs_hook=_object)
     except json.JSONDecodeError as error:
         raise InputError(f"is not valid JSON: {error.msg} (line {error.lineno}, column {error.colno})") from None
+    except RecursionError:
+        raise _too_deep() from None
+    if _deeper(data, DEPTH):
+        raise _too_deep()
+    if "\\u" in text:
+        try:
+            json.dumps(data, ensure_ascii=False).encode("utf-8")
+        except UnicodeEncodeError:
+            raise InputError("contains half a character (a lone surrogate such as \\ud800)") from None
+    return data
+
+
+def _refused(constant: str) -> Any:
+    raise InputError(f"contains {constant}; finite numbers are needed")
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > DIGITS:
+        raise InputError(f"contains a number of {len(digits)} digits; at most {DIGITS} are possible")
+    return int(digits)
+
+
+def _real(text: str) -> float:
+    number = float(text)
+    if abs(number) > LARGEST:
+        shown = text if len(text) <= 20 else f"{text[:20]}..."
+        raise InputError(f"contains {shown}; numbers up to {LARGEST:g} are possible")
+    return number
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    out = dict(pairs)
+    if len(out) < len(pairs):
+        name, times = Counter(name for name, _ in pairs).most_common(1)[0]
+        raise InputError(f"has '{name}' {times} times in one object; once is enough")
+    return out
+
+
+def _too_deep() -> InputError:
+    return InputError(f"is nested too deeply; at most {DEPTH} lists and objects may be in each other")
+
+
+def _deeper(data: Any, depth: int) -> bool:
+    """Whether lists and objects are in each other more than `depth` times."""
+    layer = [data]
+    for _ in range(depth):
+        inner = (x.values() if isinstance(x, dict) else x if isinstance(x, list) else () for x in layer)
+        layer = [y for values in inner for y in values if isinstance(y, dict | list)]
+        if not layer:
+            return False
+    return True
 
 
 def validate(model: type[T], data: Any) -> T:
-    """Data as a pydantic model; the first fault becomes an `InputError` with its field."""
+    """JSON data as a pydantic model; the first fault becomes an `InputError` with its field.
+
+    Only JSON can be read strictly (a number is no text and no truth value) and still have lists for tuples.
+    """
     try:
-        return model.model_validate(data)
+        return model.model_validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
         first = error.errors()[0]
         field = ""
@@ -85,6 +147,9 @@ def validate(model: type[T], data: Any) -> T:
             raise InputError("is not a known field; leave it out", field=field) from None
         if first["type"] == "missing":
             raise InputError("is missing", field=field) from None
+        if first["type"] == "too_long":
+            found, most = first["ctx"]["actual_length"] or "more", first["ctx"]["max_length"]
+            raise InputError(f"has {found} entries; at most {most} are possible", field=field) from None
         message = first["msg"].removeprefix("Value error, ")
         raise InputError(message[0].lower() + message[1:], field=field or None) from None
 

@@ -13,6 +13,9 @@ from holdfast.errors import InputError
 from holdfast.mechanism import Array, Mechanism, frozen
 
 UNIT_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; it is then normalised
+# 3 x contacts + joints + 2 x actuators of a grasp at most. The search names its unknowns, at most this and 7, and the
+# values that it bounds, at most this and 9 less two for each contact, by one byte
+LARGEST = 249
 
 
 def unit(v: object, field: str) -> Array:
@@ -118,7 +121,8 @@ class Grasp:
         name: for reports.
 
     Raises:
-        InputError: no contacts, `moves` out of range, a joint named twice, a mechanism of the wrong size.
+        InputError: no contacts, `moves` out of range, a joint named twice, a mechanism of the wrong size, more
+            contacts, joints and actuators than can be searched (`LARGEST`).
     """
 
     contacts: tuple[Contact, ...]
@@ -142,6 +146,11 @@ class Grasp:
         if not self.contacts:
             raise InputError("is empty; a grasp needs at least one contact", field="contacts")
         names = [j.name for j in self.joints]
+        actuators = len(names) if mechanism is None else mechanism.a
+        if 3 * self.m + self.l + 2 * actuators > LARGEST:
+            sizes = f"{self.m} contacts, {self.l} joints and {actuators} actuators"
+            right = f"3 x contacts + joints + 2 x actuators may be {LARGEST} at most"
+            raise InputError(f"has {sizes}, too many to search; {right}", field="grasp")
         for i, joint in enumerate(self.joints):
             if names.index(joint.name) != i:
                 raise InputError(f"'{joint.name}' is the name of two joints", field=f"joints[{i}].name")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,10 +12,11 @@ from pydantic import Field
 from holdfast import bundled
 from holdfast.errors import InputError, unknown_name
 from holdfast.files import Strict, read_json, validate, write_text
-from holdfast.grasp import Contact, Grasp, GraspJoint
+from holdfast.grasp import LARGEST, Contact, Grasp, GraspJoint
 from holdfast.mechanism import Mechanism
 
 Vector = tuple[float, float, float]
+Many = Field(max_length=LARGEST)  # what is longer is refused before anything is made of it; `Grasp` looks closer
 
 
 class ContactEntry(Strict):
@@ -41,8 +42,8 @@ class ActuatorEntry(Strict):
 
 
 class MechanismEntry(Strict):
-    actuators: list[ActuatorEntry]
-    couplings: list[dict[str, float]] = Field(default_factory=list)
+    actuators: Annotated[list[ActuatorEntry], Many]
+    couplings: Annotated[list[dict[str, float]], Many] = Field(default_factory=list)
 
 
 class GraspFile(Strict):
@@ -50,8 +51,8 @@ class GraspFile(Strict):
 
     format: Literal["holdfast/grasp/1"] = Field(alias="schema")
     name: str | None = None
-    contacts: list[ContactEntry]
-    joints: list[JointEntry] = Field(default_factory=list)
+    contacts: Annotated[list[ContactEntry], Many]
+    joints: Annotated[list[JointEntry], Many] = Field(default_factory=list)
     mechanism: MechanismEntry | None = None
     preload: dict[str, float] = Field(default_factory=dict)
 
@@ -62,7 +63,7 @@ def load_grasp(path: str | Path) -> Grasp:
     Raises:
         InputError: one line with file, field, fault and what would be right: missing file, no JSON,
             unknown or missing field, a normal that is zero or not of unit length, NaN, negative
-            friction, `moves` out of range, an unknown joint or actuator, no contacts.
+            friction, `moves` out of range, an unknown joint or actuator, no contacts, too many of them.
     """
     file = bundled.resolve("grasps", str(path))
     data = read_json(file, "grasp")

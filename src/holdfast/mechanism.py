@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from holdfast.errors import InputError, unknown_name
 
+LEAST = 1e-50  # below it a coefficient is none: its square vanishes
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
@@ -66,8 +68,11 @@ class Mechanism:
         if twice:
             raise InputError(f"actuator '{twice[0]}' is defined twice", field="mechanism.actuators")
         for name, row in zip(self.actuators, self.R, strict=True):
-            if not row.any():
+            if np.abs(row).max(initial=0.0) < LEAST:
                 raise InputError(f"actuator '{name}' moves no joint", field="mechanism.actuators")
+        for i, row in enumerate(self.A):
+            if np.abs(row).max(initial=0.0) < LEAST:
+                raise InputError("ties no joint", field=f"mechanism.couplings[{i}]")
 
     @property
     def a(self) -> int:

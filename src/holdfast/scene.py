@@ -12,6 +12,7 @@ from holdfast.body import Body
 from holdfast.errors import InputError
 from holdfast.hand.model import Hand
 from holdfast.mechanism import Array
+from holdfast.quiet import quiet
 from holdfast.shape import Shape, quaternion_matrix, rigid, transform
 
 Indices = NDArray[np.intp]
@@ -255,8 +256,9 @@ def _compile(mujoco: Any, shapes: list[Shape]) -> Any:
                 kind = kinds.mjGEOM_CAPSULE if s.kind == "capsule" else kinds.mjGEOM_CYLINDER
                 body.add_geom(type=kind, size=[s.size[0], s.size[1] / 2, 0], **common)
     try:
-        return spec.compile()
-    except ValueError as fault:
+        with quiet():
+            return spec.compile()
+    except (ValueError, mujoco.FatalError) as fault:
         raise InputError(f"a solid cannot be used for collision ({' '.join(str(fault).split())})") from None
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +21,7 @@ Faces = NDArray[np.int64]
 SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
 MESH_FILES = (".obj", ".stl", ".ply", ".off")
 RIM = 16  # points that stand for the rim of a cylinder
+LEAST, MOST = 1e-9, 1e6  # [m] a solid smaller than this or reaching further is in another unit; its volume is a number
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,8 @@ class Shape:
         name: for reports.
 
     Raises:
-        InputError: wrong number of sizes, a size that is not positive, a pose that is not rigid.
+        InputError: wrong number of sizes, a size that is not positive, a pose that is not rigid, lengths that are
+            not within `LEAST` and `MOST`.
     """
 
     kind: Kind
@@ -62,11 +66,15 @@ class Shape:
             raise InputError(f"has {len(numbers)} numbers, not {SIZES[kind]}", field=f"{kind}.size")
         if not (np.isfinite(numbers).all() and (numbers > 0).all()):
             raise InputError(f"is {numbers.tolist()}; sizes are positive and finite", field=f"{kind}.size")
+        if len(numbers) and not (numbers.min() >= LEAST and numbers.max() <= MOST):
+            problem = f"is {numbers.tolist()}; sizes are {LEAST:g} to {MOST:g} m"
+            raise InputError(problem, field=f"{kind}.size")
         put(self, "kind", kind)
         put(self, "size", tuple(float(s) for s in numbers))
         put(self, "pose", rigid(np.eye(4) if pose is None else pose, f"{kind}.pose"))
         n = len(vertices) if kind == "mesh" else 0  # type: ignore[arg-type]
         put(self, "vertices", frozen(vertices if n else np.zeros((0, 3)), (n, 3), "mesh.vertices"))
+        refuse_far(self.vertices, "mesh")
         triangles = np.array(faces if n else np.zeros((0, 3)), dtype=np.int64).reshape(-1, 3)
         triangles.flags.writeable = False
         put(self, "faces", triangles)
@@ -82,8 +90,7 @@ class Shape:
         from scipy.spatial import ConvexHull, QhullError
 
         p = np.asarray(points, dtype=float).reshape(-1, 3)
-        if not np.isfinite(p).all():
-            raise InputError("has a vertex that is NaN or infinite", field=name or "mesh")
+        refuse_far(p, name or "mesh")
         p = np.unique(p, axis=0)
         try:
             found = ConvexHull(p)
@@ -214,13 +221,25 @@ class Shape:
         return local.vertices @ self.pose[:3, :3].T + self.pose[:3, 3], local.faces
 
 
+def refuse_far(points: Array, field: str) -> None:
+    """`InputError` unless points (n, 3) [m] are finite, within `MOST`, and further apart than `LEAST`."""
+    if not np.isfinite(points).all():
+        raise InputError("has a vertex that is NaN or infinite", field=field)
+    if len(points) and np.abs(points).max() > MOST:
+        raise InputError(f"has a vertex at {np.abs(points).max():.3g} m; at most {MOST:g} m is possible", field=field)
+    if len(points) and np.ptp(points, axis=0).max() < LEAST:
+        raise InputError(f"is smaller than {LEAST:g} m; is its scale right?", field=field)
+
+
 def rigid(pose: object, field: str = "pose") -> Array:
-    """`pose` as a read-only (4, 4) rigid motion; raises `InputError` unless it is one within 1e-6."""
+    """`pose` as a read-only (4, 4) rigid motion; `InputError` unless it is one within 1e-6, at most `MOST` away."""
     T = frozen(pose, (4, 4), field)
-    R = T[:3, :3]
+    R = np.clip(T[:3, :3], -2, 2)  # no product overflows, and what is clipped turns nothing
     turns = np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0
     if not turns or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
         raise InputError("is not a rigid motion; a rotation and a translation are needed", field=field)
+    if np.abs(T[:3, 3]).max() > MOST:
+        raise InputError(f"is more than {MOST:g} m away", field=field)
     return T
 
 
@@ -234,8 +253,12 @@ def transform(position: ArrayLike, rotation: ArrayLike | None = None) -> Array:
 
 
 def quaternion_matrix(q: object) -> Array:
-    """(3, 3) rotation of a unit quaternion (w, x, y, z); it is normalised first."""
-    w, x, y, z = np.asarray(q, dtype=float) / np.linalg.norm(np.asarray(q, dtype=float))
+    """(3, 3) rotation of a unit quaternion (w, x, y, z); it is normalised first. `InputError` if that is impossible."""
+    given = np.asarray(q, dtype=float)
+    length = float(np.linalg.norm(given))
+    if not 0 < length < np.inf:
+        raise InputError(f"is {given.tolist()}; a unit quaternion w, x, y, z is needed", field="quaternion")
+    w, x, y, z = given / length
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -263,28 +286,38 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
 
     Raises:
         InputError: no such file, a format that is not OBJ, STL, PLY or OFF, unreadable, no triangles,
-            NaN vertices.
+            corners that are no vertices, NaN vertices.
     """
     if path.suffix.lower() not in MESH_FILES:
         raise InputError(f"is not a mesh file; known: {', '.join(MESH_FILES)}", source=str(path))
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError("no such file", source=str(path))
     import trimesh  # slow to import
 
     obj = path.suffix.lower() == ".obj"
     split = ("split_object", "split_objects", "split_groups")  # trimesh 4 and 5 name them differently
     options: dict[str, Any] = dict.fromkeys(split, True) | {"group_material": False} if obj else {}
+    log = logging.getLogger("trimesh")
+    heard = log.level
+    log.setLevel(logging.CRITICAL)  # it tells of faults at length, and then raises them
     try:
-        scene: Any = trimesh.load(path, force="scene", process=False, skip_materials=True, **options)
+        with np.errstate(all="ignore"):
+            scene: Any = trimesh.load(path, force="scene", process=False, skip_materials=True, **options)
         meshes = [g for g in scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
-    except (ValueError, LookupError, TypeError, NotImplementedError, OSError) as fault:
+        found = [(np.asarray(m.vertices, dtype=float), np.asarray(m.faces, dtype=np.int64)) for m in meshes]
+    except Exception as fault:  # whatever a library makes of bytes that are no mesh
         reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
         raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
-    if not meshes:
+    finally:
+        log.setLevel(heard)
+    if not found:
         raise InputError("has no triangles", source=str(path))
     groups = []
-    for mesh in meshes:
-        v, f = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64)
+    for v, f in found:
+        if v.ndim != 2 or v.shape[1] != 3:
+            raise InputError(f"has vertices of {v.shape[-1]} coordinates; three are needed", source=str(path))
+        if f.ndim != 2 or f.shape[1] != 3 or f.min() < 0 or f.max() >= len(v):
+            raise InputError(f"has a triangle with a corner that is none of its {len(v)} vertices", source=str(path))
         if not np.isfinite(v).all():
             raise InputError("has a vertex that is NaN or infinite", source=str(path))
         unique, inverse = np.unique(v, axis=0, return_inverse=True)

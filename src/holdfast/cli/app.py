@@ -8,7 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, suppress
 from dataclasses import fields
 from functools import reduce
 from typing import Annotated, Any
@@ -61,7 +61,25 @@ Start with `holdfast demo` or `holdfast list`. SI units throughout; object frame
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit status: 0 answered, 1 refused by `verify`, 2 bad input, 3 undecided."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    if sys.stdout is None:
+        return console.complain("standard output is closed; an answer needs somewhere to go")
+    try:
+        status = _run(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()  # here, where a fault can still be told
+        return status
+    except BrokenPipeError:  # the reader, `head` for one, has had enough
+        _drop_output()
+        return console.ANSWERED
+    except OSError as error:
+        _drop_output()
+        return console.complain(f"{error.filename or 'standard output cannot be written'}: {error.strerror}")
+    except UnicodeEncodeError as error:
+        _drop_output()
+        sign = error.object[error.start]
+        return console.complain(f"standard output: {error.encoding} has no '{sign}'; set PYTHONIOENCODING=utf-8")
+
+
+def _run(arguments: list[str]) -> int:
     try:
         if arguments in (["--version"], ["-V"]):
             from holdfast import __version__
@@ -74,11 +92,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         console.complain("interrupted")
         return console.UNDECIDED
-    except BrokenPipeError:  # the reader, `head` for one, has had enough
+    except SystemExit as stop:
+        if isinstance(stop.__context__, BrokenPipeError):  # rich makes this of it
+            raise BrokenPipeError from None
+        return int(stop.code or 0)  # help was asked for
+
+
+def _drop_output() -> None:
+    """Let what is left of an output that cannot be written vanish, not fail once more at the end."""
+    with suppress(OSError, ValueError):  # a stream without a file, in a notebook
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return console.ANSWERED
-    except SystemExit as stop:  # help was asked for
-        return int(stop.code or 0)
 
 
 def parse(arguments: list[str]) -> Command:

@@ -6,7 +6,7 @@ import json
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from holdfast.answer import Reach, Stop, Verdict
@@ -22,7 +22,8 @@ PATIENCE = 1.0  # [s] work shorter than this shows no progress
 
 def complain(message: str) -> int:
     """One line on standard error; returns the exit status of bad input."""
-    print("holdfast: " + " ".join(message.split()), file=sys.stderr)
+    with suppress(OSError):  # nobody is left to tell
+        print("holdfast: " + " ".join(message.split()), file=sys.stderr)
     return BAD_INPUT
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,8 +18,11 @@ from holdfast.errors import InputError
 
 if TYPE_CHECKING:
     from holdfast.planning.tasks.proved import Grasps
+    from holdfast.planning.tasks.search_file import Search
 
 FILES = ("grasps.json", "grasp-{}.json", "configuration-{}.json")
+SEARCH = "search.json"
+PAUSE = 2.0  # [s] between two notes of how far the search has come, where nothing was found
 
 
 @dataclass(kw_only=True)
@@ -55,7 +60,9 @@ class Grasp(LoadsOptions, Command):
     jobs: Annotated[int | None, arg(metavar="N")] = None
     """processes; by default all cores"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
-    """write grasps.json for holdfast verify, and each grasp as grasp-K.json and configuration-K.json"""
+    """write grasps as they are found: grasps.json for holdfast verify, grasp-K.json and configuration-K.json of each"""
+    resume: bool = False
+    """go on from what FOLDER holds; the same question, but for --count, --timeout and --jobs"""
     report: Annotated[Path | None, arg(metavar="FILE.html")] = None
     """write a self-contained page about the best grasp, to be turned with the mouse"""
     json: bool = False
@@ -68,6 +75,7 @@ class Grasp(LoadsOptions, Command):
         from holdfast.cli import grasp_tables
         from holdfast.planning.tasks.grasp_for import grasp_for
         from holdfast.planning.tasks.judge import Allowed
+        from holdfast.planning.tasks.search_file import load_search
 
         task = load_solvable(self.task)
         if self.count < 1:
@@ -79,6 +87,8 @@ class Grasp(LoadsOptions, Command):
         self._check_folder()
         body = load_body(name, mass=self.mass, friction=self.friction)
         loads = self.asked(body)
+        state = self.output / SEARCH if self.output else None
+        earlier = load_search(state, task) if state and self.resume and state.exists() else None
         with console.watch("grasp") as watch:
             answer = grasp_for(
                 task,
@@ -93,7 +103,9 @@ class Grasp(LoadsOptions, Command):
                 force_limit=self.force_limit,
                 eta=float(np.radians(self.eta)),
                 jobs=self.jobs,
+                earlier=earlier,
                 on_step=lambda p: watch.say(grasp_tables.progress_text(p)),
+                on_find=self._note,
             )
         written = self._write(answer)
         if self.json:
@@ -105,27 +117,49 @@ class Grasp(LoadsOptions, Command):
 
     def _check_folder(self) -> None:
         """Refuse a folder that could not be filled before the work that would fill it."""
+        self._noted = -math.inf
         if self.output is None:
+            if self.resume:
+                raise InputError("needs the folder to go on from; give --output FOLDER", field="--resume")
             return
         check_folder(self.output)
-        for file in FILES:
-            for k in range(1, self.count + 1):
-                check_writable(self.output / file.format(k), self.force, (".json",))
+        if self.resume and self.force:
+            raise InputError("give either --resume or --force")
+        begun = any(any(self.output.glob(file.format("[0-9]*"))) for file in (SEARCH, *FILES))
+        if begun and not (self.force or self.resume):
+            problem = "holds grasps already; give --resume to go on, or --force to write over them"
+            raise InputError(problem, source=str(self.output))
 
-    def _write(self, answer: Grasps) -> list[Path]:
+    def _note(self, search: Search, answer: Grasps | None) -> None:
+        """Write what is new: grasps at once, and then how far the search has come."""
+        if self.output is None:
+            return
+        if answer is not None:
+            self._save(answer)
+        if answer is not None or time.monotonic() > self._noted + PAUSE:
+            from holdfast.planning.tasks.search_file import save_search
+
+            save_search(search, self.output / SEARCH)
+            self._noted = time.monotonic()
+
+    def _save(self, answer: Grasps) -> list[Path]:
+        """The files of the grasps, best first."""
         from holdfast.configuration import save_configuration
         from holdfast.grasp_file import save_grasp
 
+        assert self.output is not None
+        whole, grasp, configuration = (self.output / file for file in FILES)
         written = []
-        if self.output and answer.grasps:
-            whole, grasp, configuration = (self.output / file for file in FILES)
-            answer.save(whole, force=self.force)
-            written.append(whole)
-            for k, g in enumerate(answer.grasps, start=1):
-                for file in (grasp, configuration):
-                    written.append(file.with_name(file.name.format(k)))
-                save_grasp(g.grasp, written[-2], force=self.force)
-                save_configuration(g.configuration, written[-1], force=self.force)
+        for k, g in enumerate(answer.grasps, start=1):
+            for file in (grasp, configuration):
+                written.append(file.with_name(file.name.format(k)))
+            save_grasp(g.grasp, written[-2], force=True)
+            save_configuration(g.configuration, written[-1], force=True)
+        answer.save(whole, force=True)
+        return [whole, *written]
+
+    def _write(self, answer: Grasps) -> list[Path]:
+        written = self._save(answer) if self.output and answer.grasps else []
         if self.report and answer.grasps:
             from holdfast.planning.tasks.grasp_report import report_grasp
 

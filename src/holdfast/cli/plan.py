@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
@@ -55,7 +55,9 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     jobs: Annotated[int | None, arg(metavar="N")] = None
     """processes to use; all cores by default"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
-    """write a configuration and a grasp file for each grasp, and plan.json"""
+    """write a configuration and a grasp file for each grasp as it is found, and plan.json"""
+    resume: bool = False
+    """go on from what FOLDER holds; the same question, but for --count, --timeout, --attempts, --pool and --jobs"""
     json: bool = False
     """print one JSON object instead of a table"""
     force: bool = False
@@ -64,20 +66,28 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     def run(self) -> int:
         import numpy as np
 
+        from holdfast.planning.closing.folder import Folder
         from holdfast.planning.closing.plan import plan
 
         self._check_folder()
         hand, body = self.load_scene()
-        senses = assigned(self.closing, "--closing")
-        if any(s not in (-1, 0, 1) for s in senses.values()):
-            raise InputError("each needs -1, 0 or 1", field="--closing")
-        hand = hand.with_closing({n: int(s) for n, s in senses.items()})
+        senses = {name: int(s) for name, s in self._senses().items()}
+        hand = hand.with_closing(senses)
+        loads = self._loads(body)
+        names = _from_anywhere(self.hand), _from_anywhere(self.object)
+        folder = Folder(self.output, *names, senses) if self.output else None
         with console.watch("plan") as progress:
+
+            def note(so_far: Plan) -> None:
+                progress.item(len(so_far.grasps), max(self.count, self.pool or 0))
+                if folder:
+                    folder.note(so_far)
+
             planned = plan(
                 hand,
                 body,
                 count=self.count,
-                loads=self._loads(body),
+                loads=loads,
                 seed=self.seed,
                 timeout=self.timeout,
                 attempts=self.attempts,
@@ -88,16 +98,21 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
                 force_limit=self.force_limit,
                 eta=float(np.radians(self.eta)),
                 jobs=self.jobs,
-                on_attempt=lambda tried, kept: progress.item(kept, max(self.count, self.pool or 0)),
+                earlier=folder.read if folder and self.resume else None,
+                on_attempt=note,
             )
-        answer = planned.to_json()
-        if self.output:
-            self._write(planned, answer, {n: int(s) for n, s in senses.items()})
+        answer = folder.write(planned) if folder else planned.to_json()
         if self.json:
             console.print_json(answer)
         else:
             self._show(planned)
         return console.status(planned.verdict, planned.stop)
+
+    def _senses(self) -> dict[str, float]:
+        senses = assigned(self.closing, "--closing")
+        if any(s not in (-1, 0, 1) for s in senses.values()):
+            raise InputError("each needs -1, 0 or 1", field="--closing")
+        return senses
 
     def _loads(self, body: Body) -> Loads:
         if body.mass is None and (self.up or self.tilt or not (self.wrench or self.loads)):
@@ -106,29 +121,17 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
 
     def _check_folder(self) -> None:
         """Refuse a folder that could not be filled before the work that would fill it."""
-        if self.output is None:
-            return
         check_folder(self.output)
-        if (self.output / "plan.json").exists() and not self.force:
-            raise InputError("holds a plan already; give --force to write over it", source=str(self.output))
-
-    def _write(self, planned: Plan, answer: dict[str, Any], closing: dict[str, int]) -> None:
-        """The files of every grasp, and plan.json naming them."""
-        from holdfast.configuration import Configuration, save_configuration
-        from holdfast.files import write_text
-        from holdfast.grasp_file import save_grasp
-
-        assert self.output is not None
-        hand, thing = (_from_anywhere(name) for name in (self.hand, self.object))
-        for k, g in enumerate(planned.grasps):
-            entry = answer["grasps"][k]
-            entry["configuration_file"], entry["grasp_file"] = f"{k:03d}.configuration.json", f"{k:03d}.grasp.json"
-            placed = Configuration.of(
-                planned.hand, g.q, g.pose, hand=hand, object=thing, closing=closing or None, preload=g.grasp.preload
-            )
-            save_configuration(placed, self.output / entry["configuration_file"], force=self.force)
-            save_grasp(g.grasp, self.output / entry["grasp_file"], force=self.force)
-        write_text(self.output / "plan.json", json.dumps(answer, indent=1) + "\n", force=self.force)
+        if self.output is None:
+            if self.resume:
+                raise InputError("needs the folder to go on from; give --output FOLDER", field="--resume")
+            return
+        if self.resume and self.force:
+            raise InputError("give either --resume or --force")
+        begun = [file for kind in ("plan.json", "[0-9]*.grasp.json") for file in self.output.glob(kind)]
+        if begun and not (self.force or self.resume):
+            problem = "holds a plan already; give --resume to go on, or --force to write over it"
+            raise InputError(problem, source=str(self.output))
 
     def _show(self, planned: Plan) -> None:
         from holdfast.cli import tables
@@ -141,10 +144,11 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
         out.print(f"Each holds, under its preload: {', '.join(planned.loads.names)}")
         if planned.grasps:
             grid = tables.table("grasp", "start", "contacts", "links", "preload", "largest")
-            for k, g in enumerate(planned.grasps):
+            for g in planned.grasps:
                 links = ", ".join(sorted({c.link for c in g.grasp.contacts}))
                 preload = ", ".join(f"{n} {v:.3g}" for n, v in g.grasp.preload.items()) or "none: locked"
-                grid.add_row(str(k), str(g.index), str(g.grasp.m), links, preload, f"{g.answer.upper:.3g}")
+                numbers = str(planned.number(g)), str(g.index), str(g.grasp.m)
+                grid.add_row(*numbers, links, preload, f"{g.answer.upper:.3g}")
             out.print(grid)
         grid = tables.table("what became of the starts", "")
         for fate, number in planned.fates.items():
@@ -157,4 +161,4 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
 
 def _from_anywhere(name: str) -> str:
     """A path that is right wherever the files are read from; a bundled name as it is."""
-    return str(Path(name).resolve()) if Path(name).is_file() else name
+    return str(Path(name).resolve()) if os.path.isfile(name) else name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -53,7 +54,7 @@ def load_hand(source: str | Path) -> Hand:
         hand = hand.with_closing(dict.fromkeys(hand.joint_names, 0) | closing)
         return replace(hand, name=name, breakaway=breakaway, source=name)
     path = Path(source)
-    if not path.is_file():
+    if not os.path.isfile(path):  # False, too, for what can be no name
         if path.suffix:
             raise InputError("no such file", source=str(path))
         raise unknown_name("hand", str(source), BUNDLED)
@@ -69,4 +70,6 @@ def _read(path: Path) -> Hand:
             return read_mjcf(root, path)
     except InputError as fault:
         raise fault.at(str(path)) from None
+    except UnicodeDecodeError:  # mujoco reads bytes, whatever encoding the file declares
+        raise InputError("has names that are not in UTF-8", source=str(path)) from None
     raise InputError(f"has root element <{root.tag}>; <robot> or <mujoco> is needed", source=str(path))

@@ -11,6 +11,7 @@ import numpy as np
 from holdfast.errors import InputError
 from holdfast.hand.model import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
 from holdfast.mechanism import Array, Mechanism
+from holdfast.quiet import quiet
 from holdfast.shape import Shape, quaternion_matrix, transform
 
 
@@ -31,8 +32,9 @@ def read_mjcf(root: Element, path: Path) -> Hand:
     import mujoco  # slow to import
 
     try:
-        m = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as fault:
+        with quiet():
+            m = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError) as fault:
         message = " ".join(str(fault).split()).removeprefix("Error: ")
         raise InputError(message, field=_user_of_file(root, message)) from None
 
@@ -132,14 +134,14 @@ def _coupling(m: Any, e: int) -> Coupling:
         raise InputError(
             f"is of type {word}; only couplings between two joints are understood", field=f"equality {name}"
         )
-    a = m.eq_data[e, :5]
-    if np.abs(a[2:]).max() > 0:
-        raise InputError(f"has polycoef {a.tolist()}; it must be linear", field=f"equality {name}")
+    a = m.eq_data[e, :5].tolist()
+    if any(a[2:]):
+        raise InputError(f"has polycoef {a}; it must be linear", field=f"equality {name}")
     joint, leader = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
-    ref = m.qpos0[m.jnt_qposadr[joint]]  # mujoco couples displacements from the reference pose
+    ref = float(m.qpos0[m.jnt_qposadr[joint]])  # mujoco couples displacements from the reference pose
     if leader < 0:
-        return Coupling(joint, -1, 0.0, float(ref + a[0]))
-    return Coupling(joint, leader, float(a[1]), float(ref + a[0] - a[1] * m.qpos0[m.jnt_qposadr[leader]]))
+        return Coupling(joint, -1, 0.0, ref + a[0])
+    return Coupling(joint, leader, a[1], ref + a[0] - a[1] * float(m.qpos0[m.jnt_qposadr[leader]]))
 
 
 def _mechanism(m: Any, joints: tuple[Joint, ...], couplings: tuple[Coupling, ...], A: Array) -> Mechanism:

@@ -12,7 +12,7 @@ import numpy as np
 
 from holdfast.errors import InputError, unknown_name
 from holdfast.mechanism import Array, Mechanism, frozen
-from holdfast.shape import Shape
+from holdfast.shape import MOST, Shape, rigid
 
 LIMIT_TOLERANCE = 1e-6  # [rad or m] rounding of a limit in a file is not a violation
 
@@ -42,11 +42,18 @@ class Joint:
         if self.type not in ("revolute", "prismatic"):
             raise InputError(f"is {self.type}; revolute or prismatic is needed", field=self.name)
         axis = frozen(self.axis, (3,), f"{self.name}.axis")
-        length = float(np.linalg.norm(axis))
+        length = math.hypot(*axis)
         if length < 1e-9:
             raise InputError("is zero; a direction is needed", field=f"{self.name}.axis")
+        if length > 1e9:
+            raise InputError(f"has length {length:.3g}; a direction is needed", field=f"{self.name}.axis")
         object.__setattr__(self, "axis", frozen(axis / length, (3,), f"{self.name}.axis"))
         object.__setattr__(self, "anchor", frozen(self.anchor, (3,), f"{self.name}.anchor"))
+        if np.abs(self.anchor).max() > MOST:
+            raise InputError(f"is more than {MOST:g} m away", field=f"{self.name}.anchor")
+        if not all(abs(x) <= MOST for x in (self.lower, self.upper, self.ref)):
+            numbers = f"are {self.lower:g} and {self.upper:g}, its reference {self.ref:g}"
+            raise InputError(f"{numbers}; at most {MOST:g} is possible", field=f"{self.name} limits")
         if not self.lower <= self.upper:
             limits = f"[{self.lower:g}, {self.upper:g}]"
             raise InputError(f"are {limits}; the lower one comes first", field=f"{self.name} limits")
@@ -88,6 +95,9 @@ class Link:
     pose: Array
     joints: tuple[int, ...] = ()
     shapes: tuple[Shape, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose", rigid(self.pose, f"{self.name}.pose"))
 
 
 @dataclass(frozen=True)
@@ -131,10 +141,30 @@ class Hand:
             twice = sorted({n for n in names if names.count(n) > 1})
             if twice:
                 raise InputError(f"{kind} '{twice[0]}' is defined twice", source=self.source or None)
+        self._refuse_circles()
         object.__setattr__(self, "closing", frozen(np.sign(self.closing), (self.l,), "closing"))
         if self.mechanism.R.shape[1] != self.l:
             columns = self.mechanism.R.shape[1]
             raise InputError(f"has {columns} columns for {self.l} joints", field="mechanism")
+
+    def _refuse_circles(self) -> None:
+        """Couplings that are no numbers, tie a joint twice, or lead from a joint back to itself."""
+        leader: dict[int, int] = {}
+        for c in self.couplings:
+            name = self.joint_names[c.joint]
+            if not all(abs(x) <= MOST for x in (c.ratio, c.offset)):
+                numbers = f"ratio {c.ratio:g} and offset {c.offset:g}"
+                raise InputError(f"has {numbers}; at most {MOST:g} is possible", field=name)
+            if c.joint in leader:
+                raise InputError("is tied to two joints at once; one leader is needed", field=name)
+            leader[c.joint] = c.leader
+        for start in leader:
+            j = start
+            for _ in leader:
+                j = leader.get(j, -1)
+            if j in leader:
+                problem = "follows itself, directly or through others; a joint that leads is needed"
+                raise InputError(problem, field=self.joint_names[start])
 
     @property
     def l(self) -> int:

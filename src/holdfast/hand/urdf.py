@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
@@ -149,7 +150,7 @@ def find_mesh(filename: str, path: Path, where: str) -> Path:
     else:
         candidates.append(folder / filename.removeprefix("file://"))
     for candidate in candidates:
-        if candidate.is_file():
+        if os.path.isfile(candidate):  # False, too, for what can be no name
             return candidate
     upwards = "searched upwards from" if filename.startswith("package://") else "searched in"
     raise InputError(f"its mesh file '{filename}' was not found ({upwards} {folder})", field=where)
@@ -193,5 +194,7 @@ def parse_xml(path: Path) -> Element:
         return ElementTree.parse(path).getroot()
     except ElementTree.ParseError as fault:
         raise InputError(f"is not XML ({fault}); a URDF or MJCF file is needed", source=str(path)) from None
+    except (LookupError, ValueError) as fault:  # an encoding that it declares
+        raise InputError(f"has an encoding that cannot be read ({fault}); UTF-8 is right", source=str(path)) from None
     except OSError as fault:
         raise InputError(f"cannot be read ({fault.strerror})", source=str(path)) from None

@@ -8,7 +8,7 @@ be forked or few cases do not pay for them: the engine's kernel holds no interpr
 from __future__ import annotations
 
 import multiprocessing
-import signal
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -30,6 +30,7 @@ from holdfast.stability.problem import Problem
 from holdfast.stability.queries import largest, max_goal
 from holdfast.stability.settings import Settings
 from holdfast.stability.settings import default_jobs as default_jobs
+from holdfast.workers import serve
 
 OnItem = Callable[[int, int], None]  # done, total
 BLOCK = 30  # cases that a worker takes at a time: neighbours
@@ -183,8 +184,6 @@ def _in_processes(cases: Sequence[Case], options: Options, jobs: int) -> Iterato
         return
     size = 1 if options.algorithm1 else BLOCK  # its cases take long, and no neighbour helps
     tasks = [(cases[i : i + size], options) for i in range(0, len(cases), size)]
-    # workers leave Ctrl-C to the parent, which then ends them
-    context = multiprocessing.get_context(START)
-    with context.Pool(jobs, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
+    with multiprocessing.get_context(START).Pool(jobs, serve, (os.getpid(),)) as pool:
         for block in pool.imap(_task, tasks):
             yield from block

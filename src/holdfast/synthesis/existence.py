@@ -25,7 +25,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from holdfast.errors import InputError
 from holdfast.files import Strict, validate
 from holdfast.hand.model import Coupling, Hand
 from holdfast.mechanism import Array, frozen
@@ -103,21 +102,12 @@ class Existence:
 
 
 def led_by(hand: Hand, joint: int) -> tuple[Coupling, ...]:
-    """The couplings between a joint and the one that leads it in the end, nearest first; () if it is free.
-
-    Raises:
-        InputError: a joint that is tied twice, or to itself.
-    """
-    tied: dict[int, Coupling] = {}
-    for c in hand.couplings:
-        if tied.setdefault(c.joint, c) is not c:
-            raise InputError("is tied to two joints at once", field=hand.joint_names[c.joint])
+    """The couplings between a joint and the one that leads it in the end, nearest first; () if it is free."""
+    tied = {c.joint: c for c in hand.couplings}
     path: list[Coupling] = []
     while joint in tied:
         path.append(tied[joint])
         joint = tied[joint].leader
-        if len(path) > len(tied):
-            raise InputError("is tied to itself", field=hand.joint_names[joint])
     return tuple(path)
 
 

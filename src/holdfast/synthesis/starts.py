@@ -29,6 +29,14 @@ class Certified:
     chosen: Indices
     radii: Array
 
+    @classmethod
+    def of(cls, proof: Existence, problem: Problem) -> Certified:
+        """That of a proof of the problem's task: `existence` undone, to the last bit, for units are powers of two."""
+        value = proof.coordinates
+        x = np.array([value[label] for label in problem.labels]) / problem.lengths
+        chosen = np.array([problem.labels.index(label) for label in proof.dependent], dtype=np.intp)
+        return cls(x, chosen, proof.radii / problem.lengths[chosen])
+
     def existence(self, problem: Problem) -> Existence:
         """The proof in SI units, by labels."""
         value = dict(zip(problem.labels, (self.x * problem.lengths).tolist(), strict=True))

@@ -237,7 +237,7 @@ def save_task(task: Task, path: str | Path, *, force: bool = False) -> None:
 def _hand_source(name: str, folder: Path) -> str:
     if name in bundled_hands():
         return name
-    if not (folder / name).is_file():
+    if not os.path.isfile(folder / name):
         known = ", ".join(bundled_hands())
         raise InputError(f"'{name}' is no file beside the task and no bundled hand; bundled: {known}", field="hand")
     return str(folder / name)
@@ -246,7 +246,7 @@ def _hand_source(name: str, folder: Path) -> str:
 def _object_source(name: str | None, folder: Path) -> str | None:
     if name is None or name in bundled.names("objects"):
         return name
-    if not (folder / name).is_file():
+    if not os.path.isfile(folder / name):
         known = ", ".join(bundled.names("objects"))
         problem = f"'{name}' is no file beside the task and no bundled object; bundled: {known}"
         raise InputError(problem, field="object")

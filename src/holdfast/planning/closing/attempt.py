@@ -19,6 +19,7 @@ from holdfast.mechanism import Array
 from holdfast.planning.close import Closed, close
 from holdfast.planning.closing import palm_poses
 from holdfast.planning.closing.palm_poses import STANDARD, Palm, Sampling, Surface
+from holdfast.planning.question import fingerprint
 from holdfast.scene import Scene
 from holdfast.stability.hold import STRONG, HoldAnswer, hold
 from holdfast.stability.loads import Loads
@@ -91,6 +92,17 @@ class Attempts:
     settings: Settings | None = None
     sampling: Sampling = STANDARD
 
+    @property
+    def question(self) -> str:
+        """The fingerprint of all this."""
+        names = ("palm", "command_limit", "torque_limits", "force_limit", "eta", "sampling", "settings")
+        others = {name: getattr(self, name) for name in names}
+        return fingerprint(self.hand, self.body, self.loads, self.seed, **others)
+
+    def settings_for(self, grasp: Grasp) -> Settings:
+        """Of a query about a grasp."""
+        return self.settings or Settings(node_limit=NODES / grasp.m**3)
+
     def begin(self) -> Runner:
         """A runner, with what cannot travel between processes."""
         return Runner(self)
@@ -143,7 +155,7 @@ class Runner:
             torque_limits=a.torque_limits,
             force_limit=a.force_limit,
             eta=a.eta,
-            settings=a.settings or Settings(node_limit=NODES / grasp.m**3),
+            settings=a.settings_for(grasp),
             timeout=PATIENCE,
         )
         if answer.verdict is not Verdict.HOLDS:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import multiprocessing
-import signal
+import os
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,11 +19,12 @@ from holdfast.hand.model import Hand
 from holdfast.planning.closing.attempt import Attempts, Fate, Held, Runner
 from holdfast.planning.closing.distinct import difference, most_different
 from holdfast.planning.closing.palm_poses import STANDARD, Sampling, palm_of
+from holdfast.planning.question import refuse_another
 from holdfast.stability.loads import Loads
 from holdfast.stability.many import START, default_jobs
 from holdfast.stability.settings import Settings
+from holdfast.workers import serve
 
-OnAttempt = Callable[[int, int], None]  # attempts done, grasps kept
 WAIT = 0.2  # [s] between looks at the clock
 
 
@@ -34,10 +35,11 @@ class Plan:
     Attributes:
         hand, body, loads: as asked; count: how many grasps were asked for. seed: of the attempts.
         grasps: those that hold every load and differ from each other, in the order in which they were found;
-            with a `pool` the one farthest from the others next.
+            with a `pool` the one farthest from the others next. others: of a pool, those that were left out.
         fates: how many attempts ended how, every `Fate` in order; the sum is `tried`.
         stop: COMPLETE; TIME, NODES (the attempts were used up) or INTERRUPTED if fewer were found.
         seconds: wall time.
+        question: the fingerprint of what was asked, but for how many and how long.
     """
 
     hand: Hand
@@ -49,11 +51,22 @@ class Plan:
     fates: dict[Fate, int]
     stop: Stop
     seconds: float
+    question: str = ""
+    others: tuple[Held, ...] = ()
 
     @property
     def tried(self) -> int:
         """Number of attempts."""
         return sum(self.fates.values())
+
+    @property
+    def found(self) -> list[Held]:
+        """All that differ from each other, in the order in which they were found."""
+        return sorted((*self.grasps, *self.others), key=lambda g: g.index)
+
+    def number(self, grasp: Held) -> int:
+        """Of one of those found, from 0."""
+        return [g.index for g in self.found].index(grasp.index)
 
     @property
     def verdict(self) -> Verdict:
@@ -73,19 +86,26 @@ class Plan:
             "loads": self.loads.by_name,
             "tried": self.tried,
             "fates": {f.name.lower(): n for f, n in self.fates.items()},
-            "grasps": [
-                {
-                    "attempt": g.index,
-                    "contacts": g.grasp.m,
-                    "links": sorted({c.link for c in g.grasp.contacts}),
-                    "preload": g.grasp.preload,
-                    "penetration": g.penetration,
-                    "self_penetration": g.self_penetration,
-                    "residual": max(a.witness.residuals.worst for a in g.answer.checks if a.witness),
-                }
-                for g in self.grasps
-            ],
+            "question": self.question,
+            "grasps": [_entry(g) for g in self.grasps],
+            "others": [_entry(g) for g in self.others],
         }
+
+
+def _entry(g: Held) -> dict[str, Any]:
+    return {
+        "attempt": g.index,
+        "nodes": g.answer.nodes,
+        "contacts": g.grasp.m,
+        "links": sorted({c.link for c in g.grasp.contacts}),
+        "preload": g.grasp.preload,
+        "penetration": g.penetration,
+        "self_penetration": g.self_penetration,
+        "residual": max(a.witness.residuals.worst for a in g.answer.checks if a.witness),
+    }
+
+
+OnAttempt = Callable[[Plan], None]
 
 
 def plan(
@@ -106,6 +126,7 @@ def plan(
     settings: Settings | None = None,
     sampling: Sampling | None = None,
     jobs: int | None = None,
+    earlier: Callable[[Attempts], Plan | None] | None = None,
     on_attempt: OnAttempt | None = None,
 ) -> Plan:
     """Grasps of a hand on an object that hold every load under one preload, and differ from each other.
@@ -129,11 +150,12 @@ def plan(
             the clock (but no grasp is thought about for more than 30 s).
         sampling: how the starts are drawn.
         jobs: processes; by default one per core.
-        on_attempt: called with (attempts done, grasps kept).
+        earlier: given what is asked, a plan that was cut short, to go on from; `attempts` are counted from its first.
+        on_attempt: called after each with the plan so far.
 
     Raises:
         InputError: the mass is unknown and no loads are given, no joint that closes, a count, a time or a
-            number of attempts that is not positive, and whatever `hold` raises.
+            number of attempts that is not positive, an earlier plan of another question, and whatever `hold` raises.
     """
     limits = {"count": count, "timeout": timeout, "attempts": attempts, "command_limit": command_limit}
     for name, value in limits.items():
@@ -156,14 +178,26 @@ def plan(
     begin = time.monotonic()
     wanted = max(count, pool or 0)
     prismatic = np.array([j.type == "prismatic" for j in hand.joints])
-    kept: list[Held] = []
-    fates: Counter[Fate] = Counter()
+    question = asked.question
+    before = earlier(asked) if earlier else None
+    if before:
+        refuse_another(before.question, question)
+    kept = before.found if before else []
+    fates: Counter[Fate] = Counter(before.fates if before else {})
+
+    def so_far(stop: Stop, chosen: list[Held]) -> Plan:
+        seconds = time.monotonic() - begin + (before.seconds if before else 0.0)
+        others = tuple(g for g in kept if g not in chosen)
+        table = {fate: fates[fate] for fate in Fate}
+        return Plan(hand, body, loads, count, seed, tuple(chosen), table, stop, seconds, question, others)
+
     stop = Stop.NODES
-    outcomes = _outcomes(asked, attempts, jobs or default_jobs(), begin + timeout)
+    outcomes = _outcomes(asked, range(fates.total(), attempts), jobs or default_jobs(), begin + timeout)
     try:
-        for outcome in outcomes:
-            if outcome is None:
-                stop = Stop.TIME
+        while len(kept) < wanted:
+            outcome = next(outcomes, Stop.NODES)
+            if isinstance(outcome, Stop):
+                stop = outcome
                 break
             fate, held = outcome
             if held and any(difference(held, other, prismatic) < 1 for other in kept):
@@ -172,18 +206,13 @@ def plan(
                 kept.append(held)
             fates[fate] += 1
             if on_attempt:
-                on_attempt(fates.total(), len(kept))
-            if len(kept) >= wanted:
-                break
+                on_attempt(so_far(Stop.INTERRUPTED, kept))
     except KeyboardInterrupt:
         stop = Stop.INTERRUPTED
     finally:
         outcomes.close()
     chosen = most_different(kept, count, prismatic) if len(kept) > count else kept
-    stop = Stop.COMPLETE if len(chosen) >= count else stop
-    seconds = time.monotonic() - begin
-    table = {fate: fates[fate] for fate in Fate}
-    return Plan(hand, body, loads, count, seed, tuple(chosen), table, stop, seconds)
+    return so_far(Stop.COMPLETE if len(chosen) >= count else stop, chosen)
 
 
 # --- many attempts ------------------------------------------------------------------------------
@@ -192,23 +221,24 @@ Outcome = tuple[Fate, Held | None]
 _runner: Runner | None = None  # one a process
 
 
-def _outcomes(asked: Attempts, attempts: int, jobs: int, end: float) -> Generator[Outcome | None, None, None]:
-    """The outcomes of the attempts in order; None once the time is up."""
+def _outcomes(
+    asked: Attempts, numbers: range, jobs: int, end: float
+) -> Generator[Outcome | Literal[Stop.TIME], None, None]:
+    """The outcomes of the attempts of some numbers, in order; TIME once the time is up."""
     if jobs <= 1 or START != "fork":
         runner = asked.begin()
-        for i in range(attempts):
+        for i in numbers:
             if time.monotonic() >= end:
-                yield None
+                yield Stop.TIME
                 return
             yield _light(runner.run(i))
         return
-    # workers leave Ctrl-C to the parent, which then ends them
-    with multiprocessing.get_context(START).Pool(jobs, initializer=_begin, initargs=(asked,)) as workers:
-        outcomes = workers.imap(_attempt, range(attempts))
-        for _ in range(attempts):
+    with multiprocessing.get_context(START).Pool(jobs, _begin, (asked, os.getpid())) as workers:
+        outcomes = workers.imap(_attempt, numbers)
+        for _ in numbers:
             while True:
                 if time.monotonic() >= end:
-                    yield None
+                    yield Stop.TIME
                     return
                 try:
                     yield outcomes.next(timeout=WAIT)
@@ -217,9 +247,9 @@ def _outcomes(asked: Attempts, attempts: int, jobs: int, end: float) -> Generato
                     continue
 
 
-def _begin(asked: Attempts) -> None:
+def _begin(asked: Attempts, parent: int) -> None:
     global _runner
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    serve(parent)
     _runner = asked.begin()
 
 

@@ -15,10 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.answer import Verdict
+from holdfast.answer import Stop, Verdict
+from holdfast.errors import InputError
 from holdfast.grasp import Contact, Grasp
 from holdfast.planning.tasks.judge import Candidate, Judge, Reason, Steps
 from holdfast.planning.tasks.polish import Polish
+from holdfast.planning.tasks.search_file import Find
 from holdfast.stability.hold import HoldAnswer, hold, moderate
 from holdfast.stability.many import START
 from holdfast.stability.queries import check
@@ -48,6 +50,7 @@ class Unit:
         found: those that hold every load, with whether they were improved first.
         fates: what became of its starts.
         judged: candidates that were looked at. starts, unproved: of the local search.
+        whole: was it done before the time was up?
     """
 
     number: int
@@ -56,6 +59,7 @@ class Unit:
     judged: int
     starts: int
     unproved: int
+    whole: bool
 
 
 class Worker:
@@ -103,7 +107,7 @@ class Worker:
                 better = polish.polished(end)
                 holds = better is not end and self.passive(better.grasp) is Reason.HOLDS
                 found.append(((better if holds else end).certified, end is not start))
-        return Unit(number, tuple(found), fates, self.judge.judged - before, used, starts.unproved)
+        return Unit(number, tuple(found), fates, self.judge.judged - before, used, starts.unproved, not self.late())
 
     def climb(self, start: Candidate, steps: Steps) -> tuple[Candidate, Reason]:
         """Improve a candidate until it holds, or no step helps."""
@@ -157,6 +161,23 @@ class Worker:
         if answer.verdict is not Verdict.HOLDS:  # the short way found one
             answer = self.held(c.grasp, least=False, timeout=None)
         return answer
+
+    def held_again(self, certified: Certified, find: Find, field: str) -> HoldAnswer:
+        """What was found of a grasp before, every load asked again under its preload; `field` is where it stands.
+
+        Raises:
+            InputError: it is no grasp of this question, or does not hold.
+        """
+        candidates, loads = self.candidates([certified]), self.judge.loads
+        if not (candidates and candidates[0].possible):
+            raise InputError("collides, or cannot balance a load", field=field)
+        grasp = candidates[0].grasp
+        grasp = grasp.with_preload(grasp.mechanism.commands(find.preload, field=f"{field}.preload"))
+        checks = tuple(check(grasp, w, settings=self.settings, **self.limits) for w in loads.wrenches)
+        if any(a.verdict is not Verdict.HOLDS for a in checks):
+            raise InputError("does not hold every load", field=f"{field}.preload")
+        bounds = find.preload, find.lower, find.upper
+        return HoldAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, find.nodes, loads, *bounds, checks)
 
     def driven(self, grasp: Grasp) -> list[str]:
         """The actuators that may be commanded: those asked for that move this grasp."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-import signal
+import os
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -11,6 +11,7 @@ from holdfast.planning.tasks.climb import Unit, Worker
 from holdfast.stability.hold import HoldAnswer
 from holdfast.stability.many import START
 from holdfast.synthesis.starts import Certified
+from holdfast.workers import serve
 
 WAIT = 0.1  # [s] between looks at a result: Ctrl-C is heard in between
 
@@ -33,8 +34,7 @@ class Crew:
             global _worker
             _worker = self.worker
             context = multiprocessing.get_context(START)
-            # Ctrl-C is the parent's, which then tells the others
-            self._pool = context.Pool(self.jobs, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+            self._pool = context.Pool(self.jobs, serve, (os.getpid(),))
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -42,16 +42,20 @@ class Crew:
             self._pool.terminate()
             self._pool.join()
 
-    def units(self) -> Iterator[Unit]:
-        """The results of units 0, 1, 2, ... until the worker is late."""
-        number = 0
+    @property
+    def alone(self) -> bool:
+        """Whether this process does the work."""
+        return self._pool is None
+
+    def units(self, number: int = 0) -> Iterator[Unit]:
+        """The results of units `number`, `number` + 1, ... until the worker is late."""
         if self._pool is None:
             while not self.worker.late():
                 yield self.worker.run(number)
                 number += 1
             return
-        ahead = [self._pool.apply_async(_run, (k,)) for k in range(self.jobs)]
-        number = len(ahead)
+        ahead = [self._pool.apply_async(_run, (number + k,)) for k in range(self.jobs)]
+        number += len(ahead)
         while ahead:
             if not self.worker.late():
                 ahead.append(self._pool.apply_async(_run, (number,)))

@@ -12,7 +12,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -22,10 +21,13 @@ from holdfast.collision import Collisions
 from holdfast.curvature import relative_curvatures
 from holdfast.dexterity import dexterity
 from holdfast.errors import InputError, unknown_name
+from holdfast.mechanism import Array
+from holdfast.planning.question import fingerprint, refuse_another
 from holdfast.planning.tasks.climb import Unit, Worker
 from holdfast.planning.tasks.crew import Crew
 from holdfast.planning.tasks.judge import NEAR, Allowed, Judge, Reason, requests
 from holdfast.planning.tasks.proved import Grasps, ProvedGrasp, rank
+from holdfast.planning.tasks.search_file import Find, Search
 from holdfast.scene import Scene
 from holdfast.stability.hold import HoldAnswer
 from holdfast.stability.loads import Loads
@@ -34,10 +36,12 @@ from holdfast.stability.settings import Settings
 from holdfast.stability.statics import spare_friction
 from holdfast.synthesis.answers import Synthesis
 from holdfast.synthesis.distance import features_of
+from holdfast.synthesis.embedded import task_to_dict
 from holdfast.synthesis.problem import Problem
 from holdfast.synthesis.queries import synthesize
 from holdfast.synthesis.starts import Certified
 from holdfast.synthesis.task import Task
+from holdfast.synthesis.verify_existence import verify_existence
 
 SETTINGS = Settings(node_limit=4000)  # nodes, not seconds: the same seed finds the same grasps
 DIFFERENT = 0.1  # grasps nearer to each other, in the measure of `synthesis/distance`, are alike
@@ -55,6 +59,7 @@ class Progress:
 
 
 OnStep = Callable[[Progress], None]
+OnFind = Callable[[Search, "Grasps | None"], None]
 
 
 def grasp_for(
@@ -74,7 +79,9 @@ def grasp_for(
     eta: float = 0.0,
     settings: Settings | None = None,
     jobs: int | None = None,
+    earlier: Search | None = None,
     on_step: OnStep | None = None,
+    on_find: OnFind | None = None,
 ) -> Grasps:
     """Certified, collision-free, passively stable grasps for a task, with the torques to apply.
 
@@ -92,11 +99,15 @@ def grasp_for(
         torque_limits: as in `check`, like force_limit and eta.
         settings: of each question about stability.
         jobs: processes; by default all cores.
+        earlier: a search that was cut short, to go on from.
         on_step: called while it runs.
+        on_find: called with how far it has come, after each unit of work, and with the grasps so far where there are
+            new ones.
 
     Raises:
-        InputError: no object, an object without mass where the loads are left to its weight, an unknown
-            actuator, a number out of range, limits and couplings that leave nothing.
+        InputError: no object, an object without mass where the loads are left to its weight, an unknown actuator, a
+            number out of range, limits and couplings that leave nothing; an earlier search of another question, or
+            with grasps that are not proved or do not hold.
     """
     if body is None:
         if task.object is None:
@@ -121,36 +132,77 @@ def grasp_for(
     )
     limits = {"torque_limits": torque_limits, "force_limit": force_limit, "eta": eta}
     worker = Worker(judge, seed, names, limits, command_limit, settings or SETTINGS)
-    search = _Search(worker, body, count, on_step)
-    return search.run(timeout, jobs or default_jobs())
+    asked = {"actuators": names, "friction": judge.friction, "allowed": judge.allowed, "command": command_limit}
+    regions = {key: value for key, value in task_to_dict(task).items() if key in ("contacts", "pose")}
+    question = fingerprint(hand, body, loads, seed, **asked, **limits, **regions, settings=worker.settings)
+    search = _Search(worker, body, count, question, on_step, on_find)
+    return search.run(timeout, jobs or default_jobs(), earlier)
+
+
+@dataclass(eq=False)
+class _Found:
+    """A configuration that holds; answer: the least preload, None until it is known."""
+
+    certified: Certified
+    repaired: bool
+    answer: HoldAnswer | None = None
 
 
 class _Search:
     """One call: units in order, what they found, the grasps that differ."""
 
-    def __init__(self, worker: Worker, body: Body, count: int, on_step: OnStep | None) -> None:
+    def __init__(
+        self, worker: Worker, body: Body, count: int, question: str, on_step: OnStep | None, on_find: OnFind | None
+    ) -> None:
         self.worker, self.judge, self.body = worker, worker.judge, body
-        self.count, self.on_step = count, on_step
+        self.count, self.question, self.on_step, self.on_find = count, question, on_step, on_find
         self.fates: Counter[Reason] = Counter()
-        self.chosen: list[tuple[Certified, bool]] = []
-        self.features: list[Any] = []
+        self.found: list[_Found] = []
+        self.grasps: list[ProvedGrasp] = []
+        self.features: list[Array] = []
         self.judged = self.starts = self.unproved = self.units = 0
+        self.done = Search(question)  # after the last unit that was done before the time was up
+        self.cut = False
         self.stop = Stop.TIME
         self.synthesis: Synthesis | None = None
+        self.begin, self.spent = time.monotonic(), 0.0
 
-    def run(self, timeout: float | None, jobs: int) -> Grasps:
-        """Units until enough are found, then the torques of each."""
+    def run(self, timeout: float | None, jobs: int, earlier: Search | None) -> Grasps:
+        """Units until enough are found, and the torques of each."""
         self.worker.warm()
-        begin = time.monotonic()
-        self.worker.end = np.inf if timeout is None else begin + timeout
+        if earlier:
+            try:
+                self.go_on(earlier)
+            except InputError as fault:
+                raise fault.at(earlier.source) from None
+        self.begin = time.monotonic()
+        self.worker.end = np.inf if timeout is None else self.begin + timeout
         with Crew(self.worker, jobs) as crew:
             try:
                 self.search(crew)
             except KeyboardInterrupt:
                 self.stop = Stop.INTERRUPTED
             self.worker.stopped.set()
-            proofs = crew.proofs([certified for certified, _ in self.chosen])
-            grasps = [self.proved(*found, proof) for found, proof in zip(self.chosen, proofs, strict=True)]
+            self.prove(crew)
+        return self.answer(self.stop)
+
+    def go_on(self, earlier: Search) -> None:
+        """From where an earlier search was, every grasp of it proved again."""
+        refuse_another(earlier.question, self.question)
+        self.done, self.spent = earlier, earlier.seconds
+        self.fates, self.units = Counter(earlier.fates), earlier.units
+        self.judged, self.starts, self.unproved = earlier.judged, earlier.starts, earlier.unproved
+        for i, find in enumerate(earlier.found):
+            report = verify_existence(self.judge.task, find.existence)
+            if not report.ok:
+                raise InputError(f"is not proved: {report.reasons[0]}", field=f"found[{i}].existence")
+            certified = Certified.of(find.existence, self.judge.problem)
+            again = self.worker.held_again(certified, find, f"found[{i}]")
+            self.choose(_Found(certified, find.repaired, again))
+        self.grasps = [self.proved(f) for f in self.found]
+
+    def answer(self, stop: Stop) -> Grasps:
+        """What is known so far."""
         none = self.synthesis is not None and self.synthesis.verdict is Reach.NONE
         return Grasps(
             self.judge.task,
@@ -158,10 +210,10 @@ class _Search:
             self.judge.loads,
             self.count,
             self.worker.seed,
-            Reach.FOUND if grasps else Reach.NONE if none else Reach.UNDECIDED,
-            self.stop,
-            time.monotonic() - begin,
-            tuple(ranked(grasps)),
+            Reach.FOUND if self.grasps else Reach.NONE if none else Reach.UNDECIDED,
+            stop,
+            self.seconds,
+            tuple(ranked(self.grasps)),
             {r: self.fates[r] for r in Reason},
             self.judged,
             self.starts,
@@ -169,11 +221,22 @@ class _Search:
             self.synthesis,
         )
 
+    @property
+    def seconds(self) -> float:
+        """[s] this time and before."""
+        return self.spent + time.monotonic() - self.begin
+
     def search(self, crew: Crew) -> None:
         """Units in order until there are enough, or the time is over."""
-        for unit in crew.units():
+        if len(self.found) >= self.count:
+            self.stop = Stop.COMPLETE
+            return
+        for unit in crew.units(self.units):
             self.take(unit)
-            if len(self.chosen) >= self.count:
+            if self.on_step:
+                self.on_step(Progress(self.fates.total(), len(self.found), self.count, self.fates))
+            self.prove(crew)
+            if len(self.found) >= self.count:
                 self.stop = Stop.COMPLETE
                 return
             if not self.fates and self.units == FRUITLESS:
@@ -187,32 +250,71 @@ class _Search:
         self.fates += unit.fates
         self.judged, self.starts = self.judged + unit.judged, self.starts + unit.starts
         self.unproved, self.units = self.unproved + unit.unproved, self.units + 1
+        self.cut = self.cut or not unit.whole
         for certified, repaired in unit.found:
-            at = features_of(self.judge.task, (certified.x * self.judge.problem.lengths)[None])[0]
-            if any(np.linalg.norm(at - other) < DIFFERENT for other in self.features):
+            if self.is_alike(certified):
                 self.fates[Reason.HOLDS] -= 1
                 self.fates[Reason.ALIKE] += 1
-            elif len(self.chosen) < self.count:
-                self.chosen.append((certified, repaired))
-                self.features.append(at)
-        if self.on_step:
-            self.on_step(Progress(self.fates.total(), len(self.chosen), self.count, self.fates))
+            elif len(self.found) < self.count:
+                self.choose(_Found(certified, repaired))
+            else:
+                self.cut = True  # who wants more will want this one
+
+    def is_alike(self, certified: Certified) -> bool:
+        """Whether a configuration is like one that was chosen."""
+        at = self.feature(certified)
+        return any(np.linalg.norm(at - other) < DIFFERENT for other in self.features)
+
+    def choose(self, found: _Found) -> None:
+        """Add a configuration to those found."""
+        self.found.append(found)
+        self.features.append(self.feature(found.certified))
+
+    def feature(self, certified: Certified) -> Array:
+        """Where a configuration is, in the measure of `synthesis/distance`."""
+        return features_of(self.judge.task, (certified.x * self.judge.problem.lengths)[None])[0]
+
+    def prove(self, crew: Crew) -> None:
+        """The least preloads of what was found last, and word of how far the search has come."""
+        new = [f for f in self.found if f.answer is None]
+        begin = time.monotonic()
+        for f, answer in zip(new, crew.proofs([f.certified for f in new]), strict=True):
+            f.answer = answer
+        self.grasps += [self.proved(f) for f in new]
+        if crew.alone:
+            self.worker.end += time.monotonic() - begin  # the time is for the search
+        if not self.cut:
+            counted = self.units, self.fates.copy(), self.judged, self.starts, self.unproved
+            self.done = Search(self.question, *counted)
+        if self.on_find:
+            found = tuple(self.find(f) for f in self.found)
+            done = replace(self.done, found=found, seconds=self.seconds)
+            self.on_find(done, self.answer(Stop.INTERRUPTED) if new else None)
+
+    def find(self, f: _Found) -> Find:
+        """A grasp as it is remembered."""
+        assert f.answer is not None
+        a = f.answer
+        assert a.preload is not None
+        return Find(f.certified.existence(self.judge.problem), f.repaired, a.preload, a.lower, a.upper, a.nodes)
 
     def possible(self) -> Synthesis:
         """Whether there is any configuration at all, asked of synthesis with the time that is left."""
         left = self.worker.end - time.monotonic()
         return synthesize(self.judge.task, seed=self.worker.seed, timeout=None if np.isinf(left) else max(left, 0.1))
 
-    def proved(self, certified: Certified, repaired: bool, answer: HoldAnswer) -> ProvedGrasp:
+    def proved(self, f: _Found) -> ProvedGrasp:
         """A grasp with everything that is said of it."""
-        (c,), task, near = self.worker.candidates([certified]), self.judge.task, self.judge.collisions
+        assert f.answer is not None
+        (c,), task, near = self.worker.candidates([f.certified]), self.judge.task, self.judge.collisions
+        answer = f.answer
         grasp = c.grasp.with_preload(answer.preload)
         wide = Collisions(near.scene, radius=near.radius, left_out=near.left_out)
         clearances = wide.clearances(c.q, c.solution.pose, requests(c.solution))
         curved = relative_curvatures(c.solution)
         able = dexterity(task.hand, c.q, [t.link for t in task.touches], c.solution.points, grasp)
         spare = spare_friction(grasp, self.judge.loads.wrenches)
-        return ProvedGrasp(c.solution, c.q, grasp, answer, clearances, curved, able, spare, repaired)
+        return ProvedGrasp(c.solution, c.q, grasp, answer, clearances, curved, able, spare, f.repaired)
 
 
 def ranked(grasps: Sequence[ProvedGrasp]) -> list[ProvedGrasp]:

@@ -1,8 +1,9 @@
 """The kernel's machine code: made by numba once for this processor, kept in a file, loaded without numba.
 
 Numba compiles the functions of `kernel` to LLVM's representation, llvmlite makes machine code of it. The file's name
-says for which processor and of which source it was made, so that a stale one is never found. To load it takes some
-hundredths of a second; to import numba, and to let it find what it compiled before, takes more than one.
+says for which processor and of which source it was made, so that a stale one is never found; its end is the digest of
+the rest, so that a damaged one is made anew; and none is loaded that someone else could have put there. To load it
+takes some hundredths of a second; to import numba, and to let it find what it compiled before, takes more than one.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -22,6 +24,8 @@ from typing import Any
 import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
+
+from holdfast.trusted import trusted
 
 HERE = Path(__file__).parent
 SOURCES = (HERE / "rows.py", HERE / "arrays.py", *sorted((HERE / "kernel").glob("*.py")))
@@ -71,18 +75,17 @@ def machine_code() -> bytes:
     """The object file for this processor: as it is kept, or compiled and kept."""
     name = file_name()
     for folder in _folders():
-        try:
-            return (folder / name).read_bytes()
-        except OSError:
-            continue
+        code = _kept(folder / name)
+        if code is not None:
+            return code
     logging.getLogger("holdfast").warning("compiling the engine for this processor, once: about half a minute")
     code = compiled()
     for folder in _folders():
-        try:
-            _keep(code, folder / name)
-        except OSError:  # not ours to write to
-            continue
-        break
+        with suppress(OSError):  # not ours to write to
+            if _keep(code, folder / name):
+                return code
+    where = " or ".join(str(folder) for folder in _folders())
+    logging.getLogger("holdfast").warning(f"its code is not kept: no folder that only you can write to at {where}")
     return code
 
 
@@ -156,16 +159,40 @@ def file_name() -> str:
 
 def _folders() -> tuple[Path, ...]:
     """Where machine code is kept: with the package, or if that is not ours to write to, with the user."""
-    if sys.platform == "win32":
-        user = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    else:
-        user = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    return HERE / "__pycache__", user / "holdfast"
+    variable, usual = ("LOCALAPPDATA", "AppData/Local") if sys.platform == "win32" else ("XDG_CACHE_HOME", ".cache")
+    user = Path(os.environ.get(variable, ""))
+    if not user.is_absolute():  # to be ignored, says the XDG specification: what the current folder holds is anybody's
+        user = Path(os.path.expanduser("~")) / usual
+    return tuple(folder for folder in (HERE / "__pycache__", user / "holdfast") if folder.is_absolute())
 
 
-def _keep(code: bytes, path: Path) -> None:
-    """Write a file at once, whoever else may be writing it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+def sealed(code: bytes) -> bytes:
+    """Machine code as it stands in its file: with its digest behind it."""
+    return code + hashlib.sha256(code).digest()
+
+
+def _kept(path: Path) -> bytes | None:
+    """The machine code in a file; None if there is none, it is damaged, or others could have written it."""
+    try:
+        with path.open("rb") as file:
+            if not (trusted(os.fstat(file.fileno())) and trusted(path.parent.stat())):
+                return None
+            whole = file.read()
+    except OSError:
+        return None
+    code = whole[: -hashlib.sha256().digest_size]
+    return code if sealed(code) == whole else None
+
+
+def _keep(code: bytes, path: Path) -> bool:
+    """Write a file at once, whoever else may be writing it; False in a folder from which it would not be loaded."""
+    path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+    if not trusted(path.parent.stat()):
+        return False
     draft = path.with_suffix(f".{os.getpid()}")
-    draft.write_bytes(code)
+    with suppress(FileNotFoundError):
+        draft.unlink()
+    with open(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "wb") as file:
+        file.write(sealed(code))
     os.replace(draft, path)
+    return True

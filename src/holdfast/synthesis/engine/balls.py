@@ -8,20 +8,14 @@ ordinary floating-point results, so that searches and proofs share one set of fo
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
+
+from holdfast.synthesis.engine.compiled import inner
 
 UNIT = 1.12e-16  # one rounding, relative
 UP = 1.0 + 2e-15
 TINY = 1e-290  # more than underflow can lose
 CIRCULAR = 5e-16  # error of a sine or cosine
-
-
-def inner(function: Any) -> Any:
-    """Compiled, for compiled callers only."""
-    return njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
 
 
 @inner

@@ -18,9 +18,8 @@ an interval, narrows the box, or discards it.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from holdfast.synthesis.engine.balls import inner
+from holdfast.synthesis.engine.compiled import inner, kernel
 from holdfast.synthesis.engine.rows import (
     AGAIN,
     LOOKS,
@@ -314,7 +313,7 @@ def examine(box, flat, subset, use, bend, slack, S):  # type: ignore[no-untyped-
     return best, worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def explore(stack, share, count, flat, subset, use, bend, cones, budget, resolution, kept, kept_share):  # type: ignore[no-untyped-def]
     """Depth first from `count` boxes in stack (., n, 2), in place, until it is empty or `budget` nodes are spent.
 

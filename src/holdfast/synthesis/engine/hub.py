@@ -16,9 +16,8 @@ Taylor polynomials of `engine.taylor` and `engine.pose`, their remainders bounds
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from holdfast.synthesis.engine.balls import inner
+from holdfast.synthesis.engine.compiled import inner, kernel
 from holdfast.synthesis.engine.pose import Work, apart, gaps, lever, times, turning
 from holdfast.synthesis.engine.rows import (
     AGAIN,
@@ -247,7 +246,7 @@ def bounded(box, pose, flat, m, near, S):  # type: ignore[no-untyped-def]
     return taken(box, pose, x, h, low, high) >= 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def explore(stack, share, count, flat, use, sizes, hub, bend, m, near, budget, resolution, kept, kept_share):  # type: ignore[no-untyped-def]
     """Depth first from `count` boxes in stack (., n, 2), in place, until it is empty or `budget` boxes are spent.
 

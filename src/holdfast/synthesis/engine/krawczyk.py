@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from holdfast.synthesis.engine.balls import UP, inner
+from holdfast.synthesis.engine.balls import UP
+from holdfast.synthesis.engine.compiled import inner
 from holdfast.synthesis.engine.geometry import evaluate
 
 RADIUS = 1e-7  # rad and units to begin with; the residual asks for more where the system is ill conditioned

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from holdfast.synthesis.engine.balls import get, inner
+from holdfast.synthesis.engine.balls import get
+from holdfast.synthesis.engine.compiled import inner
 from holdfast.synthesis.engine.geometry import PATCH, chain, evaluate, rotation, surface
 
 MARGIN = 1e-4  # candidates keep this far inside every bound, so that strictness costs nothing

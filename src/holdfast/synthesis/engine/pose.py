@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from holdfast.synthesis.engine.balls import inner
+from holdfast.synthesis.engine.compiled import inner
 from holdfast.synthesis.engine.taylor import ROUNDING, WIDER, element
 
 

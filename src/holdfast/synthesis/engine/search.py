@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from holdfast.synthesis.engine.compiled import kernel
 from holdfast.synthesis.engine.krawczyk import certify
 from holdfast.synthesis.engine.local import MARGIN, solve, start, workspace
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def find(numbers, flat, e, many, xs, chosen, radii, which):  # type: ignore[no-untyped-def]
     """Solve and certify from each start until `many` are proved.
 
@@ -37,7 +37,7 @@ def find(numbers, flat, e, many, xs, chosen, radii, which):  # type: ignore[no-u
     return proved, numbers.shape[0], open_ones
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def inside(flat):  # type: ignore[no-untyped-def]
     """The bounds, drawn in by `MARGIN` or by a quarter of what there is."""
     room = np.minimum(MARGIN, 0.25 * (flat.upper - flat.lower))

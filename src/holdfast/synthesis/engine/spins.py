@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from holdfast.synthesis.engine.balls import inner
+from holdfast.synthesis.engine.compiled import inner
 from holdfast.synthesis.engine.rows import PAD, angle
 from holdfast.synthesis.engine.taylor import norm
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from holdfast.synthesis.engine.balls import inner
+from holdfast.synthesis.engine.compiled import inner
 from holdfast.synthesis.engine.geometry import PATCH, PRISMATIC
 
 ROUNDING = 1e-11  # units and units per radian

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from holdfast.synthesis.engine.compiled import kernel
 from holdfast.synthesis.engine.geometry import evaluate
 from holdfast.synthesis.engine.krawczyk import certify
 from holdfast.synthesis.engine.local import back, factor, solve, workspace
@@ -13,7 +13,7 @@ from holdfast.synthesis.engine.search import inside
 DAMPING = 1e-12  # of the projection, so that a singular Jacobian does not stop a walk
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def walk(begin, numbers, lengths, weight, flat, e, xs, chosen, radii):  # type: ignore[no-untyped-def]
     """One step from each of the solutions `begin` (m, n).
 
