@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from holdfast.synthesis.answers import Replayed, Synthesis
     from holdfast.synthesis.result_file import Saved
 
-SCHEMAS = ("holdfast/result/1", "holdfast/certificate/1", "holdfast/synthesis/1", "holdfast/grasps/1")
+SCHEMAS = ("holdfast/result/1", "holdfast/certificate/1", "holdfast/synthesis/1", "holdfast/grasps/2")
 
 
 def verify(
@@ -54,7 +54,7 @@ def load(path: str | Path) -> Any:
             from holdfast.synthesis import result_file
 
             return result_file.from_dict(data)
-        if schema == "holdfast/grasps/1":
+        if schema in ("holdfast/grasps/1", "holdfast/grasps/2"):
             from holdfast.planning.tasks import grasps_file
 
             return grasps_file.from_dict(data)

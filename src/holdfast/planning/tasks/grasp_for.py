@@ -22,6 +22,7 @@ from holdfast.collision import Collisions
 from holdfast.curvature import relative_curvatures
 from holdfast.dexterity import dexterity
 from holdfast.errors import InputError, unknown_name
+from holdfast.planning.tasks.asked import Asked
 from holdfast.planning.tasks.climb import Unit, Worker
 from holdfast.planning.tasks.crew import Crew
 from holdfast.planning.tasks.judge import NEAR, Allowed, Judge, Reason, requests
@@ -121,16 +122,17 @@ def grasp_for(
     )
     limits = {"torque_limits": torque_limits, "force_limit": force_limit, "eta": eta}
     worker = Worker(judge, seed, names, limits, command_limit, settings or SETTINGS)
-    search = _Search(worker, body, count, on_step)
+    asked = Asked(judge.friction, names, eta, dict(torque_limits or {}), force_limit, command_limit)
+    search = _Search(worker, body, count, asked, on_step)
     return search.run(timeout, jobs or default_jobs())
 
 
 class _Search:
     """One call: units in order, what they found, the grasps that differ."""
 
-    def __init__(self, worker: Worker, body: Body, count: int, on_step: OnStep | None) -> None:
+    def __init__(self, worker: Worker, body: Body, count: int, asked: Asked, on_step: OnStep | None) -> None:
         self.worker, self.judge, self.body = worker, worker.judge, body
-        self.count, self.on_step = count, on_step
+        self.count, self.asked, self.on_step = count, asked, on_step
         self.fates: Counter[Reason] = Counter()
         self.chosen: list[tuple[Certified, bool]] = []
         self.features: list[Any] = []
@@ -167,6 +169,7 @@ class _Search:
             self.starts,
             self.unproved,
             self.synthesis,
+            asked=self.asked,
         )
 
     def search(self, crew: Crew) -> None:
