@@ -308,6 +308,19 @@ def test_an_old_file_is_told_what_it_lacks(saved: Data) -> None:
         grasps_file.from_dict(saved | {"schema": "holdfast/grasps/1"})
 
 
+def test_differences_are_told_one_by_one() -> None:
+    due = {"a": [1.0, 1e-20, None], "b": {"c": "x", "d": True}}
+    assert difference(due, {"a": [1.0, -1e-20, None], "b": {"d": True, "c": "x"}}, "it") == ""
+    assert difference(due, due | {"a": [1.0, 1e-8, None]}, "it").startswith("it.a[1] is 1e-08; of hand")
+    assert difference(due, due | {"a": [1.0, 0.0]}, "it") == "it.a has 2 entries, not 3"
+    assert difference(due, due | {"b": {"c": "x"}}, "it") == "it.b.d is missing"
+    assert difference(due, due | {"b": {"c": "x", "d": 1}}, "it").startswith("it.b.d is 1; ")
+    assert difference(due, due | {"e": 0}, "it") == "it.e follows from nothing in the file"
+    assert difference(1e-9, 1.001e-9, "it") == ""
+    assert difference(1e-9, 1.001e-9, "it", small=0.0).startswith("it is 1.001e-09; ")
+    assert difference("x" * 99, "y" * 99, "it").count("x") < 60
+
+
 # --- changed everywhere -----------------------------------------------------------------------------
 
 

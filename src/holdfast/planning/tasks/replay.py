@@ -32,7 +32,7 @@ from holdfast.synthesis.embedded import digest, fingerprint, task_to_dict
 
 CLOSE = 1e-9  # [rad, m]: joint values that a proof and the file give
 LONG = 60  # characters of a value that are shown
-SMALL = 1e-3  # below it numbers are compared by their difference, above by its share
+SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is
 
 
 class Refused(Exception):
@@ -125,7 +125,7 @@ def _answer_fault(saved: SavedGrasps) -> str:
         return "FOUND without a grasp"
     if answer.question != saved.question:
         return "the answer is to another question: task, motors or question were changed"
-    return difference(saved.loads.by_name, answer.loads, "answer.loads")
+    return difference(saved.loads.by_name, answer.loads, "answer.loads", small=0.0)
 
 
 def _replayed(g: SavedGrasp, saved: SavedGrasps) -> list[float]:
@@ -137,9 +137,10 @@ def _replayed(g: SavedGrasp, saved: SavedGrasps) -> list[float]:
     bare = grasp_at(g.solution, g.q, contacts_at(g.solution, saved.asked.friction))
     _refuse(difference(grasp_file.to_dict(bare) | {"preload": g.said.get("preload")}, g.said, "grasp"))
     grasp, driven = bare.with_preload(g.grasp.preload), saved.asked.driven(bare)
-    _refuse(difference(grasp.preload, g.said["preload"], "grasp.preload"))
+    _refuse(difference(grasp.preload, g.said["preload"], "grasp.preload", small=0.0))
     _refuse(_commands_fault(grasp, driven, saved.asked))
     preload = {name: grasp.preload.get(name, 0.0) for name in driven}
+    _refuse(difference(preload, g.answer.get("preload"), "answer.preload", small=0.0))
     _refuse(difference(Follows.of(g.solution, g.q, grasp, preload, saved.loads).to_json(), g.answer, "answer"))
     if g.witnesses.keys() != set(saved.loads.names):
         raise Refused(f"has witnesses for {len(g.witnesses)} loads, not for each of {', '.join(saved.loads.names)}")
@@ -200,22 +201,26 @@ def joints_misfit(solution: Solution, joints: dict[str, float]) -> str:
     return ""
 
 
-def difference(due: Any, said: Any, at: str) -> str:
-    """Where JSON is not what it should be: its path and both values, one line; '' if nowhere but for rounding."""
+def difference(due: Any, said: Any, at: str, small: float = SMALL) -> str:
+    """Where JSON is not what it should be: its path and both values, one line; '' if nowhere but for rounding.
+
+    Numbers are compared by their difference: as a share of the largest in their list, or of `small` if that is larger.
+    """
     if isinstance(due, dict) and isinstance(said, dict):
         for key in [*due, *said]:
             if key not in said:
                 return f"{at}.{key} is missing"
             if key not in due:
                 return f"{at}.{key} follows from nothing in the file"
-        return next(filter(None, (difference(due[key], said[key], f"{at}.{key}") for key in due)), "")
+        return next(filter(None, (difference(due[key], said[key], f"{at}.{key}", small) for key in due)), "")
     if isinstance(due, list) and isinstance(said, list):
         if len(due) != len(said):
             return f"{at} has {len(said)} entries, not {len(due)}"
         pairs = enumerate(zip(due, said, strict=True))
-        return next(filter(None, (difference(a, b, f"{at}[{i}]") for i, (a, b) in pairs)), "")
+        small = max([small, *(abs(x) for x in due if _is_number(x))])
+        return next(filter(None, (difference(a, b, f"{at}[{i}]", small) for i, (a, b) in pairs)), "")
     if _is_number(due) and _is_number(said):
-        same = abs(due - said) <= SAME * max(SMALL, abs(due))
+        same = abs(due - said) <= SAME * max(small, abs(due))
     else:
         same = type(due) is type(said) and due == said
     return "" if same else f"{at} is {_shown(said)}; of hand, configuration and question it is {_shown(due)}"
