@@ -332,6 +332,6 @@ def test_on_the_command_line(tmp_path: Path, monkeypatch, capsys: pytest.Capture
     assert "certificate: it covers" in out
     assert main(["verify", "wrong.json", "--json"]) == 1
     said = json.loads(capsys.readouterr().out)
-    assert set(said) == {"schema", "ok", "witness", "certificate", "seconds", "reason"}
+    assert set(said) == {"schema", "ok", "witness", "certificate", "seconds", "reason", "question"}
     assert (said["schema"], said["ok"], said["witness"]["ok"]) == ("holdfast/verification/1", False, True)
     assert said["certificate"]["ok"] is False

@@ -476,7 +476,7 @@ def test_another_task_with_a_right_seal_is_not_resumed(undecided: Synthesis, tmp
 @pytest.mark.parametrize(
     "text, line",
     [
-        ("{}", "schema: is missing; holdfast/result/1, .* or holdfast/grasps/1 is needed"),
+        ("{}", "schema: is missing; holdfast/result/1, .* or holdfast/grasps/2 is needed"),
         ('{"schema": "holdfast/task/1"}', r"schema: is 'holdfast/task/1'; holdfast/result/1, "),
         ('{"schema": "holdfast/synthesis/1"}', "checksum: is missing"),
         ("[1]", "schema: is missing"),

@@ -147,6 +147,7 @@ def test_save_verify_configuration(task: str, capsys: pytest.CaptureFixture[str]
     done = json.loads(out)
     assert (status, done["schema"], done["ok"]) == (0, "holdfast/verification/1", True)
     assert [c["ok"] for c in done["configurations"]] == [True]
+    assert (done["question"]["hand"]["name"], len(done["question"]["task"]["sha256"])) == ("parallel-gripper", 64)
     assert done["configurations"][0]["gap"] < 1e-12
     data = json.loads(Path("c.json").read_text())
     assert data["hand"] == "parallel-gripper"

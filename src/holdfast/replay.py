@@ -24,7 +24,7 @@ SCHEMAS = (
     "holdfast/certificate/1",
     "holdfast/certificate/2",
     "holdfast/synthesis/1",
-    "holdfast/grasps/1",
+    "holdfast/grasps/2",
 )
 
 
@@ -61,7 +61,7 @@ def load(path: str | Path) -> Any:
             from holdfast.synthesis import result_file
 
             return result_file.from_dict(data)
-        if schema == "holdfast/grasps/1":
+        if schema in ("holdfast/grasps/1", "holdfast/grasps/2"):
             from holdfast.planning.tasks import grasps_file
 
             return grasps_file.from_dict(data)

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from holdfast.answer import Reach
+from holdfast.cli.question_tables import show_grasps_question
 from holdfast.cli.synthesis_tables import STYLE, WHY
 from holdfast.cli.tables import table
 from holdfast.planning.tasks.judge import Reason
@@ -118,14 +119,17 @@ def show_replayed_grasps(out: Console, what: SavedGrasps, done: ReplayedGrasps) 
     word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
     out.print(Text.assemble((word, style), "  ", f"grasps of {what.task.name or what.task.hand.name}"))
     if not done.ok:
-        out.print(done.reason, style="yellow")
-    grid = table("#", "exists", "largest command", f"holds {words.count(len(what.loads), 'load')}")
+        out.print(done.reason, style="yellow", soft_wrap=True)
+    show_grasps_question(out, what, done.question, proved=done.ok)
+    grid = table("#", "exists", "preload", f"holds {words.count(len(what.loads), 'load')}")
     for k, (g, reason) in enumerate(zip(what.grasps, done.reasons, strict=True), start=1):
-        most = max((abs(v) for v in g.grasp.preload.values()), default=0.0)
-        grid.add_row(str(k), reason or "proved", num(most), "" if reason else "proved")
+        grid.add_row(str(k), reason or "proved", words.preload_text(g.grasp), "" if reason else "proved")
     if what.grasps:
         out.print()
         out.print(grid)
+    out.print(f"{num(done.seconds, 2)} s, without the search", style="dim")
     out.print(
-        f"{num(done.seconds, 2)} s, without the search and without any solver; clearances are not replayed", style="dim"
+        "Not replayed, and not proved: clearances, scores, lower bounds and the course of the search. Checksums "
+        "protect from damage, not from forgery: compare hand, object and task with those you mean.",
+        style="dim",
     )

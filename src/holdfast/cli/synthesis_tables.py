@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from holdfast.answer import Reach, Stop
+from holdfast.cli.question_tables import show_task_question
 from holdfast.cli.tables import table
 from holdfast.region import Cap
 from holdfast.report.words import count as counted
@@ -108,6 +109,7 @@ def show_replayed(out: Console, saved: Saved, done: Replayed) -> None:
             grid.add_row(str(k), f"{r.contraction:.1e}", f"{r.gap:.1e}", "proved" if r.ok else "refused")
         out.print()
         out.print(grid)
+    show_task_question(out, answer.task, proved=word == "PROVED")
     out.print(f"{num(done.seconds, 2)} s, by interval arithmetic without the search", style="dim")
 
 

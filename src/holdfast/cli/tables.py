@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from holdfast.answer import Verdict
+from holdfast.cli.question_tables import show_question
 from holdfast.report import words
 from holdfast.report.words import num, vector
 from holdfast.stability.certificate import Certificate
@@ -97,6 +98,7 @@ def show_verified(out: Console, what: Result | Certificate, done: Verified) -> N
             grid.add_row(*cells, "refused" if refused else "proved")
         out.print()
         out.print(grid)
+    show_question(out, what.question, proved=word == "PROVED")
     out.print(f"{num(done.seconds, 2)} s, without the engine and without any solver", style="dim")
 
 

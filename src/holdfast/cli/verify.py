@@ -13,7 +13,7 @@ from holdfast.cli.options import Command
 
 @dataclass(kw_only=True)
 class Verify(Command):
-    """Is everything that a saved answer claims proved?
+    """Is everything that a saved answer claims proved? Prints what: the question, and the grasp or hand it is about.
 
     Replays its witness in the equations and its certificate, the proofs that its configurations exist, or both for
     each grasp of a task, without the engine and without any solver.
@@ -27,14 +27,21 @@ class Verify(Command):
 
     def run(self) -> int:
         from holdfast.cli import grasp_tables, synthesis_tables, tables
+        from holdfast.cli.question_tables import question_json, task_json
         from holdfast.planning.tasks.replay import ReplayedGrasps
         from holdfast.replay import load, verify
+        from holdfast.stability.replay import Verified
         from holdfast.synthesis.answers import Replayed
 
         what = load(self.result)
         done = verify(what)
         if self.json:
-            console.print_json(done.to_json())
+            said = done.to_json()
+            if isinstance(done, Verified):
+                said["question"] = question_json(what.question)
+            elif isinstance(done, Replayed):
+                said["question"] = task_json(what.synthesis.task)
+            console.print_json(said)
         elif isinstance(done, Replayed):
             synthesis_tables.show_replayed(console.out(), what, done)
         elif isinstance(done, ReplayedGrasps):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,12 +18,34 @@ AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
 @dataclass(frozen=True, eq=False)
+class Weight:
+    """What makes a load of an object's weight.
+
+    Attributes:
+        along: (3,) in which gravity pulls, object axes, any length.
+        g: [m/s^2].
+        factor: of safety.
+    """
+
+    along: Array
+    g: float
+    factor: float = 1.0
+
+    def wrench(self, mass: float, center_of_mass: Array) -> Array:
+        """(6,) [N, N m] at the object's origin, of a mass [kg] at its centre (3,) [m]; raises as `body.weight`."""
+        from holdfast.body import weight
+
+        return self.factor * weight(mass, center_of_mass, self.along, self.g)
+
+
+@dataclass(frozen=True, eq=False)
 class Loads:
     """Wrenches on the object, one at a time. Object frame, at its origin.
 
     Attributes:
         names: k, unique, for reports.
         wrenches: (k, 6) force [N] and torque [N m].
+        weights: k, where each comes from; None for a wrench that was given as such. Unless given, all of them.
 
     Raises:
         InputError: none at all, a name twice, a wrench that is not finite.
@@ -31,15 +53,22 @@ class Loads:
 
     names: tuple[str, ...]
     wrenches: Array
+    weights: tuple[Weight | None, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "weights", tuple(self.weights) or (None,) * len(self.names))
         if not self.names:
             raise InputError("are empty; at least one is needed", field="loads")
         twice = [n for i, n in enumerate(self.names) if n in self.names[:i]]
         if twice:
             raise InputError(f"has '{twice[0]}' twice", field="loads")
         object.__setattr__(self, "wrenches", frozen(self.wrenches, (len(self.names), 6), "loads"))
+
+    @classmethod
+    def _of_weight(cls, body: Body, names: Sequence[str], along: Sequence[Array], g: float) -> Loads:
+        wrenches = np.array([body.gravity_wrench(v, g) for v in along]).reshape(-1, 6)
+        return cls(tuple(names), wrenches, tuple(Weight(frozen(v, (3,), "gravity"), g) for v in along))
 
     @classmethod
     def wrench(cls, wrench: Sequence[float] | Array, name: str = "wrench") -> Loads:
@@ -64,7 +93,7 @@ class Loads:
         for k, d in enumerate(directions):
             names.append(f"gravity {_axis_name(d)}" if isinstance(d, str) else f"gravity {k}")
             vectors.append(_axis(d) if isinstance(d, str) else np.asarray(d, dtype=float))
-        return cls(tuple(names), np.array([body.gravity_wrench(v, g) for v in vectors]).reshape(-1, 6))
+        return cls._of_weight(body, names, vectors, g)
 
     @classmethod
     def tilt(
@@ -93,14 +122,16 @@ class Loads:
         k = k / np.linalg.norm(k)
         angles = np.linspace(0.0, angle, steps) if steps > 1 else np.array([angle])
         names = tuple(f"tipped {np.degrees(a):.4g}°" for a in angles)
-        wrenches = [body.gravity_wrench(Rotation.from_rotvec(-a * k).apply(down), g) for a in angles]
-        return cls(names, np.array(wrenches))
+        return cls._of_weight(body, names, [Rotation.from_rotvec(-a * k).apply(down) for a in angles], g)
 
     def scaled(self, factor: float) -> Loads:
         """The same loads, larger by a safety factor."""
         if not (np.isfinite(factor) and factor > 0):
             raise InputError(f"is {factor:g}; a positive number is needed", field="safety")
-        return self if factor == 1 else Loads(self.names, factor * self.wrenches)
+        if factor == 1:
+            return self
+        weights = [w and replace(w, factor=factor * w.factor) for w in self.weights]
+        return Loads(self.names, factor * self.wrenches, tuple(weights))
 
     @property
     def by_name(self) -> dict[str, list[float]]:
@@ -108,7 +139,8 @@ class Loads:
         return dict(zip(self.names, self.wrenches.tolist(), strict=True))
 
     def __add__(self, other: Loads) -> Loads:
-        return Loads(self.names + other.names, np.vstack([self.wrenches, other.wrenches]))
+        wrenches = np.vstack([self.wrenches, other.wrenches])
+        return Loads(self.names + other.names, wrenches, self.weights + other.weights)
 
     def __len__(self) -> int:
         return len(self.names)

@@ -23,6 +23,7 @@ from holdfast.dexterity import dexterity
 from holdfast.errors import InputError, unknown_name
 from holdfast.mechanism import Array
 from holdfast.planning.question import fingerprint, refuse_another
+from holdfast.planning.tasks.asked import Asked
 from holdfast.planning.tasks.climb import Unit, Worker
 from holdfast.planning.tasks.crew import Crew
 from holdfast.planning.tasks.judge import NEAR, Allowed, Judge, Reason, requests
@@ -132,10 +133,11 @@ def grasp_for(
     )
     limits = {"torque_limits": torque_limits, "force_limit": force_limit, "eta": eta}
     worker = Worker(judge, seed, names, limits, command_limit, settings or SETTINGS)
-    asked = {"actuators": names, "friction": judge.friction, "allowed": judge.allowed, "command": command_limit}
+    asked = Asked(judge.friction, names, eta, dict(torque_limits or {}), force_limit, command_limit)
+    said = {"actuators": names, "friction": judge.friction, "allowed": judge.allowed, "command": command_limit}
     regions = {key: value for key, value in task_to_dict(task).items() if key in ("contacts", "pose")}
-    question = fingerprint(hand, body, loads, seed, **asked, **limits, **regions, settings=worker.settings)
-    search = _Search(worker, body, count, question, on_step, on_find)
+    question = fingerprint(hand, body, loads, seed, **said, **limits, **regions, settings=worker.settings)
+    search = _Search(worker, body, count, asked, question, on_step, on_find)
     return search.run(timeout, jobs or default_jobs(), earlier)
 
 
@@ -152,9 +154,16 @@ class _Search:
     """One call: units in order, what they found, the grasps that differ."""
 
     def __init__(
-        self, worker: Worker, body: Body, count: int, question: str, on_step: OnStep | None, on_find: OnFind | None
+        self,
+        worker: Worker,
+        body: Body,
+        count: int,
+        asked: Asked,
+        question: str,
+        on_step: OnStep | None,
+        on_find: OnFind | None,
     ) -> None:
-        self.worker, self.judge, self.body = worker, worker.judge, body
+        self.worker, self.judge, self.body, self.asked = worker, worker.judge, body, asked
         self.count, self.question, self.on_step, self.on_find = count, question, on_step, on_find
         self.fates: Counter[Reason] = Counter()
         self.found: list[_Found] = []
@@ -219,6 +228,7 @@ class _Search:
             self.starts,
             self.unproved,
             self.synthesis,
+            asked=self.asked,
         )
 
     @property

@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from holdfast.collision import Clearances, Collisions, Push, Requested
-from holdfast.contacts import grasp_of
 from holdfast.curvature import relative_curvatures, rim_depth
 from holdfast.grasp import Contact, Grasp
 from holdfast.mechanism import Array
+from holdfast.planning.tasks.follows import contacts_at, grasp_at
 from holdfast.planning.tasks.gradient import Gradients
 from holdfast.planning.tasks.unused import Unused
 from holdfast.stability.loads import Loads
@@ -75,8 +75,7 @@ class Candidate:
     @cached_property
     def grasp(self) -> Grasp:
         """At the certified contacts, object frame; nothing commanded."""
-        task = self.solution.task
-        return grasp_of(task.hand, self.q, self.contacts, self.solution.pose, name=task.name or None)
+        return grasp_at(self.solution, self.q, self.contacts)
 
 
 @dataclass(frozen=True)
@@ -189,11 +188,3 @@ def requests(solution: Solution) -> list[Requested]:
     """The contacts of a configuration, for the collision check."""
     touches = solution.task.touches
     return [Requested(t.link, p, n) for t, p, n in zip(touches, solution.points, solution.normals, strict=True)]
-
-
-def contacts_at(solution: Solution, friction: float) -> tuple[Contact, ...]:
-    """The certified contacts, object frame."""
-    R, p = solution.pose[:3, :3], solution.pose[:3, 3]
-    points, normals = (solution.points - p) @ R, solution.normals @ R
-    links = [touch.link for touch in solution.task.touches]
-    return tuple(Contact(x, n, friction, link) for x, n, link in zip(points, normals, links, strict=True))

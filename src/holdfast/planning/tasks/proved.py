@@ -17,6 +17,8 @@ from holdfast.configuration import Configuration
 from holdfast.dexterity import Dexterity
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array
+from holdfast.planning.tasks.asked import Asked
+from holdfast.planning.tasks.follows import Follows
 from holdfast.planning.tasks.judge import Reason
 from holdfast.stability.answers import finite
 from holdfast.stability.hold import HoldAnswer
@@ -84,21 +86,26 @@ class ProvedGrasp:
         named = {"hand": task.hand.source or task.hand.name, "object": task.object}
         return Configuration.of(task.hand, self.q, self.pose, preload=self.grasp.preload or None, **named)
 
-    def to_json(self) -> dict[str, Any]:
-        """The keys that the command line prints for it."""
+    @property
+    def follows(self) -> Follows:
+        """What is said of it that its proofs, preload and loads alone give: a replay computes it again."""
+        preload = self.answer.preload or {}
+        return Follows(self.configuration, preload, self.spare_friction, self.curvatures, self.dexterity)
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """What the search says of it, and no replay can: shapes, other grasps and certificates are not at hand."""
         return {
             "score": self.score,
             "repaired": self.repaired,
-            "configuration": self.configuration.model_dump(by_alias=True, exclude_none=True, mode="json"),
-            "preload": self.answer.preload,
             "lower": finite(self.answer.lower),
-            "upper": finite(self.answer.upper),
-            "spare_friction": self.spare_friction,
             "residual": max((a.witness.residuals.worst for a in self.answer.checks if a.witness), default=None),
             "clearances": self.clearances.to_json(),
-            "curvatures": self.curvatures.tolist(),
-            "dexterity": self.dexterity.to_json(),
         }
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys that the command line prints for it."""
+        return self.noted | self.follows.to_json()
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +121,7 @@ class Grasps:
         fates: what became of the certified random starts; the sum is their number.
         judged: configurations that were looked at, steps included. starts, unproved: of the local search.
         synthesis: the answer behind NONE, or behind an UNDECIDED where no start was ever certified.
+        asked: friction, actuators and limits, as asked.
     """
 
     task: Task = field(repr=False)
@@ -130,6 +138,7 @@ class Grasps:
     starts: int
     unproved: int
     synthesis: Synthesis | None = field(default=None, repr=False)
+    asked: Asked = field(kw_only=True, repr=False)
 
     @property
     def fates_total(self) -> int:
@@ -143,18 +152,21 @@ class Grasps:
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
+        return self.noted | {"loads": self.loads.by_name, "grasps": [g.to_json() for g in self.grasps]}
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """The account of the search: verdict, stop, cost, and what became of the starts."""
         return header(self, "grasp") | {
             "seed": self.seed,
-            "loads": self.loads.by_name,
             "starts": self.starts,
             "unproved": self.unproved,
             "judged": self.judged,
             "fates": {r.name.lower(): n for r, n in self.fates.items()},
-            "grasps": [g.to_json() for g in self.grasps],
         }
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write a `holdfast/grasps/1` file, for `holdfast verify`.
+        """Write a `holdfast/grasps/2` file, for `holdfast verify`.
 
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.

@@ -1,26 +1,42 @@
-"""Replays saved grasps: existence, the contacts that follow from it, and every load under the preload.
+"""Replays saved grasps: existence, what follows from it, and every load under the preload.
 
-Nothing of the search is needed: the independent checker for the proofs of existence, the equations of the model for
-the witnesses, and the hand's kinematics for what ties the two together.
+Nothing of the search is needed: the independent checker for the proofs of existence, the hand's kinematics and the
+question for the grasp that they make, the equations of the model for the witnesses. All that the file says of the
+grasps is computed again from these and compared; what cannot be stands in its `record`, of which nothing is claimed.
 """
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from holdfast import grasp_file
-from holdfast.answer import Checked, Verdict
-from holdfast.files import same_json
+from holdfast.answer import Checked, Reach, Stop, Verdict
+from holdfast.errors import InputError
+from holdfast.files import SAME
 from holdfast.grasp import Grasp
-from holdfast.planning.tasks.grasps_file import SavedGrasp, SavedGrasps
+from holdfast.mechanism import Array
+from holdfast.planning.tasks.asked import Asked
+from holdfast.planning.tasks.follows import Follows, contacts_at, grasp_at
+from holdfast.planning.tasks.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict, motors_to_dict
+from holdfast.stability import asked as questions
 from holdfast.stability import replay as stability
+from holdfast.stability.answers import CheckAnswer
+from holdfast.stability.certificate import Question
+from holdfast.stability.model import State
+from holdfast.stability.witness import Witness
 from holdfast.synthesis.answers import Solution
+from holdfast.synthesis.embedded import digest, fingerprint, task_to_dict
 
-CLOSE = 1e-9  # [m], [-], [rad]: what follows from a proof and what the file says of it
+CLOSE = 1e-9  # [rad, m]: joint values that a proof and the file give
+LONG = 60  # characters of a value that are shown
+SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is
+
+
+class Refused(Exception):
+    """Why a grasp is not proved."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +44,14 @@ class ReplayedGrasps(Checked):
     """Grasps that were checked.
 
     Attributes:
+        question: what was proved of them, and relative to what, see `question_of`.
         reasons: for each grasp why it is not proved: one line; '' if it is.
         loads: how many witnesses were replayed. residual: the worst of them.
         seconds: wall time.
         reason: why not all is proved: one line; '' if it is.
     """
 
+    question: dict[str, Any]
     reasons: tuple[str, ...]
     loads: int
     residual: float
@@ -43,6 +61,7 @@ class ReplayedGrasps(Checked):
     def to_json(self) -> dict[str, Any]:
         return self._json(
             {
+                "question": self.question,
                 "grasps": [{"ok": not r, "reason": r} for r in self.reasons],
                 "witnesses": self.loads,
                 "residual": self.residual,
@@ -51,46 +70,119 @@ class ReplayedGrasps(Checked):
 
 
 def verify(saved: SavedGrasps) -> ReplayedGrasps:
-    """Does every grasp exist, touch where its contacts are, and hold every load under its preload?"""
-    start, residual = time.monotonic(), 0.0
-    reasons = []
+    """Does every grasp exist, is it what the file says of it, and does it hold every load under its preload?"""
+    start = time.monotonic()
+    reasons, residuals = [], [0.0]
     for g in saved.grasps:
-        reason, worst = _replayed(g, saved)
-        reasons.append(reason)
-        residual = max(residual, worst)
-    wrong = [f"grasp {i + 1}: {r}" for i, r in enumerate(reasons) if r]
-    if not wrong and saved.said.get("verdict") != "found":
-        wrong = ["the answer has no grasp to prove; NONE and UNDECIDED rest on the search itself"]
-    elif not saved.grasps:
-        wrong = ["FOUND without a grasp"]
-    count = sum(len(g.checks) for g in saved.grasps)
-    return ReplayedGrasps(tuple(reasons), count, residual, time.monotonic() - start, wrong[0] if wrong else "")
+        try:
+            residuals += _replayed(g, saved)
+            reasons.append("")
+        except (Refused, InputError) as fault:
+            reasons.append(str(fault))
+    wrong = [f"grasp {i}: {r}" for i, r in enumerate(reasons, start=1) if r] or [_answer_fault(saved)]
+    seconds = time.monotonic() - start
+    return ReplayedGrasps(question_of(saved), tuple(reasons), len(residuals) - 1, max(residuals), seconds, wrong[0])
 
 
-def _replayed(g: SavedGrasp, saved: SavedGrasps) -> tuple[str, float]:
-    """Why a grasp is not proved, '' if it is; the worst residual of its witnesses."""
+def question_of(saved: SavedGrasps) -> dict[str, Any]:
+    """What the grasps of a file are proved for, and which hand, object and task that is relative to; JSON.
+
+    Names are labels; what they stand for is told apart by its `sha256`: of a hand links, joints without limits,
+    couplings, motors and closing senses; of an object the regions to touch, mass and centre of mass; of a task hand,
+    limits, regions and bounds.
+    """
+    task, thing, asked = task_to_dict(saved.task), saved.object, saved.asked
+    joints = [{key: value for key, value in j.items() if key != "limits"} for j in task["hand"]["joints"]]
+    hand = {key: task["hand"][key] for key in ("links", "couplings")} | {"joints": joints}
+    hand |= {"motors": motors_to_dict(saved.task.hand)}
+    body: dict[str, Any] = {"mass": thing.mass, "center_of_mass": list(thing.center_of_mass)}
+    shape = [{"region": c["object"]} for c in task["contacts"]]
+    made = loads_to_dict(saved.loads)
+    return {
+        "sha256": saved.question,
+        "hand": {"name": saved.task.hand.name, "sha256": digest(hand)},
+        "object": {"name": thing.name, **body, "sha256": digest(body | {"regions": shape})},
+        "task": {"name": saved.task.name, "sha256": fingerprint(task)},
+        "loads": {n: {"wrench": w, "weight": made[n].get("weight")} for n, w in saved.loads.by_name.items()},
+        "friction": asked.friction,
+        "actuators": list(asked.actuators),
+        "eta": asked.eta,
+        "torque_limits": dict(asked.torque_limits),
+        "force_limit": asked.force_limit,
+        "command_limit": asked.command_limit,
+        "mdp": True,
+        "preloads": [g.grasp.preload for g in saved.grasps],
+    }
+
+
+def _answer_fault(saved: SavedGrasps) -> str:
+    """What the answer as a whole says that does not follow; '' if nothing."""
+    answer = saved.answer
+    if answer.verdict is not Reach.FOUND:
+        rest = "with a grasp" if saved.grasps else "has no grasp to prove: it rests on the search itself"
+        return f"{answer.verdict.upper()} {rest}"
+    if not saved.grasps:
+        return "FOUND without a grasp"
+    if answer.question != saved.question:
+        return "the answer is to another question: task, motors or question were changed"
+    return difference(saved.loads.by_name, answer.loads, "answer.loads", small=0.0)
+
+
+def _replayed(g: SavedGrasp, saved: SavedGrasps) -> list[float]:
+    """The residual of each load's witness; `Refused` or `InputError` if something of the grasp is not proved."""
     report = g.solution.verify()
     if not report.ok:
-        return report.reasons[0], 0.0
-    wrong = joints_misfit(g.solution, g.joints) or contacts_misfit(g.solution, g.grasp)
-    wrong = wrong or moves_misfit(g.solution, g.joints, g.grasp)
-    if wrong:
-        return wrong, 0.0
-    if len(g.checks) != len(saved.loads):
-        return f"has {len(g.checks)} checks for {len(saved.loads)} loads", 0.0
-    said, worst = grasp_file.to_dict(g.grasp), 0.0
-    for name, wrench, check in zip(saved.loads.names, saved.loads.wrenches, g.checks, strict=True):
-        done = stability.verify(check)
-        if not done.ok:
-            return f"{name}: {done.reason}", worst
-        if check.answer.query != "check" or check.answer.verdict is not Verdict.HOLDS or done.witness is None:
-            return f"{name}: is not shown to be held", worst
-        q = check.question
-        same = same_json(grasp_file.to_dict(q.grasp), said) and np.allclose(q.wrench, wrench, rtol=CLOSE, atol=0)
-        if not (same and q.mdp):
-            return f"{name}: the check is of another grasp, preload or load", worst
-        worst = max(worst, done.witness.residual)
-    return "", worst
+        raise Refused(report.reasons[0])
+    _refuse(joints_misfit(g.solution, g.joints))
+    bare = grasp_at(g.solution, g.q, contacts_at(g.solution, saved.asked.friction))
+    _refuse(difference(grasp_file.to_dict(bare) | {"preload": g.said.get("preload")}, g.said, "grasp"))
+    grasp, driven = bare.with_preload(g.grasp.preload), saved.asked.driven(bare)
+    _refuse(difference(grasp.preload, g.said["preload"], "grasp.preload", small=0.0))
+    _refuse(_commands_fault(grasp, driven, saved.asked))
+    preload = {name: grasp.preload.get(name, 0.0) for name in driven}
+    _refuse(difference(preload, g.answer.get("preload"), "answer.preload", small=0.0))
+    _refuse(difference(Follows.of(g.solution, g.q, grasp, preload, saved.loads).to_json(), g.answer, "answer"))
+    if g.witnesses.keys() != set(saved.loads.names):
+        raise Refused(f"has witnesses for {len(g.witnesses)} loads, not for each of {', '.join(saved.loads.names)}")
+    residuals = []
+    for name, wrench in zip(saved.loads.names, saved.loads.wrenches, strict=True):
+        try:
+            residuals.append(_held(grasp, wrench, g.witnesses[name], saved.asked))
+        except (Refused, InputError) as fault:
+            raise Refused(f"{name}: {fault}") from None
+    return residuals
+
+
+def _held(grasp: Grasp, wrench: Array, state: State, asked: Asked) -> float:
+    """The residual of a state that holds a load; `Refused` if it does not."""
+    sizes = {"r": 6, "q": grasp.l, "c": 3 * grasp.m, "f": grasp.mechanism.a, "coupling": len(grasp.mechanism.A)}
+    for key, size in sizes.items():
+        if len(getattr(state, key)) != size:
+            raise Refused(f"its witness has {len(getattr(state, key))} numbers for {key}, needs {size}")
+    question = Question(
+        grasp, wrench=wrench, eta=asked.eta, torque_limits=asked.torque_limits, force_limit=asked.force_limit
+    )
+    witness = Witness(grasp, wrench, state, asked.eta, mdp=True)
+    posed = questions.posed(question)
+    done = stability.verify(CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), witness, None, posed=posed))
+    if not done.ok or done.witness is None:
+        raise Refused(done.reason)
+    return done.witness.residual
+
+
+def _commands_fault(grasp: Grasp, driven: list[str], asked: Asked) -> str:
+    """Which command was not allowed; '' if all were."""
+    for name, value in grasp.preload.items():
+        if name not in driven:
+            return f"{name} is commanded, which was not asked for"
+        if asked.command_limit is not None and abs(value) > asked.command_limit * (1 + SAME):
+            return f"{name} is commanded {value:g}; the limit is {asked.command_limit:g}"
+    return ""
+
+
+def _refuse(reason: str) -> None:
+    if reason:
+        raise Refused(reason)
 
 
 def joints_misfit(solution: Solution, joints: dict[str, float]) -> str:
@@ -109,38 +201,35 @@ def joints_misfit(solution: Solution, joints: dict[str, float]) -> str:
     return ""
 
 
-def contacts_misfit(solution: Solution, grasp: Grasp) -> str:
-    """Where the contacts of a grasp are not those of the configuration; '' if they are."""
-    R, p = solution.pose[:3, :3], solution.pose[:3, 3]
-    if grasp.m != len(solution.points):
-        return f"has {grasp.m} contacts, the task {len(solution.points)}"
-    rows = zip(grasp.contacts, solution.points, solution.normals, solution.task.touches, strict=True)
-    for k, (c, point, normal, touch) in enumerate(rows):
-        off = np.linalg.norm(R @ c.position + p - point), np.linalg.norm(R @ c.normal - normal)
-        if max(off) > CLOSE or c.link != touch.link:
-            return f"contact {k} is not where the configuration has it"
-    return ""
+def difference(due: Any, said: Any, at: str, small: float = SMALL) -> str:
+    """Where JSON is not what it should be: its path and both values, one line; '' if nowhere but for rounding.
+
+    Numbers are compared by their difference: as a share of the largest in their list, or of `small` if that is larger.
+    """
+    if isinstance(due, dict) and isinstance(said, dict):
+        for key in [*due, *said]:
+            if key not in said:
+                return f"{at}.{key} is missing"
+            if key not in due:
+                return f"{at}.{key} follows from nothing in the file"
+        return next(filter(None, (difference(due[key], said[key], f"{at}.{key}", small) for key in due)), "")
+    if isinstance(due, list) and isinstance(said, list):
+        if len(due) != len(said):
+            return f"{at} has {len(said)} entries, not {len(due)}"
+        pairs = enumerate(zip(due, said, strict=True))
+        small = max([small, *(abs(x) for x in due if _is_number(x))])
+        return next(filter(None, (difference(a, b, f"{at}[{i}]", small) for i, (a, b) in pairs)), "")
+    if _is_number(due) and _is_number(said):
+        same = abs(due - said) <= SAME * max(small, abs(due))
+    else:
+        same = type(due) is type(said) and due == said
+    return "" if same else f"{at} is {_shown(said)}; of hand, configuration and question it is {_shown(due)}"
 
 
-def moves_misfit(solution: Solution, joints: dict[str, float], grasp: Grasp) -> str:
-    """Where the joints of a grasp are not the hand's at the configuration; '' if they are."""
-    hand = solution.task.hand
-    q = np.array([joints[name] for name in hand.joint_names])
-    axes, origins = hand.joint_axes(q)
-    R, p = solution.pose[:3, :3], solution.pose[:3, 3]
-    chains = [set(hand.moved_by(hand.link(c.link))) for c in grasp.contacts]
-    names = {j.name for j in grasp.joints}
-    for j in sorted(set().union(*chains)):
-        if hand.joint_names[j] not in names and hand.joints[j].lower < hand.joints[j].upper:
-            return f"{hand.joint_names[j]} moves a contact and is not in the grasp"
-    for joint in grasp.joints:
-        if joint.name not in hand.joint_names:
-            return f"{joint.name} is no joint of the hand"
-        j = hand.joint(joint.name)
-        axis, arm = R @ joint.axis, R @ joint.origin + p - origins[j]
-        straight = hand.joints[j].type == "prismatic"
-        off = np.linalg.norm(np.cross(axis, axes[j])), 0.0 if straight else np.linalg.norm(np.cross(arm, axes[j]))
-        moved = tuple(i for i, chain in enumerate(chains) if j in chain)
-        if max(off) > CLOSE or joint.moves != moved or joint.type != hand.joints[j].type:
-            return f"{joint.name} is not where the configuration has it"
-    return ""
+def _is_number(x: Any) -> bool:
+    return isinstance(x, int | float) and not isinstance(x, bool)
+
+
+def _shown(x: Any) -> str:
+    text = json.dumps(x)
+    return text if len(text) <= LONG else f"{text[:LONG]}..."
