@@ -150,7 +150,7 @@ def largest(
         w = _scaled(w, s)
     else:
         s, upper = goals.interval(p, goal, found.value, found.bound)
-        unbounded = s >= end * (1 - NEAR_END)
+        unbounded = bool(s >= end * (1 - NEAR_END))
         if goal is Goal.SMALLEST_PRELOAD:
             w = _scaled(w, s / p.stretch)
     if unbounded:
@@ -282,7 +282,7 @@ def _held(p: Problem, grasp: Grasp, settings: Settings, found: Outcome) -> Outco
 
 def _verified(found: Outcome) -> bool:
     """Was everything replayed? Witnesses always are."""
-    return found.verified or found.proof is None
+    return bool(found.verified or found.proof is None)
 
 
 def _cost(found: Outcome) -> tuple[float, int, tuple[Any, ...]]:

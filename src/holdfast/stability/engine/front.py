@@ -14,7 +14,7 @@ from holdfast.stability import witness
 from holdfast.stability.engine import arrays, exact
 from holdfast.stability.engine.neighbour import Neighbour
 from holdfast.stability.engine.proof import Proof
-from holdfast.stability.engine.reduced import Reduced, reduce
+from holdfast.stability.engine.reduced import BOXES, Reduced, reduce
 from holdfast.stability.engine.search import Search
 from holdfast.stability.goal import NEAR_END, Goal, interval
 from holdfast.stability.outcome import INF, Outcome
@@ -89,31 +89,41 @@ def _search(
     gap = settings.gap * (1 - 2 * INSIDE)  # leaves room for rounding, and for a witness inside
     if goal is Goal.SMALLEST_PRELOAD:
         gap /= 1 + gap
-    s = Search(
-        r,
-        gap=gap,
-        gap_absolute=(0.0 if goal is Goal.SMALLEST_PRELOAD else TINY if goal is Goal.LARGEST else ZERO / r.scale),
-        node_limit=settings.node_limit,
-        time_limit=settings.time_limit,
-        workers=settings.workers or default_jobs(),
-        guess=guess,
-    )
-    if before is not None:
-        before.start(s)
-    try:
-        shown, bound = start, -INF
-        for state in s:
-            if on_step and (state.stop or time.monotonic() - shown > PAUSE):
-                shown = time.monotonic()
-                bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap only, points say more
-                on_step(Progress(*interval(p, goal, state.best * r.scale, bound * r.scale), state.nodes))
-    except KeyboardInterrupt:
-        s.stop = Stop.INTERRUPTED
+    s, spent = None, 0
+    for box in BOXES:
+        r = r.beginning(box)
+        s = Search(
+            r,
+            gap=gap,
+            gap_absolute=(0.0 if goal is Goal.SMALLEST_PRELOAD else TINY if goal is Goal.LARGEST else ZERO / r.scale),
+            node_limit=settings.node_limit - spent,
+            time_limit=settings.time_limit - (time.monotonic() - start),
+            workers=settings.workers or default_jobs(),
+            guess=guess if s is None or s.z is None else [s.z],
+        )
+        if before is not None:
+            before.start(s)
+        try:
+            shown, bound = start, -INF
+            for state in s:
+                if on_step and (state.stop or time.monotonic() - shown > PAUSE):
+                    shown = time.monotonic()
+                    bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap, points say more
+                    nodes = spent + state.nodes
+                    on_step(Progress(*interval(p, goal, state.best * r.scale, bound * r.scale), nodes))
+                if box is not BOXES[-1] and state.stop is None and not state.healthy:
+                    break
+        except KeyboardInterrupt:
+            s.stop = Stop.INTERRUPTED
+        if s.stop is not None:
+            break
+        spent, before = spent + s.nodes, None
+    assert s is not None
     stop = s.stop or Stop.INTERRUPTED
     found = None if s.z is None else witness.as_witness(r, r.point(s.z))
     refused = found is not None and not found.valid
     if refused:  # the judge has the last word; everything the search cut off by it is open again
-        return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, s.nodes)
+        return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, spent + s.nodes)
     torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
     value = s.best * r.scale
     shown = float(s.hi[0]) if found else INF
@@ -134,7 +144,7 @@ def _search(
     if found and z is not None and r.objective == arrays.SCALAR and not at_end:
         z, value, found = _inside(r, z, value, settings.gap, found)
     return Outcome(
-        value, bound, found, stop, time.monotonic() - start, s.nodes, proof=proof, point=z, verified=verified
+        value, bound, found, stop, time.monotonic() - start, spent + s.nodes, proof=proof, point=z, verified=verified
     )
 
 

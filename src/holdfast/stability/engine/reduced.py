@@ -25,7 +25,9 @@ HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy ne
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
 RANK = 1e-10
-MOTIONS, FORCES = 1e6, 1e5  # (scaled) the box: where programs begin
+# (scaled) motions and forces of the box where programs begin: far enough for most, near enough for rounding. What is
+# near for one grasp is far for another, so that a search whose programs break down begins again with the next.
+BOXES = (1e4, 1e5), (1e5, 1e3), (1e6, 1e5), (1e4, 1e3), (1e5, 1e5)
 _NOISE = 1 + np.random.default_rng(0).random(1024)
 
 
@@ -117,6 +119,11 @@ class Reduced:
             D[-2, :6] = DT[:6, len(D) - 2] = load_.w_a
         off = padded(self.values @ y0 + self.constants)
         return replace(self, p=p, load=load_, y0=y0, D=D, DT=DT, off=off, lo=lo)
+
+    def beginning(self, box: tuple[float, float]) -> Reduced:
+        """The same with another of `BOXES`."""
+        n, nu = len(self.cost), self.M.shape[1]
+        return replace(self, box=np.repeat(box, [nu, n - nu]))
 
     @cached_property
     def sizes(self) -> tuple[int, int, int]:
@@ -285,7 +292,7 @@ def reduce(p: Problem, goal: Goal, *, endless: bool = False) -> Reduced:
         hi=hi,
         names=tuple((b[0], b[1]) for b in plain),
         cost=cost,
-        box=np.repeat([MOTIONS, FORCES], [nu, nv]),
+        box=np.repeat(BOXES[0], [nu, nv]),
         objective=objective,
         scale=scale,
         solvable=solvable,

@@ -29,6 +29,7 @@ SLICE = 64  # nodes that a lane expands between two looks at the clock and at th
 CHILDREN, SPARE = 4, 8  # of a node at most; rows that the kernel wants beyond
 SHARE = 16  # as many nodes must wait to be dealt, once more if one lane has UNEVEN times as many as the other
 UNEVEN = 4
+FEW, TROUBLE = 128, 0.2  # nodes from which on, and share of them for which programs that fail are too many
 ROOM = 2048  # nodes at first
 INF = float("inf")
 
@@ -243,6 +244,13 @@ class Search:
         """Programs solved."""
         count = sum(int(lane.stats[arrays.NODES]) for lane in self.lanes)
         return count - (len(self.lanes) - 1) * int(self._common[arrays.NODES]) + 1
+
+    @property
+    def healthy(self) -> bool:
+        """Are most programs solved, rather than started again, loosened or given up?"""
+        stats = self.stats
+        trouble = stats[arrays.RESTARTS] + stats[arrays.DROPS] + stats[arrays.FAILURES]
+        return self.nodes < FEW or bool(trouble < TROUBLE * self.nodes)
 
     @property
     def bound(self) -> float:

@@ -104,9 +104,12 @@ def solve(  # type: ignore[no-untyped-def]
     trigonometry(m, state, trig)
     for k in range(skip.shape[0]):
         skip[k] = False
-    for k in range(n):  # the bound on the objective may have moved since
+    for k in range(n):  # the bound on the objective may have moved since, and the box may have been wider
+        kind = ids[k] >> KIND
         if ids[k] == PLAIN_DOWN << KIND:
             rhs[k] = -hi[0] + off[3 * m + 2 * a]
+        elif kind in (BOX_UP, BOX_DOWN):
+            rhs[k] = -box[(ids[k] >> INDEX) & 255]
     since = age[0]
     fresh = True
     daring = attempt == 0
