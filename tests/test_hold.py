@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from holdfast.shape import Shape
 from holdfast.stability.hold import hold, moderate
 from holdfast.stability.loads import Loads
 from holdfast.stability.loads_file import load_loads
+from holdfast.stability.queries import torques
 from holdfast.stability.statics import CIRCUMSCRIBED, imbalance, spare_friction
 from problems import X, Y, Z, nest, pinch, table
 
@@ -221,3 +223,31 @@ def test_what_is_resisted_is_balanced(seed: int) -> None:
 
 def test_bundled_objects_have_weight() -> None:
     assert Loads.gravity(load_body("teapot"), "-y").wrenches[0, 1] == pytest.approx(-0.9 * 9.81)
+
+
+# --- bounds that have not met -------------------------------------------------------------------
+
+
+def half_certified(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on the least commands for a load are certified to half of what is found, as after an early stop."""
+
+    def early(*args: object, **kwargs: object) -> object:
+        answer = torques(*args, **kwargs)  # type: ignore[arg-type]
+        return replace(answer, lower=answer.lower / 2)
+
+    monkeypatch.setattr("holdfast.stability.hold.torques", early)
+
+
+def test_the_lower_bound_is_what_is_certified_not_what_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    half_certified(monkeypatch)
+    a = hold(pinch(mu=0.5, arm=0.1), forces(-0.5 * Y, -0.4 * Y))
+    assert a.verdict is Verdict.HOLDS
+    assert a.upper == pytest.approx(0.05, rel=2e-3)
+    assert a.lower == pytest.approx(0.025, rel=2e-3)
+
+
+def test_a_limit_between_the_bounds_refutes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    half_certified(monkeypatch)
+    between = hold(pinch(), forces(-0.5 * Y), command_limit=0.04)
+    assert (between.verdict, between.refuted, between.preload) == (Verdict.UNDECIDED, None, None)
+    assert hold(pinch(), forces(-0.5 * Y), command_limit=0.02).verdict is Verdict.SLIPS

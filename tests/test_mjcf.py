@@ -1,0 +1,176 @@
+"""Signs and references in MJCF files: couplings as mujoco itself keeps them, tendons as mujoco itself pulls them."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from holdfast.errors import InputError
+from holdfast.hand import Hand, load_hand
+
+
+def write(folder: Path, rest: str = "", *, ref: tuple[float, float] = (0.0, 0.0), kind: str = "hinge") -> Path:
+    """A palm with joint "a" and beyond it joint "b", whose values at the reference pose are `ref`."""
+    path = folder / "hand.xml"
+    path.write_text(f"""<mujoco model="m"><compiler angle="radian"/><worldbody>
+      <body name="palm"><geom type="box" size=".03 .03 .01"/>
+        <body name="p" pos=".03 0 0"><joint name="a" type="{kind}" axis="0 -1 0" range="-3 3" ref="{ref[0]}"/>
+          <geom type="capsule" fromto="0 0 0 .05 0 0" size=".008"/>
+          <body name="d" pos=".05 0 0"><joint name="b" type="{kind}" axis="0 -1 0" range="-3 3" ref="{ref[1]}"/>
+            <geom type="sphere" size=".01"/></body></body></body>
+      </worldbody>{rest}</mujoco>""")
+    return path
+
+
+def violation(path: Path, hand: Hand, q: np.ndarray) -> float:
+    """[rad, m] by which mujoco finds the one equality violated."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    for joint, value in zip(hand.joints, q, strict=True):
+        data.qpos[model.jnt_qposadr[model.joint(joint.name).id]] = value
+    mujoco.mj_forward(model, data)
+    rows = data.efc_pos[data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
+    assert rows.shape == (1,)
+    return float(abs(rows[0]))
+
+
+@pytest.mark.parametrize("kind", ["hinge", "slide"])
+@pytest.mark.parametrize("ref", list(itertools.product((0.0, 0.3, -0.4), (0.0, 0.1))))
+@pytest.mark.parametrize(("joint", "leader"), ["ab", "ba"])
+def test_couplings_count_from_the_reference_pose(
+    tmp_path: Path, joint: str, leader: str, ref: tuple[float, float], kind: str
+) -> None:
+    """mujoco: q - ref = 0.05 + 0.5 (q' - ref'), for the joint and the one that leads it."""
+    tied = f'<equality><joint joint1="{joint}" joint2="{leader}" polycoef="0.05 0.5 0 0 0"/></equality>'
+    path = write(tmp_path, tied, ref=ref, kind=kind)
+    hand = load_hand(path)
+    at = dict(zip("ab", ref, strict=True))
+    for value in (-0.7, 0.0, 0.4):
+        q = hand.configuration({leader: value})
+        assert hand.values(q)[joint] == pytest.approx(at[joint] + 0.05 + 0.5 * (value - at[leader]), abs=1e-12)
+        assert violation(path, hand, q) < 1e-9
+        q[hand.joint(joint)] += 0.01
+        assert violation(path, hand, q) == pytest.approx(0.01, abs=1e-9)
+    assert hand.mechanism.actuators == (leader,)
+
+
+@pytest.mark.parametrize("ref", [0.0, 0.3])
+def test_an_equality_of_one_joint_holds_it_beside_its_reference(tmp_path: Path, ref: float) -> None:
+    path = write(tmp_path, '<equality><joint joint1="a" polycoef="0.05 0 0 0 0"/></equality>', ref=(ref, 0.0))
+    hand = load_hand(path)
+    q = hand.configuration({})
+    assert hand.values(q) == {"a": pytest.approx(ref + 0.05), "b": 0.0}
+    assert violation(path, hand, q) < 1e-9
+    np.testing.assert_array_equal(hand.mechanism.A, [[1.0, 0.0]])
+
+
+def test_an_equality_that_is_switched_off_couples_nothing(tmp_path: Path) -> None:
+    off = '<equality><joint joint1="b" joint2="a" polycoef="0 1 0 0 0" active="false"/></equality>'
+    assert load_hand(write(tmp_path, off)).couplings == ()
+
+
+WRAPS = '<tendon><fixed name="t"><joint joint="a" coef="0.01"/><joint joint="b" coef="-0.006"/></fixed></tendon>'
+
+
+def driven(folder: Path, actuator: str, tendon: str = WRAPS) -> Path:
+    return write(folder, f"{tendon}<actuator>{actuator}</actuator>")
+
+
+def torques(path: Path, control: float) -> np.ndarray:
+    """(2,) torques of the joints that mujoco makes of a control."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.ctrl[:] = control
+    mujoco.mj_forward(model, data)
+    return np.array(data.qfrc_actuator)
+
+
+@pytest.mark.parametrize("gear", [1.0, -2.0])
+@pytest.mark.parametrize("gain", [1.0, -3.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("limit", ["ctrl", "force"])
+def test_a_tendon_that_can_have_one_sign_only_pulls(
+    tmp_path: Path, limit: str, sign: float, gain: float, gear: float
+) -> None:
+    """Whatever the signs of range, gain and gear: pulling with a positive force turns the joints as mujoco does."""
+    low, high = sorted((0.0, 5.0 * sign))
+    limited = f'{limit}range="{low} {high}" {limit}limited="true"'
+    path = driven(tmp_path, f'<general name="m" tendon="t" gainprm="{gain}" gear="{gear}" {limited}/>')
+    hand = load_hand(path)
+    assert hand.mechanism.tendon == (True,)
+    control = 2.0 * sign * (np.sign(gain) if limit == "force" else 1.0)  # a force that the limit lets pass
+    force = abs(gain * control)
+    force = min(force, 5.0) if limit == "force" else force
+    np.testing.assert_allclose(hand.mechanism.R[0] * force, torques(path, control), atol=1e-12)
+    # of the two signs that R could have, the one that is right: the force on the tendon times its coefficients
+    side = sign * (np.sign(gain) if limit == "ctrl" else 1.0)
+    np.testing.assert_allclose(hand.mechanism.R, [[0.01 * gear * side, -0.006 * gear * side]], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "actuator",
+    [
+        '<motor tendon="t"/>',
+        '<motor tendon="t" ctrlrange="-1 5" ctrllimited="true"/>',
+        '<motor tendon="t" ctrlrange="-1 5" ctrllimited="true" forcerange="-2 3" forcelimited="true"/>',
+        '<position tendon="t" kp="3" ctrlrange="0 3" ctrllimited="true"/>',
+        '<motor tendon="t" ctrlrange="0 5" ctrllimited="false"/>',
+        '<motor tendon="t" forcerange="0 5" forcelimited="false"/>',
+        '<motor joint="a" ctrlrange="0 5" ctrllimited="true"/>',
+    ],
+)
+def test_what_can_push_is_no_tendon(tmp_path: Path, actuator: str) -> None:
+    assert load_hand(driven(tmp_path, actuator)).mechanism.tendon == (False,)
+
+
+def test_a_servo_whose_force_is_limited_to_one_sign_pulls(tmp_path: Path) -> None:
+    servo = '<position name="s" tendon="t" kp="3" ctrlrange="-1 3" ctrllimited="true" forcerange="-4 0"/>'
+    hand = load_hand(driven(tmp_path, servo))
+    assert hand.mechanism.tendon == (True,)
+    np.testing.assert_allclose(hand.mechanism.R, [[-0.01, 0.006]])
+
+
+def test_motors_are_geared_and_named(tmp_path: Path) -> None:
+    motors = '<motor name="m" joint="b" gear="-2.5"/><motor jointinparent="a" gear="3"/>'
+    hand = load_hand(driven(tmp_path, motors, ""))
+    assert hand.mechanism.actuators == ("m", "actuator_1")
+    np.testing.assert_array_equal(hand.mechanism.R, [[0, -2.5], [3, 0]])
+    assert hand.mechanism.tendon == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("rest", "match"),
+    [
+        (
+            '<tendon><spatial name="t"><site site="x"/><site site="y"/></spatial></tendon>'
+            '<actuator><motor name="m" tendon="t"/></actuator>',
+            r"actuator m: pulls a spatial tendon; a fixed one is needed",
+        ),
+        (
+            '<actuator><motor name="m" site="x"/></actuator>',
+            r"actuator m: acts on a site; joints and fixed tendons are understood",
+        ),
+        (
+            '<equality><joint name="e" joint1="b" joint2="a" polycoef="0 1 0.2 0 0"/></equality>',
+            r"equality e: has polycoef \[0.0, 1.0, 0.2, 0.0, 0.0\]; it must be linear",
+        ),
+        (
+            '<equality><joint joint1="b" joint2="a" polycoef="0 1 0 0 -0.1"/></equality>',
+            r"equality 0: has polycoef \[0.0, 1.0, 0.0, 0.0, -0.1\]; it must be linear",
+        ),
+        (
+            '<equality><weld name="w" body1="palm" body2="d"/></equality>',
+            r"equality w: is of type weld; only couplings between two joints are understood",
+        ),
+    ],
+)
+def test_transmissions_and_couplings_that_are_refused(tmp_path: Path, rest: str, match: str) -> None:
+    path = write(tmp_path, rest)
+    sites = '<site name="x"/><site name="y" pos="0.1 0 0"/><geom type="box"'
+    path.write_text(path.read_text().replace('<geom type="box"', sites, 1))
+    with pytest.raises(InputError, match=rf"hand.xml: {match}$"):
+        load_hand(path)
