@@ -21,7 +21,7 @@ OFFSET = 0.25
 
 
 def follower(at: float, leader: float = 0.5, ratio: float = -1.5) -> Task:
-    """A contact behind two joints that their limits fix: b at `at`, though it is to be ratio a + 0.25, a at `leader`."""
+    """A contact behind two joints that their limits fix: a at `leader`, b at `at`, to be ratio a + 0.25."""
     hand = chain(
         ("near", "palm", pose(0.1 * X), [joint("a", Z, leader, leader)]),
         ("far", "near", pose(0.1 * X), [joint("b", Z, at, at)]),
@@ -57,9 +57,9 @@ def test_a_fixed_joint_may_not_miss_its_coupling_by_more(off: float) -> None:
 def test_what_counts_as_rounding_is_of_the_terms() -> None:
     """With a leader at 0 only the offset is left: 16 roundings of 0.25; without an offset either, of nothing."""
     Drive.of(follower(OFFSET * (1 + 14 * ULP), leader=0.0), {})
-    with pytest.raises(Refused, match="joint b is fixed at 0.25 by its limits, at 0.25 by its coupling"):
+    with pytest.raises(Refused, match=r"joint b is fixed at 0.25 by its limits, at 0.25 by its coupling"):
         Drive.of(follower(OFFSET * (1 + 20 * ULP), leader=0.0), {})
-    with pytest.raises(Refused, match="joint b is fixed at 1 by its limits, at -0.5 by its coupling"):
+    with pytest.raises(Refused, match=r"joint b is fixed at 1 by its limits, at -0.5 by its coupling"):
         Drive.of(follower(1.0), {})
     small = replace(follower(0.0), hand=zero_offset(64 * TINY))
     with pytest.raises(Refused, match="joint b is fixed"):
