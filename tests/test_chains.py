@@ -1,8 +1,10 @@
-"""How far floats may miss what they stand for: fixed joints that follow others, rotations of links."""
+"""The checker's links and regions: how far floats may miss what they stand for, and what stands in what frame."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -10,9 +12,11 @@ import pytest
 from holdfast.hand import Hand
 from holdfast.hand.model import Coupling
 from holdfast.region import Cap
-from holdfast.synthesis.checker.chains import CROOKED, Arms, Drive
-from holdfast.synthesis.checker.interval import TINY, ULP
+from holdfast.synthesis.checker.chains import CROOKED, Arms, Drive, orthonormal
+from holdfast.synthesis.checker.equations import _quadratics
+from holdfast.synthesis.checker.interval import TINY, ULP, Dual, Interval
 from holdfast.synthesis.checker.refused import Refused
+from holdfast.synthesis.checker.regions import Surface, _weights
 from holdfast.synthesis.task import Task, Touch
 from planted import bump, chain, joint, pose
 
@@ -89,3 +93,72 @@ def test_a_link_s_frame_is_a_rotation_but_for_rounding(column: int, off: float, 
     else:
         with pytest.raises(Refused, match=r"link near does not stand at a rotation, but .*e-1[12] off one"):
             Arms.of(task, (0,))
+
+
+def test_without_joints_there_is_nothing_to_drive() -> None:
+    drive = Drive.of(touched(chain(("tip", "palm", pose(X), [])), "palm"), {})
+    assert drive.joints == ()
+    assert drive.column.shape == drive.gain.shape == drive.shift.shape == (0,)
+
+
+def test_the_palm_s_own_pose_moves_nothing() -> None:
+    """The palm frame is where the base link is, wherever a file puts that."""
+    hand = chain(("near", "palm", pose(0.1 * X), [joint("a", Z)]))
+    away = replace(hand, links=(replace(hand.links[0], pose=pose(Y, np.diag([-1.0, -1, 1]))), *hand.links[1:]))
+    ours, theirs = (Arms.of(touched(h, "near"), (0,)) for h in (hand, away))
+    for name in ("R", "p", "turn", "slide"):
+        np.testing.assert_array_equal(getattr(ours, name).lo, getattr(theirs, name).lo)
+        np.testing.assert_array_equal(getattr(ours, name).hi, getattr(theirs, name).hi)
+
+
+def test_a_second_axis_is_turned_square_to_the_first() -> None:
+    """60 degrees between them: the second column is what of it is across the first."""
+    first, second = np.array([[2.0, 0, 0]]), np.array([[0.5, np.sqrt(0.75), 0]])
+    R = orthonormal(first, second)
+    assert (R.lo <= np.eye(3)).all()
+    assert (np.eye(3) <= R.hi).all()
+    assert (R.hi - R.lo).max() < 1e-14
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_products_of_a_quaternion_make_its_matrix(seed: int) -> None:
+    from scipy.spatial.transform import Rotation
+
+    q = np.random.default_rng(seed).normal(size=4)
+    made = (np.outer(q, q).reshape(16) @ _quadratics()).reshape(3, 3) / (q @ q)
+    np.testing.assert_allclose(made, Rotation.from_quat(q, scalar_first=True).as_matrix(), atol=1e-14)
+    assert _quadratics().shape == (16, 9)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 5, 56, 60, 70])
+def test_binomials_that_no_float_holds_are_between_two(degree: int) -> None:
+    """From degree 57 on the largest is above 2^53."""
+    (binomials, up, down) = _weights([degree, 1], degree + 1)
+    assert binomials.shape == up.shape == down.shape == (2, 3, degree + 1)
+    for less in range(min(3, degree + 1)):
+        for i in range(degree - less + 1):
+            exact = math.comb(degree - less, i)
+            lo, hi = binomials.lo[0, less, i], binomials.hi[0, less, i]
+            assert Fraction(lo) <= exact <= Fraction(hi)
+            assert hi - lo <= 1e-14 * exact
+            assert lo == hi or degree > 56
+            assert (up[0, less, i], down[0, less, i]) == (i, degree - less - i)
+
+
+@pytest.mark.parametrize("degree", [(3, 1), (1, 3), (2, 2)])
+def test_patches_of_any_degrees_stand_beside_each_other(degree: tuple[int, int]) -> None:
+    """Point and tangents of each are those of the patch; a smaller one is filled up."""
+    rng = np.random.default_rng(3)
+    patches = [bump(rng, degree), bump(rng, (2, 1))]
+    column = {f"contact:{k}:{name}": 2 * k + n for k in range(len(patches)) for n, name in enumerate("st")}
+    surface = Surface.of(patches, "st", column, still=False)
+    at = rng.uniform(0.2, 0.8, 2 * len(patches))
+    x = Dual(Interval.of(np.stack([at, at])), Interval.of(np.zeros((1, 2, len(at)))))
+    point, normal, first, second = surface.at(x)
+    for k, patch in enumerate(patches):
+        u, v = at[2 * k : 2 * k + 2]
+        true = [patch.at(u, v), patch.normal(u, v) / np.linalg.norm(patch.normal(u, v))]
+        true += [patch.at(u, v, 1, 0), patch.at(u, v, 0, 1)]
+        for got, exact in zip((point, normal, first, second), true, strict=True):
+            np.testing.assert_allclose(got.value.mid[0, k], exact, atol=1e-12)
+            assert (got.value.hi - got.value.lo).max() < 1e-11
