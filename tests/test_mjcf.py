@@ -174,3 +174,109 @@ def test_transmissions_and_couplings_that_are_refused(tmp_path: Path, rest: str,
     path.write_text(path.read_text().replace('<geom type="box"', sites, 1))
     with pytest.raises(InputError, match=rf"hand.xml: {match}$"):
         load_hand(path)
+
+
+# --- links, joints and solids -------------------------------------------------------------------------
+
+
+def world(folder: Path, bodies: str, head: str = "", model: str = ' model="m"') -> Path:
+    path = folder / "file.xml"
+    path.write_text(
+        f'<mujoco{model}><compiler angle="radian"/>{head}<worldbody><geom type="plane" size="1 1 1"/>'
+        f"{bodies}</worldbody></mujoco>"
+    )
+    return path
+
+
+GEOM = '<geom type="sphere" size="0.01"/>'
+TURNED = 'pos="1 2 3" quat="1 0 0 1"'  # by 90 degrees about z
+
+
+def test_the_only_body_is_the_base_wherever_it_stands(tmp_path: Path) -> None:
+    inner = f'<body name="tip" {TURNED}><joint name="j" axis="0 0 2" range="-1 2"/>{GEOM}</body>'
+    hand = load_hand(world(tmp_path, f'<body name="palm" {TURNED}>{GEOM}{inner}</body>'))
+    assert hand.link_names == ("palm", "tip")
+    assert [(link.parent, link.joints) for link in hand.links] == [(-1, ()), (0, (0,))]
+    np.testing.assert_array_equal(hand.links[0].pose, np.eye(4))
+    expected = [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
+    np.testing.assert_allclose(hand.links[1].pose, expected, atol=1e-15)
+    assert (hand.name, hand.source) == ("m", str(tmp_path / "file.xml"))
+    assert hand.mechanism.tendon == (False,)
+
+
+def test_several_bodies_or_one_that_moves_stand_on_the_world(tmp_path: Path) -> None:
+    moving = f'<body {TURNED}><joint range="-1 2"/>{GEOM}</body>'
+    for bodies, joints in ((moving, 1), (f"<body>{GEOM}</body><body {TURNED}>{GEOM}</body>", 0), (2 * moving, 2)):
+        hand = load_hand(world(tmp_path, bodies, model=""))
+        names = ["body_1", "body_2"][: len(hand.links) - 1]
+        assert hand.link_names == ("world", *names)
+        assert [link.parent for link in hand.links] == [-1, *[0] * len(names)]
+        assert hand.links[0].shapes == ()  # floors are no part of a hand
+        assert [len(link.shapes) for link in hand.links[1:]] == [1] * len(names)
+        np.testing.assert_array_equal(hand.links[-1].pose[:3, 3], [1, 2, 3])
+        assert hand.joint_names == ("joint_0", "joint_1")[:joints]
+
+
+def test_a_body_may_have_several_joints(tmp_path: Path) -> None:
+    joints = '<joint name="s" type="slide" axis="1 0 0" range="-1 2" pos="0 0 4"/><joint name="h" pos="0 0 5"/>'
+    inner = f"<body>{GEOM}</body><body>{joints}{GEOM}<body><joint name='k' range='0 1'/>{GEOM}</body></body>"
+    hand = load_hand(world(tmp_path, f"<body>{GEOM}{inner}</body>"))
+    assert [link.joints for link in hand.links] == [(), (), (0, 1), (2,)]
+    assert [link.parent for link in hand.links] == [-1, 0, 0, 2]
+    s, h, k = hand.joints
+    assert [(j.name, j.type) for j in (s, h, k)] == [("s", "prismatic"), ("h", "revolute"), ("k", "revolute")]
+    assert [(j.lower, j.upper) for j in (s, h, k)] == [(-1, 2), (-2 * np.pi, 2 * np.pi), (0, 1)]
+    np.testing.assert_array_equal([j.anchor[2] for j in (s, h, k)], [4, 5, 0])
+    np.testing.assert_array_equal(s.axis, [1, 0, 0])
+
+
+def test_solids_have_their_whole_sizes_and_stand_where_they_are_put(tmp_path: Path) -> None:
+    (tmp_path / "t.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    kinds = {
+        "box": ("0.1 0.2 0.3", (0.2, 0.4, 0.6)),
+        "sphere": ("0.1", (0.1,)),
+        "ellipsoid": ("0.1 0.2 0.3", (0.1, 0.2, 0.3)),
+        "capsule": ("0.1 0.2", (0.1, 0.4)),
+        "cylinder": ("0.1 0.2", (0.1, 0.4)),
+    }
+    looks = '<geom type="sphere" size="1" contype="0" conaffinity="0"/>'  # between the others
+    geoms = [f'<geom type="{kind}" size="{size}" {TURNED}/>' for kind, (size, _) in kinds.items()]
+    geoms += ['<geom name="half" type="sphere" size="0.1" contype="0"/>', '<geom type="mesh" mesh="t"/>']
+    head = '<asset><mesh name="t" file="t.obj"/></asset>'
+    (palm,) = load_hand(world(tmp_path, f'<body name="palm">{looks.join(geoms)}</body>', head)).links
+    assert [s.kind for s in palm.shapes] == [*kinds, "sphere", "mesh"]
+    assert [s.name for s in palm.shapes] == ["palm/0", "palm/1", "palm/2", "palm/3", "palm/4", "half", "palm/6"]
+    for s, (_, size) in zip(palm.shapes, kinds.values(), strict=False):
+        assert tuple(s.size) == pytest.approx(size, rel=1e-12)
+        expected = [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
+        np.testing.assert_allclose(s.pose, expected, atol=1e-15)
+    assert palm.shapes[-1].volume == pytest.approx(1 / 6)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "match"),
+    [
+        ("", "has no bodies; a hand is needed"),
+        (
+            '<body><geom name="g" type="plane" size="1 1 1"/></body>',
+            "geom g: is a plane; boxes, spheres, capsules, cylinders, ellipsoids and meshes are understood",
+        ),
+        (f"<body><freejoint name='f'/>{GEOM}</body>", "joint f: is a free joint; a hand is a tree of hinges and"),
+        (f"<body><joint type='ball'/>{GEOM}</body>", "joint joint_0: is a ball joint; a hand is a tree of hinges and"),
+    ],
+)
+def test_bodies_that_are_refused(tmp_path: Path, bodies: str, match: str) -> None:
+    with pytest.raises(InputError, match=rf"file.xml: {match}"):
+        load_hand(world(tmp_path, bodies))
+
+
+def test_the_link_of_a_missing_mesh_is_named(tmp_path: Path) -> None:
+    head = '<asset><mesh name="n" file="gone.stl"/></asset>'
+    body = f"<body name='palm'>{GEOM}<body name='tip'>{GEOM}<geom type='mesh' mesh='n'/></body></body>"
+    with pytest.raises(InputError, match=r"file.xml: link tip: Error opening file '.*gone.stl'"):
+        load_hand(world(tmp_path, body, head))
+    unnamed = head.replace('name="n" ', "")  # a mesh is called like its file
+    with pytest.raises(InputError, match=r"file.xml: link \?: Error opening file '.*gone.stl'"):
+        load_hand(world(tmp_path, body.replace("mesh='n'", "mesh='gone'").replace(" name='tip'", ""), unnamed))
+    with pytest.raises(InputError, match=r"file.xml: Error opening file '.*gone.stl'"):
+        load_hand(world(tmp_path, f"<body name='palm'>{GEOM}</body>", head))
