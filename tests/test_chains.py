@@ -162,3 +162,20 @@ def test_patches_of_any_degrees_stand_beside_each_other(degree: tuple[int, int])
         for got, exact in zip((point, normal, first, second), true, strict=True):
             np.testing.assert_allclose(got.value.mid[0, k], exact, atol=1e-12)
             assert (got.value.hi - got.value.lo).max() < 1e-11
+
+
+@pytest.mark.parametrize(("off", "passes"), [(14.0, True), (20.0, False)])
+def test_what_counts_as_rounding_is_of_the_whole_chain_of_couplings(off: float, passes: bool) -> None:
+    """c = b + 1 and b = a with a at 0: the 1 counts, though it is not of the last coupling."""
+    at = 1 + off * ULP
+    hand = chain(
+        ("near", "palm", pose(0.1 * X), [joint("a", Z, 0, 0)]),
+        ("mid", "near", pose(0.1 * X), [joint("b", Z, 0, 0)]),
+        ("far", "mid", pose(0.1 * X), [joint("c", Z, at, at)]),
+        couplings=[Coupling(1, 0, 1.0, 0.0), Coupling(2, 1, 1.0, 1.0)],
+    )
+    if passes:
+        assert Drive.of(touched(hand, "far"), {}).joints == (0, 1, 2)
+    else:
+        with pytest.raises(Refused, match="joint c is fixed at 1 by its limits, at 1 by its coupling"):
+            Drive.of(touched(hand, "far"), {})
