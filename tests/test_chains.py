@@ -179,3 +179,20 @@ def test_what_counts_as_rounding_is_of_the_whole_chain_of_couplings(off: float, 
     else:
         with pytest.raises(Refused, match="joint c is fixed at 1 by its limits, at 1 by its coupling"):
             Drive.of(touched(hand, "far"), {})
+
+
+def test_a_link_that_no_joint_moves_stands_at_its_pose() -> None:
+    """Of five variables the points depend on the third; they come turned by 90 degrees about z and 1 m along x."""
+    turned = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    arms = Arms.of(touched(chain(("tip", "palm", pose(X, turned), [])), "tip"), ())
+    rng = np.random.default_rng(2)
+    point, vector = rng.normal(size=(2, 2, 1, 3))
+    slope = np.zeros((5, 2, 1, 3))
+    slope[2] = rng.normal(size=(2, 1, 3))
+    none = Dual(Interval.of(np.zeros((2, 0))), Interval.of(np.zeros((5, 2, 0))))
+    there = arms.carry(
+        none, Dual(Interval.of(point), Interval.of(slope)), Dual(Interval.of(vector), Interval.of(slope))
+    )
+    assert there.value.shape == (2, 1, 3, 2)
+    np.testing.assert_allclose(there.value.mid, np.stack([point @ turned.T + X, vector @ turned.T], -1), atol=1e-14)
+    np.testing.assert_allclose(there.slope.mid, np.stack([slope @ turned.T] * 2, -1), atol=1e-14)

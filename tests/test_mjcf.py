@@ -66,6 +66,7 @@ def test_an_equality_of_one_joint_holds_it_beside_its_reference(tmp_path: Path, 
     assert hand.values(q) == {"a": pytest.approx(ref + 0.05), "b": 0.0}
     assert violation(path, hand, q) < 1e-9
     np.testing.assert_array_equal(hand.mechanism.A, [[1.0, 0.0]])
+    assert (hand.couplings[0].leader, hand.couplings[0].ratio) == (-1, 0.0)
 
 
 def test_an_equality_that_is_switched_off_couples_nothing(tmp_path: Path) -> None:
@@ -116,6 +117,7 @@ def test_a_tendon_that_can_have_one_sign_only_pulls(
     [
         '<motor tendon="t"/>',
         '<motor tendon="t" ctrlrange="-1 5" ctrllimited="true"/>',
+        '<motor tendon="t" ctrlrange="-5 0.5" ctrllimited="true"/>',
         '<motor tendon="t" ctrlrange="-1 5" ctrllimited="true" forcerange="-2 3" forcelimited="true"/>',
         '<position tendon="t" kp="3" ctrlrange="0 3" ctrllimited="true"/>',
         '<motor tendon="t" ctrlrange="0 5" ctrllimited="false"/>',
@@ -132,6 +134,12 @@ def test_a_servo_whose_force_is_limited_to_one_sign_pulls(tmp_path: Path) -> Non
     hand = load_hand(driven(tmp_path, servo))
     assert hand.mechanism.tendon == (True,)
     np.testing.assert_allclose(hand.mechanism.R, [[-0.01, 0.006]])
+
+
+def test_every_tendon_has_its_own_joints(tmp_path: Path) -> None:
+    other = '<tendon><fixed name="u"><joint joint="b" coef="0.02"/></fixed></tendon>'
+    hand = load_hand(driven(tmp_path, '<motor tendon="u"/><motor tendon="t"/>', WRAPS + other))
+    np.testing.assert_allclose(hand.mechanism.R, [[0, 0.02], [0.01, -0.006]])
 
 
 def test_motors_are_geared_and_named(tmp_path: Path) -> None:
