@@ -67,7 +67,7 @@ PARTS = {
     ),
     "synthesis-verify": Part(
         ("synthesis/verify_existence.py",),
-        ("test_existence.py",),
+        ("test_verify_existence.py", "test_existence.py"),
         ("test_existence.py::test_the_checker_needs_nothing_of_the_search",),
     ),
     "grasp-file": Part(("grasp_file.py",), ("test_grasp_file.py",)),
