@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from holdfast.synthesis.checker.interval import Interval
 from holdfast.synthesis.existence import Existence
-from holdfast.synthesis.task import Task
-from holdfast.synthesis.verify_existence import Report, verify_existence
-from test_existence import Planted, Spot, plant, refused, sah, sah_case
+from holdfast.synthesis.task import PoseBounds, Task
+from holdfast.synthesis.verify_existence import Report, _Bound, _pose_bounds, verify_existence
+from test_existence import Planted, Spot, cone_edges, plant, refused, reshaped, sah, sah_case
 
 
 def planted_case() -> Planted:
@@ -134,3 +135,81 @@ def test_a_task_without_free_joints_says_so() -> None:
     assert verify_existence(planted.task, proof).ok
     wrong = replace(proof, joints={"index_middle": 0.0})
     only(planted.task, wrong, "has a value for joint index_middle; the free joints are none")
+
+
+@pytest.mark.parametrize("slack", [0.0, -1e-300, np.nan])
+def test_a_bound_that_is_just_reached_is_not_met(monkeypatch: pytest.MonkeyPatch, slack: float) -> None:
+    planted = planted_case()
+    assert verify_existence(planted.task, planted.proof()).ok
+    reached = [_Bound("first", 1.0, "no fault"), _Bound("second", slack, "is reached")]
+    monkeypatch.setattr("holdfast.synthesis.verify_existence._bounds", lambda *_: reached)
+    report = verify_existence(planted.task, planted.proof())
+    assert (report.ok, report.reasons) == (False, ("is reached",))
+    assert report.slacks == pytest.approx({"first": 1.0, "second": slack}, nan_ok=True)
+
+
+def test_a_refusal_claims_nothing() -> None:
+    planted = planted_case()
+    report = verify_existence(planted.task, replace(planted.proof(), contacts=()))
+    assert report == Report(False, ("has 0 contacts; the task has 2",), {}, np.inf, np.inf, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "rotated", "slack"),
+    [
+        ((-1.0, -0.9), -1.0, 0.1),  # no component is below -1: that end is no bound, though it is reached
+        ((0.9, 1.0), 1.0, 0.1),
+        ((-3.0, -0.5), -0.75, 0.25),
+        ((0.5, 3.0), 0.75, 0.25),
+        ((-0.5, 0.75), 0.5, 0.25),
+        ((-0.5, 0.75), -0.5, 0.0),
+        ((-1.0, 1.0), 1.0, None),
+        ((-3.0, 1.0), 1.0, None),
+        ((-1.0, 3.0), -1.0, None),
+    ],
+)
+@pytest.mark.parametrize(("axis", "component"), [(0, 0), (2, 1)])
+def test_bounds_of_the_object_s_axes(
+    axis: int, component: int, bounds: tuple[float, float], rotated: float, slack: float | None
+) -> None:
+    axes = np.array(PoseBounds.none().axes)
+    axes[axis, component] = bounds
+    task = replace(planted_case().task, pose=PoseBounds(PoseBounds.none().position, axes))
+    rotation = np.zeros((3, 3))
+    rotation[component, axis] = rotated
+    found = _pose_bounds(task, Interval.of(np.zeros(3)), Interval.of(rotation))
+    if slack is None:
+        assert found == []
+        return
+    (bound,) = found
+    assert bound.label == f"{'xyz'[axis]}_axis:{component}"
+    assert bound.slack == pytest.approx(slack, abs=1e-15)
+    assert bound.slack <= slack
+
+
+def test_a_whole_sphere_has_no_edge() -> None:
+    planted = sah_case(1, ("cap",), ("cap",))
+    narrow = verify_existence(planted.task, planted.proof()).slacks
+    for k in range(len(planted.task.touches)):
+        whole = reshaped(planted.task, k, hand={"half_angle": np.pi}, object={"half_angle": np.pi})
+        report = verify_existence(whole, planted.proof())
+        assert report.ok, report.reasons
+        assert narrow.keys() - report.slacks.keys() == {f"contact:{k}:cone", f"contact:{k}:s"}
+
+
+def test_what_is_said_of_cones_and_normals_has_the_right_sign() -> None:
+    planted = sah_case(0, ("cap",))
+    edge = cone_edges(planted)[0]
+    task = reshaped(planted.task, 0, hand={"half_angle": edge / 2})
+    report = verify_existence(task, planted.proof())
+    (reason,) = report.reasons
+    by = float(reason.removeprefix("contact 0 may leave the hand's cap, by a cosine of "))
+    assert by == pytest.approx(np.cos(edge / 2) - np.cos(edge), abs=2e-3)
+    planted = sah_case(0, ("bicubic",))
+    task = reshaped(planted.task, 0, hand={"flip": not planted.task.touches[0].hand.flip})
+    (reason,) = verify_existence(task, planted.proof()).reasons
+    low, high = reason.removeprefix("contact 0: the normals are not opposite: their cosine comes to [")[:-12].split(
+        ", "
+    )
+    assert float(low) == pytest.approx(1, abs=1e-4)
+    assert float(high) == pytest.approx(1, abs=1e-4)
