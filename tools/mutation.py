@@ -41,6 +41,7 @@ WORK = ROOT / "build" / "mutation"
 RESULTS = ROOT / "benchmarks" / "results" / "mutation.json"
 COPIED = ("src", "tests", "benchmarks", "tools", "pyproject.toml", "README.md")
 DEAD = {"killed", "timeout", "segfault", "suspicious"}
+UNKNOWN = "not checked"
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def main() -> int:
         if args.survivors:
             if not (folder / "mutants").is_dir():
                 parser.error(f"{name} was not run yet")
-            print(*(m.diff for m in mutants(part, folder) if m.counts and not m.dead), sep="\n")
+            print(*(m.diff for m in mutants(part, folder) if m.counts and not m.dead and m.status != UNKNOWN), sep="\n")
             continue
         if args.fresh and folder.is_dir():
             shutil.rmtree(folder)
