@@ -251,9 +251,12 @@ def test_the_mirror_image_of_a_coupled_angle_is_excluded():
     assert mirrored[0] > 0.5
 
 
-def coupled(*couplings: Coupling, types=("revolute",) * 3, ranges=((0.2, 1.4),) * 3, cross: bool = False):
+def coupled(
+    *couplings: Coupling, types=("revolute",) * 3, ranges=((0.2, 1.4),) * 3, refs=(0.0,) * 3, cross: bool = False
+):
     axes = [Z, X if cross else Z, Y]
-    joints = [joint(n, a, *r, type=t) for n, a, r, t in zip("abc", axes, ranges, types, strict=True)]
+    each = zip("abc", axes, ranges, types, refs, strict=True)
+    joints = [joint(n, a, *r, type=t, ref=ref) for n, a, r, t, ref in each]
     parts = [(f"link {j.name}", p, pose(0.05 * X + 0.01 * Y), [j]) for j, p in
              zip(joints, ("palm", "link a", "link b"), strict=True)]  # fmt: skip
     if cross:
@@ -272,6 +275,10 @@ def coupled(*couplings: Coupling, types=("revolute",) * 3, ranges=((0.2, 1.4),) 
         coupled(Coupling(2, 1, -1.0, 1.6), cross=True),
         coupled(Coupling(1, 0, 1.0), ranges=((0, np.pi), (0, 4.0), (0, 1))),
         coupled(Coupling(2, 0, 0.5, 0.01), types=("prismatic", "revolute", "prismatic")),
+        coupled(Coupling(2, 0, 0.5, 0.01), types=("prismatic", "revolute", "prismatic"), refs=(0.3, 0, 0)),
+        coupled(Coupling(2, 0, 0.5, 0.01), types=("prismatic", "revolute", "prismatic"), refs=(0, 0, -0.2)),
+        coupled(Coupling(0, 2, -2.0, 2.6), types=("prismatic", "revolute", "prismatic"), refs=(0.3, 0, -0.2)),
+        coupled(Coupling(1, 0, 1.0, 0.1), refs=(0.3, -0.2, 0)),
     ],
 )
 def test_couplings_hold_on_the_angle_and_only_there(hand):

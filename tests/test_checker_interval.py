@@ -316,3 +316,97 @@ def test_derivatives_of_products_of_matrices_and_vectors() -> None:
         for r, value, *slope in zip(results, function(*p), *slopes, strict=True):
             assert encloses(r.value, value)
             assert encloses(r.slope, np.array(slope), 1e-60)
+
+
+# --- shapes, whole numbers, and bounds that are no wider than they have to be ---------------------------
+
+
+def test_whole_numbers_become_floats() -> None:
+    """2^40 as a whole number of 64 bits would overflow when squared."""
+    big = Interval.of([2**40, -3])
+    assert big.lo.dtype == big.hi.dtype == float
+    assert holds(big * big * big, np.array([Fraction(2**120), Fraction(-27)], dtype=object))
+    around = Interval.around([2**62, 5], [2**62, 1])
+    assert around.contains(np.array([2.0**63, 4.0])).all()
+    assert around.contains(np.array([0.0, 6.0])).all()
+
+
+def test_contains_counts_both_ends_and_nothing_beyond() -> None:
+    x = Interval(np.array([-1.0, 2.0]), np.array([1.0, 2.0]))
+    assert x.contains(np.array([-1.0, 2.0])).tolist() == [True, True]
+    assert x.contains(np.array([1.0, 2.0])).tolist() == [True, True]
+    assert x.contains(np.nextafter([-1.0, 2.0], -9)).tolist() == [False, False]
+    assert x.contains(np.nextafter([1.0, 2.0], 9)).tolist() == [False, False]
+
+
+def test_shapes_are_numpys() -> None:
+    lo = np.arange(24.0).reshape(2, 3, 4)
+    x = Interval(lo, lo + 0.5)
+    for got, expected in ((x.swapped(), lo.swapaxes(1, 2)), (x.reshape(4, 6), lo.reshape(4, 6))):
+        np.testing.assert_array_equal(got.lo, expected)
+        np.testing.assert_array_equal(got.hi, expected + 0.5)
+    still = Dual.constant(x, 5)
+    np.testing.assert_array_equal(still.value.hi, lo + 0.5)
+    assert still.slope.shape == (5, 2, 3, 4)
+    assert not still.slope.mag.any()
+    by = np.arange(5.0).reshape(5, 1, 1, 1)
+    flat = Dual(x, Interval(-lo - by, lo + by)).reshape(6, 4)
+    np.testing.assert_array_equal(flat.value.lo, lo.reshape(6, 4))
+    assert flat.slope.shape == (5, 6, 4)
+    np.testing.assert_array_equal(flat.slope.lo[1], -lo.reshape(6, 4) - 1)
+    np.testing.assert_array_equal(flat.slope.hi[3], lo.reshape(6, 4) + 3)
+
+
+def test_functions_keep_the_shape() -> None:
+    angles = np.linspace(-9, 9, 24).reshape(2, 3, 4)
+    x = Interval(angles, angles + 0.01)
+    for function, true in ((sin, np.sin), (cos, np.cos)):
+        got = function(x)
+        assert got.shape == (2, 3, 4)
+        assert (got.lo <= true(angles + 0.005)).all()
+        assert (true(angles + 0.005) <= got.hi).all()
+
+
+def test_a_product_of_single_terms_allows_for_its_rounding() -> None:
+    rng = np.random.default_rng(5)
+    a, b = rng.normal(size=(40, 1)), rng.normal(size=(1, 40))
+    assert holds(Interval.of(a) @ Interval.of(b), exact(a) * exact(b))
+
+
+def test_a_sum_is_bounded_row_by_row() -> None:
+    """The rounding of a row of large numbers is none of the others' business."""
+    x = Interval.of(np.array([[1e9, 2e9, 3e9], [1e-3, 2e-3, 3e-3]]))
+    width = x.sum().hi - x.sum().lo
+    assert width[1] < 1e-16
+    assert width[0] > 1e-7
+    assert holds(Interval.of(np.array([0.1, 0.2, 0.3])).sum(), exact(np.array([0.1, 0.2, 0.3])).sum())
+
+
+def test_the_square_of_what_may_be_zero_reaches_zero() -> None:
+    x = Interval(np.array([-0.5, -0.5, 0.0, -3.0, 0.25]), np.array([0.5, 0.0, 0.5, 2.0, 0.5]))
+    assert sqr(x).lo[:4].tolist() == [0, 0, 0, 0]
+    assert sqr(x).lo[4] == pytest.approx(0.0625)
+
+
+def test_joining_one_part_is_that_part() -> None:
+    x = Interval.of(np.array([1.0, 2.0]))
+    np.testing.assert_array_equal(join([x], -1).lo, x.lo)
+    np.testing.assert_array_equal(join([Dual.constant(x, 2)], -1).slope.lo, np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("function", [sin, cos])
+def test_waves_stay_between_one_and_minus_one(function: Callable) -> None:
+    """Near a crest or a trough too, where the value and its rounding are beyond."""
+    near = np.array([s * 10.0**-k for k in range(3, 12) for s in (1, -1)])
+    points = np.concatenate([near + k * np.pi / 2 for k in range(-4, 5)])
+    got = function(Interval.of(points))
+    assert got.lo.min() == -1.0
+    assert got.hi.max() == 1.0
+    assert (got.hi - got.lo).max() < 1e-13
+
+
+def test_an_angle_beyond_the_range_says_nothing_and_one_at_its_end_does() -> None:
+    x = Interval.of(np.array([1e5, -1e5, np.nextafter(1e5, 2e5), 1e300]))
+    got = sin(x)
+    assert ((got.hi - got.lo)[:2] < 1e-13).all()
+    assert (got.lo[2:].tolist(), got.hi[2:].tolist()) == ([-1, -1], [1, 1])

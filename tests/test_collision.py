@@ -347,3 +347,24 @@ def test_samples_cover_the_surface(kind: str) -> None:
     anywhere = np.einsum("fki,fij->fkj", weights, vertices[faces]).reshape(-1, 3)
     gaps = np.linalg.norm(anywhere[:, None] - points, axis=2).min(axis=1)
     assert gaps.max() < 1.6 * spacing
+
+
+def test_links_in_each_other_have_an_allowance_of_their_own() -> None:
+    """Two balls 3 mm in each other, both 2 mm in the floor: every allowance alone, the others far larger."""
+    joints = tuple(Joint(name, "prismatic", [1, 0, 0], [0, 0, 0], -0.1, 0.1) for name in "ab")
+    links = (Link("base", -1, HERE), ball("tip", 0, 0.0, 0), ball("other", 0, 0.017, 1))
+    hand = Hand("two", links, joints, Mechanism.direct(["a", "b"]), (), np.zeros(2))
+    found = over(hand).clearances(np.zeros(2), transform([0, 0, -0.008]), [asked(0, 0, -0.009)])
+    assert found.least_between == pytest.approx(-3e-3, abs=1e-6)
+    assert found.least_to_object == pytest.approx(-2e-3, abs=1e-6)
+    large = {"depth": 0.1, "at_contacts": 0.1, "self_depth": 0.1}
+    words = {
+        "depth": "other is 2 mm inside the object",
+        "at_contacts": "tip is 2 mm inside the object at contact 0",
+        "self_depth": "tip meets other by 3 mm",
+    }
+    deep = {"depth": 2e-3, "at_contacts": 2e-3, "self_depth": 3e-3}
+    for name, told in words.items():
+        assert found.reasons(**large | {name: deep[name] - 1e-4}) == (told,)
+        assert not found.free(**large | {name: deep[name] - 1e-4})
+        assert found.free(**large | {name: deep[name] + 1e-4})

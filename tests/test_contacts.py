@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from holdfast.body import Body, load_body
-from holdfast.contacts import _merged, contact_grasp, deepest, find_contacts
+from holdfast.contacts import _merged, contact_grasp, deepest, find_contacts, grasp_of
 from holdfast.errors import InputError
 from holdfast.grasp import Contact
 from holdfast.hand import Hand, Joint, Link, load_hand
@@ -328,3 +328,161 @@ def test_means_of_merged_points_are_merged_too() -> None:
     points = [Contact(np.array([x, y, 0]), up, 0.5, "tip", 0.0) for x, y in square]
     (one,) = _merged(points, 2e-3, 0.17)
     np.testing.assert_allclose(one.position, [0.85e-3, 0.85e-3, 0], atol=1e-9)
+
+
+# --- merging, hiding and what else a small fault would spoil --------------------------------------------
+
+
+def v_groove(angle: float) -> list[Shape]:
+    """Two walls whose normals are `angle` [rad] apart; they meet in a line along y, the free space is above."""
+    walls = []
+    for side in (1, -1):
+        n = np.array([-side * np.sin(angle / 2), 0, np.cos(angle / 2)])
+        R = np.column_stack([np.cross([0, 1, 0], n), [0, 1, 0], n])
+        walls.append(Shape("box", (0.1, 0.1, 0.02), transform(-0.01 * n, R)))
+    return walls
+
+
+@pytest.mark.parametrize(("degrees", "count"), [(6, 1), (9, 1), (11, 2), (30, 2), (60, 2), (79, 2)])
+def test_points_whose_normals_differ_by_more_than_ten_degrees_are_not_merged(degrees: float, count: int) -> None:
+    """A ball of 1 mm in a groove: the points are nearer to each other than 2 mm, so the normals alone decide."""
+    a, r = np.radians(degrees), 1e-3
+    ball = Shape("sphere", r, transform([0, 0, r / np.cos(a / 2)]), name="tip")
+    found = touch(fixture(ball), *v_groove(a), friction=0.3)
+    assert [c.link for c in found] == ["tip"] * count
+    assert {c.friction for c in found} == {0.3}
+    sides = (0.0,) if count == 1 else (-1.0, 1.0)
+    lean = 0.0 if count == 1 else a / 2  # a mean of both leans neither way
+    out = [np.array([-s * np.sin(lean), 0, np.cos(lean)]) for s in sides]
+    np.testing.assert_allclose([c.normal for c in found], [-n for n in out], atol=1e-5)
+    assert np.linalg.norm([c.position for c in found], axis=1) == pytest.approx(
+        np.tan(a / 2) * r if count == 2 else r / np.cos(a / 2) - r * np.cos(a / 2), rel=1e-3
+    )
+
+
+def test_the_deepest_point_leads_a_cluster() -> None:
+    """Of three points in a row the middle one goes to the end that is deeper."""
+    up = np.array([0.0, 0, 1])
+    for deepest_end, expected in ((0, [0.8e-3, 3.2e-3]), (2, [0.0, 2.4e-3])):
+        depth = [0.0, 0.0, 0.0]
+        depth[deepest_end] = 1e-5
+        row = [Contact(np.array([1.6e-3 * k, 0, 0]), up, 0.5, "tip", d) for k, d in enumerate(depth)]
+        found = _merged(row, 2e-3, 0.17)
+        assert [c.position[0] for c in found] == pytest.approx(expected, abs=1e-9)
+        assert [c.depth for c in found] == ([1e-5, 0.0] if deepest_end == 0 else [0.0, 1e-5])
+        assert {(c.link, c.friction) for c in found} == {("tip", 0.5)}
+        assert deepest(found) is max(found, key=lambda c: c.depth)
+    assert deepest(found[::-1]).depth == deepest(found).depth == 1e-5
+
+
+@pytest.mark.parametrize("covers", ["object", "hand"])
+def test_a_face_just_under_another_is_hidden_though_the_gap_is_larger(covers: str) -> None:
+    """Of 0.3 mm between two faces a thin sheet on one of them takes 0.02 mm: the contact is midway of the rest."""
+    lower = Shape("box", (0.02, 0.02, 0.02), transform([0, 0, -0.01]))
+    upper = Shape("box", (0.01, 0.01, 0.02), transform([0, 0, 0.3e-3 + 0.01]))
+    at = 0.02e-3 - 0.03e-3 if covers == "object" else 0.3e-3 - 0.02e-3 + 0.03e-3
+    sheet = Shape("box", (0.02, 0.02, 0.06e-3), transform([0, 0, at]))
+    ends = (0.02e-3, 0.3e-3) if covers == "object" else (0.0, 0.28e-3)
+    tip = (upper,) if covers == "object" else (upper, sheet)
+    hand = Hand(
+        "two", (Link("base", -1, np.eye(4)), Link("tip", 0, np.eye(4), (), tip)), (), NO_MOTION, (), np.zeros(0)
+    )
+    found = touch(hand, *((lower, sheet) if covers == "object" else (lower,)))
+    assert len(found) == 4
+    for c in found:
+        assert c.position[2] == pytest.approx(sum(ends) / 2, abs=1e-8)
+        assert c.depth == pytest.approx(-0.28e-3, abs=1e-8)
+
+
+def test_a_face_may_be_hidden_by_any_of_the_other_pieces() -> None:
+    """The lowest of three tops is inside the second piece and not inside the third, which stands elsewhere."""
+    low = Shape("box", (0.02, 0.02, 0.02), transform([0, 0, -0.0102]))
+    high = Shape("box", (0.02, 0.02, 0.02), transform([0, 0, -0.01]))
+    away = Shape("box", (0.02, 0.02, 0.02), transform([0.1, 0, 0]))
+    ball = Shape("sphere", 0.01, transform([0, 0, 0.01]), name="tip")
+    for pieces in ((low, high, away), (high, away, low), (away, low, high), (low, away, high)):
+        (c,) = touch(fixture(ball), *pieces)
+        assert c.depth == pytest.approx(0.0, abs=1e-8)
+        assert c.position[2] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_where_every_nearest_point_is_hidden_the_deepest_counts() -> None:
+    """A small ball within two boxes that overlap: out of each it is nearest into the other one."""
+    boxes = [Shape("box", (0.05, 0.1, 0.1), transform([x, 0, 0])) for x in (-0.024, 0.024)]  # they share 2 mm
+    ball = Shape("sphere", 1e-3, transform([0.2e-3, 0, 0]), name="tip")
+    for pieces in (boxes, boxes[::-1]):
+        (c,) = touch(fixture(ball), *pieces)
+        assert c.depth == pytest.approx(2.2e-3, abs=1e-6)
+        np.testing.assert_allclose(c.normal, [1, 0, 0], atol=1e-6)
+
+
+def linked(R: np.ndarray, A: np.ndarray, closing: tuple[float, ...], tendon: bool = False) -> Hand:
+    """A finger of three joints about z, of which the first alone moves the touching link; a palm; a slide besides."""
+    ball = Shape("sphere", 0.01, transform([0.05, 0, 0]))
+    axis, zero = np.array([0, 0, 1.0]), np.zeros(3)
+    joints = [Joint(name, "revolute", axis, zero, -1, 1) for name in "abc"]
+    joints.append(Joint("s", "prismatic", np.array([0, 1.0, 0]), zero, -1, 1))
+    links = (
+        Link("palm", -1, np.eye(4), (), (Shape("sphere", 0.01, transform([-0.05, 0, 0])),)),
+        Link("one", 0, np.eye(4), (0,), (ball,)),
+        Link("two", 1, transform([0, 0, 1]), (1,)),
+        Link("three", 2, np.eye(4), (2,)),
+        Link("sled", 0, transform([0, 0, 0.2]), (3,), (ball,)),
+    )
+    names = tuple(f"m{i}" for i in range(len(R)))
+    return Hand("linked", links, tuple(joints), Mechanism(names, R, A, (tendon,) * len(R)), (), np.array(closing))
+
+
+def on(link: str) -> list[Contact]:
+    return [Contact(np.zeros(3), np.array([1.0, 0, 0]), 0.5, link)]
+
+
+def test_joints_that_share_an_actuator_or_a_coupling_come_along() -> None:
+    """a and b by an actuator, b and c by a coupling; the slide has nothing to do with them."""
+    R = np.array([[1.0, 0.5, 0, 0], [0, 0, 0, 2.0]])
+    hand = linked(R, np.array([[0, -0.25, 1.0, 0]]), (1, 1, 1, 1))
+    grasp = grasp_of(hand, np.zeros(4), on("one"), np.eye(4))
+    assert [j.name for j in grasp.joints] == ["a", "b", "c"]
+    assert [j.moves for j in grasp.joints] == [(0,), (), ()]
+    assert grasp.mechanism.actuators == ("m0",)
+    np.testing.assert_array_equal(grasp.mechanism.R, [[1, 0.5, 0]])
+    np.testing.assert_array_equal(grasp.mechanism.A, [[0, -0.25, 1]])
+    assert grasp.name == "linked"
+    alone = grasp_of(hand, np.zeros(4), on("sled"), np.eye(4), name="mine")
+    assert [(j.name, j.type) for j in alone.joints] == [("s", "prismatic")]
+    assert alone.mechanism.A.shape == (0, 1)
+    assert alone.name == "mine"
+    palm = grasp_of(hand, np.zeros(4), on("palm"), np.eye(4))
+    assert (palm.joints, palm.mechanism.actuators) == ((), ())
+
+
+@pytest.mark.parametrize(
+    ("gain", "closing", "tendon", "turned", "expected"),
+    [
+        (0.5, 1, False, 1, 0.5),
+        (-0.5, 1, False, 1, 0.5),  # the actuator is turned round: positive forces close
+        (0.5, -1, False, -1, 0.5),  # the joint is, and the actuator with it
+        (-0.5, -1, False, -1, 0.5),
+        (-0.5, 0, False, 1, -0.5),  # what does not close stays as it is
+        (0.5, 0, False, 1, 0.5),
+        (-0.5, 1, True, 1, -0.5),  # a tendon cannot push
+        (0.5, -1, True, -1, -0.5),
+    ],
+)
+def test_joints_and_actuators_close_by_positive_values(
+    gain: float, closing: float, tendon: bool, turned: float, expected: float
+) -> None:
+    R = np.array([[0.0, 0, 0, gain]])
+    hand = linked(R, np.zeros((0, 4)), (0, 0, 0, closing), tendon)
+    grasp = grasp_of(hand, np.zeros(4), on("sled"), np.eye(4))
+    np.testing.assert_array_equal(grasp.joints[0].axis, [0, turned, 0])
+    np.testing.assert_array_equal(grasp.mechanism.R, [[expected]])
+    assert grasp.mechanism.tendon == (tendon,)
+
+
+def test_a_grasp_is_named_after_hand_and_object_and_has_the_friction_asked_for() -> None:
+    pose, body = transform([0.05, 0, 0]), Body.of([Shape("cylinder", (0.02, 0.1))], friction=0.8, name="can")
+    grasp = contact_grasp(pinch(), np.zeros(3), body, pose, friction=0.25)
+    assert grasp.name == "pinch on can"
+    assert grasp.mu.tolist() == [0.25, 0.25]
+    assert contact_grasp(pinch(), np.zeros(3), body, pose, name="mine").name == "mine"

@@ -131,3 +131,19 @@ def test_every_bundled_grasp_loads() -> None:
     for name in bundled.names("grasps"):
         assert load_grasp(name).m >= 3
         assert to_dict(load_grasp(name))["name"] == name
+
+
+def test_nothing_of_contacts_and_joints_is_lost(tmp_path: Path) -> None:
+    """A sliding joint, a depth, a name; without a name the file's."""
+    contact = {"position": [1, 2, 3], "normal": [0, 0, 1], "friction": 0.5, "link": "tip", "depth": -2e-4}
+    joint = {"name": "a", "type": "prismatic", "axis": [0, 1, 0], "origin": [0, 0.1, 0], "moves": [0]}
+    data = {"schema": "holdfast/grasp/1", "contacts": [contact], "joints": [joint]}
+    again = to_dict(from_dict(data))
+    assert again["contacts"] == [contact]
+    assert again["joints"] == [joint]
+    assert again["name"] == "grasp"
+    file = tmp_path / "mine.json"
+    file.write_text(json.dumps(data))
+    assert load_grasp(file).name == "mine"
+    file.write_text(json.dumps(data | {"name": "yours"}))
+    assert load_grasp(file).name == "yours"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from holdfast.shape import Shape
 from holdfast.stability.hold import hold, moderate
 from holdfast.stability.loads import Loads
 from holdfast.stability.loads_file import load_loads
+from holdfast.stability.queries import torques
 from holdfast.stability.statics import CIRCUMSCRIBED, imbalance, spare_friction
 from problems import X, Y, Z, nest, pinch, table
 
@@ -104,23 +106,26 @@ def test_only_the_actuators_asked_for_are_commanded() -> None:
 def test_torque_limits_hold_for_the_passive_reaction_too() -> None:
     loads = forces(5 * X)  # a locked right finger carries 5 N at 0.1 m
     assert hold(pinch(), loads).verdict is Verdict.HOLDS
-    assert hold(pinch(), loads, torque_limits={"left": 0.1, "right": 0.1}).verdict is not Verdict.HOLDS
+    less = hold(pinch(), loads, torque_limits={"left": 0.1, "right": 0.1})
+    assert (less.verdict, less.stop, less.hardest) == (Verdict.SLIPS, Stop.COMPLETE, "load 0")
+    assert hold(pinch(), loads, torque_limits={"left": 0.1, "right": 0.6}).verdict is Verdict.HOLDS
 
 
 def test_a_limit_that_is_hit_is_undecided() -> None:
     a = hold(pinch(), forces(0.5 * Y), timeout=1e-9)
     assert (a.verdict, a.stop, a.preload) == (Verdict.UNDECIDED, Stop.TIME, None)
     nodes = hold(pinch(), forces(0.5 * Y, 0.2 * Z), settings=Settings(node_limit=1))
-    assert nodes.verdict in (Verdict.UNDECIDED, Verdict.HOLDS)
-    assert (nodes.verdict is Verdict.HOLDS) == bool(nodes.checks)
+    assert (nodes.verdict, nodes.stop, nodes.preload, nodes.checks) == (Verdict.UNDECIDED, Stop.NODES, None, ())
 
 
 @given(st.floats(1e-3, 1e3))
 @settings(max_examples=10, derandomize=True, deadline=None)
 def test_the_preload_scales_with_the_loads(s: float) -> None:
     loads = forces(0.5 * Y, 0.3 * Z)
-    one, many = hold(pinch(), loads), hold(pinch(), loads.scaled(s))
-    assert many.upper == pytest.approx(s * one.upper, rel=5e-3)
+    many = hold(pinch(), loads.scaled(s))
+    assert many.verdict is Verdict.HOLDS
+    assert many.lower == pytest.approx(0.05 * s, rel=5e-3)
+    assert many.upper == pytest.approx(0.05 * s, rel=5e-3)
 
 
 def test_moderate_commands() -> None:
@@ -212,12 +217,41 @@ def test_what_is_resisted_is_balanced(seed: int) -> None:
     """Statics is necessary: a witness of `check` lies within pyramids around the cones."""
     rng = np.random.default_rng(seed)
     w = rng.normal(size=6) * [1, 1, 1, 0.02, 0.02, 0.02]
-    grasp = table(mu=0.5) if seed % 2 else pinch(torque=1.0)
-    if not seed % 2:
-        w[3] = 0.0  # a pinch has no torque about the line between its tips
-    if check(grasp, w).verdict is Verdict.HOLDS:
-        assert imbalance(grasp, w[None], CIRCUMSCRIBED)[0] < 1e-6
+    if seed % 2:
+        grasp, w[2] = table(mu=0.5), -10.0  # pressed on: it would slide from 5 N on
+    else:
+        grasp, w[3] = pinch(torque=1.0), 0.0  # a pinch has no torque about the line between its tips
+    assert check(grasp, w).verdict is Verdict.HOLDS
+    assert imbalance(grasp, w[None], CIRCUMSCRIBED)[0] < 1e-6
 
 
 def test_bundled_objects_have_weight() -> None:
     assert Loads.gravity(load_body("teapot"), "-y").wrenches[0, 1] == pytest.approx(-0.9 * 9.81)
+
+
+# --- bounds that have not met -------------------------------------------------------------------
+
+
+def half_certified(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on the least commands for a load are certified to half of what is found, as after an early stop."""
+
+    def early(*args: object, **kwargs: object) -> object:
+        answer = torques(*args, **kwargs)  # type: ignore[arg-type]
+        return replace(answer, lower=answer.lower / 2)
+
+    monkeypatch.setattr("holdfast.stability.hold.torques", early)
+
+
+def test_the_lower_bound_is_what_is_certified_not_what_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    half_certified(monkeypatch)
+    a = hold(pinch(mu=0.5, arm=0.1), forces(-0.5 * Y, -0.4 * Y))
+    assert a.verdict is Verdict.HOLDS
+    assert a.upper == pytest.approx(0.05, rel=2e-3)
+    assert a.lower == pytest.approx(0.025, rel=2e-3)
+
+
+def test_a_limit_between_the_bounds_refutes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    half_certified(monkeypatch)
+    between = hold(pinch(), forces(-0.5 * Y), command_limit=0.04)
+    assert (between.verdict, between.refuted, between.preload) == (Verdict.UNDECIDED, None, None)
+    assert hold(pinch(), forces(-0.5 * Y), command_limit=0.02).verdict is Verdict.SLIPS

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from holdfast.errors import InputError
 from holdfast.grasp import Contact, Grasp, GraspJoint
 from holdfast.mechanism import Mechanism
 from holdfast.stability import model
 from holdfast.stability.model import State
-from problems import bell, pinch, solved
+from problems import X, Z, bell, pinch, solved, table
 
 SEEDS = st.integers(0, 10_000)
 STEADY = settings(max_examples=40, deadline=None, derandomize=True)
@@ -236,3 +237,166 @@ def test_energy_out_of_nothing_is_counted() -> None:
     e = model.energy(g, -g.G @ c.reshape(-1), state)
     assert e.created > 0.5
     assert model.residuals(g, -g.G @ c.reshape(-1), state).dissipation > 0.1
+
+
+# --- what residuals are measured against, by hand -------------------------------------------------------
+
+
+def in_units(grasp: Grasp, k: float) -> Grasp:
+    """The grasp with lengths in 1/k metres: torques are k times as many newton lengths."""
+    contacts = [replace(c, position=k * c.position) for c in grasp.contacts]
+    joints = [replace(j, origin=k * j.origin) for j in grasp.joints]
+    return Grasp(contacts, joints, grasp.mechanism, k * grasp.command)
+
+
+@pytest.mark.parametrize("k", [1.0, 1e-3, 1e3])
+@pytest.mark.parametrize("axis", [3, 4, 5])
+def test_a_moment_out_of_balance_is_measured_over_the_size(axis: int, k: float) -> None:
+    """0.006 N m at a size of 0.03 m are 0.2 N, beside the largest force of 1.2 N, whatever lengths are counted in."""
+    g, w, state = holding_pinch()
+    state = replace(state, q=state.q / k, f=k * state.f)
+    w = w + 0.006 * k * np.eye(6)[axis]
+    res = model.residuals(in_units(g, k), w, state)
+    assert res.object_balance == pytest.approx(0.2 / 1.2, rel=1e-12)
+    assert max(getattr(res, f.name) for f in fields(res) if f.name != "object_balance") < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("edits", "named", "value"),
+    [
+        ([("c", 1, 0.12)], "object_balance", 0.1),  # 0.12 N of 1.2 N
+        ([("f", 0, 0.012)], "joint_balance", 0.1),  # 0.012 N m at an arm of 0.1 m
+        ([("c", 0, 0.12)], "normal", 0.1),
+        ([("r", 1, 0.5)], "dissipation", 0.2 / 1.2**2),  # 0.6 N * 0.5 - 1 N * 0.5, slower than the force scale
+        ([("r", 2, 3.0)], "dissipation", 3 / 3 / 1.2),  # faster: 1 N is missing, and 0.6 N is across
+        ([("q", 1, -20.0)], "actuators", 1 / 1.2),  # back by 10 rad at an arm of 0.1 m
+        ([("f", 0, -0.012)], "actuators", 0.1),  # short of the command
+        ([("f", 0, 0.012)], "actuators", 0.1),  # beyond it, though the joint moves by more than that
+        ([("f", 0, 0.3), ("q", 0, -4.0)], "actuators", 0.6 / 1.2),  # moves by less than it is beyond
+    ],
+)
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_faults_have_the_size_that_they_have_by_hand(
+    edits: list[tuple[str, int, float]], named: str, value: float, sense: float
+) -> None:
+    """At a force scale of 1.2 N; joints and commands the other way round give the same numbers."""
+    g, w, state = holding_pinch()
+    for edit in edits:
+        state = edited(state, *edit)
+    g = Grasp(g.contacts, [replace(j, axis=sense * j.axis) for j in g.joints], preload=sense * g.command)
+    state = replace(state, q=sense * state.q, f=sense * state.f)
+    assert getattr(model.residuals(g, w, state), named) == pytest.approx(value, rel=1e-12)
+
+
+def test_friction_is_not_asked_to_dissipate_most_where_that_is_left_out() -> None:
+    g, w, state = holding_pinch()
+    slides = edited(state, "r", 1, 0.5)
+    assert model.residuals(g, w, slides).dissipation > 0.1
+    without = model.residuals(g, w, slides, mdp=False)
+    assert without.dissipation == 0.0
+    assert without.worst < 1e-14
+
+
+def test_other_commands_than_the_grasps() -> None:
+    g, w, state = holding_pinch()
+    locked, command = g.with_preload(None), np.array([0.1, 0.1])
+    assert model.residuals(locked, w, state).actuators == pytest.approx(1 / 1.2)
+    assert model.residuals(locked, w, state, command=command).worst < 1e-14
+    assert model.residuals(g, w, state, command=0 * command).actuators == pytest.approx(1 / 1.2)
+    assert model.residuals(g, w, state, command=-command).actuators == pytest.approx(2 / 1.2)  # 0.2 N m from it
+    assert model.energy(g, w, state).preload == pytest.approx(2.0)
+    assert model.energy(g, w, state, command=2 * command).preload == pytest.approx(4.0)
+    assert model.commanded(g).tolist() == [True, True]
+    assert model.commanded(locked).tolist() == [False, False]
+    assert model.commanded(g, np.array([0.0, -0.1])).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("w", "c", "command", "scale"),
+    [
+        ([0, 0, 0, 0, 0, 0], None, None, 3.0),  # 0.3 N m at 0.1 m
+        ([0, -8, 0, 0, 0, 0], None, None, 8.0),
+        ([0, 0, 0, -0.6, 0, 0], None, None, 20.0),  # a size of 0.03 m
+        ([0, 0, 0, 0, 0.6, 0], None, None, 20.0),
+        ([0, 0, 0, 0, 0, 0.6], None, None, 20.0),
+        ([1, 0, 0, 0, 0, 0], [0, 0, 0, 0, -5, 0], None, 5.0),
+        ([1, 0, 0, 0, 0, 0], [0, 0, 0, 0, 2, 0], None, 3.0),
+        ([1, 0, 0, 0, 0, 0], [], None, 3.0),
+        ([1, 0, 0, 0, 0, 0], None, [0.0, -0.7], 7.0),
+        ([1e-3, 0, 0, 0, 0, 0], None, [0.0, 0.0], 1e-3),
+        ([0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0], [0.0, 0.0], 1.0),  # of nothing at all
+    ],
+)
+def test_the_force_scale_is_the_largest_force_in_play(
+    w: list[float], c: list[float] | None, command: list[float] | None, scale: float
+) -> None:
+    grasp = pinch(torque=0.3)
+    forces, commands = (None if x is None else np.array(x, dtype=float) for x in (c, command))
+    assert model.force_scale(grasp, np.array(w, dtype=float), forces, commands) == pytest.approx(scale, rel=1e-12)
+
+
+def two_fingers(mechanism: Mechanism | None = None) -> Grasp:
+    """Two contacts, 0.1 m and 0.3 m above one joint, the second also 0.04 m above another; a third moves nothing."""
+    contacts = [Contact(np.array([0, y, 0]), X, 0.5) for y in (0.0, 0.2)]
+    joints = [
+        GraspJoint("both", -Z, np.array([0, -0.1, 0]), (0, 1)),
+        GraspJoint("upper", -Z, np.array([0, 0.16, 0]), (1,)),
+        GraspJoint("idle", -Z, np.zeros(3), ()),
+    ]
+    return Grasp(contacts, joints, mechanism)
+
+
+def test_arms_of_joints_and_actuators() -> None:
+    g = two_fingers()
+    arms = [np.hypot(0.1, 0.3), 0.04, 1.0]
+    np.testing.assert_allclose(model.joint_arms(g), arms, rtol=1e-12)
+    np.testing.assert_allclose(model.actuator_arms(g), arms, rtol=1e-12)
+    R = np.array([[0.0, 2.0, 0.0], [-4.0, 0.25, 0.0], [0.0, 0.0, 5.0]])
+    geared = two_fingers(Mechanism(("a", "b", "c"), R, np.zeros((0, 3)), (False,) * 3))
+    np.testing.assert_allclose(model.actuator_arms(geared), [0.02, arms[0] / 4, 0.2], rtol=1e-12)
+
+
+def test_couplings_are_measured_by_what_they_move() -> None:
+    """A q over the largest share that any motion of the contacts has in it, so that it is a motion of contacts."""
+    A = np.array([[0.0, 1.0, -1.0], [-1.5 / np.sqrt(10), 0.0, 0.3]])  # over the arms: 25 and 1; 1.5 and 0.3
+    g = two_fingers(Mechanism((), np.zeros((0, 3)), A, ()))
+    none = State(np.zeros(6), np.zeros(3), np.zeros(6), np.zeros(0), np.zeros(2))
+    w = np.array([2.0, 0, 0, 0, 0, 0])  # the scale
+    for q, value in (([0, 0.5, 0], 0.5 / 25), ([0.2, 0, 0], 0.2 * 1.5 / np.sqrt(10) / 1.5), ([0, 0, 1.0], 0.2)):
+        res = model.residuals(g, w, replace(none, q=np.array(q)))
+        assert res.couplings == pytest.approx(value / 2, rel=1e-12)
+
+
+def test_a_fixture_has_no_joints_and_no_actuators() -> None:
+    """A weight of 8 N on four corners: 2 N each, and nothing that could be out of order behind the contacts."""
+    g, w = table(), np.array([0, 0, -8, 0, 0, 0])
+    assert model.actuator_arms(g).shape == (0,)
+    assert model.commanded(g).shape == (0,)
+    still = State([0, 0, -2, 0, 0, 0], np.zeros(0), np.tile([2, 0, 0], 4), np.zeros(0), np.zeros(0))
+    assert model.residuals(g, w, still).worst < 1e-15
+    assert model.residuals(g, w, replace(still, r=np.zeros(6))).normal == pytest.approx(2 / 8)
+
+
+def test_the_cone_is_round() -> None:
+    c = np.array([1.0, 0.3, 0.4, 2.0, -0.6, 0.0, 1.0, 0.0, -0.2])
+    np.testing.assert_allclose(model.cone_excess(c, np.array([0.2, 0.5, 0.4])), [0.3, -0.4, -0.2], atol=1e-15)
+
+
+def test_normals_are_certain_unless_said_otherwise() -> None:
+    d = np.array([-1.0, 0.6, 0.8, 0.5, 0.0, 0.0])
+    np.testing.assert_array_equal(model.normal_motion(d), [-1.0, 0.5])
+    np.testing.assert_array_equal(model.spring_force(d), [1.0, 0.0])
+
+
+@pytest.mark.parametrize("field", ["r", "q", "c", "f", "coupling"])
+def test_a_state_is_of_numbers(field: str) -> None:
+    _, _, state = holding_pinch()
+    with pytest.raises(InputError, match=rf"^{field}: contains NaN"):
+        replace(state, **{field: np.array([np.nan])})
+
+
+def test_contact_forces_are_among_the_forces_in_play() -> None:
+    """Fingers that squeeze with 5 N each, without springs that would: all of 5 N is missing, so 1."""
+    g = pinch().with_preload(None)
+    squeeze = State(np.zeros(6), np.zeros(2), np.array([5.0, 0, 0, 5.0, 0, 0]), np.zeros(2), np.zeros(0))
+    assert model.residuals(g, np.zeros(6), squeeze).normal == pytest.approx(1.0)

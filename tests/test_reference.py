@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
@@ -86,10 +86,14 @@ def test_the_engine_agrees(case) -> None:
     d = np.resize(np.r_[direction, 0, 0, 0], 6) / np.linalg.norm(direction)
     a = maximum(grasp, d, eta=eta, settings=settings(sectors=2048))
     b = maximum(grasp, d, eta=eta)
+    for answer in (a, b):
+        assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.COMPLETE)
+        assert answer.witness.valid
+        assert 0 < answer.lower <= answer.upper
+        assert answer.unbounded or answer.gap <= 1e-3
+    assert a.unbounded == b.unbounded
     assert b.lower <= a.upper * (1 + 1e-6)
     assert a.lower <= b.upper * (1 + 1e-6)
-    if Stop.COMPLETE is a.stop is b.stop:
-        assert (a.verdict, a.unbounded) == (b.verdict, b.unbounded)
 
 
 # --- refinement -----------------------------------------------------------------------------------------
@@ -126,11 +130,12 @@ def test_bounds_are_monotone_under_refinement() -> None:
 def test_a_relaxation_contains_every_exact_solution(seed: int, m: int, eta: float) -> None:
     """A disturbance that a constructed exact solution resists is never said to slip, at any resolution."""
     s = solved(seed, m, eta)
-    if not s.wrench.any():
-        return
-    for sectors in (4, 32):
-        answer = check(s.grasp, s.wrench, eta=eta, settings=settings(sectors=sectors, time_limit=20))
-        assert answer.verdict is not Verdict.SLIPS
+    assume(s.wrench.any())
+    coarse, fine = (check(s.grasp, s.wrench, eta=eta, settings=settings(sectors=n)) for n in (4, 32))
+    # coarse sectors may have solutions of their own with no exact one near
+    found = (Verdict.HOLDS, Stop.COMPLETE), (Verdict.UNDECIDED, Stop.RESOLUTION)
+    assert (coarse.verdict, coarse.stop) in found
+    assert (fine.verdict, fine.stop) == found[0]
 
 
 # --- three values: a limit is never "slips" -------------------------------------------------------------
@@ -195,7 +200,8 @@ def test_gurobi_agrees_with_scip(direction: tuple[float, ...]) -> None:
     g = bell(0.02)
     a = maximum(g, w(*direction), settings=settings(sectors=128, time_limit=60))
     b = maximum(g, w(*direction), settings=settings(sectors=128, time_limit=60, solver="gurobi"))
-    assert a.unbounded == b.unbounded
-    if not a.unbounded:
-        assert a.lower <= b.upper * (1 + 1e-6)
-        assert b.lower <= a.upper * (1 + 1e-6)
+    assert a.unbounded == b.unbounded == (direction == (0.5, 1, 0))
+    for answer in (a, b):
+        assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.COMPLETE)
+    assert a.lower <= b.upper * (1 + 1e-6)
+    assert b.lower <= a.upper * (1 + 1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -20,6 +21,7 @@ from holdfast.synthesis.engine.taylor import element
 from holdfast.synthesis.engine.taylor import workspace as taylor_workspace
 from holdfast.synthesis.problem import Problem
 from holdfast.synthesis.prover import Prover
+from holdfast.synthesis.task import PoseBounds
 from planted import Planted, bump, chain, joint, plant, pose, turn
 
 X, Y, Z = np.eye(3)
@@ -36,8 +38,8 @@ def _element(k, x, h, flat, bend, V, D, E):
 
 
 @njit
-def _certify(x, flat, e, chosen, radii):
-    return certify(x, flat, flat.lower, flat.upper, workspace(flat, e, x.shape[0]), chosen, radii)
+def _certify(x, flat, lower, upper, e, chosen, radii):
+    return certify(x, flat, lower, upper, workspace(flat, e, x.shape[0]), chosen, radii)
 
 
 @njit
@@ -191,24 +193,68 @@ def test_remainders_bound_what_the_polynomials_leave_out(seed: int):
     assert worst > 0.2  # the bounds are not idle
 
 
+def certified(problem: Problem, x: np.ndarray, lower: np.ndarray | None = None, upper: np.ndarray | None = None):
+    """Dependent coordinates and the radii of their box if a solution is proved at x between these bounds, else None."""
+    flat, e = problem.flat, problem.equations
+    chosen, radii = np.zeros(e, dtype=np.intp), np.zeros(e)
+    bounds = flat.lower if lower is None else lower, flat.upper if upper is None else upper
+    proved = _certify(np.column_stack([x, 0 * x]), flat, *bounds, e, chosen, radii)
+    return (chosen, radii) if proved else None
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_certifies_what_is_there_and_nothing_beside_it(seed: int):
-    planted = everything(seed)
-    problem = Problem.of(planted.task)
+    problem = Problem.of((planted := everything(seed)).task)
     x = coordinates(planted, problem)
-    e = problem.equations
-    inside = (x - problem.flat.lower > 1e-3) & (problem.flat.upper - x > 1e-3)
-    bounded = np.array([not name.startswith("quaternion") for name in problem.labels])
-    chosen, radii = np.zeros(e, dtype=np.intp), np.zeros(e)
-    proved = _certify(np.column_stack([x, 0 * x]), problem.flat, e, chosen, radii)
-    if not (inside | ~bounded).all():
-        return  # near a bound nothing is promised
-    # five contacts on ten free joints and pose leave room, except where a random hand is singular
+    # five contacts on ten free joints and pose leave room: no hand of these is singular there
     _, J, _, _ = at(problem, x)
-    if np.linalg.svd(J[:, :, 0], compute_uv=False)[-1] < 1e-3:
-        return
-    assert proved
-    assert len(set(chosen)) == e
+    assert np.linalg.svd(J[:, :, 0], compute_uv=False)[-1] > 1e-3
+    found = certified(problem, x)
+    assert found is not None
+    assert len(set(found[0])) == problem.equations
     away = x.copy()
     away[: len(problem.free)] += 1e-3
-    assert not _certify(np.column_stack([away, 0 * away]), problem.flat, e, chosen, radii)
+    assert certified(problem, away) is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_the_whole_box_must_lie_within_the_bounds(seed: int, end: str):
+    """A solution that is nearer to a bound than the box is wide may lie beyond it; wider bounds let it pass."""
+    problem = Problem.of((planted := everything(seed)).task)
+    x, flat, sign = coordinates(planted, problem), problem.flat, {"lower": -1, "upper": 1}[end]
+    x[: len(problem.free)] += 1e-5  # beside the solution: the box has to reach it
+    found = certified(problem, x)
+    assert found is not None
+    width = found[1].max()
+    assert 1e-5 < width < 1e-2
+    bounded = np.array([not name.startswith("quaternion") for name in problem.labels])
+    dependent = np.isin(np.arange(problem.n), found[0])
+    assert (bounded & dependent).sum() > 5
+
+    def between(room: float) -> bool:
+        """Is it proved if the dependent coordinates have so much room, and the others, which stand still, less?"""
+        slack = np.where(dependent, room, room / 50)
+        narrow = np.where(bounded, x + sign * slack, getattr(flat, end))
+        return certified(problem, x, **{end: narrow}) is not None
+
+    assert between(100 * width)
+    assert not between(0.5 * width)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("end", [0, 1])
+def test_no_axis_of_the_object_may_leave_its_bounds_anywhere_in_the_box(seed: int, end: int):
+    planted = everything(seed)
+    axes = np.array(PoseBounds.none().axes)
+
+    def within(room: float) -> bool:
+        axes[1, 2, end] = planted.pose[2, 1] + (room if end else -room)
+        task = replace(planted.task, pose=PoseBounds(PoseBounds.none().position, axes))
+        problem = Problem.of(task)
+        x = coordinates(planted, problem)
+        x[: len(problem.free)] += 1e-5
+        return certified(problem, x) is not None
+
+    assert within(1e-3)
+    assert not within(1e-7)  # the pose is proved to some 1e-5 only

@@ -66,7 +66,7 @@ def verify_existence(task: Task, proof: Existence) -> Report:
             equations = equations_of(task)
             box = _box(equations, proof)
             at = equations.at(box.coordinates, box.slope)
-            reasons, contraction, step, gap = _krawczyk(equations, box, at)
+            reasons, contraction, step, gap = _krawczyk(box, at)
             bounds = _bounds(equations, box, at)
     except (Refused, InputError) as fault:
         return Report(False, (str(fault),), {}, np.inf, np.inf, np.inf)
@@ -149,7 +149,7 @@ def _refuse_misfit(task: Task, proof: Existence) -> None:
 # --- is there a solution? ---------------------------------------------------------------------------
 
 
-def _krawczyk(equations: Equations, box: _Box, at: Values) -> tuple[list[str], float, float, float]:
+def _krawczyk(box: _Box, at: Values) -> tuple[list[str], float, float, float]:
     """Reasons why no solution is shown; then the contraction, the step and the gap of the report."""
     F, J = at.F.value[0], at.F.slope[:, 1].swapped()
     gaps = sqrt(sqr(at.gap).sum()).hi
