@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from holdfast.stability.many import max_many as max_many
     from holdfast.stability.maps import force_map as force_map
     from holdfast.stability.maps import sweep as sweep
+    from holdfast.stability.margin import Margin as Margin
+    from holdfast.stability.margin import margin as margin
     from holdfast.stability.queries import check as check
     from holdfast.stability.queries import maximum as maximum
     from holdfast.stability.queries import torques as torques
@@ -82,6 +84,8 @@ _HOME = {
     "max_many": "stability.many",
     "force_map": "stability.maps",
     "sweep": "stability.maps",
+    "Margin": "stability.margin",
+    "margin": "stability.margin",
     "check": "stability.queries",
     "maximum": "stability.queries",
     "torques": "stability.queries",

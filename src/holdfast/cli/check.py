@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+from tyro.conf import arg
 
 from holdfast.cli import console
 from holdfast.cli.options import Command, FrictionModel, Load, QueryOptions, Saved
+from holdfast.errors import InputError
 
 
 @dataclass(kw_only=True)
 class Check(Load, QueryOptions, Saved, FrictionModel, Command):
     """Does the grasp resist this disturbance?"""
 
+    margin: bool = False
+    """if it holds, say how much it leans on: motion, friction, normals"""
+    stiffness: Annotated[float | None, arg(metavar="N/M")] = None
+    """contact stiffness for --margin [N/m]; by default that of a rubber fingertip pad, 10000"""
+
     def run(self) -> int:
         from holdfast.answer import Verdict
         from holdfast.cli import tables
         from holdfast.report import Entry, write_report
         from holdfast.report.words import load_text
+        from holdfast.stability.margin import RUBBER_PAD, margin
         from holdfast.stability.queries import check
         from holdfast.stability.settings import Settings
 
+        if self.stiffness is not None and not self.margin:
+            raise InputError("--stiffness is for --margin; give both")
         grasp, options, wrench = self.load(), self.options(), self.disturbance()
         with console.watch("check") as watch:
             answer = check(grasp, wrench, mdp=self.mdp, on_step=watch.step, **options)
+            if self.margin:
+                k = RUBBER_PAD if self.stiffness is None else self.stiffness
+                asked = options | {"mdp": self.mdp, "stiffness": k, "answer": answer, "on_sample": watch.say}
+                answer = replace(answer, margin=margin(grasp, wrench, **asked))
         if self.save:
             answer.save(self.save, force=self.force)
         if self.report:
@@ -37,4 +53,4 @@ class Check(Load, QueryOptions, Saved, FrictionModel, Command):
                 # too heavy, or was there no equilibrium to disturb? A short look tells
                 alone = check(grasp, [0.0] * 6, eta=options["eta"], settings=Settings(time_limit=5.0))
                 tables.show_preload_alone(console.out(), alone)
-        return console.status(answer.verdict, answer.stop)
+        return console.status(answer.verdict, answer.margin.stop if answer.margin else answer.stop)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from holdfast.grasp import Contact, Grasp
     from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
     from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
+    from holdfast.stability.margin import Margin
     from holdfast.stability.replay import Verified
     from holdfast.stability.result_file import Result
     from holdfast.stability.witness import Witness
@@ -34,10 +35,24 @@ Load = Sequence[float]
 def show_check(out: Console, grasp: Grasp, wrench: Load, answer: CheckAnswer, asked: QueryOptions) -> None:
     _verdict(out, grasp, answer, words.check_sentence(answer, words.load_text(wrench)), asked)
     if answer.witness:
+        if answer.margin:
+            if answer.margin.fragile:
+                out.print(words.fragile_text(answer.margin), style="yellow")
+            show_margin(out, answer.margin)
         show_witness(out, answer.witness)
     elif answer.verdict is Verdict.SLIPS and not grasp.preload and grasp.mechanism.a:
         out.print("Nothing is commanded; try --preload NAME=VALUE, or holdfast torques.")
     _written(out, asked)
+
+
+def show_margin(out: Console, margin: Margin) -> None:
+    """What a HOLDS leans on."""
+    grid = table("it leans on", "", "")
+    for row in words.margin_rows(margin):
+        grid.add_row(*row)
+    out.print()
+    out.print(grid)
+    out.print(words.margin_note(margin), style="dim")
 
 
 def show_preload_alone(out: Console, alone: CheckAnswer) -> None:
@@ -189,7 +204,8 @@ def show_grasp(out: Console, grasp: Grasp) -> None:
 
 
 def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: QueryOptions) -> None:
-    _head(out, grasp, answer.verdict, sentence, asked, unreal=words.unphysical(answer.witness))
+    fragile = words.fragile(answer)
+    _head(out, grasp, answer.verdict, sentence, asked, unreal=words.unphysical(answer.witness), fragile=fragile)
     why = words.reason(answer, asked.settings())
     if why:
         out.print(why, style="yellow")
@@ -197,9 +213,18 @@ def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: Q
 
 
 def _head(
-    out: Console, grasp: Grasp, verdict: Verdict, sentence: str, asked: QueryOptions, *, unreal: bool = False
+    out: Console,
+    grasp: Grasp,
+    verdict: Verdict,
+    sentence: str,
+    asked: QueryOptions,
+    *,
+    unreal: bool = False,
+    fragile: bool = False,
 ) -> None:
     word, style = (verdict.upper() + "?", "bold yellow") if unreal else (verdict.upper(), STYLE[verdict])
+    if fragile and not unreal:
+        word, style = f"{word}, FRAGILE", "bold yellow"
     out.print(Text.assemble((word, style), "  ", sentence))
     eta = f"; normals off by up to {num(asked.eta)}°" if asked.eta else ""
     facts = f"{words.grasp_text(grasp)}; preload {words.preload_text(grasp)}{eta}"

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from holdfast.report import Entry
     from holdfast.stability.answers import Answer, TorquesAnswer
     from holdfast.stability.maps import Curve, MapAnswer, SweepAnswer
+    from holdfast.stability.margin import Margin
     from holdfast.stability.settings import Settings
     from holdfast.stability.witness import Witness
 
@@ -52,6 +53,13 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") 
     body = "".join("<tr>" + "".join(cell("td", k, c) for k, c in enumerate(row)) + "</tr>" for row in rows)
     heading = f"<h3>{escape(title)}</h3>" if title else ""
     return f'{heading}<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def margin_table(margin: Margin) -> str:
+    """What a HOLDS leans on."""
+    rows = [list(row) for row in words.margin_rows(margin)]
+    note = f'<p class="note">{escape(words.margin_note(margin))}</p>'
+    return table(["#", "#", "#"], rows, "What it leans on") + note
 
 
 def contact_table(witness: Witness) -> str:

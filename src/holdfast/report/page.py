@@ -79,7 +79,7 @@ def _overview(facts: Sequence[tuple[str, str]], checks: Sequence[Entry]) -> str:
 
 def _load(entry: Entry, answer: Answer) -> view3d.Load:
     wrench, witness = _state(answer)
-    verdict = answer.verdict.upper() + ("?" if words.unphysical(witness) else "")
+    verdict = answer.verdict.upper() + ("?" if words.unphysical(witness) else ", FRAGILE" * words.fragile(answer))
     return view3d.Load(entry.title, f"{verdict}: {_sentence(entry, answer)}", wrench, witness)
 
 
@@ -116,12 +116,16 @@ def _answer(
 ) -> list[str]:
     witness = answer.witness
     unreal = words.unphysical(witness)
-    parts = [_verdict(answer.verdict, _sentence(entry, answer), unreal=unreal)]
+    parts = [_verdict(answer.verdict, _sentence(entry, answer), unreal=unreal, fragile=words.fragile(answer))]
     why = words.reason(answer, settings)
     if why:
         parts.append(f'<p class="why">{escape(why)}</p>')
     if isinstance(answer, MaxAnswer | TorquesAnswer):
         parts.append(numbers.bounds_table(answer, entry))
+    if isinstance(answer, CheckAnswer) and answer.margin:
+        if answer.margin.fragile:
+            parts.append(f'<p class="why">{escape(words.fragile_text(answer.margin))}</p>')
+        parts.append(numbers.margin_table(answer.margin))
     if witness is not None:
         if unreal:
             parts.append(_warning(witness))
@@ -157,8 +161,10 @@ def _pictures(grasp: Grasp, witness: Witness, meshes: Sequence[Mesh]) -> list[st
     return [_figure(draw_scene(meshes, grasp, witness), caption), _figure(draw_grasp(grasp, witness), bare)]
 
 
-def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False) -> str:
+def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False, fragile: bool = False) -> str:
     word, style = (f"{verdict}?", "unreal") if unreal else (str(verdict), str(verdict))
+    if fragile and not unreal:
+        word, style = f"{verdict}, fragile", "unreal"
     return f'<p class="verdict"><b class="{style}">{word.upper()}</b><span>{escape(sentence)}</span></p>'
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
     from holdfast.stability.certificate import Certificate
     from holdfast.stability.maps import Curve
+    from holdfast.stability.margin import Flip, Margin
     from holdfast.stability.settings import Settings
     from holdfast.stability.witness import Witness
 
@@ -148,6 +149,55 @@ def unphysical(witness: Witness | None) -> bool:
         return False
     e = witness.energy
     return e.created > CREATED * (abs(e.disturbance) + abs(e.preload) + abs(e.stored))
+
+
+def fragile(answer: Answer) -> bool:
+    """Was it asked what a HOLDS leans on, and is that little?"""
+    margin: Margin | None = getattr(answer, "margin", None)
+    return margin is not None and margin.fragile
+
+
+def margin_rows(margin: Margin) -> list[tuple[str, str, str]]:
+    """What a HOLDS leans on: the thing, the number, and what it means."""
+    squeezed = f"the most loaded pad alone gives way by {num(margin.squeeze, 3)} mm"
+    rows = [(f"motion at {num(margin.stiffness)} N/m", f"{num(margin.motion, 3)} mm", squeezed)]
+    for flip, what in ((margin.less, "less"), (margin.more, "more")):
+        rows.append((f"{what} friction", *_flip(flip, 100.0, " %")))
+    number, meaning = _flip(margin.tilt, 1.0, "°")
+    if len(margin.tilt.contacts) == 1:
+        meaning += f"; of contact {margin.tilt.contacts[0]} alone"
+    elif margin.tilt.contacts:
+        meaning += "; of several at once"
+    return [*rows, ("normals tilted", number, meaning)]
+
+
+def _flip(flip: Flip, factor: float, unit: str) -> tuple[str, str]:
+    """The number at which a verdict flips, and how far that is known."""
+
+    def size(x: float) -> str:
+        return f"{num(factor * x)}{unit}"
+
+    held = f"held in every sample up to {size(flip.holds)}" if flip.holds else "no smaller sample held"
+    if flip.undecided:
+        held += f", {count(flip.undecided, 'sample')} undecided"
+    if flip.slips is None:
+        return "no flip found", held
+    return f"slips at {size(flip.slips)}", f"{'proved' if flip.certified else 'not proved'}; {held}"
+
+
+def margin_note(margin: Margin) -> str:
+    """What the numbers are, in a sentence or two."""
+    cut = " It was interrupted." if margin.stop is not Stop.COMPLETE else ""
+    return (
+        f"By {margin.checks} further checks; between samples nothing is shown. The motion is the least that was "
+        f"found.{cut}"
+    )
+
+
+def fragile_text(margin: Margin) -> str:
+    """Why it is called fragile."""
+    named = {"motion": "a large motion", "friction": "its friction", "tilt": "its normals"}
+    return f"Fragile: it leans on {listed([named[w] for w in margin.why])}."
 
 
 def check_sentence(answer: CheckAnswer, load: str) -> str:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from holdfast.stability.algorithm1 import Step
     from holdfast.stability.engine.proof import Proof
     from holdfast.stability.interval import Interval
+    from holdfast.stability.margin import Margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +79,20 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class CheckAnswer(Answer):
-    """Is this disturbance resisted?"""
+    """Is this disturbance resisted?
+
+    Attributes:
+        margin: how much a HOLDS leans on, if that was asked: `holdfast.margin`.
+    """
+
+    margin: Margin | None = field(default=None, kw_only=True)
 
     def to_json(self) -> dict[str, Any]:
         empty: dict[str, Any] = dict.fromkeys(
             ("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion")
         )
-        return header(self, "check") | self.proof_json() | (self.witness.to_json() if self.witness else empty)
+        leans = {"margin": self.margin.to_json() if self.margin else None}
+        return header(self, "check") | self.proof_json() | (self.witness.to_json() if self.witness else empty) | leans
 
 
 @dataclass(frozen=True, eq=False)

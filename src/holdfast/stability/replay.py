@@ -360,6 +360,8 @@ def _other_numbers(result: Result) -> None:
             gap = (answer.upper - answer.lower) / answer.lower
         if not same_json(gap, answer.gap):
             raise Refused(f"gap is {answer.gap}, of these bounds {gap}")
+    if answer.query == "check" and said.get("margin") is not None:
+        raise Refused("margin is not null, but nothing here proves one")
     if answer.query == "check" and w is not None:
         for key, value in w.to_json().items():
             if key != "residual" and not same_json(value, said.get(key)):
