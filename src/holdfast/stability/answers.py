@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from holdfast.stability.algorithm1 import Step
     from holdfast.stability.engine.proof import Proof
     from holdfast.stability.interval import Interval
+    from holdfast.stability.limit import Limit
     from holdfast.stability.margin import Margin
 
 
@@ -59,8 +60,9 @@ class Answer:
         return asked.question(*self.posed) if self.posed else None
 
     def proof_json(self) -> dict[str, Any]:
-        """Keys of every answer: is there a certificate, and was everything replayed?"""
-        return {"certified": self.certificate is not None, "verified": self.verified}
+        """Keys of every answer: is there a certificate, was all replayed, and up to which motions [N] if not all?"""
+        cap = self.proof.cap if self.proof else None
+        return {"certified": self.certificate is not None, "verified": self.verified, "motion_cap": cap}
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
@@ -105,12 +107,20 @@ class MaxAnswer(Answer):
         unbounded: resisted as far as the search goes, ten thousand times the preload (or the base load,
             or the limits); `lower` is that magnitude and its witness, `upper` is inf.
         interval: which magnitudes below are resisted too, if that was asked.
+        limit: what the magnitudes tend to as the virtual motion grows without end, where no state attains the
+            largest; None where nothing shows that.
     """
 
     lower: float
     upper: float
     unbounded: bool
     interval: Interval | None = field(default=None, kw_only=True)
+    limit: Limit | None = field(default=None, kw_only=True)
+
+    @property
+    def attained(self) -> bool:
+        """False if the largest magnitude is shown to be approached only, by states that move ever farther."""
+        return self.limit is None
 
     @property
     def gap(self) -> float:
@@ -128,6 +138,8 @@ class MaxAnswer(Answer):
                 "upper": finite(self.upper),
                 "gap": finite(self.gap),
                 "unbounded": self.unbounded,
+                "attained": self.attained,
+                "limit": self.limit.to_json() if self.limit else None,
                 "holds_from_zero_to": self.interval.holds_from_zero_to if self.interval else None,
             }
             | ({"holes": [list(h) for h in self.interval.holes]} if self.interval else {})

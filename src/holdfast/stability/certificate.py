@@ -13,7 +13,7 @@ Actuators are mirrored into the sense of their command, so that (8) reads t >= 0
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from functools import cached_property
 from itertools import pairwise
@@ -301,3 +301,10 @@ class Certificate:
     def capped(self) -> bool:
         """Is it of version 1, which says nothing about motions beyond its caps?"""
         return self.cap_r is not None
+
+    def some(self, leaves: Integers) -> Certificate:
+        """With these leaves only (their places in `leaves`): to look at them, no proof of anything."""
+        counts = np.diff(self.start)
+        rows = np.concatenate([np.arange(self.start[k], self.start[k + 1]) for k in leaves] or [np.zeros(0, np.int64)])
+        kept = {name: getattr(self, name)[rows] for name in ROW_ARRAYS[1:]}
+        return replace(self, leaves=self.leaves[leaves], start=np.cumsum([0, *counts[leaves]]), **kept)

@@ -21,9 +21,10 @@ from holdfast.stability import goal as goals
 from holdfast.stability import problem
 from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.engine import front
-from holdfast.stability.engine.reduced import HIGHEST
+from holdfast.stability.engine.reduced import HIGHEST, reduce
 from holdfast.stability.goal import NEAR_END, Goal, search_end
 from holdfast.stability.interval import resisted
+from holdfast.stability.limit import limit_of
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Settings
@@ -104,7 +105,10 @@ def maximum(
     settings = settings or Settings()
     w0 = np.zeros(6) if base is None else base
     p = problem.build(grasp, w0, direction, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
-    answer = largest(p, settings, on_step)[0]
+    answer, point = largest(p, settings, on_step)
+    goal = max_goal(p)
+    if point is not None and np.isfinite(answer.upper) and goal is not Goal.EXISTS:
+        answer = replace(answer, limit=limit_of(reduce(p, goal), point, answer.upper))
     if interval and answer.lower > 0:
         answer = replace(answer, interval=resisted(p, answer.lower, settings, unbounded=answer.unbounded))
     return answer

@@ -8,7 +8,7 @@ equilibrium (`farkas`; for version 1, with its caps on motions, `claim`).
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -27,7 +27,9 @@ from holdfast.stability.certificate import (
     Row,
 )
 from holdfast.stability.claim import Claim, leaf_margins
+from holdfast.stability.model import actuator_arms, joint_arms
 
+CAPS = (1e12, 1e11, 1e10, 1e9, 1e8, 1e7, 1e6)  # force scales
 WIDEST = HALF - TURN // 128  # of a sector whose chord is used: nearly half a turn, it would say nothing
 FREE, LOCKED, MOVES = ActuatorState
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
@@ -42,7 +44,9 @@ class Verification:
         leaves: how many cases the proof has.
         margin: the smallest relative margin by which a leaf is proved; -inf if it did not come to that.
         reason: empty if ok, else one line: which node, leaf or row, and what is wrong with it.
-        unproved: leaves whose multipliers do not prove anything, if all else is right.
+        unproved: leaves whose multipliers do not cancel every motion exactly, if all else is right.
+        cap: [N] the claim is proved for virtual motions up to here only; None without any end. The file has no say
+            in it but in version 1.
     """
 
     ok: bool
@@ -50,6 +54,7 @@ class Verification:
     margin: float
     reason: str
     unproved: tuple[int, ...] = ()
+    cap: float | None = None
 
 
 class Refused(Exception):
@@ -72,6 +77,13 @@ def verify(certificate: Certificate) -> Verification:
     except Refused as fault:
         return Verification(False, leaves, -np.inf, str(fault))
     bad = np.flatnonzero(~(margins > 0))
+    if certificate.cap_r is not None and not len(bad):
+        return Verification(True, leaves, float(margins.min()), "", cap=float(certificate.cap_r[:3].min()))
+    if len(bad) and not certificate.capped:
+        cap, within = _largest_cap(certificate, cases, bad)
+        margins[bad] = within
+        if cap is not None:
+            return Verification(True, leaves, float(margins.min()), "", tuple(bad.tolist()), cap)
     margin = float(np.where(np.isnan(margins), -np.inf, margins).min())
     if not len(bad):
         return Verification(True, leaves, margin, "")
@@ -79,6 +91,35 @@ def verify(certificate: Certificate) -> Verification:
     if certificate.capped and claim.unbounded:
         reason += f"; nothing bounds the force of {', '.join(claim.unbounded)}"
     return Verification(False, leaves, margin, reason, tuple(bad.tolist()))
+
+
+def _largest_cap(certificate: Certificate, cases: Integers, leaves: Integers) -> tuple[float | None, Array]:
+    """[N] the largest of some motions up to which these leaves are proved, and their margins; None if there is none.
+
+    For numbers that are in a special position but for rounding: points on a circle, parallel walls. What would cancel
+    exactly in that position leaves 1e-17 of a motion, and only motions of 1e10 force scales make a force of that.
+    """
+    q, none = certificate.question, np.full(len(leaves), -np.inf)
+    if certificate.scalar is not None and not np.isfinite(certificate.scalar[1]):
+        return None, none
+    some = certificate.some(leaves)
+    turning = np.array([1.0] * 3 + [1.0 / q.grasp.size] * 3)
+    force = _force(q)
+    for factor in CAPS:
+        cap = factor * force
+        capped = replace(some, cap_r=cap * turning, cap_q=cap / joint_arms(q.grasp))
+        with np.errstate(all="ignore"):
+            margins = leaf_margins(capped, Claim.of(capped))
+        if (margins > 0).all():
+            return float(cap), margins
+    return None, none
+
+
+def _force(q: Question) -> float:
+    """[N] the largest force of a question: its loads and its commands at a contact."""
+    commands = np.abs(q.grasp.command) / actuator_arms(q.grasp)
+    loads = [max(np.linalg.norm(w[:3]), np.linalg.norm(w[3:]) / q.grasp.size) for w in q.loads]
+    return float(max([*loads, *commands])) or 1.0
 
 
 # --- the tree -----------------------------------------------------------------------------------

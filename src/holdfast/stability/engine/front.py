@@ -26,7 +26,7 @@ TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
 FINER = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
 LEAST = 1e-3  # [s] in the time that is left, or this
-ROUNDS = 6  # in which leaves that the checker refuses are split
+ROUNDS = 3  # in which leaves that are not proved without a cap are split
 INSIDE = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
 PAUSE = 0.05  # [s] between two reports of progress
 
@@ -151,23 +151,27 @@ def _search(
 def _proved(s: Search, r: Reduced, settings: Settings, start: float) -> tuple[Proof | None, bool]:
     """What the finished search proves, and was it replayed? None if the checker does not accept it.
 
-    Leaves that it does not accept are split once more: the more is decided, the more rows there are.
+    Leaves that are proved within a cap only, or not at all, are split: the more is decided, the more rows there are.
     """
+    s.trim()
+    proof = Proof(r, s.pool, float(s.hi[0]))
+    if not settings.verify:
+        return proof, False
+    best: Proof | None = None
     for _ in range(ROUNDS):
-        s.trim()
-        proof = Proof(r, s.pool, float(s.hi[0]))
-        if not settings.verify:
-            return proof, False
         proof, ok, unproved = proof.checked()
-        if ok:
-            return proof, True
-        if not len(unproved) or time.monotonic() - start > settings.time_limit or not s.refine(unproved):
-            return None, False
+        if ok and (best is None or proof.cap is None or (best.cap is not None and proof.cap > best.cap)):
+            best = proof
+        late = time.monotonic() - start > settings.time_limit
+        if (ok and not len(unproved)) or late or not s.refine(unproved):
+            break
         for _state in s:
             pass
         if s.stop is not Stop.COMPLETE:
-            return None, False
-    return None, False
+            break
+        s.trim()
+        proof = Proof(r, s.pool, float(s.hi[0]))
+    return best, best is not None
 
 
 def _inside(r: Reduced, z: Array, value: float, gap: float, found: Witness) -> tuple[Array, float, Witness]:

@@ -27,11 +27,13 @@ class Proof:
 
     Attributes:
         reduced: the question; pool: the tree, trimmed; cut: the upper bound of the objective.
+        cap: [N] virtual motions beyond which it proves nothing; None if there is no such end.
     """
 
     reduced: Reduced
     pool: Pool
     cut: float
+    cap: float | None = None
 
     @cached_property
     def certificate(self) -> Certificate | None:
@@ -86,12 +88,12 @@ class Proof:
         if self.certificate is None:
             return self, False, none
         found = checker.verify(self.certificate)
-        if found.ok or not 0 < len(found.unproved) <= MOST:
-            return self, found.ok, self.certificate.leaves[list(found.unproved)]
-        mended = replace(self)
+        if not 0 < len(found.unproved) <= MOST:
+            return replace(self, cap=found.cap), found.ok, self.certificate.leaves[list(found.unproved)]
         certificate = repaired(self.certificate, found.unproved)
-        mended.__dict__["certificate"] = certificate
         found = checker.verify(certificate)
+        mended = replace(self, cap=found.cap)
+        mended.__dict__["certificate"] = certificate
         return mended, found.ok, certificate.leaves[list(found.unproved)]
 
     def _rows(self, leaves: Indices, at: Columns, force: float, unit: float) -> tuple[Indices, dict[str, Any]]:
