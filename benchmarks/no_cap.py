@@ -1,0 +1,202 @@
+"""Bounds without a cap on motions, attacked: is there a witness of any motion above a certified bound?
+
+    python benchmarks/no_cap.py [--count 1000] [--first 700000] [--limit 10] [--shared ../shared]
+
+Fresh random grasps of 3 to 8 contacts (`grasps.random_case` with seeds that nothing was tuned on), in turn plain,
+with a base load, torque limits, a force limit, uncertain normals, a coupling between two joints, a prismatic joint.
+Each is asked for its maximum. Its upper bound is then attacked: `check` just and far above it, and Newton's method
+from random states whose motions are spread over nine decades, the magnitude held above the bound. A witness that
+`stability/model` accepts there would be a contradiction. With --shared, the grasps of reference/cap-cases too.
+Writes results/no_cap.json as it goes on, and goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasps import random_case
+from holdfast.answer import Stop, Verdict
+from holdfast.grasp import Grasp
+from holdfast.grasp_file import load_grasp
+from holdfast.mechanism import Array, Mechanism
+from holdfast.stability import problem, witness
+from holdfast.stability.engine import exact
+from holdfast.stability.engine.reduced import reduce
+from holdfast.stability.queries import check, max_goal, maximum
+from holdfast.stability.settings import Settings
+from machine import describe
+
+RESULTS = Path(__file__).parent / "results" / "no_cap.json"
+SIZES = (3, 4, 5, 6, 7, 8)
+KINDS = ("plain", "base load", "torque limits", "force limit", "eta", "coupling", "prismatic")
+ABOVE = (1.001, 1.03, 1.3, 3.0)  # times the upper bound
+STARTS = 40  # of Newton's method
+
+
+def question(k: int, first: int) -> tuple[str, Grasp, Array, dict[str, Any]]:
+    """Kind, grasp, direction and options of the k-th question."""
+    kind, m, seed = KINDS[k % len(KINDS)], SIZES[(k // len(KINDS)) % len(SIZES)], first + k
+    case, rng = random_case(m, seed), np.random.default_rng(seed)
+    grasp, options = case.grasp, {}
+    names = grasp.mechanism.actuators
+    if kind == "base load":
+        options = {"base": rng.uniform(0.05, 0.5) * random_case(m, seed + 10**6).direction}
+    elif kind == "torque limits":
+        options = {"torque_limits": {n: float(rng.uniform(0.2, 1.0)) for n in names[:3]}}
+    elif kind == "force limit":
+        options = {"force_limit": float(rng.uniform(5.0, 50.0))}
+    elif kind == "eta":
+        options = {"eta": float(np.radians(rng.uniform(0.5, 3.0)))}
+    elif kind == "coupling":  # the last joint follows the one before it at a third
+        A = np.zeros((1, grasp.l))
+        A[0, -1], A[0, -2] = 1.0, -1.0 / 3.0
+        mechanism = Mechanism(names[:-1], grasp.mechanism.R[:-1], A, grasp.mechanism.tendon[:-1])
+        grasp = Grasp(
+            grasp.contacts, grasp.joints, mechanism, {n: v for n, v in grasp.preload.items() if n in names[:-1]}
+        )
+    elif kind == "prismatic":
+        joints = list(grasp.joints)
+        joints[0] = replace(joints[0], type="prismatic", axis=grasp.contacts[joints[0].moves[0]].normal)
+        grasp = Grasp(
+            grasp.contacts, joints, grasp.mechanism, {joints[0].name: 2.0} | dict(list(grasp.preload.items())[1:])
+        )
+    return kind, grasp, case.direction, options
+
+
+def attacked(
+    grasp: Grasp, direction: Array, options: dict[str, Any], upper: float, seed: int, limit: float
+) -> list[str]:
+    """What was found above the bound: the factors of checks that hold, and magnitudes of Newton's witnesses."""
+    found = []
+    rest = {name: v for name, v in options.items() if name != "base"}
+    base = options.get("base", np.zeros(6))
+    for factor in ABOVE:
+        s = upper * factor if upper > 0 else factor * 1e-3
+        answer = check(grasp, base + s * direction, settings=Settings(time_limit=limit), **rest)
+        if answer.verdict is Verdict.HOLDS:
+            found.append(f"check holds at {factor:g} times the bound")
+    p = problem.build(grasp, base, direction, **rest)
+    goal = max_goal(p)
+    if upper > 0 and p.f_c.any():
+        r, rng = reduce(p, goal), np.random.default_rng(seed)
+        nu = r.M.shape[1]
+        for _ in range(STARTS):
+            s = upper / p.stretch * (1 + 10 ** rng.uniform(-4, 1))
+            held = -s if "scalar" in r.names[0] and r.hi[0] == 0 else 1 / s
+            z = rng.standard_normal(len(r.cost))
+            z[:nu] *= 10 ** rng.uniform(0, 9)
+            z[nu:] *= 10 ** rng.uniform(-1, 2)
+            near = replace(r, lo=np.r_[held, r.lo[1:]])
+            y = exact.solve(near, z, hold=True)
+            if y is not None and witness.as_witness(r, r.point(y)).valid:
+                found.append(f"a state at {s * p.stretch / upper:.6g} times the bound")
+    return found
+
+
+def ask(
+    name: str, kind: str, grasp: Grasp, direction: Array, options: dict[str, Any], seed: int, limit: float
+) -> dict[str, Any]:
+    """One question and the attack on its answer."""
+    start = time.perf_counter()
+    a = maximum(grasp, direction, settings=Settings(time_limit=limit), **options)
+    seconds = time.perf_counter() - start
+    bounded = bool(np.isfinite(a.upper))
+    return {
+        "name": name,
+        "kind": kind,
+        "contacts": grasp.m,
+        "verdict": str(a.verdict),
+        "stop": str(a.stop),
+        "lower": a.lower,
+        "upper": a.upper if bounded else None,
+        "unbounded": a.unbounded,
+        "limit": a.limit.value if a.limit else None,
+        "verified": a.verified,
+        "motion_cap": a.proof.cap if a.proof else None,
+        "nodes": a.nodes,
+        "seconds": round(seconds, 3),
+        "contradictions": attacked(grasp, direction, options, a.upper, seed, limit) if bounded else [],
+    }
+
+
+def wide(row: dict[str, Any]) -> bool:
+    """Is there a gap above 1e-3?"""
+    if row["unbounded"] or row["verdict"] == "slips":
+        return False
+    return row["upper"] is None or row["upper"] - row["lower"] > 1.001e-3 * max(row["lower"], 1e-12)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--first", type=int, default=700_000)
+    parser.add_argument("--limit", type=float, default=10.0, help="[s] per question")
+    parser.add_argument("--shared", type=Path, default=None)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    args = parser.parse_args()
+    rows: list[dict[str, Any]] = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
+    done = {row["name"] for row in rows}
+
+    def save() -> None:
+        kinds = sorted({row["kind"] for row in rows})
+        summary = {
+            kind: {
+                "asked": sum(r["kind"] == kind for r in rows),
+                "bounded": sum(r["kind"] == kind and r["upper"] is not None for r in rows),
+                "only approached": sum(r["kind"] == kind and r["limit"] is not None for r in rows),
+                "gap above 1e-3": sum(r["kind"] == kind and wide(r) for r in rows),
+                "within a cap only": sum(r["kind"] == kind and r["motion_cap"] is not None for r in rows),
+                "contradictions": sum(len(r["contradictions"]) for r in rows if r["kind"] == kind),
+            }
+            for kind in kinds
+        }
+        data = {
+            "machine": describe(),
+            "first seed": args.first,
+            "limit": args.limit,
+            "asked": len(rows),
+            "stops": Counter(r["stop"] for r in rows),
+            "summary": summary,
+            "wide": [r["name"] for r in rows if wide(r)],
+            "contradicted": [r["name"] for r in rows if r["contradictions"]],
+            "rows": rows,
+        }
+        part = args.out.with_suffix(".part")
+        part.write_text(json.dumps(data, indent=1) + "\n")
+        part.replace(args.out)
+
+    if args.shared:
+        folder = args.shared / "reference" / "cap-cases"
+        for entry in json.loads((folder / "index.json").read_text()):
+            if entry["grasp"] not in done:
+                grasp = load_grasp(folder / entry["grasp"])
+                rows.append(ask(entry["grasp"], "shared", grasp, np.array(entry["direction"]), {}, 0, args.limit))
+    for k in range(args.count):
+        name = f"{args.first + k}"
+        if name in done:
+            continue
+        kind, grasp, direction, options = question(k, args.first)
+        rows.append(ask(name, kind, grasp, direction, options, args.first + k, args.limit))
+        last = rows[-1]
+        if last["contradictions"] or wide(last) or last["stop"] != Stop.COMPLETE:
+            print(
+                json.dumps(
+                    {key: last[key] for key in ("name", "kind", "contacts", "stop", "lower", "upper", "contradictions")}
+                )
+            )
+        if k % 20 == 19:
+            save()
+    save()
+    print(json.dumps(json.loads(args.out.read_text())["summary"], indent=1))
+
+
+if __name__ == "__main__":
+    main()
