@@ -246,6 +246,31 @@ def test_stiffness_scales_the_motion_alone() -> None:
 # --- honesty ------------------------------------------------------------------------------------
 
 
+def test_the_four_sides_of_a_contact() -> None:
+    """A pinch along x: the first side is where the load pulls, then away, then both ways along its joint's axis."""
+    load, twist = np.array([0, -2.0, 0, 0, 0, 0]), np.array([0, 0, 0, 0, 0, 3.0])
+    y, z = np.eye(3)[1:]
+    right, left = margins.sides(pinch(), load)
+    np.testing.assert_allclose(right, [-y, y, z, -z, 0 * z], atol=1e-12)
+    np.testing.assert_allclose(left, [-y, y, -z, z, 0 * z], atol=1e-12)  # the normal points the other way
+    right, left = margins.sides(pinch(), twist)  # about +z, it pulls the right contact along +y, the left one along -y
+    np.testing.assert_allclose([right[0], left[0]], [y, -y], atol=1e-12)
+    # nothing pulls across the normals, and outwards is along them: the joints' axes tell
+    right, left = margins.sides(pinch(), np.zeros(6))
+    np.testing.assert_allclose([right[0], left[0]], [z, -z], atol=1e-12)
+    # a load of the same kind about another origin is told the same way
+    shift = np.array([0.5, -0.3, 0.2])
+    away = moved(pinch(), np.eye(3), shift, [0, 1], 1.0, 1.0)
+    np.testing.assert_allclose(margins.sides(away, twist), margins.sides(pinch(), twist), atol=1e-12)
+    there = np.r_[load[:3], np.cross(shift, load[:3])]
+    np.testing.assert_allclose(margins.sides(away, there), margins.sides(pinch(), load), atol=1e-12)
+    flat = table(0.5, 4)  # pushed onto it: its sides are turned by the moment about its middle, wherever the origin is
+    push = np.array([0, 0, -5.0, 0, 0, 0.2])
+    there = push + np.r_[np.zeros(3), np.cross(shift, push[:3])]
+    moved_ = moved(flat, np.eye(3), shift, [0, 1, 2, 3], 1.0, 1.0)
+    np.testing.assert_allclose(margins.sides(moved_, there), margins.sides(flat, push), atol=1e-9)
+
+
 def test_what_is_undecided_is_neither(monkeypatch: pytest.MonkeyPatch) -> None:
     """Samples of friction lessened by 5 % or 10 % stay undecided: nothing above 2 % is said to hold."""
     real = check
