@@ -182,7 +182,7 @@ def _flip(flip: Flip, factor: float, unit: str) -> tuple[str, str]:
         held += f", {count(flip.undecided, 'sample')} undecided"
     if flip.slips is None:
         return "no flip found", held
-    return f"slips at {size(flip.slips)}", f"{'proved' if flip.certified else 'not proved'}; {held}"
+    return f"slips at {size(flip.slips)}", f"that is {'' if flip.certified else 'not '}proved; {held}"
 
 
 def margin_note(margin: Margin) -> str:

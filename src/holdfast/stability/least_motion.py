@@ -29,6 +29,12 @@ WIDER = 4.0  # bounds of motions are tried from the largest contact force on, ea
 NARROW = 1.1  # until a bound within which nothing was found is so near the motion of what was found
 NODE_LIMIT, TIME_LIMIT = 2000, 2.0  # of each search; [s]
 MOST_BOUNDS = 255  # that a search tells apart
+_GOLDEN = (1 + 5**0.5) / 2
+# (6, 3) the six axes of an icosahedron: bounds along them are nearly a ball, however contact frames are turned
+AXES = np.array(
+    [(0, 1, _GOLDEN), (0, -1, _GOLDEN), (1, _GOLDEN, 0), (-1, _GOLDEN, 0), (_GOLDEN, 0, 1), (_GOLDEN, 0, -1)]
+)
+AXES /= np.hypot(1, _GOLDEN)
 
 
 def largest_motion(w: Witness) -> float:
@@ -47,27 +53,26 @@ def least_motion(p: Problem, found: Witness) -> Witness:
     """
     best = _polished(p, found)
     r = reduce(p, Goal.EXISTS)
-    if len(r.lo) + 2 * p.G.shape[1] > MOST_BOUNDS:
+    if len(r.lo) + 2 * p.sizes[0] * len(AXES) > MOST_BOUNDS:
         return best
-    low, high = 0.0, max(float(np.abs(found.state.c).max()) / p.force, NEAR)
-    while (most := largest_motion(best) / p.force) > NARROW * max(low, NEAR):
-        bound = min(high, most / NARROW) if high < most else float(np.sqrt(low * most)) if low else most / WIDER
+    low, high = 0.0, np.inf  # nothing was found within the one, something within the other
+    bound = max(float(np.abs(found.state.c).max()) / p.force, NEAR)
+    while high > NARROW * low and NARROW * max(low, NEAR) < largest_motion(best) / p.force:
         other = _within(r, bound)
         if other is None:
-            low, high = bound, WIDER * bound
+            low = bound
         else:
-            other = _polished(p, other)
-            if largest_motion(other) >= largest_motion(best):
-                break
-            best, high = other, np.inf
+            high = bound
+            best = min(best, _polished(p, other), key=largest_motion)
+        bound = WIDER * bound if np.isinf(high) else float(np.sqrt(low * high)) if low else bound / WIDER
     return best
 
 
 def _within(r: Reduced, bound: float) -> Witness | None:
-    """An equilibrium in which no part of any motion at a contact is larger than `bound` (scaled)."""
+    """An equilibrium whose motions at contacts are at most `bound` (scaled) along each of `AXES`."""
     p = r.p
-    object_ = np.hstack([p.G.T, np.zeros(p.J.shape)])
-    rows = np.vstack([object_, np.hstack([p.G.T, -p.J])]) @ r.M
+    motions = np.vstack([np.hstack([p.G.T, np.zeros(p.J.shape)]), np.hstack([p.G.T, -p.J])]) @ r.M
+    rows = np.einsum("ak,ikn->ian", AXES, motions.reshape(-1, 3, motions.shape[1])).reshape(-1, motions.shape[1])
     at = 3 * len(p.mu) + len(r.active)  # behind what the model moves, before the balance of energy
     D = np.insert(r.D, at, np.hstack([rows, np.zeros((len(rows), r.D.shape[1] - rows.shape[1]))]), axis=0)
     where = len(r.lo) - (len(r.D) - at)

@@ -33,6 +33,8 @@ FRICTION_RESOLUTION = 1e-3
 TILTS = 0.5, 1.0, 2.0, 4.0, 8.0, 15.0  # [degrees] by which normals are tilted
 TILT_RESOLUTION = 0.05  # [degrees]
 
+TIME_LIMIT = 2.0  # [s] of each check of a changed grasp, unless the settings have a limit of their own
+
 FRAGILE_MOTION = 1.0  # [mm] a grasp that moves farther than this, and
 FRAGILE_LEAN = 5.0  # so many times as far as its pads are squeezed, is fragile,
 FRAGILE_FRICTION = 0.1  # so is one that slips with friction changed by this share,
@@ -175,7 +177,7 @@ def margin(
 
     Args:
         stiffness: [N/m] of every contact; by default a rubber fingertip pad's.
-        settings: of every check, limits included.
+        settings: of every check, limits included; without a time limit each changed grasp has `TIME_LIMIT`.
         answer: that of `check` to the same question, if it is known already.
         on_sample: told in words what is asked next.
 
@@ -197,7 +199,9 @@ def margin(
     if answer.verdict is not Verdict.HOLDS or answer.witness is None or answer.posed is None:
         return None
     w = np.asarray(wrench, dtype=float)
-    ask = _Ask(w, options, on_sample)
+    own = settings or Settings()
+    limited = own if np.isfinite(own.time_limit) else replace(own, time_limit=TIME_LIMIT)
+    ask = _Ask(w, options | {"settings": limited}, on_sample)
     less = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(_rubbed(grasp, 1 - x))])
     more = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(_rubbed(grasp, 1 + x))])
     patterns = list(_patterns(sides(grasp, w)))
@@ -298,12 +302,13 @@ class _Ask:
         first = 0  # what slipped last is asked first: it is likely to slip again
         slips, found, change = None, None, None
         ahead = list(changes)
+        skip: set[int] = set()  # a pattern that was undecided once is not asked again: it may take as long each time
         while ahead and self.stop is Stop.COMPLETE:
             size = ahead.pop(0)
             if self.on_sample:
                 self.on_sample(f"{what} changed by {size:.3g}")
             asked = made(size)
-            verdict, which, answer = self._any_slips(asked, first)
+            verdict, which, answer = self._any_slips(asked, first, skip)
             if verdict is Verdict.SLIPS:
                 slips, found, first, change, ahead = size, answer, which, asked[which], []
             elif verdict is Verdict.UNDECIDED:
@@ -315,10 +320,12 @@ class _Ask:
         where = (change.contacts, change.towards) if change else ()
         return Flip(holds, slips, changes[-1], undecided, found, *where)
 
-    def _any_slips(self, asked: Sequence[_Change], first: int) -> tuple[Verdict, int, CheckAnswer | None]:
+    def _any_slips(
+        self, asked: Sequence[_Change], first: int, skip: set[int]
+    ) -> tuple[Verdict, int, CheckAnswer | None]:
         """SLIPS with the number and the answer of the first that slips; HOLDS if all hold."""
-        out = Verdict.HOLDS
-        for k in sorted(range(len(asked)), key=lambda k: k != first):
+        out = Verdict.UNDECIDED if skip else Verdict.HOLDS
+        for k in sorted(set(range(len(asked))) - skip, key=lambda k: k != first):
             self.count += 1
             answer = check(asked[k].grasp, self.wrench, **self.options)
             if answer.stop is Stop.INTERRUPTED:
@@ -328,6 +335,8 @@ class _Ask:
                 return Verdict.SLIPS, k, answer
             if answer.verdict is Verdict.UNDECIDED:
                 out = Verdict.UNDECIDED
+                if len(asked) > 1:
+                    skip.add(k)
         return out, first, None
 
 
