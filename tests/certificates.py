@@ -207,7 +207,9 @@ def exact_equations(q):
     E = wrench + torque + [{at.q.start + j: v for j, v in enumerate(r)} for r in A]
     E += [r for r, may in zip(moved, q.may_move, strict=True) if not may]
     if at.e.stop > at.e.start:
-        E.append({at.scalar.start: Fraction(1)} | {at.e.start + j: Fraction(-int(d)) for j, d in enumerate(q.is_driven)})
+        E.append(
+            {at.scalar.start: Fraction(1)} | {at.e.start + j: Fraction(-int(d)) for j, d in enumerate(q.is_driven)}
+        )
     h = [-Fraction(v) for v in constant.tolist()] + [Fraction(0)] * (len(E) - 6)
     return E, h, Z + moved
 

@@ -93,7 +93,7 @@ def test_a_range_without_end(tmp_path) -> None:
     save_certificate(c, tmp_path / "c.json")
     assert load_certificate(tmp_path / "c.json").scalar == (0.1, np.inf)
     for other in (capped_proof("smallest preload"), proof("largest"), proof("max")):
-        with pytest.raises(InputError, match="scalar: is 0.1 to inf, not a range that the goal knows"):
+        with pytest.raises(InputError, match=r"scalar: is 0\.1 to inf, not a range that the goal knows"):
             replace(other, scalar=(0.1, np.inf))
 
 

@@ -15,7 +15,7 @@ from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.goal import Goal
 from holdfast.stability.mip import INF
 from holdfast.stability.problem import Problem
-from holdfast.stability.witness import Witness
+from holdfast.stability.witness import KEYS, Witness
 
 if TYPE_CHECKING:
     from holdfast.stability.algorithm1 import Step
@@ -81,10 +81,8 @@ class CheckAnswer(Answer):
     """Is this disturbance resisted?"""
 
     def to_json(self) -> dict[str, Any]:
-        empty: dict[str, Any] = dict.fromkeys(
-            ("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion")
-        )
-        return header(self, "check") | self.proof_json() | (self.witness.to_json() if self.witness else empty)
+        state = self.witness.to_json() if self.witness else dict.fromkeys(KEYS)
+        return header(self, "check") | self.proof_json() | state
 
 
 @dataclass(frozen=True, eq=False)
