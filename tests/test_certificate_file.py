@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from certificates import CASES, proof
+from certificates import CASES, capped_proof, proof
 from holdfast.errors import InputError
 from holdfast.stability import verify
 from holdfast.stability.certificate import HALF, TURN, directions
@@ -15,7 +15,8 @@ from holdfast.stability.certificate_file import from_dict, load_certificate, sav
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_file_keeps_every_bit(name: str, tmp_path) -> None:
+@pytest.mark.parametrize("proof", [proof, capped_proof], ids=["all motions", "capped"])
+def test_file_keeps_every_bit(name: str, proof, tmp_path) -> None:
     c = replace(proof(name), references=np.random.default_rng(1).random((2, proof(name).question.grasp.m + 1)))
     save_certificate(c, tmp_path / "c.json")
     again = load_certificate(tmp_path / "c.json")
@@ -47,8 +48,9 @@ def test_directions() -> None:
         (lambda d: d.update(references=[[1.0]]), "references: has shape"),
         (lambda d: d.update(references=[[1.0, 1.0, 1.0], [1.0]]), "references: must be numbers"),
         (lambda d: d.update(references=[[1.0, 1.0, float("inf")]]), "references"),
-        (lambda d: d.update(cap_q=[1.0]), "cap_q: has shape"),
-        (lambda d: d.update(cap_r=[-1.0] * 6), "cap_r: is negative"),
+        (lambda d: d.update(cap_q=[1.0, 1.0]), "cap_q: is not a known field"),
+        (lambda d: d.update(schema="holdfast/certificate/1"), "cap_r: is missing"),
+        (lambda d: d.update(schema="holdfast/certificate/3"), "schema"),
         (lambda d: d.update(scalar=[0, 1]), "scalar: is the range"),
         (lambda d: d["question"].update(wrench=[0.0]), "question.wrench"),
         (lambda d: d["question"].update(eta=1.0), "eta: is 1 rad"),
@@ -66,6 +68,33 @@ def test_faults_in_files(change, message: str) -> None:
     with pytest.raises(InputError, match=message) as fault:
         from_dict(data)
     assert "\n" not in str(fault.value)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda d: d.update(cap_q=[1.0]), "cap_q: has shape"),
+        (lambda d: d.update(cap_r=[-1.0] * 6), "cap_r: is negative"),
+        (lambda d: d.pop("cap_q"), "cap_q: is missing"),
+        (lambda d: d.update(schema="holdfast/certificate/2"), "cap_r: is not a known field"),
+    ],
+)
+def test_faults_in_caps(change, message: str) -> None:
+    data = to_dict(capped_proof("check"))
+    assert data["schema"] == "holdfast/certificate/1"
+    change(data)
+    with pytest.raises(InputError, match=message):
+        from_dict(data)
+
+
+def test_a_range_without_end(tmp_path) -> None:
+    """Of the smallest preload, about all motions, alone."""
+    c = replace(proof("smallest preload"), scalar=(0.1, np.inf))
+    save_certificate(c, tmp_path / "c.json")
+    assert load_certificate(tmp_path / "c.json").scalar == (0.1, np.inf)
+    for other in (capped_proof("smallest preload"), proof("largest"), proof("max")):
+        with pytest.raises(InputError, match=r"scalar: is 0\.1 to inf, not a range that the goal knows"):
+            replace(other, scalar=(0.1, np.inf))
 
 
 def test_file_that_is_no_certificate(tmp_path) -> None:

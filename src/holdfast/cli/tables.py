@@ -109,6 +109,7 @@ def show_verified(out: Console, what: Result | Certificate, done: Verified) -> N
         rows.append(["certificate", c.claim, f"{words.count(c.leaves, 'leaf')}, margin {c.margin:.1e}", c.reason])
     if rows:
         grid = table("", "claims", "replayed", "")
+        grid.columns[1].no_wrap, grid.columns[2].no_wrap = False, True
         for *cells, refused in rows:
             grid.add_row(*cells, "refused" if refused else "proved")
         out.print()

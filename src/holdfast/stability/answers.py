@@ -15,7 +15,7 @@ from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.goal import Goal
 from holdfast.stability.mip import INF
 from holdfast.stability.problem import Problem
-from holdfast.stability.witness import Witness
+from holdfast.stability.witness import KEYS, Witness
 
 if TYPE_CHECKING:
     from holdfast.stability.algorithm1 import Step
@@ -90,11 +90,9 @@ class CheckAnswer(Answer):
     margin: Margin | None = field(default=None, kw_only=True)
 
     def to_json(self) -> dict[str, Any]:
-        empty: dict[str, Any] = dict.fromkeys(
-            ("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion")
-        )
+        state = self.witness.to_json() if self.witness else dict.fromkeys(KEYS)
         leans = {"margin": self.margin.to_json() if self.margin else None}
-        return header(self, "check") | self.proof_json() | (self.witness.to_json() if self.witness else empty) | leans
+        return header(self, "check") | self.proof_json() | state | leans
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import fmpq, fmpq_mat
-from scipy.linalg import qr
 
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array, Mask
@@ -463,12 +462,12 @@ class Exact:
         if len(alive):
             # solve for the multipliers that may change most, by as many independent unknowns
             weight = np.where(free, 1.0, np.clip(np.sqrt(np.abs(w) / np.abs(w).max()), LEAST, 1.0))
-            upper, order = qr((B[:, alive] * weight[:, None]).T, mode="r", pivoting=True)
-            diagonal = np.abs(np.diag(upper))
-            rank = int((diagonal > RANK * diagonal[0]).sum())
-            basis, others = order[:rank].tolist(), order[rank:].tolist()
-            _, pivots = qr(B[basis][:, alive], mode="r", pivoting=True)
-            unknowns = alive[pivots[:rank]].tolist()
+            basis = _independent((B[:, alive] * weight[:, None]).T)
+            others = [j for j in range(len(B)) if j not in basis]
+            unknowns = alive[_independent(B[basis][:, alive])].tolist()
+            rank = len(basis)
+            if len(unknowns) < rank:
+                return -np.inf
             zero = fmpq(0)
             matrix = fmpq_mat(rank, rank, [exact[j].get(i, zero) for i in unknowns for j in basis])
             right = [-_sum(y[j] * exact[j][i] for j in others if i in exact[j]) for i in unknowns]
@@ -504,6 +503,24 @@ class Exact:
             for i, x in self.Z[j].items():
                 out[i] = out.get(i, fmpq(0)) + factor * x
         return out
+
+
+def _independent(A: Array) -> list[int]:
+    """As many independent columns of A as there are, the largest first: Gram-Schmidt with pivoting."""
+    A, chosen = A.copy(), []
+    first = 0.0
+    for _ in range(min(A.shape)):
+        norms = np.sqrt((A * A).sum(axis=0))
+        j = int(norms.argmax())
+        first = first or norms[j]
+        if not norms[j] > RANK * first:
+            break
+        chosen.append(j)
+        along = A[:, j] / norms[j]
+        for _again in range(2):  # once more for what rounding left
+            A -= np.outer(along, along @ A)
+        A[:, j] = 0.0
+    return chosen
 
 
 def _cross(a: list[fmpq], b: list[fmpq]) -> list[fmpq]:

@@ -19,6 +19,8 @@ import numpy as np
 from holdfast.grasp import Grasp, cross
 from holdfast.mechanism import Array, Mask, frozen
 
+VANISHING = 1e-100  # numbers below are scaled up before anything is squared
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -144,23 +146,24 @@ def force_scale(w: Array, c: Array) -> float:
 
 
 def imbalance(grasp: Grasp, c: Array, w: Array) -> tuple[float, float]:
-    """What (1) misses: force [N], and torque [N m] about the middle of the contacts that carry something."""
+    """What (1) misses: force [N], and torque [N m] about the middle of the contact forces."""
     missing = object_balance(grasp, c, w)
     moment = missing[3:] - cross(_middle(grasp, c), missing[:3])
     return float(np.linalg.norm(missing[:3])), float(np.linalg.norm(moment))
 
 
 def _middle(grasp: Grasp, c: Array) -> Array:
-    """(3,) [m] the middle of the contacts that carry a force, or of all: moments about it do not know the origin."""
+    """(3,) [m] the middle of the contacts, each weighed by its force: moments about it do not know the origin."""
     p = np.array([k.position for k in grasp.contacts])
-    loaded = c.reshape(-1, 3).any(axis=1)
-    return np.asarray((p[loaded] if loaded.any() else p).mean(axis=0))
+    weight = _norms(c.reshape(-1, 3))
+    return np.asarray(np.average(p, axis=0, weights=weight if weight.any() else None))
 
 
 def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float) -> float:
     """[N m] the largest moment about `_middle` that acts; at least that of the force scale at a contact's distance.
 
-    A contact that carries nothing has no part in it, however far away it is, nor has the distance to the origin.
+    A contact that carries next to nothing has no part in it, however far away it is, nor has the distance to the
+    origin.
     """
     p, middle = np.array([k.position for k in grasp.contacts]), _middle(grasp, c)
     F = np.array([k.frame @ ci for k, ci in zip(grasp.contacts, c.reshape(-1, 3), strict=True)])
@@ -176,10 +179,11 @@ def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float) -> float:
 class Residuals:
     """How far a state is from solving (1)-(8): relative to the forces and moments that act, so without units.
 
-    Every equation is measured by what stands in it: forces by the largest that acts, moments by the largest about
-    the middle of the loaded contacts, joint torques by those of their own joint, motions by the force that they
-    cause at a contact. A contact or an actuator that takes no part hides nothing. A sliding contact's direction is
-    judged at full weight once it slides farther than the force scale; below, in proportion.
+    Every equation is measured by what stands in it: forces by the largest that acts (where none does by the smallest
+    command), moments by the largest about the middle of the contact forces, joint torques by those of their own
+    joint, motions by the force that they cause at a contact. A contact or an actuator that takes no part hides
+    nothing. A sliding contact's direction is judged at full weight once it slides farther than the force scale;
+    below, in proportion.
     """
 
     object_balance: float  # (1)
@@ -211,8 +215,15 @@ def residuals(
     """
     w = np.asarray(w, dtype=float)
     f_c = grasp.command if command is None else command
+    largest = max(np.abs(w).max(), np.abs(state.c).max(initial=0.0))
+    if 0 < largest < VANISHING:  # homogeneous: numbers whose squares vanish are judged as well as any
+        s = 2.0 ** min(-np.round(np.log2(largest)), 1000.0)
+        return residuals(grasp, s * w, state.scaled(s), eta=eta, command=s * f_c, mdp=mdp)
     R, A = grasp.mechanism.R, grasp.mechanism.A
-    F = force_scale(w, state.c)
+    arms = joint_arms(grasp)
+    lever = _actuator_arms(np.abs(R), arms)
+    F = force_scale(w, state.c) if largest > 0 else float((np.abs(f_c) / lever)[f_c != 0].min(initial=np.inf))
+    F = F if np.isfinite(F) else 1.0
     d = relative_motion(grasp, state.r, state.q)
     dt = _norms(d.reshape(-1, 3)[:, 1:])
     c = state.c.reshape(-1, 3)
@@ -224,8 +235,6 @@ def residuals(
     missing = np.abs(joint_balance(grasp, state.c, state.f, state.coupling))
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
-    arms = joint_arms(grasp)
-    lever = _actuator_arms(np.abs(R), arms)
     sense = np.where(f_c < 0, -1.0, 1.0)
     t = sense * actuator_motion(grasp, state.q) * lever
     excess = sense * (state.f - f_c) / lever

@@ -1,6 +1,8 @@
 """Replays what backs an answer: the witness in the equations, the certificate in its checker, both against its words.
 
-Nothing of the engine and no solver is needed, only `model`, `verify` and the question.
+Nothing of the engine and no solver is needed, only `model`, `verify` and the question. An answer has exactly the keys
+of its query, and what it says under each of them is worked out again from question, witness and certificate, but
+for `UNPROVED`.
 """
 
 from __future__ import annotations
@@ -14,17 +16,16 @@ import numpy as np
 
 from holdfast.answer import Checked, Verdict
 from holdfast.errors import InputError
-from holdfast.files import SAME, read_json, same_json
+from holdfast.files import SAME, read_json
 from holdfast.mechanism import Array
-from holdfast.stability import asked, certificate_file, model, result_file
+from holdfast.stability import asked, certificate_file, model, problem, result_file
 from holdfast.stability import verify as checker
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.certificate_file import question_to_dict
 from holdfast.stability.goal import NEAR_END, STRONGEST, search_end
-from holdfast.stability.problem import Problem
-from holdfast.stability.result_file import MaxEntry, Result, TorquesEntry
-from holdfast.stability.witness import VALID, Witness
+from holdfast.stability.result_file import CheckEntry, MaxEntry, Result, TorquesEntry
+from holdfast.stability.witness import KEYS, VALID, Witness
 
 if TYPE_CHECKING:
     from holdfast.stability.answers import Answer
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 RESULTS = ("holdfast/result/1", "holdfast/result/2")
 CERTIFICATES = ("holdfast/certificate/1", "holdfast/certificate/2")
+UNPROVED = ("stop", "seconds", "nodes", "verified")  # the course of the search: recorded, not proved
 # certificates of version 1: 10^4 force scales of motion and of lambda, ends of a search by a scale that was defined
 # slightly otherwise. What they cover exactly is in their claim.
 FIRST_SHARE = 4.0
@@ -129,7 +131,7 @@ def verify(what: str | Path | Answer | Result | Certificate) -> Verified:
             if part and part.reason and not reason:
                 reason = f"{name}: {part.reason}"
         if not reason:
-            _other_numbers(what)
+            _compare(what, certificate)
     except Refused as fault:
         reason = f"answer: {fault}"
     return Verified(witness, certificate, time.monotonic() - start, reason)
@@ -208,7 +210,7 @@ def _commands_fault(q: Question, w: Witness, answer: TorquesEntry) -> str:
     said = answer.preload or {}
     if set(said) != {n for n, d in zip(names, q.is_driven, strict=True) if d}:
         return "the answer's commands are of other actuators"
-    if not _close(np.array([said.get(n, 0.0) for n in names]), command):
+    if not all(_close(np.array([said.get(n, 0.0)]), x) for n, x in zip(names, command[:, None], strict=True)):
         return "the answer gives other commands"
     cost = np.abs(command).max(initial=0.0) if q.objective == "max" else np.abs(command).sum()
     if answer.upper is None or not _close(np.array([answer.upper]), np.array([cost])):
@@ -242,12 +244,12 @@ def _certificate(result: Result) -> CertificateCheck | None:
 
 
 def _replay_certificate(c: Certificate, claim: str, reason: str = "") -> CertificateCheck:
-    motion = None if c.cap_r is None else float(c.cap_r[:3].min())
     if c.capped:
         reason = reason or _cap_fault(c)
-        claim = f"{claim}, up to virtual motions of {motion:.6g} N"
     found = checker.verify(c)
-    return CertificateCheck(claim, motion, found.leaves, found.margin, reason or found.reason)
+    if found.cap is not None:
+        claim = f"{claim}, up to virtual motions of {found.cap:.6g} N"
+    return CertificateCheck(claim, found.cap, found.leaves, found.margin, reason or found.reason)
 
 
 def _first_range(q: Question, lo: float, hi: float) -> tuple[float, float]:
@@ -275,7 +277,7 @@ def _needed(q: Question, result: Result) -> tuple[str, float, float] | None:
     answer, slips = result.answer, result.answer.verdict is Verdict.SLIPS
     p, _ = asked.posed(q)
     if isinstance(answer, MaxEntry):
-        return _needed_of_max(q, p, answer)
+        return _needed_of_max(q, answer, result.first)
     if isinstance(answer, TorquesEntry):
         if q.goal is not Claimed.TORQUES:
             raise Refused(f"is of torques, its question of '{q.goal}'")
@@ -286,17 +288,20 @@ def _needed(q: Question, result: Result) -> tuple[str, float, float] | None:
             return "no commands suffice", 0.0, STRONGEST * float(lever.max(initial=0.0) or 1.0) * (1 - NEAR_END)
         if answer.lower is None:
             raise Refused("has no lower bound")
+        if not answer.lower >= 0:
+            raise Refused(f"a lower bound of {answer.lower:.6g}")
+        if answer.upper is not None and answer.lower > answer.upper:
+            raise Refused(f"its lower bound {answer.lower:.9g} is above its upper bound {answer.upper:.9g}")
         return (f"no commands below {answer.lower:.6g} suffice", 0.0, answer.lower) if answer.lower > 0 else None
     if q.goal is not Claimed.CHECK:
         raise Refused(f"is of a check, its question of '{q.goal}'")
     return ("the disturbance is not resisted", 0.0, 0.0) if slips else None
 
 
-def _needed_of_max(q: Question, p: Problem, answer: MaxEntry) -> tuple[str, float, float] | None:
+def _needed_of_max(q: Question, answer: MaxEntry, first: bool) -> tuple[str, float, float] | None:
     """For a maximum: no magnitude from the upper bound to the end of the search."""
-    _load(q)
     slips, holds = answer.verdict is Verdict.SLIPS, answer.verdict is Verdict.HOLDS
-    end = p.stretch * search_end(p) if q.goal is not Claimed.CHECK else np.inf
+    end = _end(q)
     if not answer.lower >= 0:
         raise Refused(f"a largest magnitude of {answer.lower:.6g}")
     if not holds and answer.lower != 0:
@@ -306,7 +311,7 @@ def _needed_of_max(q: Question, p: Problem, answer: MaxEntry) -> tuple[str, floa
     if answer.unbounded:
         if answer.upper is not None or not holds:
             raise Refused("unbounded, with a bound")
-        least = end * (1 - 2 * NEAR_END) if q.goal is not Claimed.CHECK else np.nextafter(0.0, 1.0)
+        least = end / FIRST_SHARE if first else end * (1 - 2 * NEAR_END)
         if not answer.lower >= least:
             raise Refused(f"unbounded, but shown up to {answer.lower:.6g} only; a search goes to {least:.6g}")
         return None
@@ -324,6 +329,13 @@ def _needed_of_max(q: Question, p: Problem, answer: MaxEntry) -> tuple[str, floa
     if q.goal is Claimed.SMALLEST_PRELOAD:  # its scalar is 1 / s
         return claim, (1 + NEAR_END) / end, 1.0 / answer.upper if answer.upper > 0 else np.inf
     return claim, answer.upper, end * (1 - NEAR_END)
+
+
+def _end(q: Question) -> float:
+    """The magnitude at which the search for a maximum ends."""
+    _, direction = _load(q)
+    p = asked.posed(q)[0] if q.direction is not None else problem.build(q.grasp, np.zeros(6), direction)
+    return p.stretch * search_end(p)
 
 
 def _load(q: Question) -> tuple[Array, Array]:
@@ -346,26 +358,112 @@ def claim_text(c: Certificate) -> str:
     }[q.goal]
 
 
-# --- the rest of an answer ----------------------------------------------------------------------------
+# --- all that an answer says --------------------------------------------------------------------------
 
 
-def _other_numbers(result: Result) -> None:
-    """`Refused` if a number of the answer contradicts those that were replayed."""
-    answer, said, w = result.answer, result.said, result.witness
-    if answer.certified and result.certificate is None:
-        raise Refused("certified, but without a certificate")
-    if isinstance(answer, MaxEntry):
-        gap = 0.0 if answer.unbounded or answer.upper == 0 else None
-        if gap is None and answer.upper is not None and answer.lower > 0:
-            gap = (answer.upper - answer.lower) / answer.lower
-        if not same_json(gap, answer.gap):
-            raise Refused(f"gap is {answer.gap}, of these bounds {gap}")
-    if answer.query == "check" and said.get("margin") is not None:
-        raise Refused("margin is not null, but nothing here proves one")
-    if answer.query == "check" and w is not None:
-        for key, value in w.to_json().items():
-            if key != "residual" and not same_json(value, said.get(key)):
-                raise Refused(f"{key} is not what the witness says")
+def _compare(result: Result, replayed: CertificateCheck | None) -> None:
+    """`Refused` if the answer has other keys than its query's, or says something else than what was replayed."""
+    said, shown = result.said, _shown(result, replayed)
+    unproved = set(UNPROVED) - ({"verified"} if result.first else set())
+    for key in said:
+        if key not in shown and key not in unproved:
+            raise Refused(f"{key} is nothing that it can say; leave it out")
+    for key in [*shown, *unproved]:
+        if key not in said:
+            raise Refused(f"{key} is missing")
+    for key, value in shown.items():
+        if not _same(said[key], value):
+            raise Refused(f"{key} is not what the rest of the file shows")
+
+
+def _shown(result: Result, replayed: CertificateCheck | None) -> dict[str, Any]:
+    """What an answer has to say, by key: from its question, its witness and its certificate, all replayed."""
+    answer, c = result.answer, result.certificate
+    always: dict[str, Any] = {
+        "schema": answer.format,
+        "query": answer.query,
+        "verdict": str(answer.verdict),
+        "certified": c is not None,
+    }
+    if result.first:
+        always["motion_cap"] = None if c is None or c.cap_r is None else float(c.cap_r[0])
+    else:
+        always["motion_cap"] = replayed.motion if replayed else None
+    return always | SHOWN[type(answer)](result)
+
+
+def _shown_of_check(result: Result) -> dict[str, Any]:
+    state = result.witness.to_json() if result.witness else dict.fromkeys(KEYS)
+    return state if result.first else state | {"margin": None}  # nothing in the file shows one
+
+
+def _shown_of_max(result: Result) -> dict[str, Any]:
+    """The bounds are those that witness and certificate were held against."""
+    answer = result.answer
+    assert isinstance(answer, MaxEntry)
+    gap = 0.0 if answer.unbounded or answer.upper == 0 else None
+    if gap is None and answer.upper is not None and answer.lower > 0:
+        gap = (answer.upper - answer.lower) / answer.lower
+    bounds = {"lower": answer.lower, "upper": answer.upper, "gap": gap, "unbounded": answer.unbounded}
+    out = bounds | {"holds_from_zero_to": None}  # found by samples, with nothing in the file to show it
+    return out if result.first else out | _shown_limit(result, answer)
+
+
+def _shown_limit(result: Result, answer: MaxEntry) -> dict[str, Any]:
+    """The limit as it is said, if it lies between the bounds: what leads there is no more than a description."""
+    limit = result.said.get("limit")
+    if limit is not None:
+        value = limit.get("value") if isinstance(limit, dict) else None
+        if not _is_number(value) or answer.upper is None or answer.unbounded:
+            raise Refused("limit is none of a largest magnitude")
+        if not answer.lower <= value <= answer.upper * (1 + SAME):
+            raise Refused(f"its limit {value:.9g} lies outside of its bounds")
+    return {"limit": limit, "attained": limit is None}
+
+
+def _shown_of_torques(result: Result) -> dict[str, Any]:
+    """The bounds are those that witness and certificate were held against."""
+    answer, q, w = result.answer, result.question, result.witness
+    assert isinstance(answer, TorquesEntry)
+    commands = None if w is None else {n: w.grasp.preload.get(n, 0.0) for n in q.driven}
+    return {"preload": commands, "lower": answer.lower, "upper": None if w is None else answer.upper}
+
+
+SHOWN = {CheckEntry: _shown_of_check, MaxEntry: _shown_of_max, TorquesEntry: _shown_of_torques}
+
+
+def _same(said: Any, shown: Any) -> bool:
+    """The same JSON; numbers within `SAME` of the largest under the same key, a number alone of at least 1."""
+    if isinstance(shown, list) and shown and isinstance(shown[0], dict):  # an object for each contact: key by key
+        if not isinstance(said, list) or [x.keys() for x in said if isinstance(x, dict)] != [x.keys() for x in shown]:
+            return False
+        return all(_same([x[key] for x in said], [x[key] for x in shown]) for key in shown[0])
+    return _alike(
+        said, shown, SAME * (_largest(shown) if isinstance(shown, list | dict) else max(1.0, _largest(shown)))
+    )
+
+
+def _alike(said: Any, shown: Any, within: float) -> bool:
+    """The same JSON, numbers within a tolerance; neither texts nor truth values are numbers."""
+    if isinstance(shown, dict):
+        there = isinstance(said, dict) and said.keys() == shown.keys()
+        return there and all(_alike(said[key], shown[key], within) for key in shown)
+    if isinstance(shown, list):
+        there = isinstance(said, list) and len(said) == len(shown)
+        return there and all(_alike(x, y, within) for x, y in zip(said, shown, strict=True))
+    if _is_number(shown):
+        return _is_number(said) and bool(abs(said - shown) <= within)
+    return type(said) is type(shown) and bool(said == shown)
+
+
+def _largest(x: Any) -> float:
+    """The largest number in some JSON, without its sign; 0 if there is none."""
+    parts = x.values() if isinstance(x, dict) else x if isinstance(x, list) else ()
+    return abs(x) if _is_number(x) else max(map(_largest, parts), default=0.0)
+
+
+def _is_number(x: Any) -> bool:
+    return isinstance(x, int | float) and not isinstance(x, bool)
 
 
 def _close(a: Array, b: Array) -> bool:

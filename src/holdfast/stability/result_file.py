@@ -30,16 +30,17 @@ FIRST, SCHEMA = "holdfast/result/1", "holdfast/result/2"
 
 
 class AnswerEntry(Strict):
-    """What every answer says; it may say more than is verified."""
+    """What every answer says; the other keys are compared with what backs them, see `replay`."""
 
     model_config = ConfigDict(extra="allow", allow_inf_nan=False, populate_by_name=True)
 
     format: Literal["holdfast/answer/1"] = Field(alias="schema")
     verdict: Verdict
     stop: Stop
+    seconds: Annotated[float, Field(ge=0)]
+    nodes: Annotated[int, Field(ge=0)]
     certified: bool
-    verified: bool = False
-    motion_cap: float | None = None
+    verified: bool = False  # none in version 1
 
 
 class CheckEntry(AnswerEntry):

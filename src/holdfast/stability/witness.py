@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from holdfast.stability.goal import Point
 
 VALID = 1e-9  # relative residual of a witness, every equation
+KEYS = "residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"  # of `to_json`
 
 
 @dataclass(frozen=True, eq=False)
