@@ -212,7 +212,7 @@ def tampered(c: Certificate) -> list[Certificate]:
     out = [
         replace(c, multiplier=put(c.multiplier, largest, -c.multiplier[largest])),
         replace(c, multiplier=np.zeros_like(c.multiplier)),
-        replace(c, cap_r=1e6 * c.cap_r, cap_q=1e6 * c.cap_q, multiplier=-c.multiplier),
+        replace(c, multiplier=-c.multiplier),
     ]
     if len(c.leaves) > 1:  # one is forgotten, its rows stand with the one before
         out.append(replace(c, leaves=c.leaves[:-1], start=np.append(c.start[:-2], c.start[-1])))
@@ -221,7 +221,8 @@ def tampered(c: Certificate) -> list[Certificate]:
         out.append(replace(c, right=put(c.right, sector[0], c.right[sector[0]] - 1)))
     if c.scalar:
         lo, hi = c.scalar
-        out.append(replace(c, scalar=(0.9 * lo, hi) if c.question.goal == "largest" else (lo, 1.1 * hi)))
+        wider = {"largest": (0.9 * lo, hi), "smallest preload": (lo, np.inf)}
+        out.append(replace(c, scalar=wider.get(c.question.goal, (lo, 1.1 * hi))))
     return out
 
 
