@@ -42,6 +42,7 @@ from holdfast.stability.certificate import (
 
 UNIT = 2.0**-53  # relative error of one rounded operation
 CHUNK = 256  # leaves whose systems are in memory at a time
+SLIGHT = 1e-10  # relative: a contradiction no larger than this is one of rounding, in the question's own numbers
 DUST = 1e-13  # relative: multipliers of equalities below this are taken for 0
 LEAST = 1e-4  # a small multiplier may change by this share of what an equality's may, relative to the rows' size
 TILT = 1e-16  # relative, of a diagonal: enough for an inverse to exist, which may be useless
@@ -241,7 +242,10 @@ def bounds(question: Question, scalar: tuple[float, float] | None) -> tuple[Arra
 
 
 def proved_margins(certificate: Certificate, cases: Integers) -> Array:
-    """(L,) y b + v h of every leaf, relative to its terms; positive is a proof.
+    """(L,) y b + v h of every leaf, relative to its terms; positive is a proof, -inf is none.
+
+    A margin below `SLIGHT` is none: two contacts hold no torque about their line, and a load that was computed misses
+    what they do hold by 1e-17. A witness may miss the equations by 1e-9.
 
     cases: (L, m+a, 3) of `verify.leaf_cases`.
     """
@@ -260,7 +264,7 @@ def proved_margins(certificate: Certificate, cases: Integers) -> Array:
         for k in np.flatnonzero(~(margins[chosen] > 0)):
             exact = exact or Exact.of(q)
             margins[chosen[k]] = exact.margin(leaves, int(k), rows)
-    return margins
+    return np.where(margins > SLIGHT, margins, -np.inf)
 
 
 @dataclass(frozen=True, eq=False)

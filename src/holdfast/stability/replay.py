@@ -414,7 +414,7 @@ def _shown_limit(result: Result, answer: MaxEntry) -> dict[str, Any]:
     limit = result.said.get("limit")
     if limit is not None:
         value = limit.get("value") if isinstance(limit, dict) else None
-        if not _is_number(value) or answer.upper is None or answer.unbounded:
+        if value is None or not _is_number(value) or answer.upper is None or answer.unbounded:
             raise Refused("limit is none of a largest magnitude")
         if not answer.lower <= value <= answer.upper * (1 + SAME):
             raise Refused(f"its limit {value:.9g} lies outside of its bounds")
