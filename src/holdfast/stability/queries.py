@@ -23,7 +23,7 @@ from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.engine import front
 from holdfast.stability.engine.reduced import HIGHEST
 from holdfast.stability.goal import NEAR_END, Goal, search_end
-from holdfast.stability.interval import resisted
+from holdfast.stability.interval import Interval, resisted
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Settings
@@ -97,7 +97,7 @@ def maximum(
     Args:
         direction: (6,) force [N] and torque [N m]; s multiplies it as given, normalise it yourself.
         base: (6,) a constant load such as gravity.
-        interval: find out by samples which smaller magnitudes are resisted, see `stability/interval`.
+        interval: show which smaller magnitudes are resisted, too, see `stability/interval`.
 
     The other arguments and errors are those of `check`.
     """
@@ -106,8 +106,15 @@ def maximum(
     p = problem.build(grasp, w0, direction, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
     answer = largest(p, settings, on_step)[0]
     if interval and answer.lower > 0:
-        answer = replace(answer, interval=resisted(p, answer.lower, settings, unbounded=answer.unbounded))
+        answer = replace(answer, interval=_interval(answer, settings))
     return answer
+
+
+def _interval(answer: MaxAnswer, settings: Settings) -> Interval | None:
+    """Which magnitudes below a maximum are resisted; None if it has no witness."""
+    if answer.posed is None or answer.witness is None:
+        return None
+    return resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
 
 
 def largest(
