@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -18,21 +19,21 @@ from holdfast.stability import arc as arcs
 from holdfast.stability import asked
 from holdfast.stability.arc import Arc
 from holdfast.stability.certificate import Certificate
-from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.engine import exact, front
 from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.engine.search import Lane
-from holdfast.stability.goal import ENDLESS, Goal, Point, interval, search_end
+from holdfast.stability.goal import Goal, Point, interval, unit
 from holdfast.stability.model import State
 from holdfast.stability.outcome import INF
 from holdfast.stability.problem import Problem
-from holdfast.stability.ranges import Known, Range, known
+from holdfast.stability.ranges import Known, Range, known, slip_range
 from holdfast.stability.settings import Settings
 from holdfast.stability.witness import VALID, as_witness
 
 DEGREE = 6  # of arcs, where a straight line does not do
-FINEST = 1e-2  # of the resolution: narrower ranges are not halved
+FINEST = 1e-8  # of the resolution: narrower ranges are not halved
 SWITCH = 1e-14  # relative: contacts and actuators change their modes between two magnitudes as near as this at least
+SAME = 1e-8  # relative: so near each other a state may do for both
 CLOSE = 1e-6  # relative: so near each other states of different modes may be joined
 TINY = 1e-9  # (scaled) forces and motions that are none
 LEAST = 1e-6  # relative gap of searches
@@ -62,18 +63,14 @@ class Interval:
     arcs: tuple[Arc, ...]
     slips: tuple[Certificate, ...]
 
-
-def unit_of(p: Problem) -> float:
-    """The magnitude at which the disturbance is as large as the other forces in play."""
-    return p.stretch * search_end(p) / ENDLESS
-
-
-def slip_range(c: Certificate) -> Range:
-    """The magnitudes of which a certificate says that they slip."""
-    lo, hi = c.scalar or (0.0, 0.0)
-    if c.question.goal is not Claimed.SMALLEST_PRELOAD:
-        return lo, hi
-    return 1.0 / hi, 1.0 / lo if lo > 0 else INF
+    def to_json(self) -> dict[str, Any]:
+        """Its keys in the answer of `max`, beside `holds_from_zero_to`."""
+        return {
+            "holds_from_zero_upper": self.upper if np.isfinite(self.upper) else None,
+            "holes": [list(r) for r in self.holes],
+            "unproved": [list(r) for r in self.unproved],
+            "resolution": self.resolution,
+        }
 
 
 def resisted(p: Problem, goal: Goal, largest: float, upper: float, state: State, settings: Settings) -> Interval:
@@ -106,13 +103,11 @@ class _Line:
     def known(self, largest: float, upper: float) -> Known:
         """The ranges together."""
         good, bad = [(a.first, a.last) for a in self.arcs], [slip_range(c) for c in self.slips]
-        return known(good, bad, largest, upper, self.settings.gap, unit_of(self.p))
+        return known(good, bad, largest, upper, self.settings.gap, unit(self.p))
 
     def cover(self, largest: float, state: State) -> None:
         """Show as much as possible of all magnitudes from 0 to the largest."""
-        last = self._at(largest, self._point(state, largest))
-        if last is None:
-            return
+        last = self._exact(largest, state)
         first, z = 0.0, self._zero
         if z is None:
             above = self._next(0.0, largest)
@@ -128,7 +123,7 @@ class _Line:
         if not self.p.w0.any() and not self.p.f_c.any():
             return np.zeros(len(self.r.cost))
         found = front.search(self.p, Goal.EXISTS, self._quick())
-        return None if found.witness is None else self._at(0.0, self._point(found.witness.state, 0.0))
+        return None if found.witness is None else self._exact(0.0, found.witness.state)
 
     # --- what is resisted
 
@@ -146,7 +141,7 @@ class _Line:
                 u, zu, v, zv = switch
                 todo += [(v, zv, b, zb), (a, za, u, zu)]
                 continue
-            if b - a < FINEST * self.settings.gap * max(b, unit_of(self.p)) or self._branches(a, za, b, zb):
+            if b - a < FINEST * self.settings.gap * max(b, unit(self.p)) or self._branches(a, za, b, zb):
                 continue
             m = (a + b) / 2 if b < 4 * a or a == 0 else np.sqrt(a * b)
             zm = self._at(m, za + (m - a) / (b - a) * (zb - za))
@@ -157,12 +152,12 @@ class _Line:
             if below is None:
                 continue
             c, zc, high = below
-            todo.append((a, za, c, zc))
-            if high is None:
+            if zc is not None and a < c:
+                todo.append((a, za, c, zc))
+            if zc is not None and high is None:
                 todo.append((c, zc, b, zb))
-                continue
-            above = self._next(m, b)
-            if above is not None:
+            above = None if high is None else self._next(m, b)
+            if above is not None and high is not None:
                 low, d, zd = above
                 self._slip(high, low)
                 todo.append((d, zd, b, zb))
@@ -172,10 +167,18 @@ class _Line:
         r = replace(self.r, lo=np.r_[-s / self.p.stretch, self.r.lo[1:]])
         return exact.solve(r, start, hold=True, lane=self.lane)
 
+    def _exact(self, s: float, state: State) -> Array:
+        """The point (n,) of a state at a magnitude, solved again with what the magnitude is."""
+        z = self._point(state, s)
+        solved = self._at(s, z)
+        return z if solved is None else solved
+
     def _joined(self, a: float, za: Array, b: float, zb: Array) -> bool:
         """Is there an arc between two points that solves the model all along? It is kept."""
         if self._arc(a, b, [za, zb]):
             return True
+        if b - a < SAME * b and (self._arc(a, b, [za, za]) or self._arc(a, b, [zb, zb])):
+            return True  # states of different kinds, nearer than any witness can tell
         if self._modes(za) != self._modes(zb):
             return False
         points = []
@@ -258,9 +261,14 @@ class _Line:
             return stretch / b, stretch / a if a > 0 else INF
         return -b / stretch, -a / stretch
 
-    def _last(self, a: float, m: float) -> tuple[float, Array, float | None] | None:
-        """The largest resisted magnitude up to m, its point, and above which none is (None if it is m); None if unknown."""
+    def _last(self, a: float, m: float) -> tuple[float, Array | None, float | None] | None:
+        """The largest resisted magnitude from a to m, its point, and above which none is; None if unknown.
+
+        No point if none is resisted, no magnitude above which none is if m itself is.
+        """
         found = front.search(self.p, self.goal, self._quick((m - a) / m), within=self._within(a, m))
+        if found.bound == INF:
+            return a, None, a
         if found.witness is None:
             return None
         s, high = interval(self.p, self.goal, found.value, found.bound)
@@ -268,8 +276,7 @@ class _Line:
         if self.goal is Goal.SMALLEST_PRELOAD:
             state = state.scaled(s / self.p.stretch)
         s = min(s, m)
-        z = self._at(s, self._point(state, s))
-        return None if z is None or not a < s else (s, z, high if high < m else None)
+        return s, self._exact(s, state), high if high < m else None
 
     def _next(self, m: float, b: float) -> tuple[float, float, Array] | None:
         """Below which magnitude none from m on is resisted, the smallest that is, and its point; None if unknown."""
@@ -279,8 +286,7 @@ class _Line:
         if found.witness is None:
             return None
         s, low = found.value * p.stretch, found.bound * p.stretch
-        z = self._at(s, self._point(found.witness.state, s))
-        return None if z is None or not s < b else (max(low, m), s, z)
+        return (max(low, m), s, self._exact(s, found.witness.state)) if s < b else None
 
     def _slip(self, a: float, b: float) -> None:
         """Certify that every magnitude from a to b slips."""

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from holdfast.stability.certificate import Certificate, Goal
+
 Range = tuple[float, float]
+INF = float("inf")
 
 
 @dataclass(frozen=True)
@@ -16,8 +19,8 @@ class Known:
         to: every magnitude from 0 to here is resisted; 0 if that is not shown of any.
         upper: a magnitude that slips: where the first hole begins, or above the largest; inf if neither is known.
         holes: (first, last): every magnitude from the first to the last slips; more is resisted.
-        unproved: ranges of which nothing is shown. Not among them are those between a hole and what is resisted
-            beside it that are as narrow as the resolution.
+        unproved: ranges of which not all is shown. Not among them are those between a hole and what is resisted
+            beside it that are as narrow as the resolution. Such as lie nearer to each other than that are one.
     """
 
     to: float
@@ -48,15 +51,26 @@ def known(
     if any(b > largest for _, b in holes):
         raise ValueError(f"{largest:.9g} is shown to be resisted, and to slip")
     unproved: list[Range] = []
-    at, at_hole = 0.0, False
+    at, before = 0.0, True
     for first, last, held in [*parts, (largest, largest, True)]:
         end = min(first, largest)
-        wide = end - at > resolution * max(end, min(unit, largest))
-        if end > at and (wide or held != at_hole):
-            unproved.append((at, end))
-        at, at_hole = max(at, last), not held
+        fine = resolution * max(end, min(unit, largest))
+        if end > at and (end - at > fine or held == before):
+            if unproved and at - unproved[-1][1] < fine and all(not unproved[-1][1] <= a < at for a, _ in holes):
+                unproved[-1] = unproved[-1][0], end
+            else:
+                unproved.append((at, end))
+        at, before = max(at, last), held
     to = next((last for first, last in good if first <= 0), 0.0)
     return Known(min(to, largest), holes[0][0] if holes else upper, holes, tuple(unproved))
+
+
+def slip_range(c: Certificate) -> Range:
+    """The magnitudes of which a certificate says that they slip."""
+    lo, hi = c.scalar or (0.0, 0.0)
+    if c.question.goal is not Goal.SMALLEST_PRELOAD:
+        return lo, hi
+    return (1.0 / hi if hi > 0 else INF), (1.0 / lo if lo > 0 else INF)
 
 
 def merged(ranges: Iterable[Range]) -> tuple[Range, ...]:
