@@ -152,6 +152,8 @@ class _Line:
             if below is None:
                 continue
             c, zc, high = below
+            if high is None and c - a < (m - a) / 2:
+                continue  # no progress
             if zc is not None and a < c:
                 todo.append((a, za, c, zc))
             if zc is not None and high is None:
@@ -266,6 +268,8 @@ class _Line:
 
         No point if none is resisted, no magnitude above which none is if m itself is.
         """
+        if m - a < 8 * LEAST * m:  # no search tells the two apart
+            a = m
         found = front.search(self.p, self.goal, self._quick((m - a) / m), within=self._within(a, m))
         if found.bound == INF:
             return a, None, a
