@@ -72,7 +72,7 @@ def nodes(k: int) -> Array:
 @cache
 def controls_of(k: int) -> Array:
     """(k+1, k+1) from the values at the `nodes` to the control values."""
-    out: Array = np.linalg.inv(bernstein(k, nodes(k)))
+    out: Array = np.asarray(np.linalg.inv(bernstein(k, nodes(k))), dtype=float)
     out[0], out[-1] = np.eye(k + 1)[0], np.eye(k + 1)[-1]
     return out
 
@@ -106,7 +106,7 @@ def _excess(q: Question, arc: Arc) -> float:
     d = r @ g.G - joints @ g.J.T
     D = d.reshape(k + 1, -1, 3)
     c_n, c_t, d_n, d_t, mu = C[:, :, 0], C[:, :, 1:], D[:, :, 0], D[:, :, 1:], g.mu
-    least_n, most_n = c_n.min(axis=0), c_n.max(axis=0)
+    least_n = c_n.min(axis=0)
     slow, fast = least_norm(d_t), np.sqrt((d_t**2).sum(axis=2)).max(axis=0)
     speed, speed_off = _norm(d_t, slow)
 

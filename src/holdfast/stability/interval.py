@@ -28,7 +28,7 @@ from holdfast.stability.outcome import INF
 from holdfast.stability.problem import Problem
 from holdfast.stability.ranges import Known, Range, known, slip_range
 from holdfast.stability.settings import Settings
-from holdfast.stability.witness import VALID, as_witness
+from holdfast.stability.witness import VALID
 
 DEGREE = 6  # of arcs, where a straight line does not do
 FINEST = 1e-8  # of the resolution: narrower ranges are not halved

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 from holdfast.stability.certificate import Certificate, Goal
 
@@ -44,7 +45,7 @@ def known(
     """
     good, bad = merged(resisted), merged(slips)
     parts = sorted([(*r, True) for r in good] + [(*r, False) for r in bad])
-    for (_, end, _), (begin, _, _) in zip(parts, parts[1:], strict=False):
+    for (_, end, _), (begin, _, _) in pairwise(parts):
         if begin < end:
             raise ValueError(f"{begin:.9g} is shown to be resisted, and to slip")
     holes = tuple((a, b) for a, b in bad if a < largest)

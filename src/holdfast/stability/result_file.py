@@ -55,8 +55,8 @@ class MaxEntry(AnswerEntry):
     unbounded: bool
     holds_from_zero_to: float | None = None
     holds_from_zero_upper: float | None = None
-    holes: list[tuple[float, float]] = []
-    unproved: list[tuple[float, float]] = []
+    holes: list[tuple[float, float]] = Field(default_factory=list)
+    unproved: list[tuple[float, float]] = Field(default_factory=list)
     resolution: Annotated[float, Field(ge=0)] | None = None
 
 
@@ -94,8 +94,8 @@ class ResultFile(Strict):
     answer: Annotated[CheckEntry | MaxEntry | TorquesEntry, Field(discriminator="query")]
     witness: WitnessEntry | None
     certificate: dict[str, Any] | None
-    arcs: list[ArcEntry] = []
-    slips: list[dict[str, Any]] = []
+    arcs: list[ArcEntry] = Field(default_factory=list)
+    slips: list[dict[str, Any]] = Field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)

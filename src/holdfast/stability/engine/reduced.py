@@ -170,9 +170,7 @@ class Reduced:
         return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
 
 
-def reduce(
-    p: Problem, goal: Goal, *, endless: bool = False, within: tuple[float, float] | None = None
-) -> Reduced:
+def reduce(p: Problem, goal: Goal, *, endless: bool = False, within: tuple[float, float] | None = None) -> Reduced:
     """Eliminate the linear equations of a question.
 
     Args:
