@@ -13,12 +13,17 @@ import numpy as np
 import pytest
 
 from holdfast.answer import Verdict
+from holdfast.cli import main
+from holdfast.cli.map import csv
 from holdfast.errors import InputError
 from holdfast.grasp import Grasp
-from holdfast.grasp_file import load_grasp
+from holdfast.grasp_file import load_grasp, save_grasp
+from holdfast.plot import draw_map
+from holdfast.report import words
 from holdfast.stability import arc, interval, model, replay, result_file
 from holdfast.stability.answers import MaxAnswer
 from holdfast.stability.arc import Arc
+from holdfast.stability.maps import MapAnswer, force_map
 from holdfast.stability.model import State
 from holdfast.stability.queries import check, maximum
 from holdfast.stability.ranges import known, slip_range
@@ -378,3 +383,72 @@ def test_no_hole_where_the_cap_on_motions_made_one() -> None:
     assert witness.valid
     assert np.abs(witness.state.r[:3]).max() > 1e3
     assert replay.verify(answer).ok
+
+
+# --- maps ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def holed_map() -> MapAnswer:
+    """Forces in a plane, in one of which directions the grasp has a hole."""
+    return force_map(random_case(3, 510).grasp, "xz", steps=4, interval=True, jobs=1)
+
+
+def test_a_map_says_what_its_maxima_say(holed_map: MapAnswer) -> None:
+    curve = holed_map.preloaded
+    said = curve.to_json()
+    assert any(said["holes"])
+    for k, direction in enumerate(holed_map.directions):
+        shown = maximum(holed_map.grasp, [*direction, 0, 0, 0], interval=True).interval
+        if shown is None:
+            assert (said["holds_from_zero_to"][k], said["holes"][k]) == (0.0, [])
+            continue
+        assert said["holds_from_zero_to"][k] == pytest.approx(shown.holds_from_zero_to, rel=2 * GAP)
+        assert len(said["holes"][k]) == len(shown.holes)
+        for mine, its in zip(said["holes"][k], shown.holes, strict=True):
+            assert mine == pytest.approx(its, rel=2 * GAP)
+
+
+def test_holes_are_in_the_table_and_crossed_out_in_the_picture(holed_map: MapAnswer) -> None:
+    head, *lines = csv(holed_map).splitlines()
+    column = head.split(",").index("holes_with_preload")
+    holes = [h.holes if h else () for h in holed_map.preloaded.intervals]
+    assert [line.split(",")[column] for line in lines] == [" ".join(f"{a!r}:{b!r}" for a, b in h) for h in holes]
+    crossed = [p for p in draw_map(holed_map).axes[0].patches if p.get_hatch() == "xxxx"]
+    assert len(crossed) == sum(map(len, holes)) + sum(len(h.holes) for h in holed_map.passive.intervals if h)
+
+
+def test_a_map_that_was_not_asked_says_nothing_of_holes() -> None:
+    plain = force_map(random_case(3, 510).grasp, "xz", steps=2, jobs=1)
+    assert "holes" not in plain.to_json()["with_preload"]
+    assert "holes" not in csv(plain)
+
+
+# --- words --------------------------------------------------------------------------------------------
+
+
+def test_the_words_of_a_hole(holed: tuple[Grasp, np.ndarray, MaxAnswer]) -> None:
+    _, direction, answer = holed
+    i, unit = answer.interval, words.magnitude(direction)
+    text = words.interval_sentence(answer, direction)
+    ((first, last),) = i.holes
+    assert f"Everything from 0 to {words.num(unit[0] * i.holds_from_zero_to)} {unit[1]} is resisted" in text
+    assert f"slips from {words.num(unit[0] * first)} to {words.num(unit[0] * last)} {unit[1]}" in text
+    assert "largest" in words.max_sentence(answer, direction)
+
+
+def test_check_does_not_call_too_much_what_is_too_little(
+    holed: tuple[Grasp, np.ndarray, MaxAnswer], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    grasp, direction, answer = holed
+    save_grasp(grasp, tmp_path / "grasp.json")
+    ((first, last),) = answer.interval.holes
+    for size, says, not_this in (
+        ((first + last) / 2, "More of this disturbance is resisted", "too much"),
+        (1.1 * answer.upper, "too much", "More of"),
+    ):
+        main(["check", str(tmp_path / "grasp.json"), "--wrench", *map(repr, (size * direction).tolist())])
+        out = " ".join(capsys.readouterr().out.split())
+        assert "SLIPS" in out
+        assert says in out
+        assert not_this not in out

@@ -23,7 +23,7 @@ from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.engine import front
 from holdfast.stability.engine.reduced import HIGHEST
 from holdfast.stability.goal import NEAR_END, Goal, search_end
-from holdfast.stability.interval import Interval, resisted
+from holdfast.stability.interval import resisted
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Settings
@@ -105,16 +105,15 @@ def maximum(
     w0 = np.zeros(6) if base is None else base
     p = problem.build(grasp, w0, direction, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
     answer = largest(p, settings, on_step)[0]
-    if interval and answer.lower > 0:
-        answer = replace(answer, interval=_interval(answer, settings))
-    return answer
+    return with_interval(answer, settings) if interval else answer
 
 
-def _interval(answer: MaxAnswer, settings: Settings) -> Interval | None:
-    """Which magnitudes below a maximum are resisted; None if it has no witness."""
-    if answer.posed is None or answer.witness is None:
-        return None
-    return resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
+def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
+    """A maximum with which smaller magnitudes are resisted; as it is if none is."""
+    if answer.posed is None or answer.witness is None or not answer.lower > 0:
+        return answer
+    shown = resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
+    return replace(answer, interval=shown)
 
 
 def largest(
