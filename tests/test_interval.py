@@ -16,7 +16,7 @@ from holdfast.answer import Verdict
 from holdfast.cli import main
 from holdfast.cli.map import csv
 from holdfast.errors import InputError
-from holdfast.grasp import Grasp
+from holdfast.grasp import Contact, Grasp, GraspJoint
 from holdfast.grasp_file import load_grasp, save_grasp
 from holdfast.plot import draw_map
 from holdfast.report import words
@@ -148,6 +148,28 @@ def test_a_hole_that_begins_at_nothing() -> None:
     assert replay.verify(answer).ok
 
 
+@pytest.mark.parametrize(("push", "weight"), [(2.0, 0.0), (2.0, 0.5), (3.0, 1.0)])
+def test_a_hole_by_hand(push: float, weight: float) -> None:
+    """A box on a table, and a motor below it that pushes it up: it stays if it is pressed on by the rest of the push.
+
+    Contacts only push, and the motor's gearing carries more than its command, never less: with the weight, s has to
+    be as large as the push at least. Any more is resisted.
+    """
+    contacts = [*table().contacts, Contact(np.zeros(3), np.array([0, 0, 1.0]), 0.4)]
+    lift = GraspJoint("lift", np.array([0, 0, 1.0]), np.zeros(3), (4,), "prismatic")
+    grasp = Grasp(contacts, [lift], preload={"lift": push}, name="lifted")
+    answer = maximum(grasp, [0, 0, -1.0, 0, 0, 0], base=[0, 0, -weight, 0, 0, 0], interval=True)
+    i, end = answer.interval, push - weight
+    assert answer.unbounded
+    assert (i.holds_from_zero_to, i.upper, i.unproved) == (0.0, 0.0, ())
+    ((first, last),) = i.holes
+    assert first == 0.0
+    assert end - GAP * push <= last < end
+    assert min(a.first for a in i.arcs) == pytest.approx(end, abs=GAP * push)
+    assert max(a.last for a in i.arcs) == answer.lower
+    assert replay.verify(answer).ok
+
+
 def test_what_a_time_limit_leaves_is_said(holed: tuple[Grasp, np.ndarray, MaxAnswer]) -> None:
     answer = holed[2]
     settings = Settings(time_limit=1e-6)
@@ -234,6 +256,13 @@ def test_a_limit_that_is_passed_between_two_magnitudes_is_seen() -> None:
     most = max(float(s.c[0::3].max()) for s in a.controls)
     assert arc.excess(replace(answer.question, force_limit=0.99 * most), a) == np.inf
     assert arc.excess(replace(answer.question, force_limit=1.01 * most), a) <= VALID
+
+
+def test_a_contact_without_friction_has_an_arc() -> None:
+    """A smooth table: straight down, everything is resisted."""
+    answer = maximum(table(mu=0.0), [0, 0, -1.0, 0, 0, 0], base=[0, 0, -10, 0, 0, 0], interval=True)
+    assert answer.interval.holds_from_zero_to == answer.lower
+    assert replay.verify(answer).ok
 
 
 def test_bezier_products_and_least_norms() -> None:

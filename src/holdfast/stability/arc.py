@@ -122,7 +122,8 @@ def _excess(q: Question, arc: Arc) -> float:
     squares = product(c_t, c_t).sum(axis=2) - mu**2 * product(c_n, c_n)
     over, negative = np.maximum(squares.max(axis=0), 0.0), mu * np.maximum(-least_n, 0.0)
     root = np.sqrt(over + negative**2) + negative
-    ratio = np.where(least_n > 0, over / np.where(least_n > 0, mu * least_n, 1.0), np.inf)
+    strong = mu * least_n
+    ratio = np.where(strong > 0, over / np.where(strong > 0, strong, 1.0), np.inf)
     cone = np.minimum(np.minimum((tangential - mu * c_n).max(axis=0), root), ratio)
 
     # (6), (7): c_t |d_t| + mu c_n d_t along d_t and across; small anyway where either is small
