@@ -29,6 +29,7 @@ DPI = 100
 FILL = {BLUE: "#6c9fd6", MAROON: MAROON}  # far apart in lightness too, for print and colour-blind eyes
 WEAK = "#d0021b"
 HELD = {"enough": (INK, 1.2, "-"), "weak": (WEAK, 4.5, "-"), "open": (AMBER, 3.0, ":")}  # arcs of the weight's circle
+HOLE: dict[str, Any] = {"fc": "#ffffff", "ec": WEAK, "hatch": "xxxx", "lw": 0.0}
 FEW = 72  # directions; up to here each one is marked by a dot
 
 
@@ -51,7 +52,8 @@ def draw_map(answer: MapAnswer, *, limit: float | None = None, weight: float | N
 
     Blue is resisted with every actuator locked, maroon is what the preload adds. The radius in a
     direction is the largest resisted force; a direction in which every force is resisted reaches the
-    edge. Directions that are not decided are hatched from what is known to hold to what may.
+    edge. Smaller forces that slip are crossed out, if the map was asked for them. Directions
+    that are not decided are hatched from what is known to hold to what may.
 
     Args:
         limit: half width of the picture [N]; by default chosen from the finite radii.
@@ -71,6 +73,7 @@ def draw_map(answer: MapAnswer, *, limit: float | None = None, weight: float | N
     _region(ax, d, answer.passive, radius, BLUE, 3)
     if answer.preloaded is not None:  # where the preload takes resistance away, its outline shows it
         ax.add_patch(Polygon(_outline(d, answer.preloaded, radius), fill=False, ec=MAROON, lw=1.4, zorder=4))
+    holed = sum([_holes(ax, d, curve, radius) for curve in answer.curves])
     open_ones = sum(_undecided(ax, d, curve, radius) for curve in answer.curves)
     if weight:
         _circle(ax, d, answer.curves[-1], weight)
@@ -80,7 +83,7 @@ def draw_map(answer: MapAnswer, *, limit: float | None = None, weight: float | N
     ax.set_title(f"Forces resisted in the {answer.plane} plane", loc="left", fontsize=12, color=INK)
     ax.grid(color="#e4e4e4", lw=0.6, zorder=0)
     _tidy(ax)
-    bottom = _map_key(figure, answer, weight, hatched=open_ones > 0)
+    bottom = _map_key(figure, answer, weight, hatched=open_ones > 0, holed=holed > 0)
     _inset(figure, answer, (i, j), min(0.34, bottom - 0.135))
     return figure
 
@@ -121,6 +124,21 @@ def _undecided(ax: Any, d: Array, curve: Curve, radius: float) -> int:
     return seen
 
 
+def _holes(ax: Any, d: Array, curve: Curve, radius: float) -> int:
+    """Hatch the forces that slip though larger ones are resisted; returns how many of these can be seen."""
+    seen = 0
+    half = 180.0 / len(d)
+    for (x, y), shown in zip(d, curve.intervals, strict=False):
+        angle = float(np.degrees(np.arctan2(y, x)))
+        for first, last in shown.holes if shown else ():
+            high = min(last, 4 * radius)
+            if first < high:
+                seen += first < 1.42 * radius
+                width = high - first
+                ax.add_patch(Wedge((0, 0), high, angle - half, angle + half, width=width, zorder=5, **HOLE))
+    return seen
+
+
 def _circle(ax: Any, d: Array, curve: Curve, weight: float) -> None:
     """The object's weight, arc by arc: is as much resisted in that direction?"""
     half = 180.0 / len(d)
@@ -132,7 +150,7 @@ def _circle(ax: Any, d: Array, curve: Curve, weight: float) -> None:
         ax.add_patch(arc)
 
 
-def _map_key(figure: Figure, answer: MapAnswer, weight: float | None, *, hatched: bool) -> float:
+def _map_key(figure: Figure, answer: MapAnswer, weight: float | None, *, hatched: bool, holed: bool) -> float:
     """What the colours mean and the facts of the map; returns where they end in the figure."""
     states = [words.curve_states(c) for c in answer.curves]
     entries: list[Any] = [Patch(fc=FILL[BLUE], label="resisted with no preload")]
@@ -140,6 +158,8 @@ def _map_key(figure: Figure, answer: MapAnswer, weight: float | None, *, hatched
         entries.append(Patch(fc=MAROON, label="added by the preload"))
     if hatched:
         entries.append(Patch(fc="#bdbdbd", ec="#5c5c5c", hatch="////", lw=0, label="not decided"))
+    if holed:
+        entries.append(Patch(label="slips, though more is resisted", **HOLE))
     if len(answer.directions) <= FEW:
         few = Line2D([], [], ls="", marker="o", ms=4, mfc="white", mec=INK, label="computed direction")
         entries.append(few)

@@ -27,7 +27,7 @@ class Check(Load, QueryOptions, Saved, FrictionModel, Command):
         from holdfast.report import Entry, write_report
         from holdfast.report.words import load_text
         from holdfast.stability.margin import RUBBER_PAD, margin
-        from holdfast.stability.queries import check
+        from holdfast.stability.queries import check, maximum
         from holdfast.stability.settings import Settings
 
         if self.stiffness is not None and not self.margin:
@@ -50,7 +50,8 @@ class Check(Load, QueryOptions, Saved, FrictionModel, Command):
         else:
             tables.show_check(console.out(), grasp, wrench, answer, self)
             if answer.verdict is Verdict.SLIPS and grasp.preload and any(wrench):
-                # too heavy, or was there no equilibrium to disturb? A short look tells
-                alone = check(grasp, [0.0] * 6, eta=options["eta"], settings=Settings(time_limit=5.0))
-                tables.show_preload_alone(console.out(), alone)
+                # too much, too little, or was there no equilibrium to disturb? A short look tells
+                short = {**options, "mdp": self.mdp, "settings": Settings(time_limit=5.0)}
+                alone, most = check(grasp, [0.0] * 6, **short), maximum(grasp, wrench, **short)
+                tables.show_beside(console.out(), alone, most)
         return console.status(answer.verdict, answer.margin.stop if answer.margin else answer.stop)

@@ -34,6 +34,8 @@ class Map(QueryOptions, Command):
     """number of directions"""
     output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
     """picture (.png, .svg) or numbers (.csv, .json)"""
+    interval: bool = False
+    """show in every direction which smaller forces slip, too; takes many times as long"""
     limit: Annotated[float | None, arg(metavar="N")] = None
     """radius of the picture [N]"""
     weight: Annotated[float | None, arg(metavar="N")] = None
@@ -50,6 +52,7 @@ class Map(QueryOptions, Command):
             if force is not None and not 0 < force < float("inf"):
                 raise InputError(f"is {force:g}; a force above 0 [N] is needed", field=name)
         with console.watch("map") as watch:
+            options |= {"interval": self.interval}
             options |= {"at": self.at, "steps": self.steps, "jobs": jobs(), "on_item": watch.item}
             answer = force_map(grasp, self.plane, **options)
         if self.output:
@@ -93,10 +96,15 @@ def save(
 
 
 def csv(answer: MapAnswer) -> str:
-    """One line per direction; an empty upper bound is unbounded or not known."""
+    """One line per direction; an empty upper bound is unbounded or not known.
+
+    Holes are first:last, with spaces between.
+    """
     named = [("without", answer.passive), ("with", answer.preloaded)]
     curves = [(name, curve) for name, curve in named if curve is not None]
-    keys = ("lower", "upper", "unbounded", "verdict")
+    keys: tuple[str, ...] = ("lower", "upper", "unbounded", "verdict")
+    asked = any(c.intervals for _, c in curves)
+    keys += ("holds_from_zero_to", "holes") if asked else ()
     columns = [f"{key}_{name}_preload" for name, _ in curves for key in keys]
     lines = [",".join(["dx", "dy", "dz", *columns])]
     for i, d in enumerate(answer.directions):
@@ -104,6 +112,10 @@ def csv(answer: MapAnswer) -> str:
         for _, c in curves:
             unbounded = str(bool(c.unbounded[i])).lower()
             cells += [number(c.lower[i]), number(c.upper[i]), unbounded, str(c.verdicts[i])]
+            if asked:
+                shown = c.intervals[i] if c.intervals else None
+                holes = [f"{first!r}:{last!r}" for first, last in shown.holes] if shown else []
+                cells += [number(shown.holds_from_zero_to if shown else 0.0), " ".join(holes)]
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
 

@@ -13,7 +13,7 @@ class Max(QueryOptions, Saved, FrictionModel, Command):
     """How large a disturbance along a direction does the grasp resist?
 
     The answer is a pair of bounds: the largest magnitude shown to be resisted, and one that no larger
-    magnitude exceeds. Magnitudes below the largest are not always resisted too; --interval samples them.
+    magnitude exceeds. Magnitudes below the largest are not always resisted too; --interval tells which.
     """
 
     direction: Wrench
@@ -21,7 +21,7 @@ class Max(QueryOptions, Saved, FrictionModel, Command):
     base: Wrench = ()
     """a constant load beside it, such as the weight"""
     interval: bool = False
-    """find out, by samples, up to which magnitude everything is resisted, and where there are holes"""
+    """show up to which magnitude everything is resisted, and where there are holes"""
 
     def run(self) -> int:
         from holdfast.cli import tables

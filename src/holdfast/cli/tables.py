@@ -55,12 +55,19 @@ def show_margin(out: Console, margin: Margin) -> None:
     out.print(words.margin_note(margin), style="dim")
 
 
-def show_preload_alone(out: Console, alone: CheckAnswer) -> None:
-    """Whether the preload without any disturbance has an equilibrium, where one with it has none."""
+def show_beside(out: Console, alone: CheckAnswer, most: MaxAnswer) -> None:
+    """Where a disturbance slips: does the preload alone hold, and is more or less of the disturbance resisted?"""
     if alone.verdict is Verdict.SLIPS:
         out.print("The preload alone slips already: its own forces do not balance on the object.")
     elif alone.verdict is Verdict.HOLDS:
-        out.print("The preload alone holds; this disturbance is too much.")
+        out.print("The preload alone holds.")
+    if most.lower > 1:
+        times = "as much as you like" if most.unbounded else f"{num(most.lower)} times as much"
+        out.print(
+            f"More of this disturbance is resisted: {times}. Magnitudes that are resisted need not be an interval."
+        )
+    elif 0 < most.upper < 1:
+        out.print(f"It is too much: nothing above {num(most.upper)} times as much is resisted.")
 
 
 def show_max(out: Console, grasp: Grasp, direction: Load, answer: MaxAnswer, asked: QueryOptions) -> None:
@@ -70,13 +77,7 @@ def show_max(out: Console, grasp: Grasp, direction: Load, answer: MaxAnswer, ask
         out.print(f"\nThe equilibrium at {num(factor * answer.lower)} {unit}:", style="bold")
         show_witness(out, answer.witness)
     if answer.interval:
-        factor, unit = words.magnitude(direction)
-        i = answer.interval
-        text = f"Every sampled magnitude up to {num(factor * i.holds_from_zero_to)} {unit} is resisted"
-        holes = ", ".join(f"{num(factor * a)} to {num(factor * b)}" for a, b in i.holes)
-        text += f"; it slips at {holes} {unit}, but not beyond" if holes else ""
-        text += f"; {i.undecided} stayed undecided" if i.undecided else ""
-        out.print(f"\n{text} ({i.samples} samples).")
+        out.print(f"\n{words.interval_sentence(answer, direction)}")
     _written(out, asked)
 
 
@@ -107,6 +108,10 @@ def show_verified(out: Console, what: Result | Certificate, done: Verified) -> N
     if done.certificate:
         c = done.certificate
         rows.append(["certificate", c.claim, f"{words.count(c.leaves, 'leaf')}, margin {c.margin:.1e}", c.reason])
+    if done.interval:
+        i = done.interval
+        shown = f"{words.count(i.arcs, 'range')} of states, {words.count(i.slips, 'certificate')}"
+        rows.append(["smaller", i.claim, f"{shown}, residual {i.residual:.1e}", i.reason])
     if rows:
         grid = table("", "claims", "replayed", "")
         grid.columns[1].no_wrap, grid.columns[2].no_wrap = False, True

@@ -170,7 +170,10 @@ def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False, fragile: 
 
 def _sentence(entry: Entry, answer: Answer) -> str:
     if isinstance(answer, MaxAnswer):
-        return words.max_sentence(answer, entry.direction if entry.direction is not None else np.eye(6)[0])
+        direction = entry.direction if entry.direction is not None else np.eye(6)[0]
+        return " ".join(
+            filter(None, (words.max_sentence(answer, direction), words.interval_sentence(answer, direction)))
+        )
     wrench = _state(answer)[0]
     load = "this load" if wrench is None else words.load_text(wrench)
     if isinstance(answer, TorquesAnswer):

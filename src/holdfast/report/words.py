@@ -228,8 +228,31 @@ def max_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
     if not np.isfinite(answer.upper):
         return f"A {what} of {lower} {unit} is resisted; whether more is, was not decided."
     if lower == upper:
-        return f"A {what} is resisted up to {lower} {unit}."
-    return f"A {what} is resisted up to {lower} {unit}, and none above {upper} {unit}."
+        return f"The largest {what} that is resisted is {lower} {unit}."
+    return f"The largest {what} that is resisted is {lower} {unit}; none above {upper} {unit} is."
+
+
+def interval_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
+    """Which smaller magnitudes are resisted; '' if that was not asked."""
+    i = answer.interval
+    if i is None:
+        return ""
+    factor, unit = magnitude(direction)
+
+    def ranges(pairs: Sequence[tuple[float, float]]) -> str:
+        return listed([f"{num(factor * a)} to {num(factor * b)} {unit}" for a, b in pairs])
+
+    parts = [f"everything from 0 to {num(factor * i.holds_from_zero_to)} {unit} is resisted"]
+    if i.holds_from_zero_to <= 0:
+        parts = ["it is not shown that small magnitudes are resisted"]
+        if i.holes and i.holes[0][0] <= 0:
+            parts = ["magnitudes just above 0 are not resisted"]
+    if i.holes:
+        parts.append(f"it slips from {ranges(i.holes)}, though more is resisted")
+    if i.unproved:
+        parts.append(f"from {ranges(i.unproved)} not all is decided")
+    text = "; ".join(parts) + "."
+    return text[0].upper() + text[1:]
 
 
 def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -> str:

@@ -140,7 +140,7 @@ class MaxAnswer(Answer):
                 "limit": self.limit.to_json() if self.limit else None,
                 "holds_from_zero_to": self.interval.holds_from_zero_to if self.interval else None,
             }
-            | ({"holes": [list(h) for h in self.interval.holes]} if self.interval else {})
+            | (self.interval.to_json() if self.interval else {})
         )
 
 

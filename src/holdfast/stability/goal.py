@@ -69,6 +69,11 @@ def search_end(p: Problem) -> float:
     return ENDLESS * p.strongest / (p.stretch * p.size_of(p.along))
 
 
+def unit(p: Problem) -> float:
+    """The magnitude at which a disturbance that is sought is as large as the other forces in play."""
+    return p.stretch * search_end(p) / ENDLESS
+
+
 def interval(p: Problem, goal: Goal, value: float, bound: float) -> tuple[float, float]:
     """(lower, upper) of what the user asked about, from a value achieved and a bound on it, inf without."""
     if goal is Goal.SMALLEST_PRELOAD:

@@ -27,7 +27,7 @@ from holdfast.stability.engine.neighbour import Neighbour
 from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.goal import Goal
 from holdfast.stability.problem import Problem
-from holdfast.stability.queries import largest, max_goal
+from holdfast.stability.queries import largest, max_goal, with_interval
 from holdfast.stability.settings import Settings
 from holdfast.stability.settings import default_jobs as default_jobs
 from holdfast.workers import serve
@@ -50,7 +50,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Options:
-    """What all cases share, as in `maximum`; proofs: are witnesses and certificates wanted, too?"""
+    """What all cases share, as in `maximum`; proofs: are witnesses, states and certificates wanted, too?"""
 
     eta: float = 0.0
     mdp: bool = True
@@ -58,6 +58,7 @@ class Options:
     force_limit: float | None = None
     settings: Settings | None = None
     proofs: bool = True
+    interval: bool = False
 
     @property
     def algorithm1(self) -> bool:
@@ -143,7 +144,7 @@ def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None
         answer, point = largest(p, settings, None, **hints)
         before = _left(answer, point, before if same else None)
         last = case
-        out.append(answer)
+        out.append(with_interval(answer, settings) if options.interval else answer)
     return out
 
 
@@ -175,7 +176,10 @@ def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[
 def _task(task: tuple[Sequence[Case], Options]) -> list[MaxAnswer]:
     # a thousand answers travel between processes: leave behind what nobody asks for, and the history of Algorithm 1
     left: dict[str, Any] = {"steps": ()} | ({} if task[1].proofs else {"witness": None, "proof": None, "posed": None})
-    return [replace(answer, **left) for answer in _block(*task)]
+    answers = [replace(answer, **left) for answer in _block(*task)]
+    if task[1].proofs:
+        return answers
+    return [a if a.interval is None else replace(a, interval=replace(a.interval, arcs=(), slips=())) for a in answers]
 
 
 def _in_processes(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:

@@ -14,6 +14,7 @@ from holdfast.errors import InputError, unknown_name
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array, Mask, frozen
 from holdfast.stability.answers import MaxAnswer, finite
+from holdfast.stability.interval import Interval
 from holdfast.stability.many import Case, OnItem, Options, maxima
 from holdfast.stability.settings import Settings
 
@@ -29,6 +30,7 @@ class Curve:
         lower, upper: (n,) bounds of the maximum; nan where a case was not reached.
         unbounded: (n,) bool.
         verdicts, stops: (n,) of `Verdict` and `Stop`.
+        intervals: (n,) which smaller magnitudes are resisted, None where none is; empty if that was not asked.
     """
 
     lower: Array
@@ -36,9 +38,10 @@ class Curve:
     unbounded: Mask
     verdicts: tuple[Verdict, ...]
     stops: tuple[Stop, ...]
+    intervals: tuple[Interval | None, ...] = ()
 
     @classmethod
-    def of(cls, answers: Sequence[MaxAnswer | None]) -> Curve:
+    def of(cls, answers: Sequence[MaxAnswer | None], *, interval: bool = False) -> Curve:
         """From answers; None is a case that an interruption left out."""
         return cls(
             lower=np.array([a.lower if a else np.nan for a in answers]),
@@ -46,6 +49,7 @@ class Curve:
             unbounded=np.array([bool(a and a.unbounded) for a in answers]),
             verdicts=tuple(a.verdict if a else Verdict.UNDECIDED for a in answers),
             stops=tuple(a.stop if a else Stop.INTERRUPTED for a in answers),
+            intervals=tuple(a.interval if a else None for a in answers) if interval else (),
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -54,6 +58,15 @@ class Curve:
             "upper": [finite(x) for x in self.upper],
             "unbounded": self.unbounded.tolist(),
             "verdicts": [str(v) for v in self.verdicts],
+        } | self._intervals_json()
+
+    def _intervals_json(self) -> dict[str, Any]:
+        if not self.intervals:
+            return {}
+        return {
+            "holds_from_zero_to": [i.holds_from_zero_to if i else 0.0 for i in self.intervals],
+            "holes": [[list(r) for r in i.holes] if i else [] for i in self.intervals],
+            "unproved": [[list(r) for r in i.unproved] if i else [] for i in self.intervals],
         }
 
 
@@ -158,6 +171,7 @@ def force_map(
     eta: float = 0.0,
     torque_limits: Mapping[str, float] | None = None,
     force_limit: float | None = None,
+    interval: bool = False,
     settings: Settings | None = None,
     jobs: int | None = None,
     on_item: OnItem | None = None,
@@ -169,6 +183,7 @@ def force_map(
         at: (3,) [m] the point of the object at which the forces act, object frame: the disturbance is
             (f, at x f). With the centre of mass it is a map of weights, one for every way to hold the object.
         steps: number of directions, evenly spaced.
+        interval: show which smaller forces are resisted, too, in every direction; it takes many times as long.
         jobs: cores to use; by default all.
         on_item: called with (done, total).
 
@@ -188,7 +203,7 @@ def force_map(
     directions[:, i], directions[:, j] = np.cos(angles), np.sin(angles)
     directions[np.abs(directions) < 1e-12] = 0.0
     grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
-    options = Options(eta, True, torque_limits, force_limit, settings, proofs=False)
+    options = Options(eta, True, torque_limits, force_limit, settings, proofs=False, interval=interval)
     base = np.zeros(6)
     wrenches = np.hstack([directions, np.cross(point, directions)]) + 0.0  # no -0
     cases = [Case(g, w, base) for g in grasps for w in wrenches]
@@ -202,8 +217,8 @@ def force_map(
         plane=plane,
         eta=eta,
         directions=directions,
-        passive=Curve.of(answers[:steps]),
-        preloaded=Curve.of(answers[steps:]) if grasp.preload else None,
+        passive=Curve.of(answers[:steps], interval=interval),
+        preloaded=Curve.of(answers[steps:], interval=interval) if grasp.preload else None,
         seconds=time.monotonic() - start,
         nodes=sum(a.nodes for a in answers if a),
         at=point,

@@ -124,6 +124,16 @@ class Problem:
             coupling=self.force * coupling * self._coupling_scale,
         )
 
+    def scaled(self, state: State) -> tuple[Array, Array, Array, Array, Array]:
+        """The other way round: r, q, c, f and coupling of a state, scaled."""
+        return (
+            state.r / (self.force * self.lengths),
+            state.q * self.joint_scale / self.force,
+            state.c / self.force,
+            state.f / (self.force * self._actuator_scale),
+            state.coupling / (self.force * self._coupling_scale),
+        )
+
     def command(self, f_c: Array) -> Array:
         """Scaled, mirrored commands back in the grasp's units."""
         return self.force * f_c * self._actuator_scale

@@ -98,7 +98,7 @@ def maximum(
     Args:
         direction: (6,) force [N] and torque [N m]; s multiplies it as given, normalise it yourself.
         base: (6,) a constant load such as gravity.
-        interval: find out by samples which smaller magnitudes are resisted, see `stability/interval`.
+        interval: show which smaller magnitudes are resisted, too, see `stability/interval`.
 
     The other arguments and errors are those of `check`.
     """
@@ -109,9 +109,15 @@ def maximum(
     goal = max_goal(p)
     if point is not None and np.isfinite(answer.upper) and goal is not Goal.EXISTS:
         answer = replace(answer, limit=limit_of(reduce(p, goal), point, answer.upper))
-    if interval and answer.lower > 0:
-        answer = replace(answer, interval=resisted(p, answer.lower, settings, unbounded=answer.unbounded))
-    return answer
+    return with_interval(answer, settings) if interval else answer
+
+
+def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
+    """A maximum with which smaller magnitudes are resisted; as it is if none is."""
+    if answer.posed is None or answer.witness is None or not answer.lower > 0:
+        return answer
+    shown = resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
+    return replace(answer, interval=shown)
 
 
 def largest(

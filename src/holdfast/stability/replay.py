@@ -18,12 +18,13 @@ from holdfast.answer import Checked, Verdict
 from holdfast.errors import InputError
 from holdfast.files import SAME, read_json
 from holdfast.mechanism import Array
-from holdfast.stability import asked, certificate_file, model, problem, result_file
+from holdfast.stability import arc, asked, certificate_file, model, problem, result_file
 from holdfast.stability import verify as checker
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.certificate_file import question_to_dict
-from holdfast.stability.goal import NEAR_END, STRONGEST, search_end
+from holdfast.stability.goal import NEAR_END, STRONGEST, search_end, unit
+from holdfast.stability.ranges import Known, known, slip_range
 from holdfast.stability.result_file import CheckEntry, MaxEntry, Result, TorquesEntry
 from holdfast.stability.witness import KEYS, VALID, Witness
 
@@ -85,6 +86,34 @@ class CertificateCheck:
 
 
 @dataclass(frozen=True)
+class IntervalCheck:
+    """Which smaller magnitudes are resisted, replayed.
+
+    Attributes:
+        claim: what is claimed.
+        arcs, residual: ranges with states, and the worst residual that any of these may have.
+        slips: ranges with certificates.
+        reason: why it is refused, '' if it is not.
+    """
+
+    claim: str
+    arcs: int
+    residual: float
+    slips: int
+    reason: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "claim": self.claim,
+            "arcs": self.arcs,
+            "residual": _number(self.residual),
+            "slips": self.slips,
+            "ok": not self.reason,
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True)
 class Verified(Checked):
     """What was claimed and replayed; a part that is None was neither claimed nor there.
 
@@ -97,12 +126,14 @@ class Verified(Checked):
     certificate: CertificateCheck | None
     seconds: float
     reason: str
+    interval: IntervalCheck | None = None
 
     def to_json(self) -> dict[str, Any]:
         return self._json(
             {
                 "witness": self.witness.to_json() if self.witness else None,
                 "certificate": self.certificate.to_json() if self.certificate else None,
+                "interval": self.interval.to_json() if self.interval else None,
             }
         )
 
@@ -124,17 +155,17 @@ def verify(what: str | Path | Answer | Result | Certificate) -> Verified:
     if isinstance(what, Certificate):
         done = _replay_certificate(what, claim_text(what))
         return Verified(None, done, time.monotonic() - start, done.reason and f"certificate: {done.reason}")
-    witness, certificate, reason = None, None, ""
+    witness, certificate, interval, reason = None, None, None, ""
     try:
-        witness, certificate = _witness(what), _certificate(what)
-        for name, part in (("witness", witness), ("certificate", certificate)):
+        witness, certificate, interval = _witness(what), _certificate(what), _interval(what)
+        for name, part in (("witness", witness), ("certificate", certificate), ("interval", interval)):
             if part and part.reason and not reason:
                 reason = f"{name}: {part.reason}"
         if not reason:
             _compare(what, certificate)
     except Refused as fault:
         reason = f"answer: {fault}"
-    return Verified(witness, certificate, time.monotonic() - start, reason)
+    return Verified(witness, certificate, time.monotonic() - start, reason, interval)
 
 
 def load(path: str | Path) -> Result | Certificate:
@@ -347,6 +378,61 @@ def _load(q: Question) -> tuple[Array, Array]:
     return np.zeros(6), q.wrench
 
 
+# --- which smaller magnitudes --------------------------------------------------------------------------
+
+
+def _interval(result: Result) -> IntervalCheck | None:
+    q, answer = result.question, result.answer
+    if not isinstance(answer, MaxEntry) or answer.holds_from_zero_to is None:
+        if result.arcs or result.slips:
+            raise Refused("has states or certificates of smaller magnitudes, but claims nothing of them")
+        if isinstance(answer, MaxEntry) and (answer.holes or answer.unproved or answer.holds_from_zero_upper):
+            raise Refused("has holes, but does not say up to where everything is resisted")
+        return None
+    if result.first:
+        raise Refused("what version 1 says of smaller magnitudes rests on samples; ask again")
+    holes = ", ".join(f"{a:.6g} to {b:.6g}" for a, b in answer.holes)
+    claim = f"everything up to {answer.holds_from_zero_to:.6g} times the direction is resisted"
+    claim += f", nothing at {holes}" if holes else ""
+    residual = max((arc.excess(q, a) for a in result.arcs), default=0.0)
+    reason = "" if residual <= VALID else f"states between two magnitudes are off by {residual:.1e}, above {VALID:g}"
+    reason = reason or _interval_fault(result, answer)
+    return IntervalCheck(claim, len(result.arcs), residual, len(result.slips), reason)
+
+
+def _interval_fault(result: Result, answer: MaxEntry) -> str:
+    """What is wrong with what is said of smaller magnitudes, if all its states are right."""
+    q = result.question
+    for c in result.slips:
+        if question_to_dict(c.question) != question_to_dict(q):
+            return "a certificate answers another question"
+        if c.capped:
+            return "a certificate has caps on motions"
+        found = checker.verify(c)
+        if not found.ok:
+            return f"{claim_text(c)}: {found.reason}"
+    upper = np.inf if answer.upper is None else answer.upper
+    if q.goal is Claimed.CHECK:  # magnitudes make no difference
+        if result.slips:
+            return "it has certificates where magnitudes make no difference"
+        shown = Known(answer.lower, upper, (), ())
+    elif answer.resolution is None:
+        return "it states no resolution"
+    else:
+        good, bad = [(a.first, a.last) for a in result.arcs], [slip_range(c) for c in result.slips]
+        try:
+            shown = known(good, bad, answer.lower, upper, answer.resolution, unit(asked.posed(q)[0]))
+        except ValueError as fault:
+            return str(fault)
+    said = Known(
+        answer.holds_from_zero_to or 0.0,
+        np.inf if answer.holds_from_zero_upper is None else answer.holds_from_zero_upper,
+        tuple(answer.holes),
+        tuple(answer.unproved),
+    )
+    return "" if said == shown else f"it says {said}; what is shown is {shown}"
+
+
 def claim_text(c: Certificate) -> str:
     """What a certificate claims, in words."""
     q, at = c.question, "" if c.scalar is None else f"{c.scalar[0]:.6g} to {c.scalar[1]:.6g}"
@@ -405,7 +491,11 @@ def _shown_of_max(result: Result) -> dict[str, Any]:
     if gap is None and answer.upper is not None and answer.lower > 0:
         gap = (answer.upper - answer.lower) / answer.lower
     bounds = {"lower": answer.lower, "upper": answer.upper, "gap": gap, "unbounded": answer.unbounded}
-    out = bounds | {"holds_from_zero_to": None}  # found by samples, with nothing in the file to show it
+    smaller: dict[str, Any] = {"holds_from_zero_to": answer.holds_from_zero_to}  # held against states and certificates
+    if answer.holds_from_zero_to is not None:
+        names = ("holds_from_zero_upper", "holes", "unproved", "resolution")
+        smaller |= {name: answer.model_dump(mode="json")[name] for name in names}
+    out = bounds | smaller
     return out if result.first else out | _shown_limit(result, answer)
 
 

@@ -17,6 +17,7 @@ from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError
 from holdfast.files import Strict, validate, write_text
 from holdfast.stability import certificate_file
+from holdfast.stability.arc import Arc
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate_file import QuestionEntry, Six, question_of, question_to_dict
 from holdfast.stability.model import State
@@ -53,6 +54,11 @@ class MaxEntry(AnswerEntry):
     upper: float | None
     gap: float | None
     unbounded: bool
+    holds_from_zero_to: float | None = None
+    holds_from_zero_upper: float | None = None
+    holes: list[tuple[float, float]] = Field(default_factory=list)
+    unproved: list[tuple[float, float]] = Field(default_factory=list)
+    resolution: Annotated[float, Field(ge=0)] | None = None
 
 
 class TorquesEntry(AnswerEntry):
@@ -62,14 +68,23 @@ class TorquesEntry(AnswerEntry):
     upper: float | None
 
 
-class WitnessEntry(Strict):
-    wrench: Six
-    command: dict[str, float]
+class StateEntry(Strict):
     r: Six
     q: list[float]
     c: list[float]
     f: list[float]
     coupling: list[float]
+
+
+class WitnessEntry(StateEntry):
+    wrench: Six
+    command: dict[str, float]
+
+
+class ArcEntry(Strict):
+    first: float
+    last: float
+    controls: list[StateEntry]
 
 
 class ResultFile(Strict):
@@ -80,6 +95,8 @@ class ResultFile(Strict):
     answer: Annotated[CheckEntry | MaxEntry | TorquesEntry, Field(discriminator="query")]
     witness: WitnessEntry | None
     certificate: dict[str, Any] | None
+    arcs: list[ArcEntry] = Field(default_factory=list)
+    slips: list[dict[str, Any]] = Field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +109,7 @@ class Result:
         witness: the state behind it; None without.
         certificate: the proof behind it; None without.
         first: is it of version 1, whose certificates have caps?
+        arcs, slips: what shows which smaller magnitudes are resisted and which slip, if that was asked of a maximum.
     """
 
     question: Question
@@ -100,6 +118,8 @@ class Result:
     witness: Witness | None
     certificate: Certificate | None
     first: bool = False
+    arcs: tuple[Arc, ...] = ()
+    slips: tuple[Certificate, ...] = ()
 
     @classmethod
     def of(cls, answer: Answer) -> Result:
@@ -111,27 +131,42 @@ class Result:
             said["margin"] = None
         bare = {"schema": SCHEMA, "question": question_to_dict(answer.question), "answer": said}
         entry = validate(ResultFile, bare | {"witness": None, "certificate": None})
-        return cls(answer.question, entry.answer, said, answer.witness, answer.certificate)
+        interval = getattr(answer, "interval", None)
+        shown = {"arcs": interval.arcs, "slips": interval.slips} if interval else {}
+        return cls(answer.question, entry.answer, said, answer.witness, answer.certificate, **shown)
 
 
-def _state(w: Witness) -> dict[str, Any]:
-    s = w.state
+def _state(s: State) -> dict[str, Any]:
     arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
+    return {name: value.tolist() for name, value in arrays.items()}
+
+
+def _witness_dict(w: Witness) -> dict[str, Any]:
     return {
         "wrench": np.asarray(w.wrench).tolist(),
         "command": dict(zip(w.grasp.mechanism.actuators, w.grasp.command.tolist(), strict=True)),
-        **{name: value.tolist() for name, value in arrays.items()},
+        **_state(w.state),
     }
+
+
+def _arc_dict(a: Arc) -> dict[str, Any]:
+    return {"first": a.first, "last": a.last, "controls": [_state(s) for s in a.controls]}
 
 
 def to_dict(result: Result) -> dict[str, Any]:
     """The result as a `holdfast/result/2` object (1 if it was read from one); numbers come back exactly."""
+    smaller: dict[str, Any] = {}
+    if result.arcs:
+        smaller["arcs"] = [_arc_dict(a) for a in result.arcs]
+    if result.slips:
+        smaller["slips"] = [certificate_file.to_dict(c) for c in result.slips]
     return {
         "schema": FIRST if result.first else SCHEMA,
         "question": question_to_dict(result.question),
         "answer": result.said,
-        "witness": None if result.witness is None else _state(result.witness),
+        "witness": None if result.witness is None else _witness_dict(result.witness),
         "certificate": None if result.certificate is None else certificate_file.to_dict(result.certificate),
+        **smaller,
     }
 
 
@@ -139,25 +174,42 @@ def from_dict(data: Any) -> Result:
     """The result in a parsed object; raises `InputError` with field and fault."""
     entry = validate(ResultFile, data)
     question = question_of(entry.question)
-    certificate = None
-    if entry.certificate is not None:
-        try:
-            certificate = certificate_file.from_dict(entry.certificate)
-        except InputError as fault:
-            raise fault.within("certificate") from None
+    certificate = None if entry.certificate is None else _certificate(entry.certificate, "certificate")
     witness = _witness(entry.witness, question) if entry.witness else None
-    return Result(question, entry.answer, data["answer"], witness, certificate, entry.format == FIRST)
+    arcs = tuple(_arc(a, question, f"arcs[{i}]") for i, a in enumerate(entry.arcs))
+    slips = tuple(_certificate(c, f"slips[{i}]") for i, c in enumerate(entry.slips))
+    return Result(question, entry.answer, data["answer"], witness, certificate, entry.format == FIRST, arcs, slips)
 
 
-def _witness(entry: WitnessEntry, question: Question) -> Witness:
+def _certificate(data: dict[str, Any], place: str) -> Certificate:
+    try:
+        return certificate_file.from_dict(data)
+    except InputError as fault:
+        raise fault.within(place) from None
+
+
+def _read_state(entry: StateEntry, question: Question, place: str) -> State:
     g = question.grasp
     sizes = {"q": g.l, "c": 3 * g.m, "f": g.mechanism.a, "coupling": len(g.mechanism.A)}
     for name, size in sizes.items():
         if len(getattr(entry, name)) != size:
-            raise InputError(f"has {len(getattr(entry, name))} numbers, needs {size}", field=f"witness.{name}")
-    arrays = {name: np.array(getattr(entry, name), dtype=float) for name in ("r", *sizes)}
+            raise InputError(f"has {len(getattr(entry, name))} numbers, needs {size}", field=f"{place}.{name}")
+    return State(**{name: np.array(getattr(entry, name), dtype=float) for name in ("r", *sizes)})
+
+
+def _witness(entry: WitnessEntry, question: Question) -> Witness:
+    state, g = _read_state(entry, question, "witness"), question.grasp
     command = g.mechanism.commands(entry.command, field="witness.command")
-    return Witness(g.with_preload(command), np.array(entry.wrench), State(**arrays), question.eta, question.mdp)
+    return Witness(g.with_preload(command), np.array(entry.wrench), state, question.eta, question.mdp)
+
+
+def _arc(entry: ArcEntry, question: Question, place: str) -> Arc:
+    controls = enumerate(entry.controls)
+    states = tuple(_read_state(s, question, f"{place}.controls[{i}]") for i, s in controls)
+    try:
+        return Arc(entry.first, entry.last, states)
+    except InputError as fault:
+        raise fault.within(place) from None
 
 
 def save_result(result: Result, path: str | Path, *, force: bool = False) -> None:

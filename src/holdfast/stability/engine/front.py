@@ -41,6 +41,7 @@ def search(
     guess: Sequence[Array] = (),
     before: Neighbour | None = None,
     endless: bool = False,
+    within: tuple[float, float] | None = None,
 ) -> Outcome:
     """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
 
@@ -48,10 +49,10 @@ def search(
         reduced: the reduced problem, if it is known already.
         guess: reduced points (n,) to start Newton from.
         before: what the question before this one left; it wants `reduced`.
-        endless: see `reduce`.
+        endless, within: see `reduce`.
     """
     start = time.monotonic()
-    r = reduced or reduce(p, goal, endless=endless)
+    r = reduced or reduce(p, goal, endless=endless, within=within)
     out = _search(p, goal, settings, on_step, r, guess, before)
     if out.stop is Stop.NUMERICAL and before is not None:
         # Newton is tried where a leaf is made, not where it opens again: from the root, then

@@ -177,15 +177,17 @@ class Reduced:
         return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
 
 
-def reduce(p: Problem, goal: Goal, *, endless: bool = False) -> Reduced:
+def reduce(p: Problem, goal: Goal, *, endless: bool = False, within: tuple[float, float] | None = None) -> Reduced:
     """Eliminate the linear equations of a question.
 
     Args:
         p: the scaled problem.
         goal: what is sought.
         endless: lambda of the smallest preload may be as large as it likes, so that small magnitudes count, too.
+        within: (lo, hi) bounds of what is made small (lambda, or -s), instead of those of a search; hi may be inf.
     """
     m, l, a, _ = p.sizes
+    endless = endless if within is None else not np.isfinite(within[1])
     drive, moves, load_ = p.driven, p.moves, load(p, goal)
     active = np.flatnonzero(moves)
     keep = moves | np.isfinite(p.f_max)
@@ -230,6 +232,8 @@ def reduce(p: Problem, goal: Goal, *, endless: bool = False) -> Reduced:
         plain.append(("scalar", 0, -search_end(p), 0.0))
     elif objective:
         plain.append(("scalar", 0, 0.0, STRONGEST))
+    if within is not None:
+        plain[0] = ("scalar", 0, *within)
     if np.isfinite(p.cn_max):
         plain += [("normal", i, 0.0, p.cn_max) for i in range(m)]
     plain += [("force", int(i), -p.f_max[i], p.f_max[i]) for i in kept if np.isfinite(p.f_max[i])]
