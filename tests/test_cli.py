@@ -27,7 +27,7 @@ from grasps import random_case
 
 QUICK = ["--gap", "0.02"]
 COMMON = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
-PROOF = {"certified", "verified"}
+PROOF = {"certified", "verified", "motion_cap"}
 Grasp = dict  # a parsed grasp file
 
 
@@ -76,7 +76,7 @@ def ask(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 0) ->
 
 def test_check(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     holds = ask(capsys, "check", grasp, "--wrench", "0", "2.2", "0", "0", "0", "0")
-    keys = PROOF | {"residual", "contacts", "joint_torques", "object_motion", "joint_motion"}
+    keys = PROOF | {"residual", "contacts", "joint_torques", "object_motion", "joint_motion", "margin"}
     assert COMMON | keys <= set(holds)
     assert holds["verdict"] == "holds"
     assert holds["stop"] == "complete"
@@ -94,7 +94,7 @@ def test_check(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_max(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     answer = ask(capsys, "max", grasp, "--direction", "0", "1", "0", *QUICK)
-    assert COMMON | PROOF | {"lower", "upper", "gap", "unbounded", "holds_from_zero_to"} == set(answer)
+    assert COMMON | PROOF | {"lower", "upper", "gap", "unbounded", "holds_from_zero_to", "attained", "limit"} == set(answer)
     # each finger's command turns it about its joint: normal and friction force at full strength at the
     # tip, n (0.093 - 0.003 mu) = 0.1 N m, so 2 mu n = 2.222 N in all
     assert answer["lower"] == pytest.approx(2 * 0.1 / (0.093 - 0.003), rel=1e-9)

@@ -275,7 +275,7 @@ FAULTS = [
     ("check slips", put("answer", "residual", to=0.0), "answer: residual is not what"),
     ("undecided", put("answer", "residual", to=0.0), "answer: residual is not what"),
     ("check slips", put("answer", "colour", to="red"), "answer: colour is nothing that it can say; leave it out"),
-    ("check slips", put("answer", "motion_cap", to=1e4), "answer: motion_cap is nothing that it can say"),
+    ("check slips", put("answer", "motion_cap", to=1e4), "answer: motion_cap is not what the rest of the file shows"),
     ("check slips", lambda data: data["answer"].pop("residual"), "answer: residual is missing"),
     ("check slips", lambda data: data["answer"].pop("verified"), "answer: verified is missing"),
     ("check slips", put("answer", "verified", to="yes"), "answer.*verified"),
