@@ -265,6 +265,30 @@ def test_a_turn_of_friction_is_seen_along_and_across() -> None:
         assert said.dissipation >= 0.4 * angle / np.pi
 
 
+def test_a_length_is_enclosed_between_its_nodes() -> None:
+    """From (-1, 1) to (1, 1) a straight line is 1 long in the middle, not sqrt 2 as at both ends."""
+    curve = np.array([[[-1.0, 1.0]], [[1.0, 1.0]]])
+    length, off = arc._norm(curve, arc.least_norm(curve))
+    assert length == pytest.approx(np.full((2, 1), np.sqrt(2)))
+    assert np.sqrt(2) - 1 <= off[0] < 1.0
+
+
+def test_the_worst_normal_closes_a_contact_in_the_middle_of_an_arc() -> None:
+    """Open at both ends, where it slides faster; in the middle the gap is closed by normals that are off."""
+    grasp = Grasp([Contact(np.array([0.1, 0, 0]), np.array([0, 0, 1.0]), 0.5)])
+    eta, frame = 0.1, grasp.contacts[0].frame
+    ends = []
+    for side in (-1.0, 1.0):
+        r = np.r_[frame @ np.array([-1.2 * np.tan(eta), side, 1.0]), np.zeros(3)]
+        ends.append(State(r, np.zeros(0), np.zeros(3), np.zeros(0), np.zeros(0)))
+    push = np.array([0, 0, -1.0, 0, 0, 0])
+    q = Question(grasp, ClaimedGoal.LARGEST, np.zeros(6), push, eta=eta)
+    between = Arc(1.0, 1.5, tuple(ends))
+    found = [model.residuals(grasp, s * push, between.state(s), eta=eta).normal for s in (1.0, 1.25, 1.5)]
+    assert found[0] == found[2] == 0.0
+    assert 0.0 < found[1] <= arc.residuals(q, between).normal
+
+
 def test_a_convex_combination_across_a_slip_is_refused(holed: tuple[Grasp, np.ndarray, MaxAnswer]) -> None:
     """Two right states on both sides of a hole do not make those between them right."""
     _, _, answer = holed
