@@ -8,7 +8,7 @@ controls an arc is all convex combinations of two states.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from math import comb
 
@@ -18,7 +18,7 @@ from holdfast.errors import InputError
 from holdfast.mechanism import Array
 from holdfast.stability import model
 from holdfast.stability.certificate import Question
-from holdfast.stability.model import State
+from holdfast.stability.model import Residuals, State
 
 DEGREE = 12  # at most
 SLACK = 1e-9  # relative to the force scale: how far a limit may be exceeded
@@ -78,17 +78,19 @@ def controls_of(k: int) -> Array:
 
 
 def excess(q: Question, arc: Arc) -> float:
-    """At most how far any state of an arc is from the model, as the worst of `model.residuals`; inf if limits fail.
+    """At most how far any state of an arc is from the model: the worst of `residuals`; inf if a limit may be passed."""
+    with np.errstate(all="ignore"):
+        worst = [getattr(residuals(q, arc), f.name) for f in fields(Residuals)]
+        out = float(np.max([*worst, _beyond(q, arc)]))  # a NaN stays one
+    return out if np.isfinite(out) else np.inf
+
+
+def residuals(q: Question, arc: Arc) -> Residuals:
+    """At most what `model.residuals` says of any state of an arc, equation by equation; inf or NaN if nothing is known.
 
     The disturbance is w0 + s d, the commands are the grasp's. Force and moment scales are taken at their least on the
     arc, moments about the middle of the contacts that carry something anywhere on it.
     """
-    with np.errstate(all="ignore"):
-        worst = _excess(q, arc)
-    return worst if np.isfinite(worst) else np.inf
-
-
-def _excess(q: Question, arc: Arc) -> float:
     g, f_c, k = q.grasp, q.grasp.command, len(arc.controls) - 1
     r, joints, c, f, coupling = (arc.table(name) for name in ("r", "q", "c", "f", "coupling"))
     s = arc.first + (arc.last - arc.first) * np.arange(k + 1)[:, None] / k
@@ -96,13 +98,12 @@ def _excess(q: Question, arc: Arc) -> float:
     w = q.wrench + s * direction
     if k == 1 and not any(a[0].any() for a in (w, f_c[None], r, joints, c, f, coupling)):
         # multiples of one state under multiples of one disturbance: relative residuals are those of the last
-        last = model.residuals(g, w[1], arc.controls[1], eta=q.eta, mdp=q.mdp)
-        return float(np.max([last.worst, _beyond(q, c, f, 0.0)]))
+        return model.residuals(g, w[1], arc.controls[1], eta=q.eta, mdp=q.mdp)
 
     C = c.reshape(k + 1, -1, 3)
     F = float(np.max([*least_norm(C), *least_norm(w[:, None, :3])]))
     if not F > 0:
-        return np.inf
+        return Residuals(*[np.inf] * len(fields(Residuals)))
     d = r @ g.G - joints @ g.J.T
     D = d.reshape(k + 1, -1, 3)
     c_n, c_t, d_n, d_t, mu = C[:, :, 0], C[:, :, 1:], D[:, :, 0], D[:, :, 1:], g.mu
@@ -146,13 +147,20 @@ def _excess(q: Question, arc: Arc) -> float:
     arms = model.joint_arms(g)
     slip = np.abs(joints @ A.T).max(axis=0)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
-    parts = [normal, cone, actuators, slip] + ([defect] if q.mdp else [])
-    worst = [float(part.max(initial=0.0)) / F for part in parts]
-    return float(np.max([*worst, *_balances(q, w, c, f, coupling, F), _beyond(q, c, f, F)]))  # a NaN stays one
+    forces, joint = _balances(q, w, c, f, coupling, F)
+    return Residuals(
+        object_balance=forces,
+        joint_balance=joint,
+        couplings=float(slip.max(initial=0.0)) / F,
+        normal=float(normal.max(initial=0.0)) / F,
+        cone=float(cone.max(initial=0.0)) / F,
+        dissipation=float(defect.max(initial=0.0)) / F if q.mdp else 0.0,
+        actuators=float(actuators.max(initial=0.0)) / F,
+    )
 
 
-def _balances(q: Question, w: Array, c: Array, f: Array, coupling: Array, F: float) -> tuple[float, float, float]:
-    """(1) in forces and in moments, and (2), relative to the least that acts on the arc; controls as rows."""
+def _balances(q: Question, w: Array, c: Array, f: Array, coupling: Array, F: float) -> tuple[float, float]:
+    """(1) and (2), relative to the least that acts on the arc; controls as rows."""
     g = q.grasp
     missing = c @ g.G.T + w
     loaded = c.reshape(len(c), -1, 3).any(axis=(0, 2))
@@ -170,20 +178,20 @@ def _balances(q: Question, w: Array, c: Array, f: Array, coupling: Array, F: flo
     unbalanced = np.abs(c @ g.J - f @ R - coupling @ A).max(axis=0)
     terms = np.abs(J.T) @ _least(c) + np.abs(R.T) @ _least(f) + np.abs(A.T) @ _least(coupling)
     torque = np.maximum(terms, F * np.sqrt((J * J).sum(axis=0)))
-    return (
-        float(np.linalg.norm(missing[:, :3], axis=1).max()) / F,
-        float(np.linalg.norm(moment, axis=1).max() / np.max([moments, load, F * (arm or 1.0)])),
-        float((unbalanced / np.where(unbalanced > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)),
-    )
+    force = np.linalg.norm(missing[:, :3], axis=1).max() / F
+    torsion = np.linalg.norm(moment, axis=1).max() / np.max([moments, load, F * (arm or 1.0)])
+    joint = (unbalanced / np.where(unbalanced > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)
+    return float(np.maximum(force, torsion)), float(joint)
 
 
-def _beyond(q: Question, c: Array, f: Array, F: float) -> float:
+def _beyond(q: Question, arc: Arc) -> float:
     """0 if the limits are kept at every control, and so between them; else inf."""
-    lever = model.actuator_arms(q.grasp)
+    c, f = arc.table("c"), arc.table("f")
+    slack = SLACK * float(least_norm(c.reshape(len(c), -1, 3)).max(initial=0.0))
     limit = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.mechanism.actuators])
     most = np.inf if q.force_limit is None else q.force_limit
-    kept = (np.abs(f) <= limit + SLACK * F * lever).all() and c[:, 0::3].max(initial=0.0) <= most + SLACK * F
-    return 0.0 if kept else np.inf
+    kept = (np.abs(f) <= limit + slack * model.actuator_arms(q.grasp)).all()
+    return 0.0 if kept and c[:, 0::3].max(initial=0.0) <= most + slack else np.inf
 
 
 # --- bounds of Bezier curves from their control values ---------------------------------------------
