@@ -94,7 +94,9 @@ def test_check(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_max(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     answer = ask(capsys, "max", grasp, "--direction", "0", "1", "0", *QUICK)
-    assert COMMON | PROOF | {"lower", "upper", "gap", "unbounded", "holds_from_zero_to", "attained", "limit"} == set(answer)
+    assert COMMON | PROOF | {"lower", "upper", "gap", "unbounded", "holds_from_zero_to", "attained", "limit"} == set(
+        answer
+    )
     # each finger's command turns it about its joint: normal and friction force at full strength at the
     # tip, n (0.093 - 0.003 mu) = 0.1 N m, so 2 mu n = 2.222 N in all
     assert answer["lower"] == pytest.approx(2 * 0.1 / (0.093 - 0.003), rel=1e-9)

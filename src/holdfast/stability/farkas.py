@@ -241,21 +241,26 @@ def bounds(question: Question, scalar: tuple[float, float] | None) -> tuple[Arra
 # --- the proof of each leaf -------------------------------------------------------------------------
 
 
-def proved_margins(certificate: Certificate, cases: Integers) -> Array:
+def proved_margins(certificate: Certificate, cases: Integers, known: dict[bytes, float] | None = None) -> Array:
     """(L,) y b + v h of every leaf, relative to its terms; positive is a proof, -inf is none.
 
     A margin below `SLIGHT` is none: two contacts hold no torque about their line, and a load that was computed misses
     what they do hold by 1e-17. A witness may miss the equations by 1e-9.
 
     cases: (L, m+a, 3) of `verify.leaf_cases`.
+    known: leaves of this question and range that were judged before, and their margins; those judged now are added.
     """
     c, q = certificate, certificate.question
+    known = {} if known is None else known
+    names = [_name(c, cases, k) for k in range(len(c.leaves))]
+    new = np.array([name not in known for name in names], dtype=bool)
     system, (lo, hi) = System.of(q), bounds(q, c.scalar)
     counts = np.diff(c.start)
     leaf = np.repeat(np.arange(len(c.leaves)), counts)
     rows = rows_of(c, cases[leaf, :, 0], lo, hi)
     margins = np.full(len(c.leaves), -np.inf)
     order = np.argsort(counts, kind="stable")  # leaves of like size together: little is wasted on padding
+    order = order[new[order]]
     exact: Exact | None = None
     for begin in range(0, len(order), CHUNK):
         chosen = order[begin : begin + CHUNK]
@@ -264,7 +269,18 @@ def proved_margins(certificate: Certificate, cases: Integers) -> Array:
         for k in np.flatnonzero(~(margins[chosen] > 0)):
             exact = exact or Exact.of(q)
             margins[chosen[k]] = exact.margin(leaves, int(k), rows)
+    known |= {name: float(margin) for name, margin, fresh in zip(names, margins, new, strict=True) if fresh}
+    margins = np.array([known[name] for name in names])
     return np.where(margins > SLIGHT, margins, -np.inf)
+
+
+def _name(c: Certificate, cases: Integers, leaf: int) -> bytes:
+    """All that a leaf's proof is made of."""
+    rows = slice(c.start[leaf], c.start[leaf + 1])
+    of_energy = c.kind[rows] == Row.ENERGY
+    index = np.where(of_energy, 0, c.index[rows])
+    parts = cases[leaf], c.kind[rows], index, c.a[rows], c.b[rows], c.multiplier[rows]
+    return b"".join(x.tobytes() for x in (*parts, c.references[c.index[rows][of_energy]]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -189,7 +189,7 @@ class _Search:
             if self.late():
                 return False
             eta = self.limits["eta"]
-            a = maximum(grasp, self.loads.wrenches[k], eta=eta, settings=replace(self.settings, gap=1e-2))
+            a = maximum(grasp, self.loads.wrenches[k], eta=eta, settings=replace(self.settings, gap=1e-2, verify=False))
             self.nodes += a.nodes
             if not a.lower > 0:
                 self.first(k, a.stop if a.verdict is Verdict.UNDECIDED else Stop.COMPLETE)
@@ -210,7 +210,9 @@ class _Search:
         grasp = self.grasp.with_preload(preload)
         found: dict[int, CheckAnswer] = {}
         for k in self.order[:]:
-            a = check(grasp, self.loads.wrenches[k], settings=self.settings, **self.limits)
+            # what slips is tried differently, so that its proof is not needed
+            settings = replace(self.settings, verify=False)
+            a = check(grasp, self.loads.wrenches[k], settings=settings, **self.limits)
             self.nodes += a.nodes
             if a.verdict is not Verdict.HOLDS:
                 self.first(k, a.stop)

@@ -124,7 +124,9 @@ def maxima(
 
 def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None) -> list[MaxAnswer]:
     """Cases in turn, each with what the one before left."""
-    settings = replace(options.settings or Settings(), workers=1)  # cores are for cases
+    settings = options.settings or Settings()
+    # cores are for cases; a map keeps no proofs, and replays none
+    settings = replace(settings, workers=1, verify=settings.verify and options.proofs)
     out: list[MaxAnswer] = []
     last: Case | None = None
     p: Problem | None = None

@@ -61,8 +61,11 @@ class Refused(Exception):
     """Why a certificate proves nothing."""
 
 
-def verify(certificate: Certificate) -> Verification:
-    """Does the certificate prove its claim?"""
+def verify(certificate: Certificate, known: dict[bytes, float] | None = None) -> Verification:
+    """Does the certificate prove its claim?
+
+    known: leaves that this process has judged before, for another tree of the same claim; see `farkas.proved_margins`.
+    """
     leaves = len(certificate.leaves)
     try:
         cases = leaf_cases(certificate)
@@ -73,7 +76,7 @@ def verify(certificate: Certificate) -> Verification:
                 margins = leaf_margins(certificate, claim)
             else:
                 check_rows(certificate, cases, *farkas.bounds(certificate.question, certificate.scalar))
-                margins = farkas.proved_margins(certificate, cases)
+                margins = farkas.proved_margins(certificate, cases, known)
     except Refused as fault:
         return Verification(False, leaves, -np.inf, str(fault))
     bad = np.flatnonzero(~(margins > 0))

@@ -159,8 +159,9 @@ def _proved(s: Search, r: Reduced, settings: Settings, start: float) -> tuple[Pr
     if not settings.verify:
         return proof, False
     best: Proof | None = None
+    known: dict[bytes, float] = {}
     for _ in range(ROUNDS):
-        proof, ok, unproved = proof.checked()
+        proof, ok, unproved = proof.checked(known)
         if ok and (best is None or proof.cap is None or (best.cap is not None and proof.cap > best.cap)):
             best = proof
         late = time.monotonic() - start > settings.time_limit

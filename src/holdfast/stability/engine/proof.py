@@ -79,19 +79,19 @@ class Proof:
             **entries,
         )
 
-    def checked(self) -> tuple[Proof, bool, Indices]:
+    def checked(self, known: dict[bytes, float]) -> tuple[Proof, bool, Indices]:
         """The proof, does the independent checker accept it, and if not, which nodes of the tree are not proved.
 
-        With other rays where those found do not do.
+        With other rays where those found do not do. known: leaves that were judged before.
         """
         none = np.zeros(0, int)
         if self.certificate is None:
             return self, False, none
-        found = checker.verify(self.certificate)
+        found = checker.verify(self.certificate, known)
         if not 0 < len(found.unproved) <= MOST:
             return replace(self, cap=found.cap), found.ok, self.certificate.leaves[list(found.unproved)]
         certificate = repaired(self.certificate, found.unproved)
-        found = checker.verify(certificate)
+        found = checker.verify(certificate, known)
         mended = replace(self, cap=found.cap)
         mended.__dict__["certificate"] = certificate
         return mended, found.ok, certificate.leaves[list(found.unproved)]
