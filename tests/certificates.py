@@ -286,8 +286,11 @@ def empty(question, scalar=None, names=(), y=(), references=(), caps=None):
     )  # fmt: skip
 
 
-def prove(question, scalar=None, caps=None, slices=3, limit=3000):
-    """A certificate by plain case distinction: contacts, actuators, then ever narrower sectors. None if it fails."""
+def prove(question, scalar=None, caps=None, slices=3, limit=3000, eager=True):
+    """A certificate by plain case distinction: contacts, actuators, then ever narrower sectors. None if it fails.
+
+    eager: a case is proved as soon as it can be; otherwise when every contact is open, sticks, or slides.
+    """
     m, a = question.grasp.m, question.grasp.mechanism.a
     root = empty(question, scalar, caps=caps)
     claim = known(root)
@@ -296,7 +299,8 @@ def prove(question, scalar=None, caps=None, slices=3, limit=3000):
     while waiting:
         node, case = waiting.pop()
         names = rows_of(question, claim, case)
-        margin, y = multipliers(root, claim, names)
+        decided = eager or not any(state in (UNDECIDED, CLOSED) for state, *_ in case[:m])
+        margin, y = multipliers(root, claim, names) if decided else (0.0, None)
         if margin > 1e-5:
             keep = [i for i in range(len(y)) if y[i] > (1e-13 if caps else 1e-10) * y.max()]
             leaves.append(node)

@@ -53,6 +53,8 @@ def search(
     """
     start = time.monotonic()
     r = reduced or reduce(p, goal, endless=endless, within=within)
+    if goal is Goal.EXISTS and not (r.load.w_a.any() or r.load.f_a.any()):
+        guess = [np.zeros(len(r.cost))]  # nothing acts: nothing moves
     out = _search(p, goal, settings, on_step, r, guess, before)
     if out.stop is Stop.NUMERICAL and before is not None:
         # Newton is tried where a leaf is made, not where it opens again: from the root, then

@@ -197,6 +197,7 @@ class Search:
         """Split these closed leaves of a trimmed tree, to be searched once more; returns how many could be split."""
         r, (m, _, _), n = self.reduced, self.reduced.sizes, len(self.reduced.cost)
         lane = self.lanes[0].copy(r)
+        lane.stats[arrays.NODES] = self.nodes - 1  # of all lanes
         self.lanes, self.stop, self._common = [lane], None, np.zeros_like(lane.stats)
         self.pool = self.pool.grown(self.used + CHILDREN * len(leaves) + SPARE, self.used)
         pool, first, split = self.pool, self.used, 0
