@@ -231,7 +231,12 @@ def residuals(
 
     loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
     terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(state.f) + np.abs(A.T) @ np.abs(state.coupling)
-    torque = np.maximum(terms, F * np.sqrt((loaded * loaded).sum(axis=0)))
+    # a joint of open contacts carries nothing but rounding: it is measured by the moments that act elsewhere, so that
+    # the distance of an open contact hides nothing
+    moments = _moment_scale(grasp, state.c, w, F)
+    turns = np.array([joint.type == "revolute" for joint in grasp.joints], dtype=bool)
+    idle = np.where(turns, np.minimum(F * arms, moments), F)
+    torque = np.maximum.reduce([terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle])
     missing = np.abs(joint_balance(grasp, state.c, state.f, state.coupling))
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
@@ -247,7 +252,7 @@ def residuals(
         return float(values.max(initial=0.0)) / F
 
     return Residuals(
-        object_balance=max(force / F, moment / _moment_scale(grasp, state.c, w, F)),
+        object_balance=max(force / F, moment / moments),
         joint_balance=float((missing / np.where(missing > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)),
         couplings=worst(slip),
         normal=worst(np.abs(c[:, 0] - spring_force(d, eta))),
