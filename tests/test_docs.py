@@ -203,8 +203,8 @@ def test_every_field_of_a_body_is_in_its_table() -> None:
 def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
     page = (DOCS / "file-formats.md").read_text("utf-8")
     for heading, model in (
-        ("Result: `holdfast/result/1`", ResultFile),
-        ("Certificate: `holdfast/certificate/1`", CertificateFile),
+        ("Result: `holdfast/result/2`", ResultFile),
+        ("Certificate: `holdfast/certificate/2`", CertificateFile),
     ):
         lines = [line for line in section(page, heading).splitlines() if line.startswith("| `")]
         written = {name for line in lines for name in re.findall(r"`([^`]+)`", line.split("|")[1])}
@@ -243,7 +243,7 @@ def test_every_field_of_a_synthesis_is_in_its_table() -> None:
 
 def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = (DOCS / "answers.md").read_text("utf-8")
-    up, proof = ["--direction", "0", "0", "1"], {"certified", "verified"}
+    up, proof = ["--direction", "0", "0", "1"], {"certified", "verified", "motion_cap"}
     asked = {
         "check": ["check", "fig1", "--wrench", "0", "1", "0"],
         "max": ["max", "fig1", "--direction", "0", "-1", "0", "--no-preload", "--interval"],
