@@ -251,13 +251,13 @@ def in_units(grasp: Grasp, k: float) -> Grasp:
 
 @pytest.mark.parametrize("k", [1.0, 1e-3, 1e3])
 @pytest.mark.parametrize("axis", [3, 4, 5])
-def test_a_moment_out_of_balance_is_measured_over_the_size(axis: int, k: float) -> None:
-    """0.006 N m at a size of 0.03 m are 0.2 N, beside the largest force of 1.2 N, whatever lengths are counted in."""
+def test_a_moment_out_of_balance_is_measured_by_the_moments_that_act(axis: int, k: float) -> None:
+    """0.006 N m beside the largest force, 1.2 N, at the 0.06 m between contacts, whatever lengths are counted in."""
     g, w, state = holding_pinch()
     state = replace(state, q=state.q / k, f=k * state.f)
     w = w + 0.006 * k * np.eye(6)[axis]
     res = model.residuals(in_units(g, k), w, state)
-    assert res.object_balance == pytest.approx(0.2 / 1.2, rel=1e-12)
+    assert res.object_balance == pytest.approx(0.006 / (1.2 * 0.06), rel=1e-12)
     assert max(getattr(res, f.name) for f in fields(res) if f.name != "object_balance") < 1e-14
 
 
@@ -265,8 +265,8 @@ def test_a_moment_out_of_balance_is_measured_over_the_size(axis: int, k: float) 
     ("edits", "named", "value"),
     [
         ([("c", 1, 0.12)], "object_balance", 0.1),  # 0.12 N of 1.2 N
-        ([("f", 0, 0.012)], "joint_balance", 0.1),  # 0.012 N m at an arm of 0.1 m
-        ([("c", 0, 0.12)], "normal", 0.1),
+        ([("f", 0, 0.012)], "joint_balance", 0.012 / 0.212),  # beside 0.1 N m of the contact and 0.112 N m of the motor
+        ([("c", 0, 0.12)], "normal", 0.12 / np.hypot(1.12, 0.6)),  # by the contact force that it makes
         ([("r", 1, 0.5)], "dissipation", 0.2 / 1.2**2),  # 0.6 N * 0.5 - 1 N * 0.5, slower than the force scale
         ([("r", 2, 3.0)], "dissipation", 3 / 3 / 1.2),  # faster: 1 N is missing, and 0.6 N is across
         ([("q", 1, -20.0)], "actuators", 1 / 1.2),  # back by 10 rad at an arm of 0.1 m
@@ -312,27 +312,19 @@ def test_other_commands_than_the_grasps() -> None:
 
 
 @pytest.mark.parametrize(
-    ("w", "c", "command", "scale"),
+    ("w", "c", "scale"),
     [
-        ([0, 0, 0, 0, 0, 0], None, None, 3.0),  # 0.3 N m at 0.1 m
-        ([0, -8, 0, 0, 0, 0], None, None, 8.0),
-        ([0, 0, 0, -0.6, 0, 0], None, None, 20.0),  # a size of 0.03 m
-        ([0, 0, 0, 0, 0.6, 0], None, None, 20.0),
-        ([0, 0, 0, 0, 0, 0.6], None, None, 20.0),
-        ([1, 0, 0, 0, 0, 0], [0, 0, 0, 0, -5, 0], None, 5.0),
-        ([1, 0, 0, 0, 0, 0], [0, 0, 0, 0, 2, 0], None, 3.0),
-        ([1, 0, 0, 0, 0, 0], [], None, 3.0),
-        ([1, 0, 0, 0, 0, 0], None, [0.0, -0.7], 7.0),
-        ([1e-3, 0, 0, 0, 0, 0], None, [0.0, 0.0], 1e-3),
-        ([0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0], [0.0, 0.0], 1.0),  # of nothing at all
+        ([0, -8, 0, 0, 0, 0], [], 8.0),
+        ([3, 0, -4, 0, 0, 0], [], 5.0),
+        ([1, 0, 0, 0, 0, 0], [0, 0, 0, 0, -5, 0], 5.0),
+        ([1, 0, 0, 0, 0, 0], [3, 0, 4, 0, 2, 0], 5.0),
+        ([7, 0, 0, 0, 0, 0], [0, 0, 0, 0, -5, 0], 7.0),
+        ([1e-3, 0, 0, 0.6, 0, 0], [], 1e-3),  # a torque is no force
+        ([0, 0, 0, 0, 0, 0.6], [0, 0, 0], 1.0),  # of nothing at all
     ],
 )
-def test_the_force_scale_is_the_largest_force_in_play(
-    w: list[float], c: list[float] | None, command: list[float] | None, scale: float
-) -> None:
-    grasp = pinch(torque=0.3)
-    forces, commands = (None if x is None else np.array(x, dtype=float) for x in (c, command))
-    assert model.force_scale(grasp, np.array(w, dtype=float), forces, commands) == pytest.approx(scale, rel=1e-12)
+def test_the_force_scale_is_the_largest_force_that_acts(w: list[float], c: list[float], scale: float) -> None:
+    assert model.force_scale(np.array(w, dtype=float), np.array(c, dtype=float)) == pytest.approx(scale, rel=1e-12)
 
 
 def two_fingers(mechanism: Mechanism | None = None) -> Grasp:
@@ -357,12 +349,13 @@ def test_arms_of_joints_and_actuators() -> None:
 
 
 def test_couplings_are_measured_by_what_they_move() -> None:
-    """A q over the largest share that any motion of the contacts has in it, so that it is a motion of contacts."""
-    A = np.array([[0.0, 1.0, -1.0], [-1.5 / np.sqrt(10), 0.0, 0.3]])  # over the arms: 25 and 1; 1.5 and 0.3
+    """A q as the motion of one joint alone, at that joint's arm: of the joint where that is most."""
+    # arms over |A|: 0.04 and 1; 1 / 1.5 and 1 / 0.3
+    A = np.array([[0.0, 1.0, -1.0], [-1.5 / np.sqrt(10), 0.0, 0.3]])
     g = two_fingers(Mechanism((), np.zeros((0, 3)), A, ()))
     none = State(np.zeros(6), np.zeros(3), np.zeros(6), np.zeros(0), np.zeros(2))
     w = np.array([2.0, 0, 0, 0, 0, 0])  # the scale
-    for q, value in (([0, 0.5, 0], 0.5 / 25), ([0.2, 0, 0], 0.2 * 1.5 / np.sqrt(10) / 1.5), ([0, 0, 1.0], 0.2)):
+    for q, value in (([0, 0.5, 0], 0.5), ([0.2, 0, 0], 0.2 * 1.5 / np.sqrt(10) / 0.3), ([0, 0, 1.0], 1.0)):
         res = model.residuals(g, w, replace(none, q=np.array(q)))
         assert res.couplings == pytest.approx(value / 2, rel=1e-12)
 
