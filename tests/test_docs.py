@@ -32,7 +32,7 @@ from holdfast.grasp_file import GraspFile, load_grasp
 from holdfast.hand_regions import load_hand_regions
 from holdfast.stability.certificate_file import CertificateFile, NodesEntry, QuestionEntry, RowsEntry
 from holdfast.stability.loads_file import load_loads
-from holdfast.stability.result_file import ResultFile, WitnessEntry
+from holdfast.stability.result_file import ArcEntry, ResultFile, WitnessEntry
 from holdfast.synthesis.existence import ExistenceEntry
 from holdfast.synthesis.result_file import AnswerEntry, StateEntry, SynthesisFile
 from holdfast.synthesis.task_file import TaskFile, load_task
@@ -210,6 +210,7 @@ def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
         written = {name for line in lines for name in re.findall(r"`([^`]+)`", line.split("|")[1])}
         top = {info.alias or name for name, info in model.model_fields.items()}
         inside = {f"witness.{name}" for name in WitnessEntry.model_fields} if model is ResultFile else {"question.goal"}
+        inside |= {f"arcs[].{name}" for name in ArcEntry.model_fields} if model is ResultFile else set()
         assert written == top | inside
     for entry in (NodesEntry, RowsEntry, QuestionEntry):
         assert all(f"`{name}`" in page for name in entry.model_fields), entry.__name__
