@@ -89,7 +89,7 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     """At most what `model.residuals` says of any state of an arc, equation by equation; inf or NaN if nothing is known.
 
     The disturbance is w0 + s d, the commands are the grasp's. Force and moment scales are taken at their least on the
-    arc, moments about the middle of the contacts that carry something anywhere on it.
+    arc; the middle of the contact forces, which moments are about, moves along it by a bounded distance.
     """
     g, f_c, k = q.grasp, q.grasp.command, len(arc.controls) - 1
     r, joints, c, f, coupling = (arc.table(name) for name in ("r", "q", "c", "f", "coupling"))
@@ -163,25 +163,42 @@ def _balances(q: Question, w: Array, c: Array, f: Array, coupling: Array, F: flo
     """(1) and (2), relative to the least that acts on the arc; controls as rows."""
     g = q.grasp
     missing = c @ g.G.T + w
-    loaded = c.reshape(len(c), -1, 3).any(axis=(0, 2))
+    C = c.reshape(len(c), -1, 3)
     p = np.array([k.position for k in g.contacts])
-    middle = (p[loaded] if loaded.any() else p).mean(axis=0)
+    middle, strays = _middle(p, C)
     moment = missing[:, 3:] - np.cross(middle, missing[:, :3])
-    forces = np.einsum("mij,kmj->kmi", np.array([k.frame for k in g.contacts]), c.reshape(len(c), -1, 3))
-    moments = least_norm(np.cross(p - middle, forces)).max(initial=0.0)
+    most = np.linalg.norm(missing[:, :3], axis=1).max()
+    forces = np.einsum("mij,kmj->kmi", np.array([k.frame for k in g.contacts]), C)
+    moments = least_norm(np.cross(p - middle, forces)) - strays * np.linalg.norm(C, axis=2).max(axis=0)
     load = least_norm((w[:, 3:] - np.cross(middle, w[:, :3]))[:, None])[0]
-    apart = np.linalg.norm(p[:, None] - p[None], axis=2)
-    nearest = apart[apart > 0].min(initial=np.inf)
-    arm = nearest if np.isfinite(nearest) else float(np.linalg.norm(p[0]))
+    load -= strays * np.linalg.norm(w[:, :3], axis=1).max()
+    scale = np.max([*moments, load, F * model.smallest_arm(g)])
 
+    loaded = C.any(axis=(0, 2))
     J, R, A = np.where(np.repeat(loaded, 3)[:, None], g.J, 0.0), g.mechanism.R, g.mechanism.A
     unbalanced = np.abs(c @ g.J - f @ R - coupling @ A).max(axis=0)
     terms = np.abs(J.T) @ _least(c) + np.abs(R.T) @ _least(f) + np.abs(A.T) @ _least(coupling)
-    torque = np.maximum(terms, F * np.sqrt((J * J).sum(axis=0)))
-    force = np.linalg.norm(missing[:, :3], axis=1).max() / F
-    torsion = np.linalg.norm(moment, axis=1).max() / np.max([moments, load, F * (arm or 1.0)])
+    torque = np.maximum.reduce([terms, F * np.sqrt((J * J).sum(axis=0)), model.idle_torque(g, F, scale)])
+    torsion = (np.linalg.norm(moment, axis=1).max() + strays * most) / scale
     joint = (unbalanced / np.where(unbalanced > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)
-    return float(np.maximum(force, torsion)), float(joint)
+    return float(np.maximum(most / F, torsion)), float(joint)
+
+
+def _middle(p: Array, C: Array) -> tuple[Array, float]:
+    """A middle of the contact forces C (k+1, m, 3) at p (m, 3), and how far at most it is from that of any state [m].
+
+    Each position has a share in the middle, between bounds that follow from those of the lengths of all forces.
+    """
+    least, most = least_norm(C), np.linalg.norm(C, axis=2).max(axis=0)
+    if not most.any():
+        return np.asarray(p.mean(axis=0)), 0.0
+    share = (least + most) / (least + most).sum()
+    middle = share @ p
+    others_least, others_most = least.sum() - least, most.sum() - most
+    low = least / np.where(least > 0, least + others_most, 1.0)
+    high = most / np.where(most > 0, most + others_least, 1.0)
+    stray = np.maximum(share - low, high - share)
+    return middle, float(stray @ np.linalg.norm(p - middle, axis=1))
 
 
 def _beyond(q: Question, arc: Arc) -> float:

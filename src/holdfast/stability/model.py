@@ -147,32 +147,54 @@ def force_scale(w: Array, c: Array) -> float:
 
 def imbalance(grasp: Grasp, c: Array, w: Array) -> tuple[float, float]:
     """What (1) misses: force [N], and torque [N m] about the middle of the contact forces."""
-    missing = object_balance(grasp, c, w)
-    moment = missing[3:] - cross(_middle(grasp, c), missing[:3])
+    return _imbalance(object_balance(grasp, c, w), _middle(_positions(grasp), c))
+
+
+def _imbalance(missing: Array, middle: Array) -> tuple[float, float]:
+    moment = missing[3:] - cross(middle, missing[:3])
     return float(np.linalg.norm(missing[:3])), float(np.linalg.norm(moment))
 
 
-def _middle(grasp: Grasp, c: Array) -> Array:
+def _positions(grasp: Grasp) -> Array:
+    """(m, 3) [m] of all contacts."""
+    return np.array([k.position for k in grasp.contacts])
+
+
+def _middle(p: Array, c: Array) -> Array:
     """(3,) [m] the middle of the contacts, each weighed by its force: moments about it do not know the origin."""
-    p = np.array([k.position for k in grasp.contacts])
     weight = _norms(c.reshape(-1, 3))
     return np.asarray(np.average(p, axis=0, weights=weight if weight.any() else None))
 
 
-def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float) -> float:
-    """[N m] the largest moment about `_middle` that acts; at least that of the force scale at a contact's distance.
+def smallest_arm(grasp: Grasp) -> float:
+    """[m] the least distance of two contacts, of a single one to the origin; 1 where all are one point."""
+    p = _positions(grasp)
+    apart = np.linalg.norm(p[:, None] - p[None], axis=2)
+    nearest = apart[apart > 0].min(initial=np.inf)
+    arm = nearest if np.isfinite(nearest) else float(np.linalg.norm(p[0]))
+    return float(arm or 1.0)
+
+
+def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float, p: Array, middle: Array) -> float:
+    """[N m] the largest moment about the middle that acts; at least that of the force scale at the smallest arm.
 
     A contact that carries next to nothing has no part in it, however far away it is, nor has the distance to the
     origin.
     """
-    p, middle = np.array([k.position for k in grasp.contacts]), _middle(grasp, c)
     F = np.array([k.frame @ ci for k, ci in zip(grasp.contacts, c.reshape(-1, 3), strict=True)])
     moments = _norms(np.cross(p - middle, F)).max(initial=0.0)
     load = np.linalg.norm(w[3:] - cross(middle, w[:3]))
-    apart = np.linalg.norm(p[:, None] - p[None], axis=2)
-    nearest = apart[apart > 0].min(initial=np.inf)
-    arm = nearest if np.isfinite(nearest) else float(np.linalg.norm(p[0]))
-    return float(max(moments, load, force * (arm or 1.0)))
+    return float(max(moments, load, force * smallest_arm(grasp)))
+
+
+def idle_torque(grasp: Grasp, force: float, moment: float) -> Array:
+    """(l,) what measures the torque of a joint none of whose contacts carries: force and moment that act elsewhere.
+
+    Such a joint has nothing but rounding, and the distance of an open contact is to hide nothing.
+    """
+    turns = np.array([joint.type == "revolute" for joint in grasp.joints], dtype=bool)
+    arms = joint_arms(grasp)
+    return np.where(turns, np.minimum(force * arms, moment), force)
 
 
 @dataclass(frozen=True)
@@ -227,16 +249,14 @@ def residuals(
     d = relative_motion(grasp, state.r, state.q)
     dt = _norms(d.reshape(-1, 3)[:, 1:])
     c = state.c.reshape(-1, 3)
-    force, moment = imbalance(grasp, state.c, w)
+    p = _positions(grasp)
+    middle = _middle(p, state.c)
+    force, moment = _imbalance(object_balance(grasp, state.c, w), middle)
 
     loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
     terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(state.f) + np.abs(A.T) @ np.abs(state.coupling)
-    # a joint of open contacts carries nothing but rounding: it is measured by the moments that act elsewhere, so that
-    # the distance of an open contact hides nothing
-    moments = _moment_scale(grasp, state.c, w, F)
-    turns = np.array([joint.type == "revolute" for joint in grasp.joints], dtype=bool)
-    idle = np.where(turns, np.minimum(F * arms, moments), F)
-    torque = np.maximum.reduce([terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle])
+    moments = _moment_scale(grasp, state.c, w, F, p, middle)
+    torque = np.maximum.reduce([terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, F, moments)])
     missing = np.abs(joint_balance(grasp, state.c, state.f, state.coupling))
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons

@@ -134,6 +134,8 @@ def _search(
     at_end = found is not None and r.objective == arrays.SCALAR and s.best <= r.lo[0] + NEAR_END * abs(r.lo[0])
     if goal is Goal.EXISTS:
         value, bound = (0.0, -INF) if found else (INF, bound)
+    elif torques and found and s.best <= s.gap_absolute:
+        stop, bound = Stop.COMPLETE, -INF  # nothing is less than none, which needs no proof
     elif at_end:
         bound = -INF  # unbounded, as far as the search goes
     proof, verified = None, False
