@@ -55,7 +55,7 @@ def _solve(m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, 
             rhs[k] = row(ids[k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, points, W[k], gradient)
         simplex.invert(W, T, order, pivot)
         result = simplex.solve(
-            m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
+            m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, False, cost, driven, state, trig, skip,
             ids, W, rhs, T, order, y, z, c, d, enter, column, pivot, gradient, delta, stats, age, CONE, attempt,
             points, -1, normal,
         )  # fmt: skip
@@ -394,10 +394,12 @@ def compare(seed: int) -> Counter:
     return count
 
 
-@pytest.mark.parametrize("block", range(10))
-@pytest.mark.xfail(
-    reason="open: up to 3 % of programs with free motions fail numerically, 2 % are allowed", strict=False
+TOO_MANY = pytest.mark.xfail(
+    reason="open: 2.2 to 2.9 % of these programs fail numerically, 2 % are allowed", strict=True
 )
+
+
+@pytest.mark.parametrize("block", [pytest.param(k, marks=TOO_MANY if k in (0, 2, 6) else ()) for k in range(10)])
 def test_no_contradiction_with_highs(block: int) -> None:
     total: Counter = Counter()
     for seed in range(25 * block, 25 * (block + 1)):

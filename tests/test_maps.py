@@ -95,7 +95,6 @@ def test_default_jobs() -> None:
     assert default_jobs() >= 1
 
 
-@pytest.mark.xfail(reason="open: the flat bell reaches its time limit, so that nodes differ", strict=False)
 def test_a_force_beside_the_origin_has_its_moment(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every case is (f, at x f); at the origin there is no moment, and the answer is the one of a plain map."""
     asked: list[Case] = []

@@ -274,9 +274,6 @@ def sideways(degrees: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("degrees", [15, 60, 75])
-@pytest.mark.xfail(
-    reason="open: leaves that the checker refuses are refined in another order with two lanes", strict=False
-)
 def test_the_number_of_threads_changes_nothing(degrees: float) -> None:
     grasp = load_grasp("barrett-torch")
     one, two = (maximum(grasp, sideways(degrees), settings=Settings(workers=k)) for k in (1, 2))

@@ -200,6 +200,12 @@ def fragile_text(margin: Margin) -> str:
     return f"Fragile: it leans on {listed([named[w] for w in margin.why])}."
 
 
+def up_to(answer: Answer) -> str:
+    """', with virtual motions up to 10000 N' where a claim is not proved beyond; else ''."""
+    proof = getattr(answer, "proof", None)
+    return "" if proof is None or proof.cap is None else f", with virtual motions up to {num(proof.cap)} N"
+
+
 def check_sentence(answer: CheckAnswer, load: str) -> str:
     match answer.verdict:
         case Verdict.HOLDS if unphysical(answer.witness):
@@ -207,7 +213,7 @@ def check_sentence(answer: CheckAnswer, load: str) -> str:
         case Verdict.HOLDS:
             return f"The grasp resists {load} passively: an exact equilibrium was found and checked."
         case Verdict.SLIPS:
-            return f"The object slips under {load}: no contact forces obey the model."
+            return f"The object slips under {load}: no contact forces obey the model{up_to(answer)}."
         case _:
             return f"It was not decided whether the grasp resists {load}."
 
@@ -220,16 +226,16 @@ def max_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
     if answer.unbounded:
         return f"A {what} of any size is resisted."
     if answer.verdict is Verdict.SLIPS:
-        return f"No {what} is resisted, however small."
+        return f"No {what} is resisted, however small{up_to(answer)}."
     lower, upper = num(factor * answer.lower), num(factor * answer.upper)
     if answer.lower <= 0:
-        above = f"; nothing above {upper} {unit} is" if np.isfinite(answer.upper) else ""
+        above = f"; nothing above {upper} {unit} is{up_to(answer)}" if np.isfinite(answer.upper) else ""
         return f"It is not known yet whether any {what} is resisted{above}."
     if not np.isfinite(answer.upper):
         return f"A {what} of {lower} {unit} is resisted; whether more is, was not decided."
     if lower == upper:
-        return f"The largest {what} that is resisted is {lower} {unit}."
-    return f"The largest {what} that is resisted is {lower} {unit}; none above {upper} {unit} is."
+        return f"The largest {what} that is resisted is {lower} {unit}{up_to(answer)}."
+    return f"The largest {what} that is resisted is {lower} {unit}; none above {upper} {unit} is{up_to(answer)}."
 
 
 def interval_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
@@ -258,13 +264,13 @@ def interval_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> 
 def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -> str:
     goal = "largest command" if objective == "max" else "sum of commands"
     if answer.verdict is Verdict.SLIPS:
-        return f"No commands of these actuators resist {load}."
+        return f"No commands of these actuators resist {load}{up_to(answer)}."
     if answer.preload is None:
         return f"No commands were found yet that resist {load}."
     if answer.upper == 0:
         return f"{load} is resisted with every actuator locked: no command is needed."
     lower, upper = num(answer.lower), num(answer.upper)
-    limit = "" if lower == upper else f", and none below {lower} suffices"
+    limit = "" if lower == upper else f", and none below {lower} suffices{up_to(answer)}"
     return f"The {goal} that {load} needs is {upper} N·m{limit}."
 
 

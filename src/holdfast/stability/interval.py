@@ -24,7 +24,7 @@ from holdfast.stability.engine.reduced import Reduced, reduce
 from holdfast.stability.engine.search import Lane
 from holdfast.stability.goal import Goal, Point, interval, unit
 from holdfast.stability.model import State
-from holdfast.stability.outcome import INF
+from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.ranges import Known, Range, known, slip_range
 from holdfast.stability.settings import Settings
@@ -122,7 +122,7 @@ class _Line:
         """A point at magnitude 0; None if nothing holds there or it is not known."""
         if not self.p.w0.any() and not self.p.f_c.any():
             return np.zeros(len(self.r.cost))
-        found = front.search(self.p, Goal.EXISTS, self._quick())
+        found = front.search(self.p, Goal.EXISTS, self._quick(), capped=False)
         return None if found.witness is None else self._exact(0.0, found.witness.state)
 
     # --- what is resisted
@@ -252,6 +252,10 @@ class _Line:
         gap = max(min(self.settings.gap / 2, share / 8), LEAST)
         return replace(self.settings, verify=False, gap=gap, time_limit=self._left)
 
+    def _search(self, p: Problem, goal: Goal, settings: Settings, within: Range | None = None) -> Outcome:
+        """Without a cap: states beyond it count as well."""
+        return front.search(p, goal, settings, within=within, capped=False)
+
     @property
     def _left(self) -> float:
         return max(self.settings.time_limit - (time.monotonic() - self.start), 1e-3)
@@ -270,7 +274,7 @@ class _Line:
         """
         if m - a < 8 * LEAST * m:  # no search tells the two apart
             a = m
-        found = front.search(self.p, self.goal, self._quick((m - a) / m), within=self._within(a, m))
+        found = front.search(self.p, self.goal, self._quick((m - a) / m), within=self._within(a, m), capped=False)
         if found.bound == INF:
             return a, None, a
         if found.witness is None:
@@ -286,7 +290,9 @@ class _Line:
         """Below which magnitude none from m on is resisted, the smallest that is, and its point; None if unknown."""
         p = self.p
         back = replace(p, direction=-p.direction, along=-p.along)
-        found = front.search(back, Goal.LARGEST, self._quick((b - m) / b), within=(m / p.stretch, b / p.stretch))
+        found = front.search(
+            back, Goal.LARGEST, self._quick((b - m) / b), within=(m / p.stretch, b / p.stretch), capped=False
+        )
         if found.witness is None:
             return None
         s, low = found.value * p.stretch, found.bound * p.stretch
@@ -297,7 +303,7 @@ class _Line:
         if not a < b:
             return
         settings = replace(self.settings, time_limit=self._left)
-        found = front.search(self.p, self.goal, settings, within=self._within(a, b))
+        found = front.search(self.p, self.goal, settings, within=self._within(a, b), capped=False)
         if found.bound == INF and found.proof is not None and found.proof.certificate is not None:
             self.slips.append(found.proof.certificate)
 

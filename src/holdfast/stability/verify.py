@@ -29,7 +29,7 @@ from holdfast.stability.certificate import (
 from holdfast.stability.claim import Claim, leaf_margins
 from holdfast.stability.model import actuator_arms, joint_arms
 
-CAPS = (1e12, 1e11, 1e10, 1e9, 1e8, 1e7, 1e6)  # force scales
+CAPS = (1e12, 1e11, 1e10, 1e9, 1e8, 1e7, 1e6, 1e5, 1e4, 3e3, 1e3)  # force scales
 WIDEST = HALF - TURN // 128  # of a sector whose chord is used: nearly half a turn, it would say nothing
 FREE, LOCKED, MOVES = ActuatorState
 UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState

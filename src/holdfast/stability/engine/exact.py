@@ -20,7 +20,7 @@ def solve(r: Reduced, start: Array, *, tol: float = 1e-6, hold: bool = False, la
         lane: whose upper bounds hold, and whose room is used; by default those of the problem.
     """
     lane = lane or Lane.of(r)
-    m, a, _, cos, sin, mdp, objective = r.numbers
+    m, a, _, cos, sin, mdp, objective, _ = r.numbers
     start, z = np.ascontiguousarray(start), np.empty(len(start))
     tables = r.table, lane.table, table(POINTS, (start, z)), lane.room.table
     found = kernel().polished(m, a, cos, sin, mdp, min(objective, 1), hold, tol, *tables)

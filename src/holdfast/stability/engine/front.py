@@ -12,6 +12,7 @@ from holdfast.answer import Stop
 from holdfast.mechanism import Array
 from holdfast.stability import witness
 from holdfast.stability.engine import arrays, exact
+from holdfast.stability.engine.capped import FIRST, Capped
 from holdfast.stability.engine.neighbour import Neighbour
 from holdfast.stability.engine.proof import Proof
 from holdfast.stability.engine.reduced import BOXES, Reduced, reduce
@@ -42,6 +43,7 @@ def search(
     before: Neighbour | None = None,
     endless: bool = False,
     within: tuple[float, float] | None = None,
+    capped: bool = True,
 ) -> Outcome:
     """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
 
@@ -50,12 +52,14 @@ def search(
         guess: reduced points (n,) to start Newton from.
         before: what the question before this one left; it wants `reduced`.
         endless, within: see `reduce`.
+        capped: may the bound be one for motions up to a cap, where there is no other?
     """
     start = time.monotonic()
     r = reduced or reduce(p, goal, endless=endless, within=within)
     if goal is Goal.EXISTS and not (r.load.w_a.any() or r.load.f_a.any()):
         guess = [np.zeros(len(r.cost))]  # nothing acts: nothing moves
-    out = _search(p, goal, settings, on_step, r, guess, before)
+    beside = Capped(r, *_gaps(r, goal, settings), settings.workers or default_jobs(), bounds=capped)
+    out = _search(p, goal, settings, on_step, r, beside, guess, before)
     if out.stop is Stop.NUMERICAL and before is not None:
         # Newton is tried where a leaf is made, not where it opens again: from the root, then
         out = _search(p, goal, settings, on_step, r)
@@ -65,7 +69,10 @@ def search(
         if out.stop is not Stop.NUMERICAL or nodes <= 0:
             break
         finer = replace(settings, gap=gap, time_limit=left, node_limit=nodes)
-        out = _better(out, _search(p, goal, finer, on_step, r, guess))
+        out = _better(out, _search(p, goal, finer, on_step, r, guess=guess))
+    if out.stop is Stop.NUMERICAL and out.nodes < settings.node_limit:
+        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
+        out = _to_cap(beside, goal, replace(settings, time_limit=left), out)
     return replace(out, seconds=time.monotonic() - start)
 
 
@@ -84,21 +91,20 @@ def _search(
     settings: Settings,
     on_step: OnStep | None,
     r: Reduced,
+    beside: Capped | None = None,
     guess: Sequence[Array] = (),
     before: Neighbour | None = None,
 ) -> Outcome:
     """One search."""
     start = time.monotonic()
-    gap = settings.gap * (1 - 2 * INSIDE)  # leaves room for rounding, and for a witness inside
-    if goal is Goal.SMALLEST_PRELOAD:
-        gap /= 1 + gap
+    gap, gap_absolute = _gaps(r, goal, settings)
     s, spent = None, 0
     for box in BOXES:
         r = r.beginning(box)
         s = Search(
             r,
             gap=gap,
-            gap_absolute=(0.0 if goal is Goal.SMALLEST_PRELOAD else TINY if goal is Goal.LARGEST else ZERO / r.scale),
+            gap_absolute=gap_absolute,
             node_limit=settings.node_limit - spent,
             time_limit=settings.time_limit - (time.monotonic() - start),
             workers=settings.workers or default_jobs(),
@@ -114,6 +120,10 @@ def _search(
                     bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap, points say more
                     nodes = spent + state.nodes
                     on_step(Progress(*interval(p, goal, state.best * r.scale, bound * r.scale), nodes))
+                left = settings.time_limit - (time.monotonic() - start)
+                other = beside.watch(state, settings.node_limit - spent, left) if beside else None
+                if other:
+                    return _outcome(other, goal, settings, start, spent + s.nodes)
                 if box is not BOXES[-1] and state.stop is None and not state.healthy:
                     break
         except KeyboardInterrupt:
@@ -122,6 +132,38 @@ def _search(
             break
         spent, before = spent + s.nodes, None
     assert s is not None
+    return _outcome(s, goal, settings, start, spent + (beside.nodes if beside else 0))
+
+
+def _gaps(r: Reduced, goal: Goal, settings: Settings) -> tuple[float, float]:
+    """Relative and absolute distance of value and bound at which a search may stop."""
+    gap = settings.gap * (1 - 2 * INSIDE)  # leaves room for rounding, and for a witness inside
+    if goal is Goal.SMALLEST_PRELOAD:
+        return gap / (1 + gap), 0.0
+    return gap, TINY if goal is Goal.LARGEST else ZERO / r.scale
+
+
+def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> Outcome:
+    """What was found, but with a bound for motions up to a cap, if as many nodes as were spent give one."""
+    start, spent = time.monotonic(), beside.nodes
+    if not beside.possible or not beside.bounds:
+        return found
+    try:
+        nodes = min(max(found.nodes, FIRST), settings.node_limit - found.nodes)
+        s = beside.run(None, nodes, settings.time_limit, found.point)
+    except KeyboardInterrupt:
+        return replace(found, stop=Stop.INTERRUPTED)
+    out = _outcome(s, goal, settings, start, found.nodes - spent)
+    if not beside.closed or out.stop is not Stop.COMPLETE or out.bound > found.value:
+        return replace(found, nodes=out.nodes)  # also where a state beyond the cap says otherwise
+    if found.value < out.value:
+        out = replace(out, value=found.value, witness=found.witness, point=found.point)
+    return out
+
+
+def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int) -> Outcome:
+    """What a finished search has shown; start, spent: when it began, and nodes that other searches had."""
+    r = s.reduced
     stop = s.stop or Stop.INTERRUPTED
     found = None if s.z is None else witness.as_witness(r, r.point(s.z))
     refused = found is not None and not found.valid
@@ -169,7 +211,8 @@ def _proved(s: Search, r: Reduced, settings: Settings, start: float) -> tuple[Pr
         if ok and (best is None or proof.cap is None or (best.cap is not None and proof.cap > best.cap)):
             best = proof
         late = time.monotonic() - start > settings.time_limit
-        if (ok and not len(unproved)) or late or not s.refine(unproved):
+        done = ok and (not len(unproved) or r.cap < INF)
+        if done or late or not s.refine(unproved):
             break
         for _state in s:
             pass

@@ -34,7 +34,7 @@ _WHOLE, _REAL = ctypes.c_int64, ctypes.c_double
 _TABLE = np.ctypeslib.ndpointer(np.int64, ndim=2, flags="C_CONTIGUOUS")
 # module and arguments of the functions, each of which returns a whole number
 FUNCTIONS = {
-    "run": ("tree", 3 * [_WHOLE] + 2 * [_REAL] + 2 * [_WHOLE] + 2 * [_REAL] + 2 * [_WHOLE] + 4 * [_TABLE]),
+    "run": ("tree", 3 * [_WHOLE] + 2 * [_REAL] + 3 * [_WHOLE] + 2 * [_REAL] + 2 * [_WHOLE] + 4 * [_TABLE]),
     "polished": ("newton", 2 * [_WHOLE] + 2 * [_REAL] + 3 * [_WHOLE] + [_REAL] + 4 * [_TABLE]),
     "refuted": ("refute", 3 * [_WHOLE] + 2 * [_REAL] + 5 * [_TABLE]),
 }

@@ -88,7 +88,7 @@ class Proof:
         if self.certificate is None:
             return self, False, none
         found = checker.verify(self.certificate, known)
-        if not 0 < len(found.unproved) <= MOST:
+        if not 0 < len(found.unproved) <= MOST or self.reduced.cap < np.inf:
             return replace(self, cap=found.cap), found.ok, self.certificate.leaves[list(found.unproved)]
         certificate = repaired(self.certificate, found.unproved)
         found = checker.verify(certificate, known)
@@ -105,10 +105,12 @@ class Proof:
         ids, y = pool.ids[leaves], pool.data[leaves].copy()
         kind = ids >> rows.KIND
         box = (kind == rows.BOX_UP) | (kind == rows.BOX_DOWN)
-        used = (y > 0) & ~box  # nothing bounds z
-        start = np.r_[0, np.cumsum(used.sum(axis=1))]
-        ids, kind, y = ids[used], kind[used], y[used]
         index = (ids >> rows.INDEX) & 255
+        of_motion = np.array([*(name == "motion" for name, _ in r.names), False])[np.minimum(index, len(r.names))]
+        plain = (kind == rows.PLAIN_UP) | (kind == rows.PLAIN_DOWN)
+        used = (y > 0) & ~box & ~(plain & of_motion)  # the checker has bounds of its own, or none
+        start = np.r_[0, np.cumsum(used.sum(axis=1))]
+        ids, kind, index, y = ids[used], kind[used], index[used], y[used]
         a, b = (ids >> rows.ANGLE) & (2 * rows.TURN - 1), ids & (2 * rows.TURN - 1)
 
         # a scaled row is the row in the grasp's units over the force scale, times these
@@ -140,7 +142,7 @@ class Proof:
                 columns[k] = at.c.start + 3 * i
             elif name == "force":
                 columns[k], factors[k] = at.f.start + i, 1 / lever[i]
-            else:
+            elif name == "effort":
                 columns[k], factors[k] = at.e.start + i, p.force / r.scale
         plain = (kind == rows.PLAIN_UP) | (kind == rows.PLAIN_DOWN)
         if r.goal is Goal.LARGEST:

@@ -71,6 +71,7 @@ class Reduced:
             that are zero. These and off are filled with zeros up to whole vectors of the processor.
         lo, hi: (P,) bounds of the plain base values; names: what each of them bounds.
         box: (n,) where programs begin: |z| there.
+        cap: largest (scaled) motion, inf without end; with one, z is within the box, which rays may cite.
         cost: (n,) objective over z, and what is preferred among equals.
         objective: what is sought, a constant of `arrays`.
         scale: [N m or N] per unit of the objective, for torques.
@@ -104,6 +105,7 @@ class Reduced:
     solve: Array
     values: Array
     constants: Array
+    cap: float = np.inf
 
     def redirected(self, p: Problem) -> Reduced:
         """The same grasp and scales, the smallest preload, with another disturbance in `p`."""
@@ -142,9 +144,9 @@ class Reduced:
 
     @cached_property
     def numbers(self) -> tuple[Any, ...]:
-        """m, a, F, cos and sin of eta, whether the dissipation principle holds, and what is sought."""
+        """m, a, F, cos and sin of eta, whether the dissipation principle holds, what is sought, and is there a cap."""
         p = self.p
-        return *self.sizes, float(np.cos(p.eta)), float(np.sin(p.eta)), p.mdp, self.objective
+        return *self.sizes, float(np.cos(p.eta)), float(np.sin(p.eta)), p.mdp, self.objective, self.cap < np.inf
 
     @property
     def room(self) -> tuple[int, ...]:
@@ -177,7 +179,14 @@ class Reduced:
         return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
 
 
-def reduce(p: Problem, goal: Goal, *, endless: bool = False, within: tuple[float, float] | None = None) -> Reduced:
+def reduce(
+    p: Problem,
+    goal: Goal,
+    *,
+    endless: bool = False,
+    within: tuple[float, float] | None = None,
+    cap: float = np.inf,
+) -> Reduced:
     """Eliminate the linear equations of a question.
 
     Args:
@@ -185,6 +194,7 @@ def reduce(p: Problem, goal: Goal, *, endless: bool = False, within: tuple[float
         goal: what is sought.
         endless: lambda of the smallest preload may be as large as it likes, so that small magnitudes count, too.
         within: (lo, hi) bounds of what is made small (lambda, or -s), instead of those of a search; hi may be inf.
+        cap: virtual motions beyond as many force scales are not searched.
     """
     m, l, a, _ = p.sizes
     endless = endless if within is None else not np.isfinite(within[1])
@@ -239,6 +249,8 @@ def reduce(p: Problem, goal: Goal, *, endless: bool = False, within: tuple[float
     plain += [("force", int(i), -p.f_max[i], p.f_max[i]) for i in kept if np.isfinite(p.f_max[i])]
     plain += [("effort", int(i), 0.0, STRONGEST) for i in efforts]
     limits = len(plain)
+    if cap < np.inf:
+        plain += [("motion", i, -cap, cap) for i in range(6 + l)]
     if p.mdp and goal in (Goal.EXISTS, Goal.SMALLEST_PRELOAD) and not endless:  # for `rows.ENERGY`
         plain += [("energy", 0, -np.inf, np.inf), ("energy", 1, -np.inf, np.inf)]
 
@@ -264,6 +276,8 @@ def reduce(p: Problem, goal: Goal, *, endless: bool = False, within: tuple[float
     D = np.zeros((C + len(active) + len(plain) - limits, 6 + l))
     D[:C, :6], D[:C, 6:] = p.G.T, -p.J
     D[C : C + len(active), 6:] = p.R[active]
+    if cap < np.inf:
+        D[C + len(active) : C + len(active) + 6 + l] = np.eye(6 + l)
     if plain and plain[-1][0] == "energy":
         D[-2:, :6] = load_.w_a, load_.w_b
         D[-2:, 6:] = load_.f_a @ p.R, load_.f_b @ p.R
@@ -277,6 +291,12 @@ def reduce(p: Problem, goal: Goal, *, endless: bool = False, within: tuple[float
     if objective:
         cost[nu:] += forces[first]
     cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * _NOISE[: len(cost)]
+    box = np.repeat(BOXES[0], [nu, nv])
+    if cap < np.inf:
+        top = max(abs(v) for v in plain[0][2:]) if objective else 0.0
+        c, f = _largest_forces(p, load_, cap, top, scale)
+        y = np.concatenate([c, f[kept], np.full(ny - C - len(kept), top)])
+        box = np.concatenate([np.abs(M).sum(axis=0) * cap, np.abs(Y).T @ (y + np.abs(y0))])
     return Reduced(
         p=p,
         goal=goal,
@@ -296,11 +316,29 @@ def reduce(p: Problem, goal: Goal, *, endless: bool = False, within: tuple[float
         hi=hi,
         names=tuple((b[0], b[1]) for b in plain),
         cost=cost,
-        box=np.repeat(BOXES[0], [nu, nv]),
+        box=box,
         objective=objective,
         scale=scale,
         solvable=solvable,
         solve=inverse,
         values=V,
         constants=constants,
+        cap=cap,
     )
+
+
+def _largest_forces(p: Problem, load_: Load, cap: float, top: float, scale: float) -> tuple[Array, Array]:
+    """(3m,) and (a,) bounds of |c| and |f| for motions up to a cap, an objective up to `top`.
+
+    c_n <= |d_n|, and by energy sum c_n^2 <= w . r + f_c . t where friction obeys the dissipation principle.
+    """
+    cn = (np.abs(p.G[:, 0::3]).sum(axis=0) + np.abs(p.J[0::3]).sum(axis=1)) * cap
+    if p.mdp:
+        sought = top * scale / np.abs(p.command(np.ones(len(p.R))))
+        command = np.where(p.driven, sought, load_.f_a + top * load_.f_b)
+        force = np.abs(load_.w_a) + top * np.abs(load_.w_b)
+        cn = np.minimum(cn, np.sqrt((force.sum() + command @ np.abs(p.R).sum(axis=1)) * cap))
+    cn = np.minimum(cn, p.cn_max)
+    c = np.column_stack([cn, p.mu * cn, p.mu * cn]).reshape(-1)
+    K = (np.abs(pseudo_inverse(np.vstack([p.R, p.A]).T)) @ np.abs(p.J.T))[: len(p.R)]
+    return c, np.minimum(K @ c, p.f_max)

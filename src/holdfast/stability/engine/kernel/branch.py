@@ -17,6 +17,7 @@ from holdfast.stability.engine.rows import CLOSED, FREE, LOCKED, MOVES, OPEN, SL
 VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
 NARROW = 64  # sectors narrower than this, in grid steps, are not split,
 LEAST = 4.0  # or in proportion where the tolerance of cones is finer, but none narrower than this
+COARSE = TURN // 256  # and where nothing is violated, so that Newton's method should have succeeded, none below this
 CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes,
 FINER = 1e-3  # or by this share of a smaller gap,
 FINEST = 2e-9  # but not by less: rows are met to 1e-9
@@ -61,7 +62,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, c, d, cone, out):  # type: ig
                 rank = 3.0
             else:
                 amount = abs(cn + gap)
-                rank = width / TURN if touch == SLIDE else (2.0 if mdp else 0.0)
+                rank = (width / TURN if width > COARSE else 0.0) if touch == SLIDE else (2.0 if mdp else 0.0)
             missing = cn * larger(cn + gap, 0.0)
             if mdp:
                 w = mu[i] * cn

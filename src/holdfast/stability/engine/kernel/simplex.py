@@ -87,7 +87,7 @@ def invert(W, T, order, pivot):  # type: ignore[no-untyped-def]
 
 @quick
 def solve(  # type: ignore[no-untyped-def]
-    m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
+    m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, capped, cost, driven, state, trig, skip,
     ids, W, rhs, T, order, y, z, c, d, enter_row, column, pivot, gradient, delta, stats, age,
     cone, attempt, data, balance, normal,
 ):  # fmt: skip
@@ -95,9 +95,9 @@ def solve(  # type: ignore[no-untyped-def]
 
     `ids`, `W`, `rhs`, `T`, `age` must be given and consistent; ids has one place more, for the entering row of a ray.
     attempt: in the first, poor pivots are taken where there is no other, and no row is left out; in the last, pivots
-    are `FIRM`: the working set of others may turn out singular. balance: the node of `data` at
-    whose point the balance of energy is a row, -1 for none; normal (m,): the normal forces there. Returns OPTIMAL
-    (z, y, c, d), INFEASIBLE (y: the ray's multipliers of `ids`, 1 for the last) or FAILED.
+    are `FIRM`: the working set of others may turn out singular. capped: rays may cite the box. balance: the node of
+    `data` at whose point the balance of energy is a row, -1 for none; normal (m,): the normal forces there. Returns
+    OPTIMAL (z, y, c, d), INFEASIBLE (y: the ray's multipliers of `ids`, 1 for the last) or FAILED.
     """
     n = z.shape[0]
     N = T.shape[1]
@@ -184,7 +184,7 @@ def solve(  # type: ignore[no-untyped-def]
             for k in range(n):
                 f = delta[k]
                 kind = ids[k] >> KIND
-                if kind in (BOX_UP, BOX_DOWN):  # nothing bounds the unknowns in truth
+                if kind in (BOX_UP, BOX_DOWN) and not capped:  # nothing bounds the unknowns in truth
                     boxed = larger(boxed, -f)
                 elif f < 0.0:
                     cited = larger(cited, -f)

@@ -127,7 +127,7 @@ def achieved(m, a, F, objective, driven, c, d):  # type: ignore[no-untyped-def]
 
 
 def run(  # type: ignore[no-untyped-def]
-    m, a, F, cos, sin, mdp, objective, gap, gap_absolute, budget, close, question, lane, pool, work
+    m, a, F, cos, sin, mdp, objective, capped, gap, gap_absolute, budget, close, question, lane, pool, work
 ):
     """Expand up to `budget` nodes; the arrays of lane and pool are the search's state and change in place.
 
@@ -138,6 +138,7 @@ def run(  # type: ignore[no-untyped-def]
     working set in ids[k] (n + 1), and in data[k] (n + 1) its point while it waits, its ray's multipliers once it is
     empty.
     work: see `arrays.room`.
+    capped: the box holds for motions up to a cap, and rays may cite it.
     close: only close what waits, by the cut in force (no splitting, no Newton). Returns why it stopped.
     """
     C, D, CT, DT, off, mu, lo, cost, box, driven = views(question, QUESTION)
@@ -212,9 +213,9 @@ def run(  # type: ignore[no-untyped-def]
                     ready = simplex.invert(W, T, order, pivot)
                 if ready:
                     result = simplex.solve(
-                        m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, trig, skip,
-                        w_ids, W, rhs, T, order, y, z, c, d, enter_row, column, pivot, gradient, delta, stats, age,
-                        cone, attempt, data, balance, normal,
+                        m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, capped != 0, cost, driven, state,
+                        trig, skip, w_ids, W, rhs, T, order, y, z, c, d, enter_row, column, pivot, gradient, delta,
+                        stats, age, cone, attempt, data, balance, normal,
                     )  # fmt: skip
                 if result != simplex.FAILED:
                     break
