@@ -1,11 +1,11 @@
 """Two versions of the engine against each other, turn by turn: processor time of maxima and their nodes.
 
     git worktree add ../before REVISION
-    python benchmarks/versions.py ../before . [--contacts 3 4 5 6 8] [--rounds 9]
+    python benchmarks/versions.py ../before . [--contacts 3 4 5 6 8] [--rounds 9] [--verify]
 
 Both versions answer the random cases of the published set of each size in turn, in processes of their own with
 caches of their own, one thread each; who begins alternates. A ratio is that of two neighbouring turns, so that
-other work on the machine hits both alike. Adds to results/versions.json and prints a Markdown table.
+other work on the machine hits both alike. Proofs are replayed only with --verify, by versions that do. Adds to results/versions.json and prints a Markdown table.
 """
 
 from __future__ import annotations
@@ -26,13 +26,16 @@ from machine import describe, revision
 RESULTS = Path(__file__).parent / "results" / "versions.json"
 
 
-def answer() -> None:
+def answer(verify: bool) -> None:
     """The process of one version: a number of contacts per line in, processor time [s] and nodes out."""
+    from dataclasses import fields
+
     from grasps import Case, cases
     from holdfast.stability.queries import maximum
     from holdfast.stability.settings import Settings
 
-    settings = Settings(gap=1e-3, time_limit=20.0, workers=1)
+    replay: dict[str, Any] = {"verify": verify} if "verify" in {f.name for f in fields(Settings)} else {}
+    settings = Settings(gap=1e-3, time_limit=20.0, workers=1, **replay)
 
     def ask(case: Case) -> int:
         return maximum(case.grasp, case.direction, base=case.base, settings=settings).nodes
@@ -49,9 +52,9 @@ def answer() -> None:
 class Version:
     """A checkout and the process that answers with it."""
 
-    def __init__(self, checkout: Path, cache: str) -> None:
+    def __init__(self, checkout: Path, cache: str, verify: bool) -> None:
         env = os.environ | {"PYTHONPATH": str(checkout / "src"), "NUMBA_CACHE_DIR": cache}
-        command = [sys.executable, str(Path(__file__)), "--answer"]
+        command = [sys.executable, str(Path(__file__)), "--answer", *["--verify"][: int(verify)]]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=env)
         self._line()
@@ -72,21 +75,29 @@ class Version:
         return float(seconds), int(nodes)
 
 
+def same(run: dict[str, Any], revisions: list[str], verify: bool) -> bool:
+    """Is it a run of these versions, asked in this way?"""
+    return run["revisions"] == revisions and run.get("verify", False) == verify
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("checkouts", nargs="*", type=Path, help="before and after")
     parser.add_argument("--contacts", nargs="+", type=int, default=[3, 4, 5, 6, 8])
     parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--verify", action="store_true", help="replay proofs before they are answered")
     parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.answer:
-        answer()
+        answer(options.verify)
         return
     if len(options.checkouts) != 2:
         parser.error("two checkouts are needed, before and after")
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
-        versions = [Version(c.resolve(), d) for c, d in zip(options.checkouts, (first, second), strict=True)]
+        versions = [
+            Version(c.resolve(), d, options.verify) for c, d in zip(options.checkouts, (first, second), strict=True)
+        ]
         print("| contacts | nodes: before | after | processor time, after / before | from | to |")
         print("|---:|---:|---:|---:|---:|---:|")
         for contacts in options.contacts:
@@ -102,8 +113,8 @@ def main() -> None:
         revisions = [v.revision for v in versions]
         for version in versions:
             version.process.communicate()
-    kept = [run for run in json.loads(RESULTS.read_text())["runs"] if run["revisions"] != revisions]
-    kept.append({"machine": describe(), "revisions": revisions, "rows": rows})
+    kept = [run for run in json.loads(RESULTS.read_text())["runs"] if not same(run, revisions, options.verify)]
+    kept.append({"machine": describe(), "revisions": revisions, "verify": options.verify, "rows": rows})
     RESULTS.write_text(json.dumps({"runs": kept}, indent=1) + "\n")
 
 

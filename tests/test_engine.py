@@ -171,7 +171,7 @@ def test_what_is_left_unresolved_is_searched_more_finely(
 ) -> None:
     asked: list[Settings] = []
 
-    def search(p: object, goal: Goal, settings: Settings, *rest: object) -> Outcome:
+    def search(p: object, goal: Goal, settings: Settings, *rest: object, **named: object) -> Outcome:
         asked.append(settings)
         return planted(*found[len(asked) - 1])
 
