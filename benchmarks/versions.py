@@ -5,7 +5,8 @@
 
 Both versions answer the random cases of the published set of each size in turn, in processes of their own with
 caches of their own, one thread each; who begins alternates. A ratio is that of two neighbouring turns, so that
-other work on the machine hits both alike. Proofs are replayed only with --verify, by versions that do. Adds to results/versions.json and prints a Markdown table.
+other work on the machine hits both alike. Proofs are replayed only with --verify, by versions that do. Adds to
+results/versions.json and prints a Markdown table.
 """
 
 from __future__ import annotations
