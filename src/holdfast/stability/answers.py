@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from holdfast.answer import Stop, Verdict, header
+from holdfast.mechanism import Array
 from holdfast.stability import asked
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.goal import Goal
@@ -105,15 +106,27 @@ class MaxAnswer(Answer):
         unbounded: resisted as far as the search goes, ten thousand times the preload (or the base load,
             or the limits); `lower` is that magnitude and its witness, `upper` is inf.
         interval: which magnitudes below are resisted too, if that was asked.
-        limit: what the magnitudes tend to as the virtual motion grows without end, where no state attains the
-            largest; None where nothing shows that.
+        point: (n,) the witness in the engine's unknowns.
     """
 
     lower: float
     upper: float
     unbounded: bool
     interval: Interval | None = field(default=None, kw_only=True)
-    limit: Limit | None = field(default=None, kw_only=True)
+    point: Array | None = field(default=None, kw_only=True, repr=False)
+
+    @cached_property
+    def limit(self) -> Limit | None:
+        """What the magnitudes tend to as the virtual motion grows without end, where no state attains the largest.
+
+        None where nothing shows that.
+        """
+        if self.posed is None or self.point is None or not np.isfinite(self.upper):
+            return None
+        from holdfast.stability.engine.reduced import reduce
+        from holdfast.stability.limit import limit_of
+
+        return limit_of(reduce(*self.posed), self.point, self.upper)
 
     @property
     def attained(self) -> bool:

@@ -178,7 +178,9 @@ def _balances(q: Question, w: Array, c: Array, f: Array, coupling: Array, F: flo
     J, R, A = np.where(np.repeat(loaded, 3)[:, None], g.J, 0.0), g.mechanism.R, g.mechanism.A
     unbalanced = np.abs(c @ g.J - f @ R - coupling @ A).max(axis=0)
     terms = np.abs(J.T) @ _least(c) + np.abs(R.T) @ _least(f) + np.abs(A.T) @ _least(coupling)
-    torque = np.maximum.reduce([terms, F * np.sqrt((J * J).sum(axis=0)), model.idle_torque(g, F, scale)])
+    torque = np.maximum.reduce(
+        [terms, F * np.sqrt((J * J).sum(axis=0)), model.idle_torque(g, model.joint_arms(g), F, scale)]
+    )
     torsion = (np.linalg.norm(moment, axis=1).max() + strays * most) / scale
     joint = (unbalanced / np.where(unbalanced > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)
     return float(np.maximum(most / F, torsion)), float(joint)

@@ -143,18 +143,18 @@ def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None
             hints = {"reduced": reduced, "before": before if same else None}
         else:
             reduced = None
-        answer, point = largest(p, settings, None, **hints)
-        before = _left(answer, point, before if same else None)
+        answer = largest(p, settings, None, **hints)
+        before = _left(answer, before if same else None)
         last = case
         out.append(with_interval(answer, settings) if options.interval else answer)
     return out
 
 
-def _left(answer: MaxAnswer, point: Array | None, before: Neighbour | None) -> Neighbour | None:
+def _left(answer: MaxAnswer, before: Neighbour | None) -> Neighbour | None:
     """What an answer leaves to its neighbour."""
-    if point is None:
+    if answer.point is None:
         return None
-    points = (point, before.points[0]) if before else (point,)
+    points = (answer.point, before.points[0]) if before else (answer.point,)
     closed = answer.proof is not None and answer.stop is Stop.COMPLETE
     return Neighbour(points, answer.unbounded, answer.proof.pool if closed and answer.proof else None)
 
@@ -177,7 +177,9 @@ def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[
 
 def _task(task: tuple[Sequence[Case], Options]) -> list[MaxAnswer]:
     # a thousand answers travel between processes: leave behind what nobody asks for, and the history of Algorithm 1
-    left: dict[str, Any] = {"steps": ()} | ({} if task[1].proofs else {"witness": None, "proof": None, "posed": None})
+    left: dict[str, Any] = {"steps": ()} | (
+        {} if task[1].proofs else {"witness": None, "proof": None, "posed": None, "point": None}
+    )
     answers = [replace(answer, **left) for answer in _block(*task)]
     if task[1].proofs:
         return answers

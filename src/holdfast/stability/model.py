@@ -163,7 +163,9 @@ def _positions(grasp: Grasp) -> Array:
 def _middle(p: Array, c: Array) -> Array:
     """(3,) [m] the middle of the contacts, each weighed by its force: moments about it do not know the origin."""
     weight = _norms(c.reshape(-1, 3))
-    return np.asarray(np.average(p, axis=0, weights=weight if weight.any() else None))
+    total = float(weight.sum())
+    out: Array = weight @ p / total if total > 0 else p.mean(axis=0)
+    return out
 
 
 def smallest_arm(grasp: Grasp) -> float:
@@ -181,19 +183,20 @@ def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float, p: Array, midd
     A contact that carries next to nothing has no part in it, however far away it is, nor has the distance to the
     origin.
     """
-    F = np.array([k.frame @ ci for k, ci in zip(grasp.contacts, c.reshape(-1, 3), strict=True)])
-    moments = _norms(np.cross(p - middle, F)).max(initial=0.0)
+    F, arms = (grasp.G[:3] * c).reshape(3, -1, 3).sum(axis=2).T, p - middle
+    M = arms[:, [1, 2, 0]] * F[:, [2, 0, 1]] - arms[:, [2, 0, 1]] * F[:, [1, 2, 0]]
+    moments = _norms(M).max(initial=0.0)
     load = np.linalg.norm(w[3:] - cross(middle, w[:3]))
     return float(max(moments, load, force * smallest_arm(grasp)))
 
 
-def idle_torque(grasp: Grasp, force: float, moment: float) -> Array:
+def idle_torque(grasp: Grasp, arms: Array, force: float, moment: float) -> Array:
     """(l,) what measures the torque of a joint none of whose contacts carries: force and moment that act elsewhere.
 
-    Such a joint has nothing but rounding, and the distance of an open contact is to hide nothing.
+    Such a joint has nothing but rounding, and the distance of an open contact is to hide nothing. arms: (l,) of the
+    joints.
     """
     turns = np.array([joint.type == "revolute" for joint in grasp.joints], dtype=bool)
-    arms = joint_arms(grasp)
     return np.where(turns, np.minimum(force * arms, moment), force)
 
 
@@ -256,7 +259,9 @@ def residuals(
     loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
     terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(state.f) + np.abs(A.T) @ np.abs(state.coupling)
     moments = _moment_scale(grasp, state.c, w, F, p, middle)
-    torque = np.maximum.reduce([terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, F, moments)])
+    torque = np.maximum.reduce(
+        [terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, arms, F, moments)]
+    )
     missing = np.abs(joint_balance(grasp, state.c, state.f, state.coupling))
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons

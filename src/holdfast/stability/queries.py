@@ -21,10 +21,9 @@ from holdfast.stability import goal as goals
 from holdfast.stability import problem
 from holdfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.engine import front
-from holdfast.stability.engine.reduced import HIGHEST, reduce
+from holdfast.stability.engine.reduced import HIGHEST
 from holdfast.stability.goal import NEAR_END, Goal, search_end
 from holdfast.stability.interval import resisted
-from holdfast.stability.limit import limit_of
 from holdfast.stability.outcome import INF, Outcome
 from holdfast.stability.problem import Problem
 from holdfast.stability.settings import OnStep, Settings
@@ -105,10 +104,7 @@ def maximum(
     settings = settings or Settings()
     w0 = np.zeros(6) if base is None else base
     p = problem.build(grasp, w0, direction, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
-    answer, point = largest(p, settings, on_step)
-    goal = max_goal(p)
-    if point is not None and np.isfinite(answer.upper) and goal is not Goal.EXISTS:
-        answer = replace(answer, limit=limit_of(reduce(p, goal), point, answer.upper))
+    answer = largest(p, settings, on_step)
     return with_interval(answer, settings) if interval else answer
 
 
@@ -120,10 +116,8 @@ def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
     return replace(answer, interval=shown)
 
 
-def largest(
-    p: Problem, settings: Settings, on_step: OnStep | None = None, **hints: Any
-) -> tuple[MaxAnswer, Array | None]:
-    """The answer to a built problem, and its point for a neighbour's `hints`, which go to the engine's `search`."""
+def largest(p: Problem, settings: Settings, on_step: OnStep | None = None, **hints: Any) -> MaxAnswer:
+    """The answer to a built problem; hints: to the engine's `search`, what a neighbour left."""
     end = p.stretch * search_end(p)
     goal = max_goal(p)
     if goal is Goal.EXISTS:  # nothing but the disturbance: resisted at every magnitude or at none
@@ -145,15 +139,16 @@ def largest(
             lower,
             upper,
             unbounded,
+            point=found.point if verdict is Verdict.HOLDS else None,
             posed=(p, goal),
             verified=backing,
         )
 
     if found.bound == INF:
-        return answer(Verdict.SLIPS, None, 0.0, 0.0, False), None
+        return answer(Verdict.SLIPS, None, 0.0, 0.0, False)
     if found.witness is None:
         upper = goals.interval(p, goal, INF, found.bound)[1] if goal is not Goal.EXISTS else INF
-        return answer(Verdict.UNDECIDED, None, 0.0, upper, False), None
+        return answer(Verdict.UNDECIDED, None, 0.0, upper, False)
     w = found.witness
     if goal is Goal.EXISTS:
         s, upper, unbounded = end, INF, True
@@ -165,7 +160,7 @@ def largest(
             w = _scaled(w, s / p.stretch)
     if unbounded:
         upper = INF
-    return answer(Verdict.HOLDS, w, s, upper, unbounded), found.point
+    return answer(Verdict.HOLDS, w, s, upper, unbounded)
 
 
 def _smallest(p: Problem, settings: Settings, on_step: OnStep | None, found: Outcome) -> Outcome:
