@@ -4,9 +4,9 @@
 
 Fresh random grasps of 3 to 8 contacts (`grasps.random_case` with seeds that nothing was tuned on), in turn plain,
 with a base load, torque limits, a force limit, uncertain normals, a coupling between two joints, a prismatic joint.
-Each is asked for its maximum. Its upper bound is then attacked: `check` just and far above it, and Newton's method
-from random states whose motions are spread over nine decades, the magnitude held above the bound. A witness that
-`stability/model` accepts there would be a contradiction. With --shared, the grasps of reference/cap-cases too.
+Each is asked for its maximum. Its upper bound is then attacked: `check` just and far above it, 2 s each, and Newton's
+method from random states whose motions are spread over nine decades, the magnitude held above the bound. A witness
+that `stability/model` accepts there would be a contradiction. With --shared, the grasps of reference/cap-cases too.
 Writes results/no_cap.json as it goes on, and goes on where it was stopped.
 """
 
@@ -39,6 +39,7 @@ SIZES = (3, 4, 5, 6, 7, 8)
 KINDS = ("plain", "base load", "torque limits", "force limit", "eta", "coupling", "prismatic")
 ABOVE = (1.001, 1.03, 1.3, 3.0)  # times the upper bound
 STARTS = 40  # of Newton's method
+ATTACK = 2.0  # [s] for a check above the bound
 
 
 def question(k: int, first: int) -> tuple[str, Grasp, Array, dict[str, Any]]:
@@ -71,16 +72,14 @@ def question(k: int, first: int) -> tuple[str, Grasp, Array, dict[str, Any]]:
     return kind, grasp, case.direction, options
 
 
-def attacked(
-    grasp: Grasp, direction: Array, options: dict[str, Any], upper: float, seed: int, limit: float
-) -> list[str]:
+def attacked(grasp: Grasp, direction: Array, options: dict[str, Any], upper: float, seed: int) -> list[str]:
     """What was found above the bound: the factors of checks that hold, and magnitudes of Newton's witnesses."""
     found = []
     rest = {name: v for name, v in options.items() if name != "base"}
     base = options.get("base", np.zeros(6))
     for factor in ABOVE:
         s = upper * factor if upper > 0 else factor * 1e-3
-        answer = check(grasp, base + s * direction, settings=Settings(time_limit=limit), **rest)
+        answer = check(grasp, base + s * direction, settings=Settings(time_limit=ATTACK), **rest)
         if answer.verdict is Verdict.HOLDS:
             found.append(f"check holds at {factor:g} times the bound")
     p = problem.build(grasp, base, direction, **rest)
@@ -123,7 +122,7 @@ def ask(
         "motion_cap": a.proof.cap if a.proof else None,
         "nodes": a.nodes,
         "seconds": round(seconds, 3),
-        "contradictions": attacked(grasp, direction, options, a.upper, seed, limit) if bounded else [],
+        "contradictions": attacked(grasp, direction, options, a.upper, seed) if bounded else [],
     }
 
 
