@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 
 from holdfast.grasp import Grasp, GraspJoint
 from holdfast.mechanism import Array, Mechanism
-from holdfast.stability import farkas
+from holdfast.stability import leaf_rows
 from holdfast.stability.certificate import (
     TURN,
     WIDER,
@@ -152,7 +152,7 @@ class Known:
         E, h, Z = exact_equations(certificate.question)
         at = Columns.of(certificate.question)
         E, Z = ([[float(r.get(k, 0)) for k in range(at.n)] for r in rows] for rows in (E, Z))
-        lo, hi = farkas.bounds(certificate.question, certificate.scalar)
+        lo, hi = leaf_rows.bounds(certificate.question, certificate.scalar)
         shape = -1, at.n
         return cls(at, lo, hi, np.array(E).reshape(shape), np.array([float(v) for v in h]), np.array(Z).reshape(shape))
 

@@ -33,7 +33,7 @@ from certificates import (
 )
 from holdfast.answer import Stop, Verdict
 from holdfast.grasp import Contact, Grasp
-from holdfast.stability import farkas, verify
+from holdfast.stability import farkas, leaf_rows, verify
 from holdfast.stability.certificate import Columns, Question, Row
 from holdfast.stability.queries import check, maximum
 from holdfast.stability.settings import Settings
@@ -387,7 +387,7 @@ def test_bounds_of_what_has_none() -> None:
     """Motions, forces of actuators without a limit, and tangential forces have no bound to cite."""
     c = proof("check")
     at = Columns.of(c.question)
-    lo, hi = farkas.bounds(c.question, c.scalar)
+    lo, hi = leaf_rows.bounds(c.question, c.scalar)
     for column in range(at.n):
         for kind, end in ((Row.BOUND_UP, lo), (Row.BOUND_DOWN, hi)):
             other = with_row(c, 0, (kind, column, 0, 0), 1e-9)

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from holdfast.mechanism import Array
-from holdfast.stability.certificate import HALF, Certificate, Columns, Integers, Question, Row, directions
+from holdfast.stability.certificate import HALF, Certificate, Columns, Question, Row, directions
+from holdfast.stability.leaf_rows import UNIT, equations, rows_of
 
-UNIT = 2.0**-53  # relative error of one rounded operation
 TINY = 1e-300  # above anything that underflow can lose
 
 
@@ -81,22 +81,8 @@ class Claim:
             lo[at.e] = 0.0
             hi[at.e] = np.where(q.is_driven, certificate.scalar[1], 0.0)[: at.e.stop - at.e.start]
 
-        locked = np.flatnonzero(~q.may_move)
-        sizes = (6, g.l, len(A), len(locked), int(at.e.stop > at.e.start))
-        b1, b2, b3, b4, p = np.cumsum(sizes).tolist()
-        E, h = np.zeros((p, at.n)), np.zeros(p)
-        E[:b1, at.c] = g.G  # (1)
-        constant, per_scalar = q.loads
-        h[:b1] = -constant
-        E[:b1, at.scalar] = per_scalar[:, None]
-        E[b1:b2, at.c], E[b1:b2, at.f], E[b1:b2, at.coupling] = g.J.T, -R.T, -A.T  # (2)
-        E[b2:b3, at.q] = A
-        E[b3:b4, at.q] = R[locked]  # (8) where nothing is commanded
-        if p > b4:
-            E[b4:, at.scalar], E[b4:, at.e] = 1.0, -q.is_driven.astype(float)
+        E, h, Z = equations(q, g.G, g.J)
         usable = ~(E[:, ~np.isfinite(hi)] != 0).any(axis=1)
-        Z = np.zeros((3 * g.m + len(R), at.n))
-        Z[: 3 * g.m, at.r], Z[: 3 * g.m, at.q], Z[3 * g.m :, at.q] = g.G.T, -g.J, R  # (3)
         names = [*g.mechanism.actuators, *(f"coupling {i}" for i in range(len(A)))]
         unbounded = tuple(n for n, v in zip(names, z, strict=True) if not np.isfinite(v))
         return cls(at, lo, hi, E[usable], h[usable], Z, error, unbounded)
@@ -167,92 +153,45 @@ def equality_multipliers(rho0: Array, claim: Claim) -> Array:
 def weighed_rows(certificate: Certificate, claim: Claim) -> tuple[Array, Array, Array, Array]:
     """Rows weighed by multipliers: S (L, n+3m+a) on (x, d, t), the sum of sizes, b (L,), its sum of sizes.
 
-    The sizes times `Claim.error` bound all errors: of rounding, and of float directions U = (1 + e) unit,
-    |e| < 10 u. Those make g wrong by less than 80 u |d_t| / (1 + U_a . U_b)^1.5, the chord by as much times
-    mu c_n, `TANGENT` by 10 u mu c_n, `GAP_DOWN` by 10 u |d_t|: added to the sizes as `more`, for 256 u.
-    `C_LEFT` and the like are exact: U_(a + half a turn) = -U_a.
+    The sizes times `Claim.error` bound all errors, of rounding and of float directions.
     """
-    c, q, at = certificate, certificate.question, claim.columns
-    m, width = q.grasp.m, at.n + len(claim.Z)
-    leaf = np.repeat(np.arange(len(c.leaves)), np.diff(c.start))
-    force, motion = at.c.start + 3 * c.index, at.n + 3 * c.index
-    t, f = at.n + 3 * m + c.index, at.f.start + c.index
-    cos, sin = np.cos(q.eta), np.sin(q.eta)
+    c, g, L = certificate, certificate.question.grasp, len(certificate.leaves)
+    any_case = np.zeros((len(c.kind), g.m + g.mechanism.a), dtype=np.int64)
+    rows = rows_of(c, any_case, claim.lo, claim.hi, wider=0.0)
+    y, leaf = c.multiplier, np.repeat(np.arange(L), np.diff(c.start))
+
+    def total(what: Array) -> Array:
+        out = np.zeros((L, *what.shape[1:]))
+        np.add.at(out, leaf, what)
+        return out
+
+    b = y * rows.b
+    size = np.abs(rows.value) + _of_directions(c, claim.columns)
+    return total(y[:, None] * rows.value), total(y[:, None] * size), total(b), total(np.abs(b))
+
+
+def _of_directions(c: Certificate, at: Columns) -> Array:
+    """(R, n+3m+a) what float directions U = (1 + e) unit, |e| < 10 u, add to the sizes, for 256 u.
+
+    They make g wrong by less than 80 u |d_t| / (1 + U_a . U_b)^1.5, the chord by as much times mu c_n, `TANGENT` by
+    10 u mu c_n, `GAP_DOWN` by 10 u |d_t|. `C_LEFT` and the like are exact: U_(a + half a turn) = -U_a.
+    """
+    q, m = c.question, c.question.grasp.m
     U = directions(np.concatenate([c.a, c.b]))
     if not (np.abs((U * U).sum(axis=1) - 1) < 16 * UNIT).all():
         raise ValueError("the directions of this computer are not of unit length")
-    Ua, Ub = U[: len(leaf)], U[len(leaf) :]
+    Ua, Ub = U[: len(c.kind)], U[len(c.kind) :]
     needs_both = np.isin(c.kind, (Row.GAP_UP, Row.DN_UP, Row.CHORD)) & (np.abs(c.b - c.a) < HALF)
-    both = np.where(needs_both, 1 + (Ua * Ub).sum(axis=1), 1.0)
-    g, wide = (Ua + Ub) / both[:, None], both**-1.5
-    mu = np.append(q.grasp.mu, 0.0)[np.minimum(c.index, m)]
-    constant, per_scalar = (np.append(f_c, 0.0)[np.minimum(c.index, len(f_c))] for f_c in q.commands)
-    rows = [np.flatnonzero(c.kind == kind) for kind in Row]
-    flat, value, sizes = [], [], []
-    b = np.zeros(len(leaf))
-
-    def put(kinds: tuple[Row, ...], column: Integers, coefficient: Array | float, more: Array | float = 0.0) -> None:
-        here = np.concatenate([rows[kind] for kind in kinds])
-        x, extra = (v[here] if isinstance(v, np.ndarray) else v for v in (coefficient, more))
-        flat.append(leaf[here] * width + column[here])
-        value.append(c.multiplier[here] * x)
-        sizes.append(c.multiplier[here] * (np.abs(x) + extra))
-
-    put((Row.CN_UP, Row.GAP_UP), force, 1.0)
-    put((Row.CN_DOWN, Row.GAP_DOWN), force, -1.0)
-    put((Row.TANGENT,), force, mu, mu)
-    put((Row.CHORD,), force, -mu * both / 2, mu * wide)
-    put((Row.GAP_UP, Row.DN_UP), motion, cos)
-    put((Row.GAP_DOWN,), motion, -cos)
-    for axis in (0, 1):
-        put((Row.TANGENT,), force + 1 + axis, -Ua[:, axis])
-        put((Row.CHORD,), force + 1 + axis, (Ua + Ub)[:, axis] / 2)
-        put((Row.GAP_UP, Row.DN_UP), motion + 1 + axis, -sin * g[:, axis], sin * wide)
-        put((Row.GAP_DOWN,), motion + 1 + axis, sin * Ua[:, axis], sin)
-    put((Row.C_LEFT,), force + 1, -Ua[:, 1])
-    put((Row.C_LEFT,), force + 2, Ua[:, 0])
-    put((Row.C_RIGHT,), force + 1, Ub[:, 1])
-    put((Row.C_RIGHT,), force + 2, -Ub[:, 0])
-    put((Row.D_LEFT,), motion + 1, Ua[:, 1])
-    put((Row.D_LEFT,), motion + 2, -Ua[:, 0])
-    put((Row.D_RIGHT,), motion + 1, -Ub[:, 1])
-    put((Row.D_RIGHT,), motion + 2, Ub[:, 0])
-    put((Row.STILL_1_UP,), motion + 1, 1.0)
-    put((Row.STILL_1_DOWN,), motion + 1, -1.0)
-    put((Row.STILL_2_UP,), motion + 2, 1.0)
-    put((Row.STILL_2_DOWN,), motion + 2, -1.0)
-    put((Row.T_UP,), t, 1.0)
-    put((Row.T_DOWN,), t, -1.0)
-    put((Row.E_UP,), f, 1.0)
-    put((Row.E_DOWN, Row.S_UP), f, -1.0)
-    put((Row.S_UP,), at.e.start + c.index if at.e.stop > at.e.start else np.full_like(f, at.scalar.start), 1.0)
-    put((Row.BOUND_UP,), c.index, 1.0)
-    put((Row.BOUND_DOWN,), c.index, -1.0)
-    if at.scalar.stop > at.scalar.start:  # commands lambda f_c
-        put((Row.E_UP,), np.full_like(f, at.scalar.start), -per_scalar)
-        put((Row.E_DOWN,), np.full_like(f, at.scalar.start), per_scalar)
-    energy = rows[Row.ENERGY]
-    if len(energy):
-        x = np.zeros((len(leaf), m + 1))
-        x[energy] = c.references[c.index[energy]]
-        here = np.zeros_like(c.index)
-        w, (f_c, per_s) = q.loads[0], q.commands
-        for axis in range(6):
-            put((Row.ENERGY,), here + at.r.start + axis, w[axis])
-        for i in range(m):
-            put((Row.ENERGY,), here + at.c.start + 3 * i, -2 * x[:, i])
-        for i in range(len(f_c)):
-            put((Row.ENERGY,), here + at.n + 3 * m + i, f_c[i] + x[:, m] * per_s[i])
-        b -= (x[:, :m] ** 2).sum(axis=1)
-    b += np.where(c.kind == Row.E_UP, constant, 0.0) - np.where(c.kind == Row.E_DOWN, constant, 0.0)
-    column = np.minimum(c.index, at.n - 1)
-    b += np.where(c.kind == Row.BOUND_UP, claim.lo[column], 0.0)
-    b -= np.where(c.kind == Row.BOUND_DOWN, claim.hi[column], 0.0)
-
-    def total(where: Integers, what: Array, length: int) -> Array:
-        return np.bincount(where, weights=what, minlength=length).astype(float)
-
-    L, where = len(c.leaves), np.concatenate(flat)
-    S, size = (total(where, np.concatenate(v), L * width).reshape(L, width) for v in (value, sizes))
-    y = c.multiplier
-    return S, size, total(leaf, y * b, L), total(leaf, np.abs(y * b), L)
+    wide = np.where(needs_both, 1 + (Ua * Ub).sum(axis=1), 1.0) ** -1.5
+    mu, sin = np.append(q.grasp.mu, 0.0)[np.minimum(c.index, m)], np.sin(q.eta)
+    out = np.zeros((len(c.kind), at.n + 3 * m + q.grasp.mechanism.a))
+    for kinds, first, columns, more in (
+        ((Row.TANGENT,), at.c.start, 1, mu),
+        ((Row.CHORD,), at.c.start, 1, mu * wide),
+        ((Row.GAP_UP, Row.DN_UP), at.n + 1, 2, sin * wide),
+        ((Row.GAP_DOWN,), at.n + 1, 2, np.full(len(wide), sin)),
+    ):
+        here = np.flatnonzero(np.isin(c.kind, kinds))
+        for k in range(columns):
+            out[here, first + 3 * c.index[here] + k] = more[here]
+    return out

@@ -27,6 +27,7 @@ from holdfast.stability.certificate import (
     Row,
 )
 from holdfast.stability.claim import Claim, leaf_margins
+from holdfast.stability.leaf_rows import bounds
 from holdfast.stability.model import actuator_arms, joint_arms
 
 CAPS = (1e12, 1e11, 1e10, 1e9, 1e8, 1e7, 1e6, 1e5, 1e4, 3e3, 1e3)  # force scales
@@ -75,22 +76,20 @@ def verify(certificate: Certificate, known: dict[bytes, float] | None = None) ->
                 check_rows(certificate, cases, claim.lo, claim.hi)
                 margins = leaf_margins(certificate, claim)
             else:
-                check_rows(certificate, cases, *farkas.bounds(certificate.question, certificate.scalar))
+                check_rows(certificate, cases, *bounds(certificate.question, certificate.scalar))
                 margins = farkas.proved_margins(certificate, cases, known)
     except Refused as fault:
         return Verification(False, leaves, -np.inf, str(fault))
-    bad = np.flatnonzero(~(margins > 0))
-    if certificate.cap_r is not None and not len(bad):
-        return Verification(True, leaves, float(margins.min()), "", cap=float(certificate.cap_r[:3].min()))
-    if len(bad) and not certificate.capped:
-        cap, within = _largest_cap(certificate, cases, bad)
-        margins[bad] = within
-        if cap is not None:
-            return Verification(True, leaves, float(margins.min()), "", tuple(bad.tolist()), cap)
+    bad, cap = np.flatnonzero(~(margins > 0)), None
+    if certificate.cap_r is not None:
+        cap = float(certificate.cap_r[:3].min())
+    elif len(bad):
+        cap, margins[bad] = _largest_cap(certificate, cases, bad)
+    left = np.flatnonzero(~(margins > 0))
     margin = float(np.where(np.isnan(margins), -np.inf, margins).min())
-    if not len(bad):
-        return Verification(True, leaves, margin, "")
-    reason = f"leaf {bad[0]} (node {certificate.leaves[bad[0]]}) is not proved: margin {margins[bad[0]]:.3g}"
+    if not len(left):
+        return Verification(True, leaves, margin, "", tuple(bad.tolist()), cap)
+    reason = f"leaf {left[0]} (node {certificate.leaves[left[0]]}) is not proved: margin {margins[left[0]]:.3g}"
     if certificate.capped and claim.unbounded:
         reason += f"; nothing bounds the force of {', '.join(claim.unbounded)}"
     return Verification(False, leaves, margin, reason, tuple(bad.tolist()))

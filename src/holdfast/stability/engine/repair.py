@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from holdfast.mechanism import Array
-from holdfast.stability import farkas, verify
+from holdfast.stability import farkas, leaf_rows, verify
 from holdfast.stability.certificate import ROW_ARRAYS, TURN, ActuatorState, Certificate, ContactState, Integers, Row
 
 TANGENTS = 8  # directions, besides those that the leaf's own ray has
@@ -24,8 +24,8 @@ AWAY = 1e-3  # from 0, in rays whose contradiction is 1
 def repaired(certificate: Certificate, leaves: Sequence[int]) -> Certificate:
     """The certificate with other rays for these leaves, where there are better ones."""
     c = certificate
-    cases = verify.leaf_cases(c)
-    found = {leaf: _ray(c, leaf, cases[leaf]) for leaf in leaves}
+    cases, system, ends = verify.leaf_cases(c), farkas.System.of(c.question), leaf_rows.bounds(c.question, c.scalar)
+    found = {leaf: _ray(c, leaf, cases[leaf], system, *ends) for leaf in leaves}
     parts: list[Array | Integers] = []
     counts = np.diff(c.start)
     for leaf in range(len(c.leaves)):
@@ -40,9 +40,14 @@ def repaired(certificate: Certificate, leaves: Sequence[int]) -> Certificate:
     return replace(c, start=start, multiplier=rows[:, -1], **whole)  # type: ignore[arg-type]
 
 
-def _ray(c: Certificate, leaf: int, case: Integers) -> tuple[Array | Integers, ...] | None:
-    """Kind, index, a, b, multiplier of the rows of a better ray; None if there is none."""
-    kind, index, a, b = _candidates(c, leaf, case)
+def _ray(
+    c: Certificate, leaf: int, case: Integers, system: farkas.System, lo: Array, hi: Array
+) -> tuple[Array | Integers, ...] | None:
+    """Kind, index, a, b, multiplier of the rows of a better ray; None if there is none.
+
+    system, lo, hi: the equalities, and bounds (n,) of the unknowns.
+    """
+    kind, index, a, b = _candidates(c, leaf, case, lo, hi)
     some = replace(
         c,
         leaves=c.leaves[leaf : leaf + 1],
@@ -53,13 +58,11 @@ def _ray(c: Certificate, leaf: int, case: Integers) -> tuple[Array | Integers, .
         b=b,
         multiplier=np.zeros(len(kind)),
     )
-    lo, hi = farkas.bounds(c.question, c.scalar)
     allowed = verify.legal(some, np.repeat(case[None], len(kind), axis=0), lo, hi)
     kept = {name: getattr(some, name)[allowed] for name in ROW_ARRAYS[1:]}
     some = replace(some, start=np.array([0, int(allowed.sum())]), **kept)
     count = len(some.kind)
-    system = farkas.System.of(c.question)
-    rows = farkas.rows_of(some, np.repeat(case[None, :, 0], count, axis=0), lo, hi)
+    rows = leaf_rows.rows_of(some, np.repeat(case[None, :, 0], count, axis=0), lo, hi)
     leaves = farkas.Leaves.of(some, rows, system, case[None], np.array([0]), whole=True)  # v has to follow from y
     B, right, free = leaves.B[0], leaves.b[0], leaves.free[0]
     alive = (B != 0).any(axis=0)
@@ -103,7 +106,9 @@ OTHER = {
 }
 
 
-def _candidates(c: Certificate, leaf: int, case: Integers) -> tuple[Integers, Integers, Integers, Integers]:
+def _candidates(
+    c: Certificate, leaf: int, case: Integers, lo: Array, hi: Array
+) -> tuple[Integers, Integers, Integers, Integers]:
     """Kind, index, a, b of every row that may hold in the leaf, of equations only one side; and those it has."""
     q, m = c.question, c.question.grasp.m
     rows: list[tuple[int, int, int, int]] = []
@@ -127,7 +132,6 @@ def _candidates(c: Certificate, leaf: int, case: Integers) -> tuple[Integers, In
         rows += [(Row.T_UP, j, 0, 0), (Row.E_UP, j, 0, 0), (Row.S_UP, j, 0, 0)]
         if state == ActuatorState.LOCKED or not q.may_move[j]:
             rows.append((Row.T_DOWN, j, 0, 0))
-    lo, hi = farkas.bounds(q, c.scalar)
     rows += [(Row.BOUND_UP, int(k), 0, 0) for k in np.flatnonzero(np.isfinite(lo))]
     rows += [(Row.BOUND_DOWN, int(k), 0, 0) for k in np.flatnonzero(np.isfinite(hi))]
     known = set(rows)
