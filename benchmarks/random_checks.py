@@ -1,6 +1,6 @@
 """Ten thousand random checks: every HOLDS witnessed, every SLIPS replayed, how many stay open, none contradicted.
 
-    python benchmarks/random_checks.py [--checks 10000] [--peer gurobi] [--sample 200] [--peer-limit 10]
+    python benchmarks/random_checks.py [--checks 10000] [--peer gurobi] [--sample 200 [--sample-alone]] [--peer-limit 10]
 
 Grasps of 3 to 6 contacts from `grasps.random_case` with seeds of their own (no case chosen by its answer, and
 not those of the published set). The disturbance is a pull along the case's direction of 10^u newtons, u uniform
@@ -23,6 +23,8 @@ import numpy as np
 
 from grasps import random_case
 from holdfast.answer import Verdict
+from holdfast.grasp import Grasp
+from holdfast.stability.answers import CheckAnswer
 from holdfast.stability.queries import check
 from holdfast.stability.settings import Settings
 from holdfast.stability.verify import verify
@@ -47,6 +49,7 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=20.0, help="[s] per check")
     parser.add_argument("--peer", default="gurobi", choices=("gurobi", "scip"))
     parser.add_argument("--sample", type=int, default=200)
+    parser.add_argument("--sample-alone", action="store_true", help="ask only the sample, add it to what was written")
     parser.add_argument("--peer-limit", type=float, default=10.0, help="[s] per check of the sample")
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
@@ -74,7 +77,23 @@ def main() -> None:
         }
         args.out.write_text(json.dumps(data, indent=1) + "\n")
 
+    def compare(answer: CheckAnswer, grasp: Grasp, w: np.ndarray) -> None:
+        settings = Settings(method="algorithm1", solver=args.peer, time_limit=args.peer_limit)
+        other = check(grasp, w, settings=settings)
+        both = Verdict.UNDECIDED not in (answer.verdict, other.verdict)
+        peers["open"] += other.verdict is Verdict.UNDECIDED
+        peers["agrees"] += both and other.verdict is answer.verdict
+        peers["contradicts"] += both and other.verdict is not answer.verdict
+
     every = max(args.checks // max(args.sample, 1), 1)
+    if args.sample_alone:
+        for k in range(0, args.checks, every):
+            grasp, w = question(k)
+            compare(check(grasp, w, settings=Settings(time_limit=args.limit)), grasp, w)
+        peer = {"solver": args.peer, "limit": args.peer_limit, "counts": dict(peers)}
+        args.out.write_text(json.dumps(json.loads(args.out.read_text()) | {"peer": peer}, indent=1) + "\n")
+        print(dict(peers))
+        return
     for k in range(args.checks):
         grasp, w = question(k)
         answer = check(grasp, w, settings=Settings(time_limit=args.limit))
@@ -99,12 +118,7 @@ def main() -> None:
         if not fine:
             odd.append({"k": k, "verdict": answer.verdict, "stop": answer.stop, "nodes": answer.nodes})
         if args.sample and k % every == 0:
-            settings = Settings(method="algorithm1", solver=args.peer, time_limit=args.peer_limit)
-            other = check(grasp, w, settings=settings)
-            both = Verdict.UNDECIDED not in (answer.verdict, other.verdict)
-            peers["open"] += other.verdict is Verdict.UNDECIDED
-            peers["agrees"] += both and other.verdict is answer.verdict
-            peers["contradicts"] += both and other.verdict is not answer.verdict
+            compare(answer, grasp, w)
         if started % 500 == 0:
             save()
             print(started, dict(counts), dict(peers), flush=True)
