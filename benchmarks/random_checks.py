@@ -1,6 +1,6 @@
 """Ten thousand random checks: every HOLDS witnessed, every SLIPS replayed, how many stay open, none contradicted.
 
-    python benchmarks/random_checks.py [--checks 10000] [--peer gurobi] [--sample 200 [--sample-alone]] [--peer-limit 10]
+    python benchmarks/random_checks.py [--checks 10000] [--peer gurobi] [--sample 200] [--peer-limit 10]
 
 Grasps of 3 to 6 contacts from `grasps.random_case` with seeds of their own (no case chosen by its answer, and
 not those of the published set). The disturbance is a pull along the case's direction of 10^u newtons, u uniform

@@ -109,15 +109,15 @@ def proved_margins(certificate: Certificate, cases: Integers, known: dict[bytes,
     new = np.array([name not in known for name in names], dtype=bool)
     system, (lo, hi) = System.of(q), bounds(q, c.scalar)
     counts = np.diff(c.start)
-    leaf = np.repeat(np.arange(len(c.leaves)), counts)
-    rows = rows_of(c, cases[leaf, :, 0], lo, hi)
     margins = np.full(len(c.leaves), -np.inf)
     order = np.argsort(counts, kind="stable")  # leaves of like size together: little is wasted on padding
     order = order[new[order]]
     exact: Exact | None = None
     for begin in range(0, len(order), CHUNK):
         chosen = order[begin : begin + CHUNK]
-        leaves = Leaves.of(c, rows, system, cases, chosen)
+        some, case = c.some(chosen), cases[chosen]
+        rows = rows_of(some, np.repeat(case[:, :, 0], counts[chosen], axis=0), lo, hi)
+        leaves = Leaves.of(some, rows, system, case, np.arange(len(chosen)))
         margins[chosen] = leaves.margins()
         for k in np.flatnonzero(~(margins[chosen] > 0)):
             exact = exact or Exact.of(q)

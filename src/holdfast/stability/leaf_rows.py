@@ -80,8 +80,10 @@ def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wi
     force, motion = at.c.start + 3 * c.index, at.n + 3 * c.index
     t, f = at.n + 3 * m + c.index, at.f.start + c.index
 
+    of_kind = [np.flatnonzero(c.kind == kind) for kind in Row]
+
     def put(kinds: tuple[Row, ...], column: Integers | int, coefficient: Array | float) -> None:
-        here = np.flatnonzero(np.isin(c.kind, kinds))
+        here = np.concatenate([of_kind[kind] for kind in kinds])
         columns = column[here] if isinstance(column, np.ndarray) else column
         value[here, columns] += coefficient[here] if isinstance(coefficient, np.ndarray) else coefficient
 
