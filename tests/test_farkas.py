@@ -32,7 +32,8 @@ from certificates import (
     row,
 )
 from holdfast.answer import Stop, Verdict
-from holdfast.grasp import Contact, Grasp
+from holdfast.grasp import Contact, Grasp, GraspJoint
+from holdfast.mechanism import Mechanism
 from holdfast.stability import farkas, leaf_rows, verify
 from holdfast.stability.certificate import Columns, Question, Row
 from holdfast.stability.queries import check, maximum
@@ -266,6 +267,25 @@ def test_a_contact_that_is_moved_a_little(apart: float) -> None:
     found = verify.verify(c)
     assert found.unproved == tuple(np.flatnonzero(~(margins > 0)).tolist())
     assert (found.cap is None and found.ok) == (not found.unproved)  # the others up to some motion, if at all
+
+
+@pytest.mark.parametrize("shift", [0.0, 1.0, 1e3])
+def test_equations_that_contradict_each_other(shift: float) -> None:
+    """A tendon pulls two joints alike that lie 20 and 30 mm below a fingertip: a force across would need 2 : 3."""
+    tips, contacts, joints = (0.03 + shift, -0.03 + shift), [], []
+    for i, x in enumerate(tips):
+        contacts.append(Contact([x, 0.0, 0.0], [2.0 * i - 1.0, 0.0, 0.0], 0.5))
+        joints += [GraspJoint(f"j{i}{k}", [0.0, 0.0, 1.0], [x, -0.02 - 0.01 * k, 0.0], (i,)) for k in range(2)]
+    R = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
+    grasp = Grasp(contacts, joints, Mechanism(("a", "b"), R, np.zeros((0, 4)), (True, True)), {"a": 0.1, "b": 0.1})
+    across = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    answer = check(grasp, across)
+    assert (answer.verdict, answer.stop, answer.verified) == (Verdict.SLIPS, Stop.COMPLETE, True)
+    assert len(answer.certificate.leaves) == 1
+    assert not len(answer.certificate.kind)
+    most = maximum(grasp, across)
+    assert (most.verdict, most.stop, most.verified) == (Verdict.SLIPS, Stop.COMPLETE, True)
+    refused(replace(answer.certificate, question=replace(answer.question, wrench=np.zeros(6))), "is not proved")
 
 
 def test_two_points_hold_no_weight() -> None:

@@ -180,12 +180,13 @@ class Leaves:
 
         norms = np.linalg.norm(system.E, axis=1)
         unit = np.exp2(-np.round(np.log2(np.where(norms > 0, norms, 1.0))))[:, None]
-        inverse = np.linalg.pinv(unit * system.E, rcond=1e-12)
+        E, h = unit * system.E, unit[:, 0] * system.h
+        inverse = np.linalg.pinv(E, rcond=1e-12)
         rest = np.einsum("lk,lkn->ln", y, F)
         v = -(rest @ inverse)
         alone = counts == 0  # the equilibrium contradicts itself
-        v[alone] = system.h - system.E @ (inverse @ system.h)
-        v -= (rest + v @ (unit * system.E)) @ inverse  # once more for what rounding left
+        v[alone] = h - E @ (inverse @ h)
+        v -= (rest + v @ E) @ inverse  # once more for what rounding left
         v *= unit[:, 0]
 
         closed = np.ones((len(chosen), n), bool)

@@ -40,7 +40,7 @@ class Proof:
         """The certificate; None if nodes are left that no ray closes."""
         r, pool, hi = self.reduced, self.pool, self.cut
         status = pool.status
-        if not r.solvable or np.isin(status, (arrays.UNRESOLVED, arrays.WAITING)).any():
+        if np.isin(status, (arrays.UNRESOLVED, arrays.WAITING)).any():
             return None
         p = r.p
         # of the smallest preload everything is homogeneous: w = d is the search's w = stretch d, divided
