@@ -56,6 +56,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, c, d, cone, out):  # type: ig
         if touch == OPEN:
             if sin > 0.0 and (width == 0 or width > narrow):
                 amount = -gap
+                missing = gap * gap
         else:
             if touch == UNDECIDED:
                 amount = larger(smaller(cn, cn + gap), -(cn + gap))
@@ -63,7 +64,7 @@ def select(m, a, cos, sin, mdp, mu, driven, state, c, d, cone, out):  # type: ig
             else:
                 amount = abs(cn + gap)
                 rank = (width / TURN if width > COARSE else 0.0) if touch == SLIDE else (2.0 if mdp else 0.0)
-            missing = cn * larger(cn + gap, 0.0)
+            missing = cn * larger(cn + gap, 0.0) - gap * larger(-cn - gap, 0.0)
             if mdp:
                 w = mu[i] * cn
                 x = c[k + 1] * speed + w * d1
