@@ -14,7 +14,7 @@ from holdfast.errors import InputError
 from holdfast.grasp import Contact, Grasp, GraspJoint
 from holdfast.grasp_file import load_grasp
 from holdfast.mechanism import Mechanism
-from holdfast.stability import model, queries, verify
+from holdfast.stability import model, queries, replay, verify
 from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
 from holdfast.stability.settings import Settings
 from problems import Z, bell, nest, pinch, table
@@ -118,6 +118,18 @@ def test_largest_torque() -> None:
     assert answer.lower <= 3.0 + 1e-9
     assert answer.upper >= 2.0 - 1e-6
     assert abs(answer.witness.state.f[0]) <= 0.3 + 1e-9
+
+
+@pytest.mark.parametrize("limits", [{"torque_limits": {"right": 0.3}}, {"force_limit": 5.0}])
+def test_limits_do_not_hold_what_slips_without_them(limits) -> None:
+    """Nothing presses without a preload: any force across slips, along the fingers 0.3 / 0.1 N or 5 N are carried."""
+    bare = pinch().with_preload(None)
+    answer = maximum(bare, w(0, 1, 0), settings=Settings(node_limit=1000), **limits)
+    assert (answer.verdict, answer.lower, answer.upper) == (Verdict.SLIPS, 0.0, 0.0)
+    assert answer.stop is Stop.COMPLETE
+    assert answer.verified
+    assert replay.verify(answer).ok
+    assert_bounds(maximum(bare, w(1, 0, 0), **limits), 3.0 if "torque_limits" in limits else 5.0)
 
 
 def test_least_torques() -> None:

@@ -79,5 +79,5 @@ def interval(p: Problem, goal: Goal, value: float, bound: float) -> tuple[float,
     if goal is Goal.SMALLEST_PRELOAD:
         return p.stretch / value if value > 0 else np.inf, p.stretch / bound if bound > 0 else np.inf
     if goal is Goal.LARGEST:
-        return max(-value * p.stretch, 0.0), max(-bound * p.stretch, 0.0)
+        return max(0.0, -value * p.stretch), max(0.0, -bound * p.stretch)  # of equals the first: no -0
     return bound, value
