@@ -265,7 +265,7 @@ def test_a_moment_out_of_balance_is_measured_by_the_moments_that_act(axis: int, 
     ("edits", "named", "value"),
     [
         ([("c", 1, 0.12)], "object_balance", 0.1),  # 0.12 N of 1.2 N
-        ([("f", 0, 0.012)], "joint_balance", 0.012 / 0.212),  # beside 0.1 N m of the contact and 0.112 N m of the motor
+        ([("f", 0, 0.012)], "joint_balance", 0.012 / 0.2),  # beside 0.1 N m of the contact and 0.1 N m of the command
         ([("c", 0, 0.12)], "normal", 0.12 / np.hypot(1.12, 0.6)),  # by the contact force that it makes
         ([("r", 1, 0.5)], "dissipation", 0.2 / 1.2**2),  # 0.6 N * 0.5 - 1 N * 0.5, slower than the force scale
         ([("r", 2, 3.0)], "dissipation", 3 / 3 / 1.2),  # faster: 1 N is missing, and 0.6 N is across

@@ -47,7 +47,7 @@ def test_bad_wrenches(wrench: list, message: str) -> None:
 
 
 def test_other_refusals() -> None:
-    with pytest.raises(InputError, match="direction: is zero; give a force"):
+    with pytest.raises(InputError, match="direction: is zero, or next to it; give a force"):
         problem.build(pinch(), np.zeros(6), np.zeros(6))
     with pytest.raises(InputError, match="eta: is 50 degrees; 0 to 45"):
         problem.build(pinch(), Y6, eta=np.radians(50))

@@ -100,8 +100,9 @@ def weight(mass: float, center_of_mass: object, direction: object, g: float = 9.
     if not mass > 0:
         raise InputError(f"is {mass:g}; a weight needs a positive mass [kg]", field="mass")
     d = frozen(direction, (3,), "direction")
-    if np.linalg.norm(d) < 1e-12:
+    if np.abs(d).max() < 1e-12:
         raise InputError("is zero; give the direction in which gravity pulls", field="direction")
+    d = d / np.abs(d).max()  # no square overflows
     force = mass * g * d / np.linalg.norm(d)
     return np.concatenate([force, np.cross(frozen(center_of_mass, (3,), "center of mass"), force)])
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import unicodedata
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -72,7 +74,8 @@ def parse_json(text: str) -> Any:
 
     Raises:
         InputError: no JSON; NaN, infinity or a number beyond `LARGEST`; a name twice in one object; half a
-            character; more than `DEPTH` lists and objects in each other.
+            character, or a control character, which could fake lines of what is printed; more than `DEPTH` lists
+            and objects in each other.
     """
     try:
         data = json.loads(text, parse_constant=_refused, parse_int=_whole, parse_float=_real, object_pairs_hook=_object)
@@ -82,12 +85,28 @@ def parse_json(text: str) -> Any:
         raise _too_deep() from None
     if _deeper(data, DEPTH):
         raise _too_deep()
+    if "\\" in text:  # else every character is as it stands, and none that JSON refuses
+        for word in _words(data):
+            if not word.isprintable() and any(unicodedata.category(x) == "Cc" for x in word):
+                raise InputError(f"contains {word[:40]!r}; names and texts are one line without control characters")
     if "\\u" in text:
         try:
             json.dumps(data, ensure_ascii=False).encode("utf-8")
         except UnicodeEncodeError:
             raise InputError("contains half a character (a lone surrogate such as \\ud800)") from None
     return data
+
+
+def _words(data: Any) -> Iterator[str]:
+    """All texts and names in parsed JSON."""
+    if isinstance(data, str):
+        yield data
+    elif isinstance(data, dict):
+        yield from data
+        data = list(data.values())
+    if isinstance(data, list):
+        for x in data:
+            yield from _words(x)
 
 
 def _refused(constant: str) -> Any:

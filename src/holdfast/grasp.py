@@ -121,7 +121,8 @@ class Grasp:
         name: for reports.
 
     Raises:
-        InputError: no contacts, `moves` out of range, a joint named twice, a mechanism of the wrong size, more
+        InputError: no contacts, `moves` out of range, a joint named twice, names that are not one line of printable
+            characters, a mechanism of the wrong size, more
             contacts, joints and actuators than can be searched (`LARGEST`).
     """
 
@@ -146,6 +147,9 @@ class Grasp:
         if not self.contacts:
             raise InputError("is empty; a grasp needs at least one contact", field="contacts")
         names = [j.name for j in self.joints]
+        for field, text in [("name", name), *((f"joints[{i}].name", n) for i, n in enumerate(names))]:
+            if not text.isprintable():
+                raise InputError(f"is {text!r}; a name is one line of printable characters", field=field)
         actuators = len(names) if mechanism is None else mechanism.a
         if 3 * self.m + self.l + 2 * actuators > LARGEST:
             sizes = f"{self.m} contacts, {self.l} joints and {actuators} actuators"

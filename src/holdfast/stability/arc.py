@@ -177,7 +177,7 @@ def _balances(q: Question, w: Array, c: Array, f: Array, coupling: Array, F: flo
     loaded = C.any(axis=(0, 2))
     J, R, A = np.where(np.repeat(loaded, 3)[:, None], g.J, 0.0), g.mechanism.R, g.mechanism.A
     unbalanced = np.abs(c @ g.J - f @ R - coupling @ A).max(axis=0)
-    terms = np.abs(J.T) @ _least(c) + np.abs(R.T) @ _least(f) + np.abs(A.T) @ _least(coupling)
+    terms = np.abs(J.T) @ _least(c) + np.abs(R.T) @ np.abs(g.command)
     torque = np.maximum.reduce(
         [terms, F * np.sqrt((J * J).sum(axis=0)), model.idle_torque(g, model.joint_arms(g), F, scale)]
     )

@@ -33,6 +33,7 @@ from holdfast.stability.leaf_rows import UNIT, Rows, bounds, equations, rows_of
 
 CHUNK = 256  # leaves whose systems are in memory at a time
 SLIGHT = 1e-10  # relative: a contradiction no larger than this is one of rounding, in the question's own numbers
+MISSED = 1e-9  # relative: what a witness may miss the equilibrium by
 DUST = 1e-13  # relative: multipliers of equalities below this are taken for 0
 LEAST = 1e-4  # a small multiplier may change by this share of what an equality's may, relative to the rows' size
 TILT = 1e-16  # relative, of a diagonal: enough for an inverse to exist, which may be useless
@@ -44,7 +45,8 @@ class System:
     """What all leaves share.
 
     Attributes:
-        E, h: (p, n), (p,) equalities, E rounded. Z: (3m+a, n) motions (d, t) over x, rounded.
+        E, h: (p, n), (p,) equalities, E rounded; reach: (p,) what a witness may miss them by is `MISSED` of it.
+        Z: (3m+a, n) motions (d, t) over x, rounded.
         E_size, Z_size: sums of absolute values: |rounded - exact| <= error * size.
         scale: (n,) powers of two by which unknowns are scaled.
         error: relative error of every sum.
@@ -52,6 +54,7 @@ class System:
 
     E: Array
     h: Array
+    reach: Array
     E_size: Array
     Z: Array
     Z_size: Array
@@ -68,7 +71,11 @@ class System:
         largest = np.maximum(np.abs(E).max(axis=0, initial=0.0), np.abs(Z).max(axis=0, initial=0.0))
         scale: Array = np.exp2(-np.round(np.log2(np.where(largest > 0, largest, 1.0))))
         scale[at.c] = 1.0
-        return cls(E * scale, h, E_size * scale, Z * scale, Z_size * scale, scale, 64 * UNIT)
+        load = question.loads[0]
+        force = max(np.linalg.norm(load[:3]), np.linalg.norm(load[3:]) / g.size)
+        reach = np.zeros(len(h))
+        reach[:6] = force * np.repeat([1.0, g.size], 3)
+        return cls(E * scale, h, reach, E_size * scale, Z * scale, Z_size * scale, scale, 64 * UNIT)
 
 
 def sizes(grasp: Grasp) -> tuple[Array, Array]:
@@ -143,7 +150,8 @@ class Leaves:
     Attributes:
         B: (L, K, n) rows of the leaf, then equalities; zero where a contact is open, whose force is zero.
         size: (L, K, n) sums of absolute values behind B.
-        w: (L, K) multipliers. free: (L, K) bool, may have any sign. b: (L, K) right-hand sides.
+        w: (L, K) multipliers. free: (L, K) bool, may have any sign. b: (L, K) right-hand sides; slack: (L, K) by
+            how much they may be missed.
         unit: (L, K) powers of two that rows were divided by.
         index: (L, k) which rows of the certificate, -1 for padding; the last p of K are the equalities.
         closed: (L, n) bool: unknowns that are not known to be zero.
@@ -155,6 +163,7 @@ class Leaves:
     w: Array
     free: Mask
     b: Array
+    slack: Array
     unit: Array
     index: Integers
     closed: Mask
@@ -197,13 +206,22 @@ class Leaves:
         size = np.concatenate([F_size, np.broadcast_to(system.E_size, shape)], axis=1) * closed[:, None]
         free = np.concatenate([there & rows.either[index], np.ones((len(chosen), p), bool)], axis=1)
         b = np.concatenate([np.where(there, rows.b[index], 0.0), np.broadcast_to(system.h, (len(chosen), p))], axis=1)
+        slack = np.concatenate(
+            [np.zeros((len(chosen), k)), np.broadcast_to(MISSED * system.reach, (len(chosen), p))], axis=1
+        )
         w = np.concatenate([y, v], axis=1)
         # rows to a like size, so that a multiplier says how much its row counts
         most = np.abs(B).max(axis=2, initial=0.0)
         divisor: Array = np.exp2(np.round(np.log2(np.where(most > 0, most, 1.0))))
-        B, size, b, w = B / divisor[..., None], size / divisor[..., None], b / divisor, w * divisor
+        B, size, b, slack, w = (
+            B / divisor[..., None],
+            size / divisor[..., None],
+            b / divisor,
+            slack / divisor,
+            w * divisor,
+        )
         terms = 4 * (k + p + n + 3 * g.m)
-        return cls(B, size, w, free, b, divisor, index, closed, system.error + terms * UNIT)
+        return cls(B, size, w, free, b, slack, divisor, index, closed, system.error + terms * UNIT)
 
     def margins(self) -> Array:
         """(L,) by enclosure, first with what counts only, then with all equalities; -inf where ranks are lost."""
@@ -228,7 +246,7 @@ class Leaves:
 
     def some(self, chosen: Integers) -> Leaves:
         """Of these leaves only."""
-        names = ("B", "size", "w", "free", "b", "unit", "index", "closed")
+        names = ("B", "size", "w", "free", "b", "slack", "unit", "index", "closed")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     def _enclosed(self, used: Mask) -> Array:
@@ -265,6 +283,7 @@ class Leaves:
         change = np.einsum("lkn,ln->lk", PT, z) * (1 + 1e-9)
         terms = np.abs(w * self.b)
         value = (w * self.b).sum(axis=1) - (change * np.abs(self.b)).sum(axis=1) * (1 + 1e-9)
+        value -= ((np.abs(w) + change) * self.slack).sum(axis=1) * (1 + 1e-9)
         value -= self.error * terms.sum(axis=1)
         out = value / np.maximum(terms.sum(axis=1), 1e-300)
         kept = (self.free | (w >= change)).all(axis=1)
@@ -364,7 +383,9 @@ class Exact:
         b = [rational(x) * rational(unit) for x, unit in zip(leaves.b[k][used], leaves.unit[k][used], strict=True)]
         terms = [x * right for x, right in zip(y, b, strict=True)]
         size = _sum(abs(x) for x in terms)
-        return float(_ratio(_sum(terms), size)) if size != 0 else -np.inf
+        slack = zip(y, leaves.slack[k][used], leaves.unit[k][used], strict=True)
+        missed = _sum(abs(x) * rational(s) * rational(unit) for x, s, unit in slack)
+        return float(_ratio(_sum(terms) - missed, size)) if size != 0 else -np.inf
 
     def _row(self, rows: Rows, number: int, place: int, K: int) -> Sparse:
         """A row of a leaf's system over x: of the certificate, or the equality at a place of K."""

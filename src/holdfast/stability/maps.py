@@ -19,6 +19,7 @@ from holdfast.stability.many import Case, OnItem, Options, maxima
 from holdfast.stability.settings import Settings
 
 Plane = Literal["xy", "xz", "yz"]
+MOST_STEPS = 1_000_000  # directions
 PLANES: tuple[Plane, ...] = ("xy", "xz", "yz")
 
 
@@ -194,8 +195,8 @@ def force_map(
     """
     if plane not in PLANES:
         raise InputError(f"is '{plane}'; one of {', '.join(PLANES)} is needed", field="plane")
-    if steps < 1:
-        raise InputError(f"is {steps}; at least 1 direction is needed", field="steps")
+    if not 1 <= steps <= MOST_STEPS:
+        raise InputError(f"is {steps}; 1 to {MOST_STEPS} directions are possible", field="steps")
     point = frozen(at, (3,), "at")
     angles = 2 * np.pi * np.arange(steps) / steps
     i, j = ("xyz".index(axis) for axis in plane)

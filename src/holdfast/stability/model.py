@@ -221,8 +221,8 @@ class Residuals:
 
     @property
     def worst(self) -> float:
-        """The largest of them."""
-        return max(getattr(self, f.name) for f in fields(self))
+        """The largest of them; NaN if one is."""
+        return float(np.max([getattr(self, f.name) for f in fields(self)]))
 
 
 def residuals(
@@ -257,7 +257,8 @@ def residuals(
     force, moment = _imbalance(object_balance(grasp, state.c, w), middle)
 
     loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
-    terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(state.f) + np.abs(A.T) @ np.abs(state.coupling)
+    # what locked gearings and couplings pass on has no part in it: where they depend on each other, it is arbitrary
+    terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(f_c)
     moments = _moment_scale(grasp, state.c, w, F, p, middle)
     torque = np.maximum.reduce(
         [terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, arms, F, moments)]

@@ -96,8 +96,8 @@ class Problem:
     def towards(self, direction: Sequence[float] | Array) -> Problem:
         """The same question with another direction (6,), in the same scales; raises as `build`."""
         d = _wrench(direction, "direction")
-        if not d.any():
-            raise InputError("is zero; give a force, a torque or both", field="direction")
+        if not np.abs(d).max() >= LEAST:
+            raise InputError("is zero, or next to it; give a force, a torque or both", field="direction")
         others = _others(self.grasp, self.wrench, self.torque_limits, self.force_limit)
         if not others:  # nothing else gives the scale
             return build(
@@ -168,8 +168,8 @@ def build(
     """
     w0 = _wrench(w0, "wrench")
     d = np.zeros(6) if direction is None else _wrench(direction, "direction")
-    if direction is not None and not d.any():
-        raise InputError("is zero; give a force, a torque or both", field="direction")
+    if direction is not None and not np.abs(d).max() >= LEAST:
+        raise InputError("is zero, or next to it; give a force, a torque or both", field="direction")
     if not 0 <= eta < MAX_ETA:
         raise InputError(f"is {np.degrees(eta):g} degrees; 0 to 45 is possible", field="eta")
     if eta > 0 and not mdp:
@@ -270,6 +270,9 @@ def _lengths(length: float) -> Array:
     return np.array([1.0] * 3 + [1.0 / length] * 3)
 
 
+LEAST, MOST = 1e-100, 1e100  # of the largest number of a direction, and of any disturbance: squares stay numbers
+
+
 def _wrench(w: object, field: str) -> Array:
     try:
         a = np.array(w, dtype=float).reshape(-1)
@@ -279,6 +282,9 @@ def _wrench(w: object, field: str) -> Array:
         raise InputError(f"has {a.size} numbers; six are needed, FX FY FZ TX TY TZ", field=field)
     if not np.isfinite(a).all():
         raise InputError("contains NaN or infinity; six finite numbers are needed", field=field)
+    largest = np.abs(a).max()
+    if largest > MOST:
+        raise InputError(f"has {largest:.3g}; numbers up to {MOST:g} are possible", field=field)
     return a
 
 

@@ -23,7 +23,7 @@ from holdfast.stability import verify as checker
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.certificate_file import question_to_dict
-from holdfast.stability.goal import NEAR_END, STRONGEST, search_end, unit
+from holdfast.stability.goal import NEAR_END, STRONGEST, Goal, Point, search_end, unit
 from holdfast.stability.ranges import Known, known, slip_range
 from holdfast.stability.result_file import CheckEntry, MaxEntry, Result, TorquesEntry
 from holdfast.stability.witness import KEYS, VALID, Witness
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 RESULTS = ("holdfast/result/1", "holdfast/result/2")
 CERTIFICATES = ("holdfast/certificate/1", "holdfast/certificate/2")
+LIMIT, TURNED = 1e-5, 1e-3  # relative, of a limit that is followed again; of its motion
 UNPROVED = ("stop", "seconds", "nodes", "verified")  # the course of the search: recorded, not proved
 # certificates of version 1: 10^4 force scales of motion and of lambda, ends of a search by a scale that was defined
 # slightly otherwise. What they cover exactly is in their claim.
@@ -335,6 +336,8 @@ def _needed_of_max(q: Question, answer: MaxEntry, first: bool) -> tuple[str, flo
     end = _end(q)
     if not answer.lower >= 0:
         raise Refused(f"a largest magnitude of {answer.lower:.6g}")
+    if holds and not answer.unbounded and answer.lower == 0 and not (q.direction is not None and q.wrench.any()):
+        raise Refused("HOLDS without a magnitude that is resisted")
     if not holds and answer.lower != 0:
         raise Refused(f"{answer.verdict.upper()} with a magnitude that is resisted")
     if slips and answer.upper != 0:
@@ -411,6 +414,8 @@ def _interval_fault(result: Result, answer: MaxEntry) -> str:
         found = checker.verify(c)
         if not found.ok:
             return f"{claim_text(c)}: {found.reason}"
+        if found.cap is not None:
+            return f"{claim_text(c)}: proved up to virtual motions of {found.cap:.6g} N only"
     upper = np.inf if answer.upper is None else answer.upper
     if q.goal is Claimed.CHECK:  # magnitudes make no difference
         if result.slips:
@@ -500,15 +505,34 @@ def _shown_of_max(result: Result) -> dict[str, Any]:
 
 
 def _shown_limit(result: Result, answer: MaxEntry) -> dict[str, Any]:
-    """The limit as it is said, if it lies between the bounds: what leads there is no more than a description."""
-    limit = result.said.get("limit")
-    if limit is not None:
-        value = limit.get("value") if isinstance(limit, dict) else None
-        if value is None or not _is_number(value) or answer.upper is None or answer.unbounded:
-            raise Refused("limit is none of a largest magnitude")
-        if not answer.lower <= value <= answer.upper * (1 + SAME):
-            raise Refused(f"its limit {value:.9g} lies outside of its bounds")
-    return {"limit": limit, "attained": limit is None}
+    """The limit, followed again from the witness if one is said; that there is none claims nothing."""
+    said, w = result.said.get("limit"), result.witness
+    if said is None:
+        return {"limit": None, "attained": True}
+    if w is None or answer.upper is None or answer.unbounded:
+        raise Refused("limit is none of a largest magnitude")
+    from holdfast.stability.engine.reduced import reduce  # linear algebra alone: nothing is searched
+    from holdfast.stability.limit import limit_of
+
+    p, goal = asked.posed(result.question)
+    r = reduce(p, goal)
+    # the smallest preload is sought for the direction alone, s for the preload as it is
+    sigma = p.stretch / answer.lower if goal is Goal.SMALLEST_PRELOAD else answer.lower / p.stretch
+    state = w.state.scaled(sigma) if goal is Goal.SMALLEST_PRELOAD else w.state
+    found = limit_of(r, r.z(Point(*p.scaled(state), sigma)), answer.upper)
+    if found is None:
+        raise Refused("no limit is found from its witness")
+    shown = found.to_json()
+    value = said.get("value") if isinstance(said, dict) else None
+    if not isinstance(value, float) or not answer.lower <= value <= answer.upper * (1 + SAME):
+        raise Refused("its limit lies outside of its bounds")
+    if abs(value - found.value) > LIMIT * abs(found.value):
+        raise Refused(f"its limit is {value:.9g}; from its witness it is {found.value:.9g}")
+    motion = said.get("object_motion")
+    near = isinstance(motion, list) and len(motion) == 6 and all(map(_is_number, motion))
+    if not near or np.abs(np.array(motion) - found.motion).max() > TURNED:
+        raise Refused("object_motion of its limit is not where its witness leads")
+    return {"limit": shown | {"value": value, "object_motion": motion}, "attained": False}
 
 
 def _shown_of_torques(result: Result) -> dict[str, Any]:

@@ -179,9 +179,11 @@ class Search:
     def know(self, z: Array) -> None:
         """Begin with an exact solution (n,) as the incumbent."""
         r, lane = self.reduced, self.lanes[0]
+        if r.objective != arrays.SCALAR:
+            return
         scalar = 3 * r.sizes[0] + 2 * r.sizes[1]
         value = float(r.C[scalar] @ z + r.off[scalar])
-        if r.objective != arrays.SCALAR or not r.lo[0] - 1e-9 * abs(r.lo[0]) <= value < self.best:
+        if not r.lo[0] - 1e-9 * abs(r.lo[0]) <= value < self.best:
             return
         lane.best[0], lane.z[:] = value, z
         lane.hi[0] = min(lane.hi[0], value - self.gap * abs(value) - self.gap_absolute)
