@@ -88,13 +88,16 @@ def test_faults_in_caps(change, message: str) -> None:
 
 
 def test_a_range_without_end(tmp_path) -> None:
-    """Of the smallest preload, about all motions, alone."""
-    c = replace(proof("smallest preload"), scalar=(0.1, np.inf))
-    save_certificate(c, tmp_path / "c.json")
-    assert load_certificate(tmp_path / "c.json").scalar == (0.1, np.inf)
-    for other in (capped_proof("smallest preload"), proof("largest"), proof("max")):
-        with pytest.raises(InputError, match=r"scalar: is 0\.1 to inf, not a range that the goal knows"):
-            replace(other, scalar=(0.1, np.inf))
+    """Of claims about all motions alone."""
+    for goal in ("smallest preload", "largest", "max"):
+        c = replace(proof(goal), scalar=(0.1, np.inf))
+        save_certificate(c, tmp_path / f"{goal}.json")
+        assert load_certificate(tmp_path / f"{goal}.json").scalar == (0.1, np.inf)
+    for wrong in (-np.inf, np.inf, np.nan):
+        with pytest.raises(InputError, match=r"scalar: is .* to inf, not a range that the goal knows"):
+            replace(proof("largest"), scalar=(wrong, np.inf))
+    with pytest.raises(InputError, match=r"scalar: is 0\.1 to inf, not a range that the goal knows"):
+        replace(capped_proof("smallest preload"), scalar=(0.1, np.inf))
 
 
 def test_file_that_is_no_certificate(tmp_path) -> None:

@@ -235,7 +235,11 @@ FAULTS = [
     ("sum of torques", put("question", "objective", to="max"), "witness: its commands cost|certificate: it answers"),
     ("torques of one", put("witness", "command", "prox_2", to=0.01), "witness: an actuator is commanded that was"),
     ("torques do not exist", put("answer", "lower", to=0.1), "answer: SLIPS with bounds"),
-    ("torques do not exist", put("certificate", "scalar", 1, to=times(0.9)), "certificate: it covers"),
+    (
+        "torques do not exist",
+        put("certificate", "scalar", 1, to=1e6),
+        "certificate: it covers 0 to 1000000; the",
+    ),
     ("undecided", put("answer", "verdict", to="slips"), "answer: the disturbance is not resisted: no certificate"),
     # bounds that are none
     ("max", put("answer", "lower", to=-1.0), "answer: a largest magnitude of -1"),

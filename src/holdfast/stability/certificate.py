@@ -276,8 +276,7 @@ class Certificate:
         if self.scalar is not None:
             lo, hi = (float(v) for v in self.scalar)
             put(self, "scalar", (lo, hi))
-            endless = self.question.goal is Goal.SMALLEST_PRELOAD and not self.capped
-            real = -np.inf < lo <= hi and (hi < np.inf or endless)
+            real = np.isfinite(lo) and lo <= hi and (hi < np.inf or not self.capped)
             if not real or (lo < 0 and self.question.goal is not Goal.LARGEST):
                 raise InputError(f"is {lo:g} to {hi:g}, not a range that the goal knows", field="scalar")
         nodes, leaves, rows = len(np.atleast_1d(self.parent)), len(np.atleast_1d(self.leaves)), len(self.kind)

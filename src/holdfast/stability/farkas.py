@@ -20,6 +20,7 @@ from the file's positions, axes and contact frames exactly. Rows of the friction
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -101,7 +102,13 @@ def sizes(grasp: Grasp) -> tuple[Array, Array]:
 # --- the proof of each leaf -------------------------------------------------------------------------
 
 
-def proved_margins(certificate: Certificate, cases: Integers, known: dict[bytes, float] | None = None) -> Array:
+class Late(Exception):
+    """It was to end before."""
+
+
+def proved_margins(
+    certificate: Certificate, cases: Integers, known: dict[bytes, float] | None = None, until: float = np.inf
+) -> Array:
     """(L,) y b + v h of every leaf, relative to its terms; positive is a proof, -inf is none.
 
     A margin below `SLIGHT` is none: two contacts hold no torque about their line, and a load that was computed misses
@@ -109,6 +116,7 @@ def proved_margins(certificate: Certificate, cases: Integers, known: dict[bytes,
 
     cases: (L, m+a, 3) of `verify.leaf_cases`.
     known: leaves of this question and range that were judged before, and their margins; those judged now are added.
+    until: [s] of `time.monotonic`, after which `Late` is raised.
     """
     c, q = certificate, certificate.question
     known = {} if known is None else known
@@ -127,6 +135,8 @@ def proved_margins(certificate: Certificate, cases: Integers, known: dict[bytes,
         leaves = Leaves.of(some, rows, system, case, np.arange(len(chosen)))
         margins[chosen] = leaves.margins()
         for k in np.flatnonzero(~(margins[chosen] > 0)):
+            if time.monotonic() > until:
+                raise Late
             exact = exact or Exact.of(q)
             margins[chosen[k]] = exact.margin(leaves, int(k), rows)
     known |= {name: float(margin) for name, margin, fresh in zip(names, margins, new, strict=True) if fresh}

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from holdfast.answer import Verdict
+from holdfast.answer import Stop, Verdict
 from holdfast.errors import InputError
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array
@@ -31,6 +31,8 @@ from holdfast.stability.witness import Witness
 
 MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
 MORE = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds
+ANY = 0.9  # relative: a gap with which the first state that is found ends a search, mostly,
+MANY = 4096  # nodes at most
 NEARLY_NONE = 1e-6  # (scaled) commands where the least that hold are only approached, as they go to 0
 
 
@@ -132,8 +134,8 @@ def largest(p: Problem, settings: Settings, on_step: OnStep | None = None, **hin
             p, goal = free, Goal.EXISTS
     else:
         found = _search(p, goal, settings, on_step, **hints)
-    if found.bound == INF and goal is Goal.SMALLEST_PRELOAD and settings.method == "engine":
-        found = _smallest(p, settings, on_step, found)
+    if found.bound == INF and goal is not Goal.EXISTS and settings.method == "engine":
+        found = _without_end(p, goal, settings, on_step, found)
     if found.witness is None and found.bound < INF and goal is Goal.LARGEST:
         found = _base_alone(p, settings, found)
 
@@ -172,13 +174,23 @@ def largest(p: Problem, settings: Settings, on_step: OnStep | None = None, **hin
     return answer(Verdict.HOLDS, w, s, upper, unbounded)
 
 
-def _smallest(p: Problem, settings: Settings, on_step: OnStep | None, found: Outcome) -> Outcome:
-    """No magnitude was resisted as far as lambda went: are those below, however small? What both searches showed."""
-    below = _search(p, Goal.SMALLEST_PRELOAD, settings, on_step, endless=True)
-    seconds, nodes = found.seconds + below.seconds, found.nodes + below.nodes
-    if below.witness is not None or below.bound == INF:
-        return replace(below, seconds=seconds, nodes=nodes)
-    return replace(found, bound=HIGHEST, stop=below.stop, seconds=seconds, nodes=nodes)
+def _without_end(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None, found: Outcome) -> Outcome:
+    """Nothing was found up to the end of a search: is there anything beyond? What both searches showed.
+
+    Magnitudes however small, magnitudes and commands however large.
+    """
+    if goal is Goal.LARGEST:  # any of them would do
+        settings = replace(settings, gap=ANY, node_limit=min(settings.node_limit, MANY + 2 * found.nodes))
+    beyond = _search(p, goal, settings, on_step, endless=True)
+    seconds, nodes = found.seconds + beyond.seconds, found.nodes + beyond.nodes
+    if beyond.witness is not None or beyond.bound == INF:
+        stop = Stop.COMPLETE if goal is Goal.LARGEST else beyond.stop
+        return replace(beyond, stop=stop, seconds=seconds, nodes=nodes)
+    shown = found.proof.certificate if found.proof else None
+    if goal is Goal.LARGEST or shown is None or shown.scalar is None:
+        return replace(found, bound=-INF, proof=None, stop=beyond.stop, seconds=seconds, nodes=nodes)
+    end = HIGHEST if goal is Goal.SMALLEST_PRELOAD else shown.scalar[1]
+    return replace(found, bound=end, stop=beyond.stop, seconds=seconds, nodes=nodes)
 
 
 def _base_alone(p: Problem, settings: Settings, found: Outcome) -> Outcome:
@@ -235,6 +247,8 @@ def torques(
     goal = Goal.SMALLEST_MAX_TORQUE if objective == "max" else Goal.SMALLEST_SUM_TORQUE
     finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
     found = _search(p, goal, finer, on_step)
+    if found.bound == INF and settings.method == "engine":
+        found = _without_end(p, goal, finer, on_step, found)
     if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
         little = NEARLY_NONE * np.abs(p.command(np.ones(grasp.mechanism.a))) * asked.command
         found = _held(p, asked.with_preload(little), settings, found) or found

@@ -317,7 +317,8 @@ def _needed(q: Question, result: Result) -> tuple[str, float, float] | None:
             if answer.lower is not None or answer.upper is not None:
                 raise Refused("SLIPS with bounds")
             lever = np.abs(p.command(np.ones(len(p.R))))[q.is_driven]
-            return "no commands suffice", 0.0, STRONGEST * float(lever.max(initial=0.0) or 1.0) * (1 - NEAR_END)
+            end = STRONGEST * float(lever.max(initial=0.0) or 1.0) * (1 - NEAR_END) if result.first else np.inf
+            return "no commands suffice", 0.0, end
         if answer.lower is None:
             raise Refused("has no lower bound")
         if not answer.lower >= 0:

@@ -62,10 +62,11 @@ class Refused(Exception):
     """Why a certificate proves nothing."""
 
 
-def verify(certificate: Certificate, known: dict[bytes, float] | None = None) -> Verification:
+def verify(certificate: Certificate, known: dict[bytes, float] | None = None, until: float = np.inf) -> Verification:
     """Does the certificate prove its claim?
 
-    known: leaves that this process has judged before, for another tree of the same claim; see `farkas.proved_margins`.
+    known: leaves that this process has judged before, for another tree of the same claim; until: [s] of
+    `time.monotonic`, when it is to give up; see `farkas.proved_margins`.
     """
     leaves = len(certificate.leaves)
     try:
@@ -77,9 +78,11 @@ def verify(certificate: Certificate, known: dict[bytes, float] | None = None) ->
                 margins = leaf_margins(certificate, claim)
             else:
                 check_rows(certificate, cases, *bounds(certificate.question, certificate.scalar))
-                margins = farkas.proved_margins(certificate, cases, known)
+                margins = farkas.proved_margins(certificate, cases, known, until)
     except Refused as fault:
         return Verification(False, leaves, -np.inf, str(fault))
+    except farkas.Late:
+        return Verification(False, leaves, -np.inf, "there was no time to check it all")
     bad, cap = np.flatnonzero(~(margins > 0)), None
     if certificate.cap_r is not None:
         cap = float(certificate.cap_r[:3].min())

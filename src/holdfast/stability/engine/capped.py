@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from holdfast.answer import Stop
 from holdfast.mechanism import Array
 from holdfast.stability.engine import arrays
@@ -44,8 +46,9 @@ class Capped:
 
     @property
     def possible(self) -> bool:
-        """Not for a lambda without end: forces have no bound then."""
-        return not self.other.objective or bool(self.other.hi[0] < INF)
+        """Not for an objective without end: forces have no bound then."""
+        r = self.other
+        return not r.objective or bool(np.isfinite([r.lo[0], r.hi[0]]).all())
 
     @property
     def closed(self) -> bool:
@@ -55,7 +58,7 @@ class Capped:
 
     @property
     def any(self) -> bool:
-        """Is any state sought? That there is none is said without a cap, or not at all."""
+        """Is any state sought? Where nothing failed, that there is none is said without a cap, or not at all."""
         return self.other.objective == arrays.ANY
 
     @property

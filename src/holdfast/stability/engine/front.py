@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +28,8 @@ TINY = 1e-10  # magnitudes, in other forces in play, that count as none
 ZERO = 1e-9  # [N m or N] torques below this count as none
 FINER = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
 LEAST = 1e-3  # [s] in the time that is left, or this
+REPLAY = 2.0  # times the time limit, after which a proof that is being replayed is given up
+BEST, TURN = 3, 2048  # searches that go on in turn where no box does well, and nodes of their first turn
 ROUNDS = 3  # in which leaves that are not proved without a cap are split
 INSIDE = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
 PAUSE = 0.05  # [s] between two reports of progress
@@ -98,22 +101,28 @@ def _search(
     """One search."""
     start = time.monotonic()
     gap, gap_absolute = _gaps(r, goal, settings)
-    s, spent = None, 0
-    for box in BOXES:
-        r = r.beginning(box)
-        s = Search(
-            r,
-            gap=gap,
-            gap_absolute=gap_absolute,
-            node_limit=settings.node_limit - spent,
-            time_limit=settings.time_limit - (time.monotonic() - start),
-            workers=settings.workers or default_jobs(),
-            guess=guess if s is None or s.z is None else [s.z],
-        )
-        if before is not None:
-            before.start(s)
-        try:
-            shown, bound = start, -INF
+    searches: list[Search] = []
+
+    def turns() -> Iterator[tuple[Search, float]]:
+        """Searches, and nodes up to which each goes on; inf where it does as long as it is healthy."""
+        for box in BOXES:
+            best = [s.z for s in searches if s.z is not None]
+            workers = settings.workers or default_jobs()
+            s = Search(r.beginning(box), gap=gap, gap_absolute=gap_absolute, workers=workers, guess=best or guess)
+            if before is not None and not searches:
+                before.start(s)
+            searches.append(s)
+            yield s, INF
+        for turn in itertools.count():  # programs break down wherever they begin: on with those that do best, in turn
+            for s in sorted(searches, key=lambda s: s.trouble)[:BEST]:
+                yield s, TURN * 2.0**turn
+
+    shown, bound = start, -INF
+    try:
+        for s, until in turns():
+            spent = sum(other.nodes for other in searches if other is not s)
+            s.node_limit = settings.node_limit - spent
+            s.time_limit = settings.time_limit - (time.monotonic() - start)
             for state in s:
                 if on_step and (state.stop or time.monotonic() - shown > PAUSE):
                     shown = time.monotonic()
@@ -124,14 +133,12 @@ def _search(
                 other = beside.watch(state, settings.node_limit - spent, left) if beside else None
                 if other:
                     return _outcome(other, goal, settings, start, spent + s.nodes)
-                if box is not BOXES[-1] and state.stop is None and not state.healthy:
+                if state.stop is None and (state.nodes >= until or (until == INF and not state.healthy)):
                     break
-        except KeyboardInterrupt:
-            s.stop = Stop.INTERRUPTED
-        if s.stop is not None:
-            break
-        spent, before = spent + s.nodes, None
-    assert s is not None
+            if s.stop is not None:
+                break
+    except KeyboardInterrupt:
+        s.stop = Stop.INTERRUPTED
     return _outcome(s, goal, settings, start, spent + (beside.nodes if beside else 0))
 
 
@@ -154,7 +161,7 @@ def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> O
     except KeyboardInterrupt:
         return replace(found, stop=Stop.INTERRUPTED)
     out = _outcome(s, goal, settings, start, found.nodes - spent)
-    if not beside.closed or out.stop is not Stop.COMPLETE or out.bound > found.value:
+    if s.stop is not Stop.COMPLETE or out.stop is not Stop.COMPLETE or (out.bound > found.value and not beside.any):
         return replace(found, nodes=out.nodes)  # also where a state beyond the cap says otherwise
     if found.value < out.value:
         out = replace(out, value=found.value, witness=found.witness, point=found.point)
@@ -173,7 +180,8 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
     value = s.best * r.scale
     shown = float(s.hi[0]) if found else INF
     bound = r.scale * (shown if stop is Stop.COMPLETE else s.close())
-    at_end = found is not None and r.objective == arrays.SCALAR and s.best <= r.lo[0] + NEAR_END * abs(r.lo[0])
+    first = float(r.lo[0]) if r.objective == arrays.SCALAR else -INF
+    at_end = found is not None and first > -INF and s.best <= first + NEAR_END * abs(first)
     if goal is Goal.EXISTS:
         value, bound = (0.0, -INF) if found else (INF, bound)
     elif torques and found and s.best <= s.gap_absolute:
@@ -184,7 +192,8 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
     if bound > -INF:
         proof, verified = _proved(s, r, settings, start)
         if proof is None:
-            stop, bound = (Stop.NUMERICAL if stop is Stop.COMPLETE else stop), -INF
+            late = time.monotonic() - start > settings.time_limit
+            stop, bound = (Stop.TIME if late else Stop.NUMERICAL) if stop is Stop.COMPLETE else stop, -INF
     if torques:
         bound = max(bound, 0.0)
     z = s.z
@@ -207,7 +216,7 @@ def _proved(s: Search, r: Reduced, settings: Settings, start: float) -> tuple[Pr
     best: Proof | None = None
     known: dict[bytes, float] = {}
     for _ in range(ROUNDS):
-        proof, ok, unproved = proof.checked(known)
+        proof, ok, unproved = proof.checked(known, start + REPLAY * settings.time_limit)
         if ok and (best is None or proof.cap is None or (best.cap is not None and proof.cap > best.cap)):
             best = proof
         late = time.monotonic() - start > settings.time_limit

@@ -79,19 +79,20 @@ class Proof:
             **entries,
         )
 
-    def checked(self, known: dict[bytes, float]) -> tuple[Proof, bool, Indices]:
+    def checked(self, known: dict[bytes, float], until: float) -> tuple[Proof, bool, Indices]:
         """The proof, does the independent checker accept it, and if not, which nodes of the tree are not proved.
 
-        With other rays where those found do not do. known: leaves that were judged before.
+        With other rays where those found do not do. known: leaves that were judged before; until: [s] of
+        `time.monotonic`, when there is no more time for it.
         """
         none = np.zeros(0, int)
         if self.certificate is None:
             return self, False, none
-        found = checker.verify(self.certificate, known)
+        found = checker.verify(self.certificate, known, until)
         if not 0 < len(found.unproved) <= MOST or self.reduced.cap < np.inf:
             return replace(self, cap=found.cap), found.ok, self.certificate.leaves[list(found.unproved)]
         certificate = repaired(self.certificate, found.unproved)
-        found = checker.verify(certificate, known)
+        found = checker.verify(certificate, known, until)
         mended = replace(self, cap=found.cap)
         mended.__dict__["certificate"] = certificate
         return mended, found.ok, certificate.leaves[list(found.unproved)]

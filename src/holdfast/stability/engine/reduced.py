@@ -192,7 +192,8 @@ def reduce(
     Args:
         p: the scaled problem.
         goal: what is sought.
-        endless: lambda of the smallest preload may be as large as it likes, so that small magnitudes count, too.
+        endless: lambda of the smallest preload may be as large as it likes, so that small magnitudes count, too; so
+            may a largest magnitude, or commands that are sought.
         within: (lo, hi) bounds of what is made small (lambda, or -s), instead of those of a search; hi may be inf.
         cap: virtual motions beyond as many force scales are not searched.
     """
@@ -239,15 +240,15 @@ def reduce(
     if goal is Goal.SMALLEST_PRELOAD:
         plain.append(("scalar", 0, 1.0 / search_end(p), np.inf if endless else HIGHEST))
     elif goal is Goal.LARGEST:
-        plain.append(("scalar", 0, -search_end(p), 0.0))
+        plain.append(("scalar", 0, -np.inf if endless else -search_end(p), 0.0))
     elif objective:
-        plain.append(("scalar", 0, 0.0, STRONGEST))
+        plain.append(("scalar", 0, 0.0, np.inf if endless else STRONGEST))
     if within is not None:
         plain[0] = ("scalar", 0, *within)
     if np.isfinite(p.cn_max):
         plain += [("normal", i, 0.0, p.cn_max) for i in range(m)]
     plain += [("force", int(i), -p.f_max[i], p.f_max[i]) for i in kept if np.isfinite(p.f_max[i])]
-    plain += [("effort", int(i), 0.0, STRONGEST) for i in efforts]
+    plain += [("effort", int(i), 0.0, np.inf if endless else STRONGEST) for i in efforts]
     limits = len(plain)
     if cap < np.inf:
         plain += [("motion", i, -cap, cap) for i in range(6 + l)]

@@ -249,11 +249,15 @@ class Search:
         return count - (len(self.lanes) - 1) * int(self._common[arrays.NODES]) + 1
 
     @property
-    def healthy(self) -> bool:
-        """Are most programs solved, rather than started again, loosened or given up?"""
+    def trouble(self) -> float:
+        """The share of programs that were started again, loosened or given up."""
         stats = self.stats
-        trouble = stats[arrays.RESTARTS] + stats[arrays.DROPS] + stats[arrays.FAILURES]
-        return self.nodes < FEW or bool(trouble < TROUBLE * self.nodes)
+        return float(stats[arrays.RESTARTS] + stats[arrays.DROPS] + stats[arrays.FAILURES]) / self.nodes
+
+    @property
+    def healthy(self) -> bool:
+        """Are most programs solved?"""
+        return self.nodes < FEW or self.trouble < TROUBLE
 
     @property
     def bound(self) -> float:
