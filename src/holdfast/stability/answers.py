@@ -121,12 +121,11 @@ class MaxAnswer(Answer):
 
         None where nothing shows that.
         """
-        if self.posed is None or self.point is None or not np.isfinite(self.upper):
+        if self.posed is None or self.witness is None or not (self.lower > 0 and np.isfinite(self.upper)):
             return None
-        from holdfast.stability.engine.reduced import reduce
-        from holdfast.stability.limit import limit_of
+        from holdfast.stability.limit import limit_from
 
-        return limit_of(reduce(*self.posed), self.point, self.upper)
+        return limit_from(*self.posed, self.witness.state, self.lower, self.upper)
 
     @property
     def attained(self) -> bool:

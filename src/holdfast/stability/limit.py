@@ -18,8 +18,10 @@ import numpy as np
 
 from holdfast.grasp import Grasp, cross
 from holdfast.mechanism import Array, Indices, Mask
-from holdfast.stability.engine.reduced import Reduced
-from holdfast.stability.goal import Goal
+from holdfast.stability.engine.reduced import Reduced, reduce
+from holdfast.stability.goal import Goal, Point
+from holdfast.stability.model import State
+from holdfast.stability.problem import Problem
 
 SHRINK = 0.25  # of eps from step to step
 NEAREST = 1e-7  # (scaled) eps at which it is extrapolated: 1e-16 / eps is what rounding takes
@@ -59,6 +61,18 @@ class Limit:
             "open": list(self.opens),
             "motion": self.words,
         }
+
+
+def limit_from(p: Problem, goal: Goal, state: State, lower: float, upper: float) -> Limit | None:
+    """The limit to which the witness of a maximum leads; `limit_of` in the question's own units.
+
+    state: it resists the magnitude `lower`, under the commands as they are.
+    """
+    r = reduce(p, goal)
+    if goal is Goal.SMALLEST_PRELOAD:  # is sought for the direction alone
+        share = p.stretch / lower
+        return limit_of(r, r.z(Point(*p.scaled(state.scaled(share)), share)), upper)
+    return limit_of(r, r.z(Point(*p.scaled(state), lower / p.stretch)), upper)
 
 
 def limit_of(r: Reduced, z: Array, upper: float) -> Limit | None:

@@ -23,7 +23,7 @@ from holdfast.stability import verify as checker
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.certificate_file import question_to_dict
-from holdfast.stability.goal import NEAR_END, STRONGEST, Goal, Point, search_end, unit
+from holdfast.stability.goal import NEAR_END, STRONGEST, search_end, unit
 from holdfast.stability.ranges import Known, known, slip_range
 from holdfast.stability.result_file import CheckEntry, MaxEntry, Result, TorquesEntry
 from holdfast.stability.witness import KEYS, VALID, Witness
@@ -512,15 +512,10 @@ def _shown_limit(result: Result, answer: MaxEntry) -> dict[str, Any]:
         return {"limit": None, "attained": True}
     if w is None or answer.upper is None or answer.unbounded:
         raise Refused("limit is none of a largest magnitude")
-    from holdfast.stability.engine.reduced import reduce  # linear algebra alone: nothing is searched
-    from holdfast.stability.limit import limit_of
+    from holdfast.stability.limit import limit_from  # linear algebra alone: nothing is searched
 
     p, goal = asked.posed(result.question)
-    r = reduce(p, goal)
-    # the smallest preload is sought for the direction alone, s for the preload as it is
-    sigma = p.stretch / answer.lower if goal is Goal.SMALLEST_PRELOAD else answer.lower / p.stretch
-    state = w.state.scaled(sigma) if goal is Goal.SMALLEST_PRELOAD else w.state
-    found = limit_of(r, r.z(Point(*p.scaled(state), sigma)), answer.upper)
+    found = limit_from(p, goal, w.state, answer.lower, answer.upper)
     if found is None:
         raise Refused("no limit is found from its witness")
     shown = found.to_json()
