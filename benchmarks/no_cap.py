@@ -41,9 +41,9 @@ ABOVE = (1.001, 1.03, 1.3, 3.0)  # times the upper bound
 STARTS = 40  # of Newton's method
 
 
-def question(k: int, first: int) -> tuple[str, Grasp, Array, dict[str, Any]]:
+def question(k: int, first: int, sizes: tuple[int, ...] = SIZES) -> tuple[str, Grasp, Array, dict[str, Any]]:
     """Kind, grasp, direction and options of the k-th question."""
-    kind, m, seed = KINDS[k % len(KINDS)], SIZES[(k // len(KINDS)) % len(SIZES)], first + k
+    kind, m, seed = KINDS[k % len(KINDS)], sizes[(k // len(KINDS)) % len(sizes)], first + k
     case, rng = random_case(m, seed), np.random.default_rng(seed)
     grasp, options = case.grasp, {}
     names = grasp.mechanism.actuators
