@@ -31,7 +31,7 @@ from laws import LAWS, Change, Subject, Tally, Verbs
 FIRST = 1_300_000  # seeds that nothing was tuned on
 ROUNDS = 10_000  # to draw from; in each every kind of grasp is asked once
 EXAMPLES = {"interval": 1, "frames": 1, "commands": 1, "maps": 2}  # rounds
-INTERVAL_LIMIT = 4.0  # [s] what is not shown by then is reported as unproved, and asserted by no law
+INTERVAL_LIMIT = 2.0  # [s] what is not shown by then is reported as unproved, and asserted by no law
 FEW = 0.03  # share of what may be open
 
 
