@@ -319,3 +319,18 @@ def test_ctrl_c_comes_while_two_lanes_are_searched(workers: int) -> None:
         clock.cancel()
     assert answer.stop is Stop.INTERRUPTED
     assert answer.lower <= answer.upper
+
+
+@pytest.mark.parametrize("weight", [10.0, 1e-3])
+@pytest.mark.parametrize("points", [3, 4])
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_lifting_against_the_weight(weight: float, points: int, mu: float) -> None:
+    """On a table an upward force is resisted up to the weight, at which nothing is left that presses."""
+    angles = 2 * np.pi * np.arange(points) / points + 0.3
+    grasp = Grasp([Contact([0.1 * np.cos(a), 0.1 * np.sin(a), 0.0], [0.0, 0.0, 1.0], mu) for a in angles])
+    up = np.eye(6)[2]
+    answer = maximum(grasp, up, base=-weight * up)
+    assert (answer.verdict, answer.stop, answer.verified) == (Verdict.HOLDS, Stop.COMPLETE, True)
+    assert answer.lower <= weight * (1 + 1e-12)
+    assert answer.upper >= weight * (1 - 1e-12)
+    assert answer.gap <= 1e-3

@@ -173,11 +173,15 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
     r = s.reduced
     stop = s.stop or Stop.INTERRUPTED
     found = None if s.z is None else witness.as_witness(r, r.point(s.z))
-    refused = found is not None and not found.valid
+    z, best, refused = s.z, s.best, found is not None and not found.valid
+    if refused and goal is Goal.LARGEST:  # all forces may vanish there, but for rounding
+        below = _just_below(r.p, s.best, settings)
+        if below is not None:
+            z, best, found, refused = None, s.best * (1 - INSIDE * settings.gap), below, False
     if refused:  # the judge has the last word; everything the search cut off by it is open again
         return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, spent + s.nodes)
     torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
-    value = s.best * r.scale
+    value = best * r.scale
     shown = float(s.hi[0]) if found else INF
     bound = r.scale * (shown if stop is Stop.COMPLETE else s.close())
     first = float(r.lo[0]) if r.objective == arrays.SCALAR else -INF
@@ -196,12 +200,18 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
             stop, bound = (Stop.TIME if late else Stop.NUMERICAL) if stop is Stop.COMPLETE else stop, -INF
     if torques:
         bound = max(bound, 0.0)
-    z = s.z
     if found and z is not None and r.objective == arrays.SCALAR and not at_end:
         z, value, found = _inside(r, z, value, settings.gap, found)
     return Outcome(
         value, bound, found, stop, time.monotonic() - start, spent + s.nodes, proof=proof, point=z, verified=verified
     )
+
+
+def _just_below(p: Problem, best: float, settings: Settings) -> Witness | None:
+    """A witness a little inside the largest magnitude -best, found anew."""
+    s = -best * (1 - INSIDE * settings.gap)
+    less = replace(p, w0=p.w0 + s * p.direction, wrench=p.wrench + s * p.stretch * p.along)
+    return search(less, Goal.EXISTS, replace(settings, verify=False)).witness if s > 0 else None
 
 
 def _proved(s: Search, r: Reduced, settings: Settings, start: float) -> tuple[Proof | None, bool]:
