@@ -37,7 +37,7 @@ ANYWHERE = 0.2  # of the first steps in random directions; it adapts
 LONGEST, SHORTEST = 0.6, 0.005
 PROGRESS = 1e-4  # of the cost
 EQUAL = 1e-9  # nothing is left to improve: another with nothing wrong will do
-LEAST = 5.0  # [s] in which the least preload of one grasp is looked for
+LEAST = 20.0  # [s] in which the least preload of one grasp is looked for
 NEAR_MISSES = 6  # possible candidates of one climb that may fail to hold
 
 
