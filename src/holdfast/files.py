@@ -87,13 +87,11 @@ def parse_json(text: str) -> Any:
         raise _too_deep()
     if "\\" in text:  # else every character is as it stands, and none that JSON refuses
         for word in _words(data):
-            if not word.isprintable() and any(unicodedata.category(x) == "Cc" for x in word):
+            kinds = set(map(unicodedata.category, word))
+            if "Cc" in kinds:
                 raise InputError(f"contains {word[:40]!r}; names and texts are one line without control characters")
-    if "\\u" in text:
-        try:
-            json.dumps(data, ensure_ascii=False).encode("utf-8")
-        except UnicodeEncodeError:
-            raise InputError("contains half a character (a lone surrogate such as \\ud800)") from None
+            if "Cs" in kinds:
+                raise InputError("contains half a character (a lone surrogate such as \\ud800)")
     return data
 
 

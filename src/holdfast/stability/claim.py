@@ -15,11 +15,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from holdfast.grasp import Grasp
 from holdfast.mechanism import Array
 from holdfast.stability.certificate import HALF, Certificate, Columns, Question, Row, directions
 from holdfast.stability.leaf_rows import UNIT, equations, rows_of
+from holdfast.stability.model import joint_arms
 
 TINY = 1e-300  # above anything that underflow can lose
+
+
+def caps(grasp: Grasp, cap: float) -> tuple[Array, Array]:
+    """(6,) and (l,) how far object and joints may move where contacts may move by a cap [N at unit stiffness]."""
+    return cap * np.array([1.0] * 3 + [1.0 / grasp.size] * 3), cap / joint_arms(grasp)
 
 
 @dataclass(frozen=True, eq=False)

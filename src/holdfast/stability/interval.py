@@ -122,7 +122,7 @@ class _Line:
         """A point at magnitude 0; None if nothing holds there or it is not known."""
         if not self.p.w0.any() and not self.p.f_c.any():
             return np.zeros(len(self.r.cost))
-        found = front.search(self.p, Goal.EXISTS, self._quick(), capped=False)
+        found = self._search(self.p, Goal.EXISTS, self._quick())
         return None if found.witness is None else self._exact(0.0, found.witness.state)
 
     # --- what is resisted
@@ -274,7 +274,7 @@ class _Line:
         """
         if m - a < 8 * LEAST * m:  # no search tells the two apart
             a = m
-        found = front.search(self.p, self.goal, self._quick((m - a) / m), within=self._within(a, m), capped=False)
+        found = self._search(self.p, self.goal, self._quick((m - a) / m), self._within(a, m))
         if found.bound == INF:
             return a, None, a
         if found.witness is None:
@@ -290,9 +290,7 @@ class _Line:
         """Below which magnitude none from m on is resisted, the smallest that is, and its point; None if unknown."""
         p = self.p
         back = replace(p, direction=-p.direction, along=-p.along)
-        found = front.search(
-            back, Goal.LARGEST, self._quick((b - m) / b), within=(m / p.stretch, b / p.stretch), capped=False
-        )
+        found = self._search(back, Goal.LARGEST, self._quick((b - m) / b), (m / p.stretch, b / p.stretch))
         if found.witness is None:
             return None
         s, low = found.value * p.stretch, found.bound * p.stretch
@@ -303,7 +301,7 @@ class _Line:
         if not a < b:
             return
         settings = replace(self.settings, time_limit=self._left)
-        found = front.search(self.p, self.goal, settings, within=self._within(a, b), capped=False)
+        found = self._search(self.p, self.goal, settings, self._within(a, b))
         if found.bound == INF and found.proof is not None and found.proof.certificate is not None:
             self.slips.append(found.proof.certificate)
 

@@ -95,9 +95,7 @@ class Problem:
 
     def towards(self, direction: Sequence[float] | Array) -> Problem:
         """The same question with another direction (6,), in the same scales; raises as `build`."""
-        d = _wrench(direction, "direction")
-        if not np.abs(d).max() >= LEAST:
-            raise InputError("is zero, or next to it; give a force, a torque or both", field="direction")
+        d = _direction(direction)
         others = _others(self.grasp, self.wrench, self.torque_limits, self.force_limit)
         if not others:  # nothing else gives the scale
             return build(
@@ -167,9 +165,7 @@ def build(
             that are not positive, a disturbance that the contacts cannot balance (outside the range of G).
     """
     w0 = _wrench(w0, "wrench")
-    d = np.zeros(6) if direction is None else _wrench(direction, "direction")
-    if direction is not None and not np.abs(d).max() >= LEAST:
-        raise InputError("is zero, or next to it; give a force, a torque or both", field="direction")
+    d = np.zeros(6) if direction is None else _direction(direction)
     if not 0 <= eta < MAX_ETA:
         raise InputError(f"is {np.degrees(eta):g} degrees; 0 to 45 is possible", field="eta")
     if eta > 0 and not mdp:
@@ -286,6 +282,13 @@ def _wrench(w: object, field: str) -> Array:
     if largest > MOST:
         raise InputError(f"has {largest:.3g}; numbers up to {MOST:g} are possible", field=field)
     return a
+
+
+def _direction(direction: object) -> Array:
+    d = _wrench(direction, "direction")
+    if not np.abs(d).max() >= LEAST:
+        raise InputError("is zero, or next to it; give a force, a torque or both", field="direction")
+    return d
 
 
 def beyond_range(G: Array, w: Array) -> int | None:

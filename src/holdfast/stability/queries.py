@@ -124,16 +124,14 @@ def largest(p: Problem, settings: Settings, on_step: OnStep | None = None, **hin
     goal = max_goal(p)
     if goal is Goal.EXISTS:  # nothing but the disturbance: resisted at every magnitude or at none
         p = replace(p, w0=p.direction, wrench=p.along)
+    found: Outcome | None = None
     if goal is Goal.LARGEST and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
         # no search tells small magnitudes from 0, which every limit allows; what slips without limits slips with them
         free = problem.build(p.grasp, p.along, eta=p.eta, mdp=p.mdp)
-        found = _search(free, Goal.EXISTS, settings, on_step)
-        if found.bound < INF:
-            found = _search(p, goal, settings, on_step)
-        else:
-            p, goal = free, Goal.EXISTS
-    else:
-        found = _search(p, goal, settings, on_step, **hints)
+        alone = _search(free, Goal.EXISTS, settings, on_step)
+        if alone.bound == INF:
+            p, goal, found = free, Goal.EXISTS, alone
+    found = found or _search(p, goal, settings, on_step, **hints)
     if found.bound == INF and goal is not Goal.EXISTS and settings.method == "engine":
         found = _without_end(p, goal, settings, on_step, found)
     if found.witness is None and found.bound < INF and goal is Goal.LARGEST:

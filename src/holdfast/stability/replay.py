@@ -23,6 +23,7 @@ from holdfast.stability import verify as checker
 from holdfast.stability.certificate import Certificate, Question
 from holdfast.stability.certificate import Goal as Claimed
 from holdfast.stability.certificate_file import question_to_dict
+from holdfast.stability.claim import caps
 from holdfast.stability.goal import NEAR_END, STRONGEST, search_end, unit
 from holdfast.stability.ranges import Known, known, slip_range
 from holdfast.stability.result_file import CheckEntry, MaxEntry, Result, TorquesEntry
@@ -296,10 +297,10 @@ def _cap_fault(c: Certificate) -> str:
     p, _ = asked.posed(c.question)
     q = c.question
     least = FIRST_CAP * p.force / (p.stretch if q.goal is Claimed.SMALLEST_PRELOAD else 1.0)
-    turning = np.array([1.0] * 3 + [1.0 / q.grasp.size] * 3)
     if c.cap_r is None or c.cap_q is None:
         return ""
-    if (c.cap_r >= least * turning).all() and (c.cap_q >= least / model.joint_arms(q.grasp)).all():
+    least_r, least_q = caps(q.grasp, least)
+    if (c.cap_r >= least_r).all() and (c.cap_q >= least_q).all():
         return ""
     return f"it covers motions up to {c.cap_r[:3].min():.6g} N only; this question's begin to matter at {least:.6g} N"
 

@@ -26,9 +26,9 @@ from holdfast.stability.certificate import (
     Question,
     Row,
 )
-from holdfast.stability.claim import Claim, leaf_margins
+from holdfast.stability.claim import Claim, caps, leaf_margins
 from holdfast.stability.leaf_rows import bounds
-from holdfast.stability.model import actuator_arms, joint_arms
+from holdfast.stability.model import actuator_arms
 
 CAPS = (1e12, 1e11, 1e10, 1e9, 1e8, 1e7, 1e6, 1e5, 1e4, 3e3, 1e3)  # force scales
 WIDEST = HALF - TURN // 128  # of a sector whose chord is used: nearly half a turn, it would say nothing
@@ -108,11 +108,11 @@ def _largest_cap(certificate: Certificate, cases: Integers, leaves: Integers) ->
     if certificate.scalar is not None and not np.isfinite(certificate.scalar[1]):
         return None, none
     some = certificate.some(leaves)
-    turning = np.array([1.0] * 3 + [1.0 / q.grasp.size] * 3)
     force = _force(q)
     for factor in CAPS:
         cap = factor * force
-        capped = replace(some, cap_r=cap * turning, cap_q=cap / joint_arms(q.grasp))
+        cap_r, cap_q = caps(q.grasp, cap)
+        capped = replace(some, cap_r=cap_r, cap_q=cap_q)
         with np.errstate(all="ignore"):
             margins = leaf_margins(capped, Claim.of(capped))
         if (margins > 0).all():

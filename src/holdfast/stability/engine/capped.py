@@ -73,32 +73,24 @@ class Capped:
         still = len(self.before) > 1 and bound <= self.before[-2] + STILL * abs(bound)
         self.before = (*self.before, bound)
         if len(self.before) > 1 and (still or other.best == INF):
-            self.run(other, min((SHARE if self.any else 1.0) * self.due, node_limit), time_limit)
+            s = self.run(other.z, min((SHARE if self.any else 1.0) * self.due, node_limit), time_limit)
+            if s.z is not None:
+                other.know(s.z)
         self.due *= 2
         return self.search if self.closed and (still or self.any) else None
 
-    def run(self, other: Search | None, node_limit: float, time_limit: float, point: Array | None = None) -> Search:
-        """Search on up to so many nodes; both searches know the better incumbent afterwards.
-
-        point: an incumbent, if there is no other search.
-        """
+    def run(self, point: Array | None, node_limit: float, time_limit: float) -> Search:
+        """Search on up to so many nodes, from an incumbent (n,) if there is one."""
+        r = self.other
         if self.search is None:
-            r = self.other
             within = (float(r.lo[0]), float(r.hi[0])) if r.objective else None
-            self.search = Search(
-                reduce(r.p, r.goal, within=within, cap=CAP),
-                gap=self.gap,
-                gap_absolute=self.gap_absolute,
-                workers=self.workers,
-            )
+            capped = reduce(r.p, r.goal, within=within, cap=CAP)
+            self.search = Search(capped, gap=self.gap, gap_absolute=self.gap_absolute, workers=self.workers)
         s = self.search
-        point = point if other is None else other.z
         if s.stop is not Stop.COMPLETE:
             s.node_limit, s.time_limit, s.stop = node_limit, time_limit, None
             if point is not None:
                 s.know(point)
             for _ in s:
                 pass
-            if other is not None and s.z is not None:
-                other.know(s.z)
         return s

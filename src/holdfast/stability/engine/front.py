@@ -157,7 +157,7 @@ def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> O
         return found
     try:
         nodes = min(max(found.nodes, FIRST), settings.node_limit - found.nodes)
-        s = beside.run(None, nodes, settings.time_limit, found.point)
+        s = beside.run(found.point, nodes, settings.time_limit)
     except KeyboardInterrupt:
         return replace(found, stop=Stop.INTERRUPTED)
     out = _outcome(s, goal, settings, start, found.nodes - spent)
@@ -194,7 +194,7 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
         bound = -INF  # unbounded, as far as the search goes
     proof, verified = None, False
     if bound > -INF:
-        proof, verified = _proved(s, r, settings, start)
+        proof, verified = _proved(s, settings, start)
         if proof is None:
             late = time.monotonic() - start > settings.time_limit
             stop, bound = (Stop.TIME if late else Stop.NUMERICAL) if stop is Stop.COMPLETE else stop, -INF
@@ -214,11 +214,12 @@ def _just_below(p: Problem, best: float, settings: Settings) -> Witness | None:
     return search(less, Goal.EXISTS, replace(settings, verify=False)).witness if s > 0 else None
 
 
-def _proved(s: Search, r: Reduced, settings: Settings, start: float) -> tuple[Proof | None, bool]:
+def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, bool]:
     """What the finished search proves, and was it replayed? None if the checker does not accept it.
 
     Leaves that are proved within a cap only, or not at all, are split: the more is decided, the more rows there are.
     """
+    r = s.reduced
     s.trim()
     proof = Proof(r, s.pool, float(s.hi[0]))
     if not settings.verify:
