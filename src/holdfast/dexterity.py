@@ -115,7 +115,7 @@ def object_singular_values(grasp: Grasp, *, locked: Sequence[str] = ()) -> Array
         locked: names of joints that do not move, beside what the mechanism says; others are ignored.
     """
     size = grasp.size
-    middle = np.mean([c.position for c in grasp.contacts], axis=0)
+    middle = grasp.positions.mean(axis=0)
     moments = (grasp.G[3:] - np.cross(middle, grasp.G[:3].T).T) / size
     G = np.vstack([grasp.G[:3], moments])
     length = np.array([size if joint.type == "prismatic" else 1.0 for joint in grasp.joints])

@@ -211,9 +211,22 @@ class Grasp:
         return frozen(J, (3 * self.m, self.l), "J")
 
     @cached_property
+    def positions(self) -> Array:
+        """(m, 3) [m] of the contacts, object frame."""
+        return frozen([c.position for c in self.contacts], (self.m, 3), "positions")
+
+    @cached_property
+    def spacing(self) -> float:
+        """[m] the least distance of two contacts, of a single one to the origin; 1 where all are one point."""
+        p = self.positions
+        apart = np.linalg.norm(p[:, None] - p[None], axis=2)
+        nearest = apart[apart > 0].min(initial=np.inf)
+        return float(nearest if np.isfinite(nearest) else np.linalg.norm(p[0])) or 1.0
+
+    @cached_property
     def size(self) -> float:
         """Characteristic length [m]: the largest distance of a contact from the contacts' centroid."""
-        p = np.array([c.position for c in self.contacts])
+        p = self.positions
         r = float(np.linalg.norm(p - p.mean(axis=0), axis=1).max())
         return r if r > 1e-9 else 1.0
 

@@ -191,7 +191,7 @@ def _inset(figure: Figure, answer: MapAnswer, axes: tuple[int, int], height: flo
     """The contacts in the plane with their normals, and where the forces act: which way the picture lies."""
     grasp, plane = answer.grasp, answer.plane
     ax = figure.add_axes((0.735, 0.085, 0.235, height))
-    p = 1e3 * np.array([c.position for c in grasp.contacts])[:, axes]
+    p = 1e3 * grasp.positions[:, axes]
     n = np.array([c.normal for c in grasp.contacts])[:, axes]
     at = 1e3 * answer.at[list(axes)]
     p0 = np.vstack([p, np.zeros((1, 2)), at])

@@ -79,7 +79,7 @@ ALONG = {
 
 def views(grasp: Grasp, count: int = 2) -> list[View]:
     """The axis view in which the contacts spread most, one at an angle, then the other axes."""
-    p = np.array([c.position for c in grasp.contacts])
+    p = grasp.positions
     flat = sorted("xyz", key=lambda a: float(np.var(p[:, "xyz".index(a)])))
     order = [ALONG[flat[0]], View.of(-55.0, 28.0, "at an angle"), *(ALONG[a] for a in flat[1:])]
     return order[:count]
@@ -126,7 +126,7 @@ def _panel(ax: Any, grasp: Grasp, witness: Witness | None, meshes: Sequence[Mesh
     V = view.matrix
     size = grasp.size
     points = solids(ax, meshes, V)
-    p = np.array([c.position for c in grasp.contacts])
+    p = grasp.positions
     points.append(p @ V[:2].T)
     if not meshes:
         points += [_skeleton(ax, grasp, V), _hull(ax, p @ V[:2].T)]

@@ -150,7 +150,7 @@ def packed(meshes: Sequence[Mesh]) -> dict[str, Any]:
 def _load(load: Load, grasp: Grasp) -> dict[str, Any]:
     w, drawn = load.witness, None
     if load.wrench is not None:
-        center = np.mean([c.position for c in grasp.contacts], axis=0)
+        center = grasp.positions.mean(axis=0)
         at, about = applied(load.wrench, center, 2 * grasp.size)
         drawn = {"at": _short(at), "wrench": _short(about)}
     return {

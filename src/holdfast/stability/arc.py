@@ -164,15 +164,14 @@ def _balances(q: Question, w: Array, c: Array, f: Array, coupling: Array, F: flo
     g = q.grasp
     missing = c @ g.G.T + w
     C = c.reshape(len(c), -1, 3)
-    p = np.array([k.position for k in g.contacts])
-    middle, strays = _middle(p, C)
+    middle, strays = _middle(g.positions, C)
     moment = missing[:, 3:] - np.cross(middle, missing[:, :3])
     most = np.linalg.norm(missing[:, :3], axis=1).max()
     forces = np.einsum("mij,kmj->kmi", np.array([k.frame for k in g.contacts]), C)
-    moments = least_norm(np.cross(p - middle, forces)) - strays * np.linalg.norm(C, axis=2).max(axis=0)
+    moments = least_norm(np.cross(g.positions - middle, forces)) - strays * np.linalg.norm(C, axis=2).max(axis=0)
     load = least_norm((w[:, 3:] - np.cross(middle, w[:, :3]))[:, None])[0]
     load -= strays * np.linalg.norm(w[:, :3], axis=1).max()
-    scale = np.max([*moments, load, F * model.smallest_arm(g)])
+    scale = np.max([*moments, load, F * g.spacing])
 
     loaded = C.any(axis=(0, 2))
     J, R, A = np.where(np.repeat(loaded, 3)[:, None], g.J, 0.0), g.mechanism.R, g.mechanism.A

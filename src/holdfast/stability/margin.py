@@ -218,7 +218,7 @@ def sides(grasp: Grasp, wrench: Array) -> Array:
     Then come the opposite side and the two at right angles. None of it depends on the axes of the object's frame,
     unless there is nothing else to tell sides by.
     """
-    middle = np.mean([c.position for c in grasp.contacts], axis=0)
+    middle = grasp.positions.mean(axis=0)
     out = np.zeros((grasp.m, 5, 3))
     for i, c in enumerate(grasp.contacts):
         arm = c.position - middle

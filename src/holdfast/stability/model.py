@@ -147,17 +147,12 @@ def force_scale(w: Array, c: Array) -> float:
 
 def imbalance(grasp: Grasp, c: Array, w: Array) -> tuple[float, float]:
     """What (1) misses: force [N], and torque [N m] about the middle of the contact forces."""
-    return _imbalance(object_balance(grasp, c, w), _middle(_positions(grasp), c))
+    return _imbalance(object_balance(grasp, c, w), _middle(grasp.positions, c))
 
 
 def _imbalance(missing: Array, middle: Array) -> tuple[float, float]:
     moment = missing[3:] - cross(middle, missing[:3])
     return float(np.linalg.norm(missing[:3])), float(np.linalg.norm(moment))
-
-
-def _positions(grasp: Grasp) -> Array:
-    """(m, 3) [m] of all contacts."""
-    return np.array([k.position for k in grasp.contacts])
 
 
 def _middle(p: Array, c: Array) -> Array:
@@ -168,26 +163,17 @@ def _middle(p: Array, c: Array) -> Array:
     return out
 
 
-def smallest_arm(grasp: Grasp) -> float:
-    """[m] the least distance of two contacts, of a single one to the origin; 1 where all are one point."""
-    p = _positions(grasp)
-    apart = np.linalg.norm(p[:, None] - p[None], axis=2)
-    nearest = apart[apart > 0].min(initial=np.inf)
-    arm = nearest if np.isfinite(nearest) else float(np.linalg.norm(p[0]))
-    return float(arm or 1.0)
-
-
-def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float, p: Array, middle: Array) -> float:
-    """[N m] the largest moment about the middle that acts; at least that of the force scale at the smallest arm.
+def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float, middle: Array) -> float:
+    """[N m] the largest moment about the middle that acts; at least that of the force scale at the contacts' spacing.
 
     A contact that carries next to nothing has no part in it, however far away it is, nor has the distance to the
     origin.
     """
-    F, arms = (grasp.G[:3] * c).reshape(3, -1, 3).sum(axis=2).T, p - middle
+    F, arms = (grasp.G[:3] * c).reshape(3, -1, 3).sum(axis=2).T, grasp.positions - middle
     M = arms[:, [1, 2, 0]] * F[:, [2, 0, 1]] - arms[:, [2, 0, 1]] * F[:, [1, 2, 0]]
     moments = _norms(M).max(initial=0.0)
     load = np.linalg.norm(w[3:] - cross(middle, w[:3]))
-    return float(max(moments, load, force * smallest_arm(grasp)))
+    return float(max(moments, load, force * grasp.spacing))
 
 
 def idle_torque(grasp: Grasp, arms: Array, force: float, moment: float) -> Array:
@@ -252,14 +238,13 @@ def residuals(
     d = relative_motion(grasp, state.r, state.q)
     dt = _norms(d.reshape(-1, 3)[:, 1:])
     c = state.c.reshape(-1, 3)
-    p = _positions(grasp)
-    middle = _middle(p, state.c)
+    middle = _middle(grasp.positions, state.c)
     force, moment = _imbalance(object_balance(grasp, state.c, w), middle)
 
     loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
     # what locked gearings and couplings pass on has no part in it: where they depend on each other, it is arbitrary
     terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(f_c)
-    moments = _moment_scale(grasp, state.c, w, F, p, middle)
+    moments = _moment_scale(grasp, state.c, w, F, middle)
     torque = np.maximum.reduce(
         [terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, arms, F, moments)]
     )

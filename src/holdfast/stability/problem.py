@@ -257,7 +257,7 @@ def _size(grasp: Grasp, w: Array) -> float:
 
     However the object's frame is placed or turned, it is the same.
     """
-    middle = np.mean([c.position for c in grasp.contacts], axis=0)
+    middle = grasp.positions.mean(axis=0)
     torque = np.linalg.norm(w[3:] - cross(middle, w[:3]))
     return float(max(np.linalg.norm(w[:3]), torque / grasp.size))
 

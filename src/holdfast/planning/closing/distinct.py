@@ -30,7 +30,7 @@ def difference(a: Held, b: Held, prismatic: Array | None = None) -> float:
     shift = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
     cosine = (np.trace(one[:3, :3].T @ other[:3, :3]) - 1) / 2
     bend = np.abs(a.q - b.q) / (1.0 if prismatic is None else np.where(prismatic, SLIDE, 1.0))
-    p, s = (np.array([c.position for c in g.grasp.contacts]) for g in (a, b))
+    p, s = (g.grasp.positions for g in (a, b))
     apart = np.linalg.norm(p[:, None] - s[None], axis=2)
     points = float(max(apart.min(axis=0).max(), apart.min(axis=1).max()))
     turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
