@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from holdfast.stability.algorithm1 import Step
     from holdfast.stability.engine.proof import Proof
     from holdfast.stability.interval import Interval
-    from holdfast.stability.limit import Limit
+    from holdfast.stability.limit import Supremum
     from holdfast.stability.margin import Margin
 
 
@@ -116,7 +116,7 @@ class MaxAnswer(Answer):
     point: Array | None = field(default=None, kw_only=True, repr=False)
 
     @cached_property
-    def limit(self) -> Limit | None:
+    def limit(self) -> Supremum | None:
         """What the magnitudes tend to as the virtual motion grows without end, where no state attains the largest.
 
         None where nothing shows that.

@@ -30,7 +30,7 @@ from flint import fmpq, fmpq_mat
 from holdfast.grasp import Grasp
 from holdfast.mechanism import Array, Mask
 from holdfast.stability.certificate import Certificate, Columns, ContactState, Integers, Question, Row
-from holdfast.stability.leaf_rows import UNIT, Rows, bounds, equations, rows_of
+from holdfast.stability.leaf_rows import UNIT, LeafRows, bounds, equations, rows_of
 
 CHUNK = 256  # leaves whose systems are in memory at a time
 SLIGHT = 1e-10  # relative: a contradiction no larger than this is one of rounding, in the question's own numbers
@@ -181,7 +181,7 @@ class Leaves:
 
     @classmethod
     def of(
-        cls, c: Certificate, rows: Rows, system: System, cases: Integers, chosen: Integers, *, whole: bool = False
+        cls, c: Certificate, rows: LeafRows, system: System, cases: Integers, chosen: Integers, *, whole: bool = False
     ) -> Leaves:
         """The systems of the chosen leaves, with v by least squares; whole: forces of open contacts included."""
         at, g = Columns.of(c.question), c.question.grasp
@@ -343,7 +343,7 @@ class Exact:
                     E[6 + j][at.c.start + k], Z[k][at.q.start + j] = x, -x
         return cls(E, Z, at.n)
 
-    def margin(self, leaves: Leaves, k: int, rows: Rows) -> float:
+    def margin(self, leaves: Leaves, k: int, rows: LeafRows) -> float:
         """y b + v h, relative, of multipliers that cancel exactly, near those of leaf k; -inf if none are found."""
         w, free = leaves.w[k], leaves.free[k]
         if not np.isfinite(leaves.B[k]).all() or not np.isfinite(w).all():
@@ -356,7 +356,7 @@ class Exact:
                 return out
         return -np.inf
 
-    def _solved(self, leaves: Leaves, k: int, rows: Rows, used: Integers) -> float:
+    def _solved(self, leaves: Leaves, k: int, rows: LeafRows, used: Integers) -> float:
         """The same with these rows of the leaf's system only."""
         B, w, free = leaves.B[k][used], leaves.w[k][used], leaves.free[k][used]
         alive = np.flatnonzero((leaves.size[k][used] != 0).any(axis=0))
@@ -397,7 +397,7 @@ class Exact:
         missed = _sum(abs(x) * rational(s) * rational(unit) for x, s, unit in slack)
         return float(_ratio(_sum(terms) - missed, size)) if size != 0 else -np.inf
 
-    def _row(self, rows: Rows, number: int, place: int, K: int) -> Sparse:
+    def _row(self, rows: LeafRows, number: int, place: int, K: int) -> Sparse:
         """A row of a leaf's system over x: of the certificate, or the equality at a place of K."""
         if number < 0:
             return self.E[place - (K - len(self.E))]

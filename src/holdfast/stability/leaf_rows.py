@@ -27,7 +27,7 @@ UNIT = 2.0**-53  # relative error of one rounded operation
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class LeafRows:
     """Rows of leaves over (x, d, t): value . (x, d, t) >= b, or = b where `either`.
 
     Attributes:
@@ -61,7 +61,7 @@ def equations(question: Question, G: Array, J: Array) -> tuple[Array, Array, Arr
     return E, h, Z
 
 
-def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wider: float = WIDER) -> Rows:
+def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wider: float = WIDER) -> LeafRows:
     """The rows of all leaves; states (R, m+a): what contacts and actuators are where a row stands.
 
     lo, hi: (n,) the bounds that BOUND rows cite. wider: by how much rows of the friction cone give way.
@@ -143,7 +143,7 @@ def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wi
     turn = ((c.kind == Row.T_UP) | (c.kind == Row.T_DOWN)) & ((state == 1) | ~moves)  # locked
     driven = np.append(q.is_driven, False)[np.minimum(c.index, a)]
     excess = ((c.kind == Row.E_UP) | (c.kind == Row.E_DOWN)) & (state == 2) & ~driven  # moves
-    return Rows(value, b, still | gap | turn | excess)
+    return LeafRows(value, b, still | gap | turn | excess)
 
 
 def bounds(question: Question, scalar: tuple[float, float] | None) -> tuple[Array, Array]:

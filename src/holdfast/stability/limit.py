@@ -34,7 +34,7 @@ FLAT = 1e-6  # relative: what grows by less does not grow
 
 
 @dataclass(frozen=True, eq=False)
-class Limit:
+class Supremum:
     """A largest magnitude that no state attains.
 
     Attributes:
@@ -63,7 +63,7 @@ class Limit:
         }
 
 
-def limit_from(p: Problem, goal: Goal, state: State, lower: float, upper: float) -> Limit | None:
+def limit_from(p: Problem, goal: Goal, state: State, lower: float, upper: float) -> Supremum | None:
     """The limit to which the witness of a maximum leads; `limit_of` in the question's own units.
 
     state: it resists the magnitude `lower`, under the commands as they are.
@@ -75,7 +75,7 @@ def limit_from(p: Problem, goal: Goal, state: State, lower: float, upper: float)
     return limit_of(r, r.z(Point(*p.scaled(state), lower / p.stretch)), upper)
 
 
-def limit_of(r: Reduced, z: Array, upper: float) -> Limit | None:
+def limit_of(r: Reduced, z: Array, upper: float) -> Supremum | None:
     """The limit to which an exact point z (n,) of a maximum leads; None if the largest magnitude is a state's.
 
     upper: no magnitude above this is resisted. A limit beyond it is none.
@@ -96,7 +96,7 @@ def limit_of(r: Reduced, z: Array, upper: float) -> Limit | None:
     d = np.linalg.norm((r.D[: 3 * len(p.mu), : len(rho)] @ rho).reshape(-1, 3)[:, 1:], axis=1)
     slides = path.slides & (d > MOTION)
     touch = path.closed
-    return Limit(
+    return Supremum(
         value=float(value),
         motion=motion / np.linalg.norm(x[:6]) if x[:6].any() else motion,
         slides=tuple(np.flatnonzero(slides).tolist()),
