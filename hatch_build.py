@@ -18,7 +18,7 @@ class Kernel(BuildHookInterface):
         if version == "editable":
             return
         sys.path.insert(0, str(Path(self.root) / "src"))
-        from holdfast.stability.engine import machine
+        from handfast.stability.search import machine
 
         self._folder = tempfile.TemporaryDirectory()
         made = Path(self._folder.name) / machine.file_name()

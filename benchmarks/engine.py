@@ -1,8 +1,8 @@
 """The engine against Algorithm 1 on Gurobi and on SCIP: one run side by side over the set of `grasps.py`.
 
-    python benchmarks/engine.py [--peers gurobi scip] [--peer-limit 120] [--per-size 9] [--early]
-    python benchmarks/engine.py --summary
-    python benchmarks/engine.py --picture docs/img/engine_times.png
+    python -m benchmarks.engine [--peers gurobi scip] [--peer-limit 120] [--per-size 9] [--early]
+    python -m benchmarks.engine --summary
+    python -m benchmarks.engine --picture docs/img/engine_times.png
 
 The question is the largest disturbance along a direction, to a gap of 1e-3, exact normals. The engine answers
 every case. Peers are asked right after it, on a subsample fixed beforehand: the first `--per-size` random cases
@@ -30,13 +30,13 @@ from typing import Any
 
 import numpy as np
 
-from grasps import FAMILIES, Case, cases, fingerprint
-from holdfast.errors import InputError
-from holdfast.stability.answers import MaxAnswer, finite
-from holdfast.stability.queries import maximum
-from holdfast.stability.settings import Settings
-from holdfast.stability.verify import verify
-from machine import describe
+from benchmarks.grasps import FAMILIES, Case, cases, fingerprint
+from benchmarks.machine import describe
+from handfast.core.errors import InputError
+from handfast.stability.answers import MaxAnswer, finite
+from handfast.stability.certify.verify import verify
+from handfast.stability.queries import maximum
+from handfast.stability.settings import Settings
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "engine.json"
@@ -359,7 +359,7 @@ class Series:
 
 def series_of(data: dict[str, Any], rows: list[Row]) -> list[Series]:
     """The engine and every peer that was asked."""
-    from holdfast.report.drawing import BLUE, MAROON
+    from handfast.report.drawing import BLUE, MAROON
 
     colors = {"gurobi": (MAROON, "s", "Gurobi"), "scip": ("#c98a12", "^", "SCIP")}
     out = [Series("engine", BLUE, "o", "-", data["limit"], lambda r: r if "verdict" in r else None)]
@@ -379,8 +379,8 @@ def draw(data: dict[str, Any]) -> Any:
     """Time against contacts, logarithmic: a point per case, medians joined; hollow points ran out of time."""
     from matplotlib.figure import Figure
 
-    from holdfast.plot import DPI
-    from holdfast.report.drawing import GREY, INK
+    from handfast.report.drawing import GREY, INK
+    from handfast.report.plot import DPI
 
     figure = Figure(figsize=(8.0, 5.0), dpi=DPI)
     ax = figure.add_axes((0.10, 0.20, 0.87, 0.71))
@@ -449,7 +449,7 @@ def main() -> None:
     if options.summary:
         print(summary(data))
     if options.picture:
-        from holdfast.plot import picture
+        from handfast.report.plot import picture
 
         options.picture.write_bytes(picture(draw(data), options.picture.suffix[1:], dpi=150))
 

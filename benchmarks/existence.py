@@ -1,6 +1,6 @@
 """Ten thousand certified configurations, checked again by the independent checker, and a thousand planted wrong ones.
 
-    python benchmarks/existence.py [--solutions 10000] [--wrong 1000]
+    python -m benchmarks.existence [--solutions 10000] [--wrong 1000]
 
 The configurations are what random starts find (seed 1, block by block), spread evenly over the tasks that have any.
 Every one must be accepted. Then proofs are spoilt in the ways of `SPOILT`, each so that it is known to be wrong
@@ -21,15 +21,15 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.region import Bezier, Cap, Region
-from holdfast.synthesis.answers import Solution, point_and_normal
-from holdfast.synthesis.existence import Existence, moving_joints
-from holdfast.synthesis.problem import Problem
-from holdfast.synthesis.starts import Starts
-from holdfast.synthesis.task import PoseBounds, Task
-from holdfast.synthesis.verify_existence import verify_existence
-from machine import describe
-from tasks import Others, load_text, origin, tasks
+from benchmarks.machine import describe
+from benchmarks.tasks import Others, load_text, origin, tasks
+from handfast.model.region import Bezier, Cap, Region
+from handfast.synthesis.answers import Solution, point_and_normal
+from handfast.synthesis.certify.existence import Existence, moving_joints
+from handfast.synthesis.certify.verify_existence import verify_existence
+from handfast.synthesis.problem import Problem
+from handfast.synthesis.search.starts import Starts
+from handfast.synthesis.task import PoseBounds, Task
 
 RESULTS = Path(__file__).parent / "results" / "existence.json"
 SEED = 1

@@ -1,6 +1,6 @@
 """From regions to grasps on the bundled tasks: how many, how long, and what became of the other starts.
 
-    python benchmarks/grasp_tasks.py [--count 3] [--timeout 60] [--seeds 3] [--jobs 2] [--only NAME] [--print]
+    python -m benchmarks.grasp_tasks [--count 3] [--timeout 60] [--seeds 3] [--jobs 2] [--only NAME] [--print]
 
 Each task is asked for `count` grasps that differ, collide with nothing (1 mm let pass) and hold their loads under one
 preload: a scalpel and a guitar their weight from all six axis directions, `teapot-service` while it pours (upright to
@@ -23,7 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from holdfast import (
+from benchmarks.machine import describe
+from handfast import (
     Body,
     Loads,
     Verdict,
@@ -36,11 +37,10 @@ from holdfast import (
     save_grasp,
     verify,
 )
-from holdfast.collision import Collisions
-from holdfast.planning.tasks.judge import requests
-from holdfast.planning.tasks.proved import Grasps
-from holdfast.scene import Scene
-from machine import describe
+from handfast.geometry.collision import Collisions
+from handfast.geometry.scene import Scene
+from handfast.planning.tasks.judge import requests
+from handfast.planning.tasks.proved import Grasps
 
 RESULTS = Path(__file__).parent / "results" / "grasp_tasks.json"
 

@@ -1,15 +1,15 @@
 """The published set of grasps for the benchmark of the engine: 3 to 8 contacts, and power grasps.
 
     from grasps import cases
-    python benchmarks/grasps.py                          # what is in it
-    python benchmarks/grasps.py --make --shared ../shared  # choose seeds and make the grasps of real hands
+    python -m benchmarks.grasps                          # what is in it
+    python -m benchmarks.grasps --make --shared ../shared  # choose seeds and make the grasps of real hands
 
 Families:
 
     random     20 per number of contacts: a superquadric (ellipsoid to nearly a box) between two to four
                fingers of two or three joints (six to eight in all) that touch it below its middle, the
                proximal joints commanded.
-    barrett    real hands on real objects and primitives, closed by `holdfast.close`: four per number of
+    barrett    real hands on real objects and primitives, closed by `handfast.close`: four per number of
     allegro    contacts and hand, stored at contact level in `benchmarks/grasps/`. The Barrett is the bundled
                one or the vendor's, the Allegro the vendor's, the objects bundled, primitives or YCB.
     fixture    eight per number of contacts, no joints: tables, nests and corners that hold a weight.
@@ -39,14 +39,14 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.body import Body, load_body
-from holdfast.errors import InputError
-from holdfast.grasp import Contact, Grasp, GraspJoint
-from holdfast.grasp_file import from_dict, to_dict
-from holdfast.hand.load import load_hand
-from holdfast.hand.model import Hand
-from holdfast.mechanism import Array
-from holdfast.shape import Shape
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.model.body import Body, load_body
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.grasp_file import from_dict, to_dict
+from handfast.model.hand.hand import Hand
+from handfast.model.hand.load import load_hand
+from handfast.model.shape import Shape
 
 DATA = Path(__file__).parent / "grasps"
 INDEX = DATA / "index.json"
@@ -372,8 +372,8 @@ def attempt(rig: Rig, body: Body, rng: np.random.Generator) -> tuple[Grasp, Arra
     """One trial: a pose, closing, contacts. None if it is no grasp of 3 to 8 contacts that can press."""
     from scipy.spatial.transform import Rotation
 
-    from holdfast.contacts import contact_grasp
-    from holdfast.planning.close import close
+    from handfast.geometry.contacts import contact_grasp
+    from handfast.planning.close import close
 
     turn = Rotation.random(rng=rng)
     if rng.random() < 0.6:  # faces along the hand's axes, so that they meet flat

@@ -1,6 +1,6 @@
 """Laws that join the questions about stability: what one answer says, the others must not contradict.
 
-    python benchmarks/laws.py [--count 100] [--first 1400000] [--limit 10] [--interval-limit 10]
+    python -m benchmarks.laws [--count 100] [--first 1400000] [--limit 10] [--interval-limit 10]
 
 Fresh random grasps of 3 to 5 contacts of the kinds of `no_cap.py`. Of each:
 
@@ -10,11 +10,11 @@ Fresh random grasps of 3 to 5 contacts of the kinds of `no_cap.py`. Of each:
               change no verdict, and bounds overlap
     commands  commands from `torques` hold in `check`, and none below its lower bound do
     maps      a force map has the verdicts of the maxima in its directions, and their bounds overlap
-    proofs    `holdfast.verify` accepts every answer to the questions above, and every answer says that it was verified
+    proofs    `handfast.verify` accepts every answer to the questions above, and every answer says that it was verified
 
 A law asserts what the answers claim and no more. Where an answer was stopped early, or is proved for motions up to a
 cap only, what would contradict it is *open*, not broken. Writes results/laws.json after every grasp, and goes on where
-it was stopped. `tests/test_laws.py` has the same laws as property tests.
+it was stopped. `tests/stability/test_laws.py` has the same laws as property tests.
 """
 
 from __future__ import annotations
@@ -29,15 +29,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from holdfast.answer import Stop, Verdict
-from holdfast.grasp import Contact, Grasp, GraspJoint
-from holdfast.mechanism import Array, Mechanism
-from holdfast.stability import maps, queries, replay
-from holdfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
-from holdfast.stability.goal import search_end, unit
-from holdfast.stability.settings import Settings
-from machine import describe
-from no_cap import KINDS, question
+from benchmarks.machine import describe
+from benchmarks.no_cap import KINDS, question
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
+from handfast.stability import maps, queries
+from handfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.certify import replay
+from handfast.stability.goal import search_end, unit
+from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "laws.json"
 SIZES = (3, 4, 5)
@@ -82,7 +84,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class Verbs:
-    """The questions of Holdfast; others take their places where the laws are tested."""
+    """The questions of Handfast; others take their places where the laws are tested."""
 
     check: Callable[..., CheckAnswer] = queries.check
     maximum: Callable[..., MaxAnswer] = queries.maximum

@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("holdfast", "numpy", "scipy", "mujoco", "pyscipopt", "gurobipy")
+PACKAGES = ("handfast", "numpy", "scipy", "mujoco", "pyscipopt", "gurobipy")
 
 
 def describe() -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Maps of 360 directions: one by one, neighbours helping each other, and on all cores.
 
-    python benchmarks/maps.py
+    python -m benchmarks.maps
 
 Four contacts: the paper's fig1 and fig7 and two random grasps, the curve with the preload in the xy plane, gap
 1e-3. Writes results/maps.json and prints a Markdown table.
@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from grasps import random_case
-from holdfast.grasp_file import load_grasp
-from holdfast.stability.many import Case, Options, default_jobs, max_many, maxima
-from holdfast.stability.queries import maximum
-from machine import describe
+from benchmarks.grasps import random_case
+from benchmarks.machine import describe
+from handfast.model.grasp_file import load_grasp
+from handfast.stability.many import Case, Options, default_jobs, max_many, maxima
+from handfast.stability.queries import maximum
 
 RESULTS = Path(__file__).parent / "results" / "maps.json"
 STEPS = 360

@@ -1,6 +1,6 @@
 """Bounds without a cap on motions, attacked: is there a witness of any motion above a certified bound?
 
-    python benchmarks/no_cap.py [--count 1000] [--first 700000] [--limit 10] [--shared ../shared]
+    python -m benchmarks.no_cap [--count 1000] [--first 700000] [--limit 10] [--shared ../shared]
 
 Fresh random grasps of 3 to 8 contacts (`grasps.random_case` with seeds that nothing was tuned on), in turn plain,
 with a base load, torque limits, a force limit, uncertain normals, a coupling between two joints, a prismatic joint.
@@ -22,17 +22,18 @@ from typing import Any
 
 import numpy as np
 
-from grasps import random_case
-from holdfast.answer import Stop, Verdict
-from holdfast.grasp import Grasp
-from holdfast.grasp_file import load_grasp
-from holdfast.mechanism import Array, Mechanism
-from holdfast.stability import problem, witness
-from holdfast.stability.engine import exact
-from holdfast.stability.engine.reduced import reduce
-from holdfast.stability.queries import check, max_goal, maximum
-from holdfast.stability.settings import Settings
-from machine import describe
+from benchmarks.grasps import random_case
+from benchmarks.machine import describe
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array
+from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import load_grasp
+from handfast.model.mechanism import Mechanism
+from handfast.stability import problem, witness
+from handfast.stability.queries import check, max_goal, maximum
+from handfast.stability.search import exact
+from handfast.stability.search.reduced import reduce
+from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "no_cap.json"
 SIZES = (3, 4, 5, 6, 7, 8)

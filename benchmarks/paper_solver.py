@@ -1,6 +1,6 @@
 """The synthesis paper's solver on the authors' own tasks: boxes, their rate, the programs' share, the root's shrinking.
 
-    python benchmarks/paper_solver.py [--task upholding] [--seconds 150] [--shared ../shared] [--state FOLDER]
+    python -m benchmarks.paper_solver [--task upholding] [--seconds 150] [--shared ../shared] [--state FOLDER]
 
 Depth first on one thread, sigma = 0.1, lengths in millimetres as in the paper's Table 3, couplings on the angle,
 the limits and pose bounds of the task file. Once to the letter (the sides of x in (29), monomials included, are
@@ -30,12 +30,12 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.branch import Search, Split, State
-from holdfast.synthesis.canonical import Canonical
-from holdfast.synthesis.canonical_build import canonical
-from holdfast.synthesis.paper import Box, Over, PaperSolver, Settings, Statistics
-from holdfast.synthesis.task_file import load_task
-from machine import describe
+from benchmarks.machine import describe
+from handfast.core.branch import Search, Split, State
+from handfast.synthesis.paper.box_shrinking import Box, Over, PaperSolver, Settings, Statistics
+from handfast.synthesis.paper.canonical import Canonical
+from handfast.synthesis.paper.canonical_build import canonical
+from handfast.synthesis.task_file import load_task
 
 RESULTS = Path(__file__).parent / "results" / "paper_solver.json"
 UNIT = 0.001

@@ -9,7 +9,7 @@ and measured again in a scene of its own: overlaps of hand and object and of two
 
 Times on a busy machine mean little: processor seconds over the cores are what a free one would take.
 
-    python benchmarks/plan_ycb.py --shared ../shared --results benchmarks/results/plan_ycb.json
+    python -m benchmarks.plan_ycb --shared ../shared --results benchmarks/results/plan_ycb.json
 
 Resumable: pairs that the results hold already are not done again.
 """
@@ -26,18 +26,18 @@ from typing import Any
 
 import numpy as np
 
-from holdfast import find_contacts, load_body, load_hand
-from holdfast.body import Body
-from holdfast.collision import always_meeting
-from holdfast.hand import Coupling, Hand
-from holdfast.hand.model import coupling_rows
-from holdfast.mechanism import Mechanism
-from holdfast.planning.closing.attempt import Fate
-from holdfast.planning.closing.plan import Plan, plan
-from holdfast.scene import Scene
-from holdfast.stability.loads import Loads
-from machine import describe
-from real_hands import FRICTION, MASSES
+from benchmarks.machine import describe
+from benchmarks.real_hands import FRICTION, MASSES
+from handfast import find_contacts, load_body, load_hand
+from handfast.geometry.collision import always_meeting
+from handfast.geometry.scene import Scene
+from handfast.model.body import Body
+from handfast.model.hand import Coupling, Hand
+from handfast.model.hand.hand import coupling_rows
+from handfast.model.mechanism import Mechanism
+from handfast.planning.closing.attempt import Fate
+from handfast.planning.closing.plan import Plan, plan
+from handfast.stability.loads import Loads
 
 HERE = Path(__file__).parent
 HANDS = {

@@ -1,6 +1,6 @@
 """Where the engine's time goes: the random cases of the published set, processor time of each part.
 
-    python benchmarks/profile.py
+    python -m benchmarks.profile
 
 For 3 to 8 contacts: scaling and reduction, the compiled kernel, judging the witness and the rest; and in the
 kernel nodes, exchanges of the simplex and Newton attempts. Medians over the cases, each the fastest of three
@@ -15,13 +15,13 @@ import time
 from pathlib import Path
 from typing import Any
 
-from grasps import Case, cases
-from holdfast.stability import problem, witness
-from holdfast.stability.engine import arrays
-from holdfast.stability.engine.reduced import reduce
-from holdfast.stability.engine.search import Search
-from holdfast.stability.queries import max_goal
-from machine import describe
+from benchmarks.grasps import Case, cases
+from benchmarks.machine import describe
+from handfast.stability import problem, witness
+from handfast.stability.queries import max_goal
+from handfast.stability.search import arrays
+from handfast.stability.search.reduced import reduce
+from handfast.stability.search.search import Search
 
 RESULTS = Path(__file__).parent / "results" / "profile.json"
 LIMIT = 10.0  # [s]

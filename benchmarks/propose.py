@@ -1,10 +1,10 @@
 """Regions chosen automatically: how many tasks are proposed and certified, and how many are free of collision.
 
-    python benchmarks/propose.py [--count 5] [--hands NAME ...] [--objects NAME ...] [--kinds pinch tripod power]
+    python -m benchmarks.propose [--count 5] [--hands NAME ...] [--objects NAME ...] [--kinds pinch tripod power]
 
 Three hands, two of them bundled, with four bundled objects and, if ../shared is there, two YCB objects: pinch and
 tripod unless asked otherwise. `tried` are the candidates put to synthesis, `found` those certified, at most as many
-as asked for are kept; `clear` by the quick look of `propose`, `free` by `holdfast.collision` with its defaults.
+as asked for are kept; `clear` by the quick look of `propose`, `free` by `geometry.collision` with its defaults.
 Results: benchmarks/results/propose.json, written after every case; a case that is there already is not run again.
 """
 
@@ -15,14 +15,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-from holdfast.body import load_body
-from holdfast.collision import Collisions
-from holdfast.hand.load import load_hand
-from holdfast.hand_regions import regions_of
-from holdfast.planning.regions.propose import Proposals, propose
-from holdfast.planning.tasks.judge import requests
-from holdfast.scene import Scene
-from machine import describe
+from benchmarks.machine import describe
+from handfast.geometry.collision import Collisions
+from handfast.geometry.guess_regions import regions_of
+from handfast.geometry.scene import Scene
+from handfast.model.body import load_body
+from handfast.model.hand.load import load_hand
+from handfast.planning.regions.propose import Proposals, propose
+from handfast.planning.tasks.judge import requests
 
 RESULTS = Path(__file__).parent / "results" / "propose.json"
 SHARED = Path(__file__).parents[2] / "shared"

@@ -1,6 +1,6 @@
 """How close to the edge of what is possible the prover shows that nothing is.
 
-    python benchmarks/prover.py [--tasks NAME ...] [--seconds 60] [--plants 10000]
+    python -m benchmarks.prover [--tasks NAME ...] [--seconds 60] [--plants 10000]
 
 Three families make a bundled task impossible: the last object region moved away from the others (m), every
 joint's range cut at its upper end (rad), the last object region turned about its middle (rad). The edge of each
@@ -25,15 +25,15 @@ from pathlib import Path
 
 import numpy as np
 
-from holdfast.errors import InputError
-from holdfast.mechanism import Array
-from holdfast.region import Bezier
-from holdfast.synthesis.boxes import Part
-from holdfast.synthesis.problem import Problem
-from holdfast.synthesis.prover import Prover
-from holdfast.synthesis.starts import BLOCK, Starts
-from holdfast.synthesis.task import Task
-from holdfast.synthesis.task_file import load_task
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.model.region import Bezier
+from handfast.synthesis.problem import Problem
+from handfast.synthesis.search.boxes import Part
+from handfast.synthesis.search.prover import Prover
+from handfast.synthesis.search.starts import BLOCK, Starts
+from handfast.synthesis.task import Task
+from handfast.synthesis.task_file import load_task
 
 RESULTS = Path(__file__).parent / "results" / "prover.json"
 TASKS = ("scalpel-upholding", "teapot-service", "scalpel-incision")

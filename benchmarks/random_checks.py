@@ -1,6 +1,6 @@
 """Ten thousand random checks: every HOLDS witnessed, every SLIPS replayed, how many stay open, none contradicted.
 
-    python benchmarks/random_checks.py [--checks 10000] [--peer gurobi] [--sample 200] [--peer-limit 10]
+    python -m benchmarks.random_checks [--checks 10000] [--peer gurobi] [--sample 200] [--peer-limit 10]
 
 Grasps of 3 to 6 contacts from `grasps.random_case` with seeds of their own (no case chosen by its answer, and
 not those of the published set). The disturbance is a pull along the case's direction of 10^u newtons, u uniform
@@ -21,14 +21,14 @@ from typing import Any
 
 import numpy as np
 
-from grasps import random_case
-from holdfast.answer import Verdict
-from holdfast.grasp import Grasp
-from holdfast.stability.answers import CheckAnswer
-from holdfast.stability.queries import check
-from holdfast.stability.settings import Settings
-from holdfast.stability.verify import verify
-from machine import describe
+from benchmarks.grasps import random_case
+from benchmarks.machine import describe
+from handfast.core.answer import Verdict
+from handfast.model.grasp import Grasp
+from handfast.stability.answers import CheckAnswer
+from handfast.stability.certify.verify import verify
+from handfast.stability.queries import check
+from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "random_checks.json"
 SIZES = (3, 4, 5, 6)

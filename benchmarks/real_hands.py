@@ -1,7 +1,7 @@
 """Real hands, real objects: load, close, contacts and `check` under gravity from six sides.
 
 Two hands (Barrett BH8-280, Allegro right) times six YCB objects. The poses are in `real_hands/`, one
-`holdfast/configuration/1` file per pair: the object's pose, the pre-shape, which joints close and the
+`handfast/configuration/1` file per pair: the object's pose, the pre-shape, which joints close and the
 preload. The poses are random trials about hand-written ones (60 to 750 per pair), chosen for three to five
 contacts and then, among the few that were checked, for the most sides that hold. So the share of verdicts
 that hold says how well the poses were chosen, not how often such hands hold: many of those checked failed
@@ -18,7 +18,7 @@ The Barrett URDF has no mimic joints: all eight joints are motors of their own. 
 are commanded, the distal joints stay where the pre-shape puts them and are locked. `motors` is the URDF
 as it stands: the distal joints close too, and those stopped by a touch are commanded a third as much.
 
-    python benchmarks/real_hands.py --shared ../shared --out reports --time-limit 30
+    python -m benchmarks.real_hands --shared ../shared --out reports --time-limit 30
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ from typing import Any
 
 import numpy as np
 
-from holdfast import Settings, check, close, contact_grasp, load_body, load_configuration, load_hand
-from holdfast.body import Body
-from holdfast.configuration import Configuration
-from holdfast.grasp import Grasp
-from holdfast.hand import Hand
-from holdfast.planning.close import Closed
-from holdfast.plot import Mesh, draw_grasp, picture, scene_meshes
-from holdfast.report import Entry, write_report
-from holdfast.stability.queries import CheckAnswer
+from handfast import Settings, check, close, contact_grasp, load_body, load_configuration, load_hand
+from handfast.model.body import Body
+from handfast.model.configuration import Configuration
+from handfast.model.grasp import Grasp
+from handfast.model.hand import Hand
+from handfast.planning.close import Closed
+from handfast.report import Entry, write_report
+from handfast.report.plot import Mesh, draw_grasp, picture, scene_meshes
+from handfast.stability.queries import CheckAnswer
 
 HERE = Path(__file__).parent
 POSES = HERE / "real_hands"
@@ -198,7 +198,7 @@ def drawn(scene: Scenario, answer: CheckAnswer) -> bytes:
 
 def machine(solver: str) -> dict[str, Any]:
     """What the times belong to."""
-    libraries = ["holdfast", "numpy", "scipy", "mujoco", "trimesh", "pyscipopt" if solver == "scip" else "gurobipy"]
+    libraries = ["handfast", "numpy", "scipy", "mujoco", "trimesh", "pyscipopt" if solver == "scip" else "gurobipy"]
     return {
         "cores": os.cpu_count(),
         "architecture": platform.machine(),

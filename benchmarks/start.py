@@ -1,6 +1,6 @@
-"""How long a new process takes to its first answer: `holdfast check` without and with compiled code.
+"""How long a new process takes to its first answer: `handfast check` without and with compiled code.
 
-    python benchmarks/start.py [CHECKOUT ...] [--cold 3] [--warm 9]
+    python -m benchmarks.start [CHECKOUT ...] [--cold 3] [--warm 9]
 
 Each checkout (this one alone by default) is copied, without what it has compiled, for each of `--cold` rounds: the
 first command compiles, `--warm` others follow, and as many imports. Checkouts take turns, so that other work on the
@@ -21,11 +21,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from machine import describe, revision
+from benchmarks.machine import describe, revision
 
 RESULTS = Path(__file__).parent / "results" / "start.json"
 HERE = Path(__file__).parents[1]
-COMMAND = "from holdfast.cli import main; main()"
+COMMAND = "from handfast.cli import main; main()"
 QUESTION = ["check", "fig7", "--wrench", "0", "0", "-1", "0", "0", "0"]
 
 
@@ -56,7 +56,7 @@ def main() -> None:
             for _ in range(given.warm):
                 for k in order:
                     times["check"][k].append(run(copies[k], COMMAND, *QUESTION))
-                    times["import"][k].append(run(copies[k], "import holdfast"))
+                    times["import"][k].append(run(copies[k], "import handfast"))
     rows = [
         {"what": what, "checkout": names[k], "seconds": [t[0] for t in some[k]], "processor": [t[1] for t in some[k]]}
         for what, some in times.items()

@@ -1,6 +1,6 @@
 """Time to the first certified configuration, beside the synthesis paper's Table 2.
 
-    python benchmarks/synthesis.py [--runs 100] [--again NAME ...]
+    python -m benchmarks.synthesis [--runs 100] [--again NAME ...]
 
 For each task one call of `synthesize` per seed, after start-up (compiled code loaded), on one core: from the loaded
 task to the certified configuration with its proof. Found-but-unproved candidates are counted. A task of which
@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.answer import Reach
-from holdfast.synthesis.queries import synthesize
-from holdfast.synthesis.task import Task
-from machine import describe
-from tasks import Others, published, tasks
+from benchmarks.machine import describe
+from benchmarks.tasks import Others, published, tasks
+from handfast.core.answer import Reach
+from handfast.synthesis.queries import synthesize
+from handfast.synthesis.task import Task
 
 RESULTS = Path(__file__).parent / "results" / "synthesis.json"
 LIMIT = 60.0  # [s] of one call

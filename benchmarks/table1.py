@@ -1,6 +1,6 @@
 """Table I of the stability paper on our fig9: sectors against value and time, full and refined, both variants.
 
-    python benchmarks/table1.py [--solver scip] [--solver gurobi] [--limit 120]
+    python -m benchmarks.table1 [--solver scip] [--solver gurobi] [--limit 120]
 
 The largest force along -y that fig9 resists with 0.1 N m at every proximal joint. "Full" puts all sectors
 at the finest level at once, "refined" is Algorithm 1; eta is 0 or 2.5 degrees, (19) as printed with its
@@ -20,13 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from holdfast.errors import InputError
-from holdfast.grasp_file import load_grasp
-from holdfast.stability import algorithm1, mip, problem
-from holdfast.stability.queries import maximum
-from holdfast.stability.relaxation import Goal
-from holdfast.stability.settings import Settings
-from machine import describe
+from benchmarks.machine import describe
+from handfast.core.errors import InputError
+from handfast.model.grasp_file import load_grasp
+from handfast.stability import problem
+from handfast.stability.paper import algorithm1, mip
+from handfast.stability.paper.relaxation import Goal
+from handfast.stability.queries import maximum
+from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "table1.json"
 DIRECTION = np.array([0, -1.0, 0, 0, 0, 0])
@@ -63,7 +64,7 @@ def cell(solver: mip.Solver, q: int, full: bool, eta: float, limit: float) -> di
 
 
 def exact(solver: mip.Solver, eta: float, limit: float) -> dict[str, Any]:
-    """The bracket that `holdfast max` gives: witnessed and certified by the relaxation."""
+    """The bracket that `handfast max` gives: witnessed and certified by the relaxation."""
     settings = Settings(solver=solver, gap=1e-3, time_limit=limit)
     a = maximum(load_grasp("fig9"), DIRECTION, eta=np.radians(eta), settings=settings)
     return {

@@ -1,7 +1,7 @@
 """Table II of the stability paper on the twelve bundled Barrett grasps: three tasks, beside Algorithm 1 on Gurobi.
 
-    python benchmarks/table2.py [--limit 60] [--rounds 10]
-    python benchmarks/table2.py --print
+    python -m benchmarks.table2 [--limit 60] [--rounds 10]
+    python -m benchmarks.table2 --print
 
 The paper's three tasks (section VII-D), each grasp with its stored preload: is the object's weight along its -z
 resisted; the largest disturbance along ten random directions; the smallest largest command against ten random
@@ -33,17 +33,17 @@ from typing import Any
 
 import numpy as np
 
-from engine import BRIEF, REPEATS, Cost, load, proof, save, seconds, timeout
-from holdfast import load_body, load_configuration, load_grasp
-from holdfast.errors import InputError
-from holdfast.grasp import Grasp
-from holdfast.grasp_file import to_dict
-from holdfast.mechanism import Array
-from holdfast.stability.answers import Answer, CheckAnswer, finite
-from holdfast.stability.loads import Loads
-from holdfast.stability.queries import check, maximum, torques
-from holdfast.stability.settings import Settings
-from machine import describe
+from benchmarks.engine import BRIEF, REPEATS, Cost, load, proof, save, seconds, timeout
+from benchmarks.machine import describe
+from handfast import load_body, load_configuration, load_grasp
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import to_dict
+from handfast.stability.answers import Answer, CheckAnswer, finite
+from handfast.stability.loads import Loads
+from handfast.stability.queries import check, maximum, torques
+from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "table2.json"
 SEED = 2020
@@ -53,7 +53,7 @@ SECTORS = 2048
 APART = 1e-3  # relative; brackets further apart than this disagree
 NIL = 1e-6  # [N, N m] and smaller differences are rounding
 TASKS: dict[str, Callable[..., Answer]] = {"check": check, "max": maximum, "torques": torques}
-METHODS = ("holdfast", "gurobi")
+METHODS = ("handfast", "gurobi")
 
 Row = dict[str, Any]
 Numbers = tuple[float, float, float]  # mean, standard error, median [s]
@@ -138,7 +138,8 @@ def of_grasp(name: str) -> list[Question]:
     grasp = load_grasp(f"barrett-{name}")
     body = load_body(load_configuration(f"barrett-{name}").object or "")
     weight = Loads.gravity(body, "-z").wrenches[0]
-    text = json.dumps([to_dict(grasp), np.round(weight, 9).tolist()], sort_keys=True)
+    numbers = {key: value for key, value in to_dict(grasp).items() if key != "schema"}
+    text = json.dumps([numbers, np.round(weight, 9).tolist()], sort_keys=True)
     fingerprint = hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def about_center(x: Array) -> Array:
@@ -193,7 +194,7 @@ def answered(question: Question, method: str, limit: float) -> Row:
     """A row of either method; an input that is refused (a licence that is too small) is a row as well."""
     clock = time.perf_counter()
     try:
-        return ours(question, limit) if method == "holdfast" else theirs(question, limit)
+        return ours(question, limit) if method == "handfast" else theirs(question, limit)
     except InputError as error:
         return {"verdict": None, "stop": str(error), "seconds": time.perf_counter() - clock}
 
@@ -287,13 +288,13 @@ def cells(name: str, printed: Printed, task: str, data: dict[str, Any]) -> list[
     late = sum(timeout(r["gurobi"], limit) for r in both)
     took = [seconds(r["gurobi"], limit) for r in both]
     theirs = numbers(took)
-    mine = numbers([1e3 * r["holdfast"]["seconds"] for r in both])
+    mine = numbers([1e3 * r["handfast"]["seconds"] for r in both])
     cpu = [statistics.median(r[m]["cpu_seconds"] for r in both) for m in METHODS]
     floor = "≥ " if statistics.median_high(took) >= limit else ""
     ratios = [f"{floor}{float(f'{x:.2g}'):,.10g}" for x in (1e3 * theirs[2] / mine[2], cpu[1] / cpu[0])]
     medians = floor + digits(theirs[2]), digits(mine[2])
     if single:
-        return [*out, *medians, *ratios, both[0]["holdfast"]["verdict"], count]
+        return [*out, *medians, *ratios, both[0]["handfast"]["verdict"], count]
     mean = ("≥ " if late else "") + spread(theirs)
     return [*out, mean, medians[0], str(late or ""), spread(mine), medians[1], *ratios, count]
 
@@ -312,10 +313,10 @@ def table(task: str, data: dict[str, Any]) -> list[str]:
     """One task as Markdown, a row for each of the twelve."""
     head = ["grasp", "contacts", "paper's"]
     if task == "check":
-        head += ["paper [s]", "Algorithm 1 [s]", "Holdfast [ms]", "ratio", "processor", "verdict", "done"]
+        head += ["paper [s]", "Algorithm 1 [s]", "Handfast [ms]", "ratio", "processor", "verdict", "done"]
     else:
         head += ["paper, mean [s]", "median", "Algorithm 1, mean [s]", "median", "time-outs"]
-        head += ["Holdfast, mean [ms]", "median", "ratio of medians", "processor", "done"]
+        head += ["Handfast, mean [ms]", "median", "ratio of medians", "processor", "done"]
     rows = [cells(name, printed, task, data) for name, printed in zip(GRASPS, PAPER, strict=True)]
     lines = [head, ["---", "---:", "---", *["---:"] * (len(head) - 3)], *rows]
     return [f"| {' | '.join(r)} |" for r in lines]
@@ -325,8 +326,8 @@ def complaints(data: dict[str, Any]) -> list[str]:
     """Every disagreement, open answer, unverified certificate and question that was refused."""
     out = []
     for r in data["rows"]:
-        name, mine, peer = f"{r['grasp']} {r['task']} {r['k']}", r.get("holdfast", {}), r.get("gurobi", {})
-        for found, who in ((mine, "Holdfast"), (peer, "Algorithm 1")):
+        name, mine, peer = f"{r['grasp']} {r['task']} {r['k']}", r.get("handfast", {}), r.get("gurobi", {})
+        for found, who in ((mine, "Handfast"), (peer, "Algorithm 1")):
             if found and not found["verdict"]:
                 out.append(f"- {name}: {who}: {found['stop']}")
         if mine.get("verdict") and mine["stop"] != "complete":
@@ -345,8 +346,8 @@ def summary(data: dict[str, Any]) -> str:
     for task, title in titles.items():
         lines += [f"{title}:", "", *table(task, data), ""]
     both = [r for r in data["rows"] if all(r.get(m, {}).get("verdict") for m in METHODS)]
-    proofs = [r["holdfast"]["verified"] for r in both if r["holdfast"]["verified"] is not None]
-    worst = max((r["holdfast"]["residual"] or 0.0 for r in both), default=0.0)
+    proofs = [r["handfast"]["verified"] for r in both if r["handfast"]["verified"] is not None]
+    worst = max((r["handfast"]["residual"] or 0.0 for r in both), default=0.0)
     wrong = sum(disagreement(*(r[m] for m in METHODS)) is not None for r in both)
     late = sum(timeout(r["gurobi"], data["limit"]) for r in both)
     lines += [f"{len(both)} questions asked of both, {wrong} disagreements, {late} time-outs of Algorithm 1;",

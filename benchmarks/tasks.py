@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from holdfast import bundled
-from holdfast.synthesis.task import Task
-from holdfast.synthesis.task_file import load_task
+from handfast.core import bundled
+from handfast.synthesis.task import Task
+from handfast.synthesis.task_file import load_task
 
 AUTHORS = Path(__file__).parents[2] / "shared" / "tasks"  # three of the authors' own files, where they are at hand
 # Table 2 of the synthesis paper: [s] for one configuration on 64 cores (Xeon E5310), sigma = 0.1

@@ -1,7 +1,7 @@
 """Two versions of the engine against each other, turn by turn: processor time of maxima and their nodes.
 
     git worktree add ../before REVISION
-    python benchmarks/versions.py ../before . [--contacts 3 4 5 6 8] [--rounds 9] [--verify]
+    python -m benchmarks.versions ../before . [--contacts 3 4 5 6 8] [--rounds 9] [--verify]
 
 Both versions answer the random cases of the published set of each size in turn, in processes of their own with
 caches of their own, one thread each; who begins alternates. A ratio is that of two neighbouring turns, so that
@@ -22,7 +22,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from machine import describe, revision
+from benchmarks.machine import describe, revision
 
 RESULTS = Path(__file__).parent / "results" / "versions.json"
 
@@ -31,9 +31,9 @@ def answer(verify: bool) -> None:
     """The process of one version: a number of contacts per line in, processor time [s] and nodes out."""
     from dataclasses import fields
 
-    from grasps import Case, cases
-    from holdfast.stability.queries import maximum
-    from holdfast.stability.settings import Settings
+    from benchmarks.grasps import Case, cases
+    from handfast.stability.queries import maximum
+    from handfast.stability.settings import Settings
 
     replay: dict[str, Any] = {"verify": verify} if "verify" in {f.name for f in fields(Settings)} else {}
     settings = Settings(gap=1e-3, time_limit=20.0, workers=1, **replay)
@@ -55,9 +55,11 @@ class Version:
 
     def __init__(self, checkout: Path, cache: str, verify: bool) -> None:
         env = os.environ | {"PYTHONPATH": str(checkout / "src"), "NUMBA_CACHE_DIR": cache}
-        command = [sys.executable, str(Path(__file__)), "--answer", *["--verify"][: int(verify)]]
+        package = (checkout / "benchmarks" / "__init__.py").exists()  # else of a version whose benchmarks are scripts
+        script = ["-m", "benchmarks.versions"] if package else ["benchmarks/versions.py"]
+        command = [sys.executable, *script, "--answer", *["--verify"][: int(verify)]]
         pipe = subprocess.PIPE
-        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=env)
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=env, cwd=checkout)
         self._line()
         self.revision = revision(checkout)
 

@@ -17,13 +17,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from holdfast import Loads, Settings, force_map, grasp_for, load_body, load_task
-from holdfast.files import write_bytes
-from holdfast.mechanism import Array
-from holdfast.planning.tasks.proved import ProvedGrasp
-from holdfast.plot import draw_map, picture, scene_meshes
-from holdfast.report.drawing import AMBER, BLUE, Mesh, solids
-from holdfast.stability.witness import Witness
+from handfast import Loads, Settings, force_map, grasp_for, load_body, load_task
+from handfast.core.arrays import Array
+from handfast.core.files import write_bytes
+from handfast.planning.tasks.proved import ProvedGrasp
+from handfast.report.drawing import AMBER, BLUE, Mesh, solids
+from handfast.report.plot import draw_map, picture, scene_meshes
+from handfast.stability.witness import Witness
 
 IMAGE = Path(__file__).parent / "img" / "grasp-pour.png"
 TIP = np.radians(-60)  # about z, the spout goes down

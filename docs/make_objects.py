@@ -2,7 +2,7 @@
 
     python docs/make_objects.py [FOLDER]
 
-Writes `<name>.obj` (convex pieces) and `<name>.json` (`holdfast/body/1`) to src/holdfast/data/objects. What
+Writes `<name>.obj` (convex pieces) and `<name>.json` (`handfast/body/1`) to src/handfast/data/objects. What
 is curved is described here by Bezier surfaces, so that `make_tasks.py` can place regions exactly on it.
 """
 
@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from holdfast.region import evaluate
-from holdfast.shape import Shape
+from handfast.model.region import evaluate
+from handfast.model.shape import Shape
 
 Array = NDArray[np.float64]
-OBJECTS = Path(__file__).parents[1] / "src" / "holdfast" / "data" / "objects"
+OBJECTS = Path(__file__).parents[1] / "src" / "handfast" / "data" / "objects"
 MM = 1e-3
 
 
@@ -216,7 +216,7 @@ OBJECTS_MADE = {
 def write(folder: Path, name: str) -> None:
     """Both files of an object."""
     made, mass, friction, what = OBJECTS_MADE[name]
-    lines, first = [f"# Holdfast: {what}; convex pieces, metres"], 1
+    lines, first = [f"# Handfast: {what}; convex pieces, metres"], 1
     for n, points in enumerate(made()):
         hull = Shape.hull((MM * points).round(6))
         lines.append(f"o piece_{n}")
@@ -224,7 +224,7 @@ def write(folder: Path, name: str) -> None:
         lines += ["f " + " ".join(str(first + i) for i in f) for f in hull.faces.tolist()]
         first += len(hull.vertices)
     (folder / f"{name}.obj").write_text("\n".join(lines) + "\n")
-    data = {"schema": "holdfast/body/1", "name": name, "mesh": f"{name}.obj", "mass": mass, "friction": friction}
+    data = {"schema": "handfast/body/1", "name": name, "mesh": f"{name}.obj", "mass": mass, "friction": friction}
     (folder / f"{name}.json").write_text(json.dumps(data, indent=2) + "\n")
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from holdfast import (
+from handfast import (
     Settings,
     check,
     contact_grasp,
@@ -30,8 +30,8 @@ from holdfast import (
     load_hand,
     sweep,
 )
-from holdfast.plot import draw_grasp, draw_map, draw_sweep, picture, scene_meshes
-from holdfast.stability.witness import Witness
+from handfast.report.plot import draw_grasp, draw_map, draw_sweep, picture, scene_meshes
+from handfast.stability.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"
 STEPS = 48  # directions of a map

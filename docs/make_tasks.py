@@ -2,7 +2,7 @@
 
     python docs/make_tasks.py [FOLDER]
 
-Writes `<object>-<task>.json` (`holdfast/task/1`) to src/holdfast/data/tasks. Run `make_objects.py` first: regions
+Writes `<object>-<task>.json` (`handfast/task/1`) to src/handfast/data/tasks. Run `make_objects.py` first: regions
 on the objects are cut out of the surfaces that are described there.
 """
 
@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from make_objects import BUTTON, EDGE, KEYS, MM, SCALPEL, Array, fret, half_tube, quarter, section
 
-from holdfast.region import Bezier, restrict
+from handfast.model.region import Bezier, restrict
 
-TASKS = Path(__file__).parents[1] / "src" / "holdfast" / "data" / "tasks"
+TASKS = Path(__file__).parents[1] / "src" / "handfast" / "data" / "tasks"
 FINGERS = ("ring", "middle", "index", "thumb")
 
 
@@ -152,7 +152,7 @@ def task(thing: str, contacts: list[Any], unused: dict[str, Any], pose: dict[str
             ranges = {"abduction": [spread] * 2, "proximal": [first] * 2, "middle": [bent] * 2, "distal": [bent] * 2}
         limits |= {f"{finger}_{part}": r for part, r in ranges.items()}
     return {
-        "schema": "holdfast/task/1",
+        "schema": "handfast/task/1",
         "hand": "schunk-sah",
         "object": thing,
         "limits": {name: np.radians(r).round(6).tolist() for name, r in limits.items()},

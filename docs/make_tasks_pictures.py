@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from holdfast import bundled
-from holdfast.plot import picture
-from holdfast.shape import quaternion_matrix, transform
-from holdfast.synthesis.drawing import DENSE, draw_task
-from holdfast.synthesis.task import Task
-from holdfast.synthesis.task_file import load_task
+from handfast.core import bundled
+from handfast.model.shape import quaternion_matrix, transform
+from handfast.report.plot import picture
+from handfast.report.task_drawing import DENSE, draw_task
+from handfast.synthesis.task import Task
+from handfast.synthesis.task_file import load_task
 
 Array = NDArray[np.float64]
 IMAGES = Path(__file__).parent / "img"

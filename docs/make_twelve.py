@@ -9,7 +9,7 @@ all six axis directions, touch with all three fingers at the wanted number of co
 with at least two actuators, the one with the smallest largest command is taken. So they are good among many, not
 typical.
 
-Writes src/holdfast/data/{configurations,grasps}/barrett-OBJECT.json and docs/img/twelve.png; `--check` only
+Writes src/handfast/data/{configurations,grasps}/barrett-OBJECT.json and docs/img/twelve.png; `--check` only
 compares what it plans with the files that are there, `--picture` only draws them.
 """
 
@@ -26,17 +26,17 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
-from holdfast import Settings, load_body, load_configuration, load_grasp, load_hand
-from holdfast.configuration import Configuration, save_configuration
-from holdfast.files import write_bytes
-from holdfast.grasp import Grasp
-from holdfast.grasp_file import save_grasp
-from holdfast.mechanism import Array
-from holdfast.planning.closing.attempt import Held
-from holdfast.planning.closing.palm_poses import Sampling
-from holdfast.planning.closing.plan import Plan, plan
-from holdfast.plot import picture, scene_meshes
-from holdfast.report.drawing import View
+from handfast import Settings, load_body, load_configuration, load_grasp, load_hand
+from handfast.core.arrays import Array
+from handfast.core.files import write_bytes
+from handfast.model.configuration import Configuration, save_configuration
+from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import save_grasp
+from handfast.planning.closing.attempt import Held
+from handfast.planning.closing.palm_poses import Sampling
+from handfast.planning.closing.plan import Plan, plan
+from handfast.report.drawing import View
+from handfast.report.plot import picture, scene_meshes
 
 HAND = "barrett-bh8-280"
 CONTACTS = {  # object: contacts, in the order of Fig. 13's letters
@@ -62,7 +62,7 @@ SAME = 1e-6  # [rad], and [m] of the pose
 SAME_PRELOAD = 1e-3  # relative: it is the solution of a search
 HAND_COLOR, OBJECT_COLOR = np.array([0.62, 0.67, 0.73]), np.array([0.93, 0.76, 0.48])
 ROOT = Path(__file__).parents[1]
-DATA = ROOT / "src" / "holdfast" / "data"
+DATA = ROOT / "src" / "handfast" / "data"
 IMAGE = ROOT / "docs" / "img" / "twelve.png"
 
 

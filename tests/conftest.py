@@ -9,21 +9,21 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "src" / "holdfast"
-ENGINE = PACKAGE / "synthesis" / "engine"
+PACKAGE = Path(__file__).parents[1] / "src" / "handfast"
+ENGINE = PACKAGE / "synthesis" / "search" / "kernel"
 
 
 KERNELS = (  # each in a process of its own: every kernel is compiled once, not once by each worker
-    "from holdfast import load_task; from holdfast.synthesis.problem import Problem;"
-    "from holdfast.synthesis.starts import Starts; from holdfast.synthesis.diverse import Walks;"
+    "from handfast import load_task; from handfast.synthesis.problem import Problem;"
+    "from handfast.synthesis.search.starts import Starts; from handfast.synthesis.search.diverse import Walks;"
     "Walks(Starts(Problem.of(load_task('scalpel-upholding')), 0))",
-    "from holdfast import load_task;"
-    "from holdfast.synthesis.problem import Problem; from holdfast.synthesis.prover import Prover;"
+    "from handfast import load_task;"
+    "from handfast.synthesis.problem import Problem; from handfast.synthesis.search.prover import Prover;"
     "Prover(Problem.of(load_task('scalpel-handling'))).run(seconds=0.1)",
 )
 
 
-STABILITY = "from holdfast.stability.engine.machine import kernel; kernel()"
+STABILITY = "from handfast.stability.search.machine import kernel; kernel()"
 
 
 def pytest_configure(config: pytest.Config) -> None:

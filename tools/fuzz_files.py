@@ -32,10 +32,8 @@ from typing import Any
 
 import numpy as np
 
-from holdfast import (
-    bundled,
+from handfast import (
     check,
-    decompose,
     load_body,
     load_configuration,
     load_grasp,
@@ -44,23 +42,25 @@ from holdfast import (
     maximum,
     torques,
 )
-from holdfast.answer import Verdict
-from holdfast.errors import InputError
-from holdfast.grasp_file import to_dict
-from holdfast.hand.coupling import leader_ranges
-from holdfast.hand_regions import load_hand_regions
-from holdfast.planning.tasks.grasp_for import grasp_for
-from holdfast.planning.tasks.search_file import Search, load_search, save_search
-from holdfast.replay import load as load_answer
-from holdfast.replay import verify
-from holdfast.scene import Scene
-from holdfast.stability.certificate_file import question_to_dict, save_certificate
-from holdfast.stability.loads import Loads
-from holdfast.stability.loads_file import load_loads
-from holdfast.stability.result_file import Result
-from holdfast.stability.settings import Settings
-from holdfast.synthesis.embedded import digest
-from holdfast.synthesis.queries import synthesize
+from handfast.core import bundled
+from handfast.core.answer import Verdict
+from handfast.core.errors import InputError
+from handfast.geometry.scene import Scene
+from handfast.model import decompose
+from handfast.model.grasp_file import to_dict
+from handfast.model.hand.coupling import leader_ranges
+from handfast.model.hand_regions import load_hand_regions
+from handfast.planning.tasks.grasp_for import grasp_for
+from handfast.planning.tasks.search_file import Search, load_search, save_search
+from handfast.saved import load as load_answer
+from handfast.saved import verify
+from handfast.stability.certify.certificate_file import question_to_dict, save_certificate
+from handfast.stability.loads import Loads
+from handfast.stability.loads_file import load_loads
+from handfast.stability.result_file import Result
+from handfast.stability.settings import Settings
+from handfast.synthesis.embedded import digest
+from handfast.synthesis.queries import synthesize
 
 PATIENCE = 120.0  # [s] for one file
 EXTREME = ["0", "-0.0", "-1", "1e308", "-1e308", "1e-308", "5e-324", "1e999", "NaN", "-Infinity", "2147483648", "1e20"]
@@ -96,7 +96,7 @@ def samples(folder: Path) -> dict[str, list[Path]]:
         "mjcf": [*sorted((data / "hands").glob("*.xml")), write(folder / "hand.xml", MJCF)],
     }
     wrench = [0.0, 0.0, -0.4, 0.0, 0.0, 0.0]
-    loads = {"schema": "holdfast/loads/1", "loads": {"weight": wrench, "push": [0.1, 0, 0, 0, 0, 0.01]}}
+    loads = {"schema": "handfast/loads/1", "loads": {"weight": wrench, "push": [0.1, 0, 0, 0, 0, 0.01]}}
     out["loads"] = [write(folder / "loads.json", json.dumps(loads))]
     small = Settings(workers=1)
     answers: dict[str, Any] = {}

@@ -48,7 +48,7 @@ UNKNOWN = "not checked"
 
 @dataclass(frozen=True)
 class Part:
-    """Files of src/holdfast whose mutants are tried together, and the files of tests/ that concern them.
+    """Files of src/handfast whose mutants are tried together, and the files of tests/ that concern them.
 
     `without` names tests among these that ask what a fresh Python imports: mutated files import mutmut.
     """
@@ -60,25 +60,35 @@ class Part:
 
 CHECKER = ("verify", "claim", "farkas", "leaf_rows", "certificate", "replay")
 PARTS = {
-    "model": Part(("stability/model.py",), ("test_model.py",)),
-    "contacts": Part(("contacts.py",), ("test_contacts.py",)),
-    "synthesis-interval": Part(("synthesis/checker/interval.py",), ("test_checker_interval.py",)),
+    "model": Part(("stability/model.py",), ("stability/test_model.py",)),
+    "contacts": Part(("geometry/contacts.py",), ("geometry/test_contacts.py",)),
+    "synthesis-interval": Part(("synthesis/certify/interval.py",), ("synthesis/certify/test_checker_interval.py",)),
     "synthesis-checker": Part(
-        tuple(f"synthesis/checker/{name}.py" for name in ("chains", "equations", "regions")),
-        ("test_chains.py", "test_checker_interval.py", "test_existence.py"),
-        ("test_existence.py::test_the_checker_needs_nothing_of_the_search",),
+        tuple(f"synthesis/certify/{name}.py" for name in ("chains", "equations", "regions")),
+        (
+            "synthesis/certify/test_chains.py",
+            "synthesis/certify/test_checker_interval.py",
+            "synthesis/certify/test_existence.py",
+        ),
+        ("synthesis/certify/test_existence.py::test_the_checker_needs_nothing_of_the_search",),
     ),
     "synthesis-verify": Part(
-        ("synthesis/verify_existence.py",),
-        ("test_verify_existence.py", "test_existence.py"),
-        ("test_existence.py::test_the_checker_needs_nothing_of_the_search",),
+        ("synthesis/certify/verify_existence.py",),
+        ("synthesis/certify/test_verify_existence.py", "synthesis/certify/test_existence.py"),
+        ("synthesis/certify/test_existence.py::test_the_checker_needs_nothing_of_the_search",),
     ),
-    "grasp-file": Part(("grasp_file.py",), ("test_grasp_file.py",)),
-    "urdf": Part(("hand/urdf.py",), ("test_urdf.py", "test_hand.py")),
-    "mjcf": Part(("hand/mjcf.py",), ("test_mjcf.py", "test_hand.py")),
+    "grasp-file": Part(("model/grasp_file.py",), ("model/test_grasp_file.py",)),
+    "urdf": Part(("model/hand/urdf.py",), ("model/test_urdf.py", "model/test_hand.py")),
+    "mjcf": Part(("model/hand/mjcf.py",), ("model/test_mjcf.py", "model/test_hand.py")),
     "stability-checker": Part(
-        tuple(f"stability/{name}.py" for name in CHECKER),
-        ("test_verify.py", "test_verify_states.py", "test_farkas.py", "test_replay.py", "test_certificate_file.py"),
+        tuple(f"stability/certify/{name}.py" for name in CHECKER),
+        (
+            "stability/certify/test_verify.py",
+            "stability/certify/test_verify_states.py",
+            "stability/certify/test_farkas.py",
+            "stability/certify/test_replay.py",
+            "stability/certify/test_certificate_file.py",
+        ),
     ),
 }
 
@@ -116,7 +126,7 @@ def main() -> int:
 def prepare(part: Part, folder: Path) -> None:
     """Bring a part's folder up to date with the repository, and let what tests might kill now be tried again."""
     folder.mkdir(parents=True, exist_ok=True)
-    mutated = {str(Path("src") / "holdfast" / source) for source in part.sources}
+    mutated = {str(Path("src") / "handfast" / source) for source in part.sources}
     for target in (folder, folder / "mutants"):
         for name in COPIED:
             for file in sorted((ROOT / name).rglob("*")) if (ROOT / name).is_dir() else [ROOT / name]:
@@ -205,7 +215,7 @@ class Mutant:
 def records(part: Part, folder: Path) -> Iterator[SourceFileMutationData]:
     """mutmut's notes of each mutated file."""
     for source in part.sources:
-        data = SourceFileMutationData(path=Path("src") / "holdfast" / source)
+        data = SourceFileMutationData(path=Path("src") / "handfast" / source)
         data.meta_path = folder / data.meta_path
         if data.meta_path.exists():
             data.load()

@@ -3,7 +3,7 @@
     python tools/paper_grasps.py [--check]
 
 The authors published no files, so each figure is rebuilt with the bundled Barrett hand from what the
-paper says of it. Writes src/holdfast/data/{objects,configurations,grasps}; `--check` writes nothing and
+paper says of it. Writes src/handfast/data/{objects,configurations,grasps}; `--check` writes nothing and
 fails if a file would change.
 """
 
@@ -20,16 +20,16 @@ import numpy as np
 from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
-from holdfast.body import Body, load_body
-from holdfast.configuration import Configuration
-from holdfast.contacts import contact_grasp
-from holdfast.files import same_json
-from holdfast.grasp_file import to_dict
-from holdfast.hand import Hand, load_hand
-from holdfast.mechanism import Array
-from holdfast.planning.close import close
+from handfast.core.arrays import Array
+from handfast.core.files import same_json
+from handfast.geometry.contacts import contact_grasp
+from handfast.model.body import Body, load_body
+from handfast.model.configuration import Configuration
+from handfast.model.grasp_file import to_dict
+from handfast.model.hand import Hand, load_hand
+from handfast.planning.close import close
 
-DATA = Path(__file__).parents[1] / "src" / "holdfast" / "data"
+DATA = Path(__file__).parents[1] / "src" / "handfast" / "data"
 HAND = "barrett-bh8-280"
 PALM = 0.0754  # [m] height of the proximal joints above the palm frame
 TIP = np.array([0.0371572, 0.0, 0.0334565])  # fingertip centre in the distal frame
@@ -128,7 +128,7 @@ ACROSS = np.array([[0, 1.0, 0], [0, 0, 1.0], [1.0, 0, 0]])  # the flask's axis y
 def flask_mesh(sides: int = 40) -> str:
     """The flask as an OBJ of three convex pieces."""
     angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-    lines, first = ["# Holdfast: a flask of three convex pieces, metres, axis y"], 1
+    lines, first = ["# Handfast: a flask of three convex pieces, metres, axis y"], 1
     for piece, (low, high) in enumerate(pairwise(PROFILE)):
         lines.append(f"o piece_{piece + 1}")
         for radius, y in (low, high):
@@ -154,7 +154,7 @@ def flask_held(hand: Hand, flask: Body) -> tuple[dict[str, float], Array]:
 
 
 def body(shapes: list[dict[str, Any]], mass: float, friction: float) -> dict[str, Any]:
-    return {"schema": "holdfast/body/1", "shapes": shapes, "mass": mass, "friction": friction}
+    return {"schema": "handfast/body/1", "shapes": shapes, "mass": mass, "friction": friction}
 
 
 class Writer:
@@ -188,7 +188,7 @@ def main(check: bool) -> int:
     write("objects/jar.json", dumped(jar()))
     write("objects/slab.json", dumped(slab))
     write("objects/flask.obj", flask_mesh())
-    flask = {"schema": "holdfast/body/1", "mesh": "flask.obj", "mass": 0.3, "friction": 1.0}
+    flask = {"schema": "handfast/body/1", "mesh": "flask.obj", "mass": 0.3, "friction": 1.0}
     write("objects/flask.json", dumped(flask))
 
     two = {"finger_1_prox": 0.1, "finger_2_prox": 0.1}

@@ -1,0 +1,111 @@
+"""Handfast: will this grasp hold, and can the hand take that hold? With proofs, for real hands.
+
+The names below load on first use, so that `import handfast` stays quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from handfast.core.answer import Reach as Reach
+    from handfast.core.answer import Stop as Stop
+    from handfast.core.answer import Verdict as Verdict
+    from handfast.core.errors import InputError as InputError
+    from handfast.geometry.contacts import contact_grasp as contact_grasp
+    from handfast.geometry.contacts import find_contacts as find_contacts
+    from handfast.model.body import Body as Body
+    from handfast.model.body import load_body as load_body
+    from handfast.model.configuration import Configuration as Configuration
+    from handfast.model.configuration import load_configuration as load_configuration
+    from handfast.model.grasp import Contact as Contact
+    from handfast.model.grasp import Grasp as Grasp
+    from handfast.model.grasp import GraspJoint as GraspJoint
+    from handfast.model.grasp_file import load_grasp as load_grasp
+    from handfast.model.grasp_file import save_grasp as save_grasp
+    from handfast.model.hand import Hand as Hand
+    from handfast.model.hand import load_hand as load_hand
+    from handfast.model.mechanism import Mechanism as Mechanism
+    from handfast.model.region import Bezier as Bezier
+    from handfast.model.region import Cap as Cap
+    from handfast.planning.close import close as close
+    from handfast.planning.closing.plan import plan as plan
+    from handfast.planning.regions.propose import propose as propose
+    from handfast.planning.tasks.grasp_for import grasp_for as grasp_for
+    from handfast.saved import verify as verify
+    from handfast.stability.hold import hold as hold
+    from handfast.stability.loads import Loads as Loads
+    from handfast.stability.loads_file import load_loads as load_loads
+    from handfast.stability.many import max_many as max_many
+    from handfast.stability.maps import force_map as force_map
+    from handfast.stability.maps import sweep as sweep
+    from handfast.stability.margin import Margin as Margin
+    from handfast.stability.margin import margin as margin
+    from handfast.stability.queries import check as check
+    from handfast.stability.queries import maximum as maximum
+    from handfast.stability.queries import torques as torques
+    from handfast.stability.settings import Settings as Settings
+    from handfast.synthesis.queries import synthesize as synthesize
+    from handfast.synthesis.task import PoseBounds as PoseBounds
+    from handfast.synthesis.task import Task as Task
+    from handfast.synthesis.task import Touch as Touch
+    from handfast.synthesis.task_file import load_task as load_task
+
+_HOME = {
+    "Reach": "core.answer",
+    "Stop": "core.answer",
+    "Verdict": "core.answer",
+    "InputError": "core.errors",
+    "contact_grasp": "geometry.contacts",
+    "find_contacts": "geometry.contacts",
+    "Body": "model.body",
+    "load_body": "model.body",
+    "Configuration": "model.configuration",
+    "load_configuration": "model.configuration",
+    "Contact": "model.grasp",
+    "Grasp": "model.grasp",
+    "GraspJoint": "model.grasp",
+    "load_grasp": "model.grasp_file",
+    "save_grasp": "model.grasp_file",
+    "Hand": "model.hand",
+    "load_hand": "model.hand",
+    "Mechanism": "model.mechanism",
+    "Bezier": "model.region",
+    "Cap": "model.region",
+    "close": "planning.close",
+    "plan": "planning.closing.plan",
+    "propose": "planning.regions.propose",
+    "grasp_for": "planning.tasks.grasp_for",
+    "verify": "saved",
+    "hold": "stability.hold",
+    "Loads": "stability.loads",
+    "load_loads": "stability.loads_file",
+    "max_many": "stability.many",
+    "force_map": "stability.maps",
+    "sweep": "stability.maps",
+    "Margin": "stability.margin",
+    "margin": "stability.margin",
+    "check": "stability.queries",
+    "maximum": "stability.queries",
+    "torques": "stability.queries",
+    "Settings": "stability.settings",
+    "synthesize": "synthesis.queries",
+    "PoseBounds": "synthesis.task",
+    "Task": "synthesis.task",
+    "Touch": "synthesis.task",
+    "load_task": "synthesis.task_file",
+}
+
+__all__ = sorted(_HOME)
+__version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'handfast' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"handfast.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -1,0 +1,7 @@
+"""`python -m handfast.cli`."""
+
+import sys
+
+from handfast.cli import main
+
+sys.exit(main())

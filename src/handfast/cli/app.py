@@ -1,0 +1,183 @@
+"""The program: reads the arguments, runs the command, turns faults into one line."""
+
+from __future__ import annotations
+
+import difflib
+import io
+import os
+import re
+import sys
+from collections.abc import Sequence
+from contextlib import redirect_stderr, suppress
+from dataclasses import fields
+from functools import reduce
+from typing import Annotated, Any
+
+from handfast.cli import console
+from handfast.cli.check import Check
+from handfast.cli.close import Close
+from handfast.cli.contacts import Contacts
+from handfast.cli.demo import Demo
+from handfast.cli.grasp import Grasp
+from handfast.cli.list import List
+from handfast.cli.map import Map
+from handfast.cli.max import Max
+from handfast.cli.options import Command, GraspOptions, is_number
+from handfast.cli.plan import PlanGrasps
+from handfast.cli.propose import Propose
+from handfast.cli.sweep import Sweep
+from handfast.cli.synthesize import Synthesize
+from handfast.cli.torques import Torques
+from handfast.cli.verify import Verify
+from handfast.core.errors import InputError
+
+COMMANDS: dict[str, type[Command]] = {
+    "check": Check,
+    "max": Max,
+    "torques": Torques,
+    "map": Map,
+    "sweep": Sweep,
+    "synthesize": Synthesize,
+    "grasp": Grasp,
+    "propose": Propose,
+    "plan": PlanGrasps,
+    "verify": Verify,
+    "contacts": Contacts,
+    "close": Close,
+    "list": List,
+    "demo": Demo,
+}
+
+ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
+
+check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? synthesize looks for \
+configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
+hold with its torques. propose chooses such regions, plan closes the hand from everywhere. verify replays what backs \
+an answer.
+
+Start with `handfast demo` or `handfast list`. SI units throughout; object frame. Exit status: 0 answered, \
+1 refused by verify, 2 bad input, 3 undecided."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit status: 0 answered, 1 refused by `verify`, 2 bad input, 3 undecided."""
+    if sys.stdout is None:
+        return console.complain("standard output is closed; an answer needs somewhere to go")
+    try:
+        status = _run(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()  # here, where a fault can still be told
+        return status
+    except BrokenPipeError:  # the reader, `head` for one, has had enough
+        _drop_output()
+        return console.ANSWERED
+    except OSError as error:
+        _drop_output()
+        return console.complain(f"{error.filename or 'standard output cannot be written'}: {error.strerror}")
+    except UnicodeEncodeError as error:
+        _drop_output()
+        sign = error.object[error.start]
+        return console.complain(f"standard output: {error.encoding} has no '{sign}'; set PYTHONIOENCODING=utf-8")
+
+
+def _run(arguments: list[str]) -> int:
+    try:
+        if arguments in (["--version"], ["-V"]):
+            from handfast import __version__
+
+            print(f"handfast {__version__}")
+            return console.ANSWERED
+        return parse(arguments).run()
+    except InputError as error:
+        return console.complain(str(error))
+    except KeyboardInterrupt:
+        console.complain("interrupted")
+        return console.UNDECIDED
+    except SystemExit as stop:
+        if isinstance(stop.__context__, BrokenPipeError):  # rich makes this of it
+            raise BrokenPipeError from None
+        return int(stop.code or 0)  # help was asked for
+
+
+def _drop_output() -> None:
+    """Let what is left of an output that cannot be written vanish, not fail once more at the end."""
+    with suppress(OSError, ValueError):  # a stream without a file, in a notebook
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def parse(arguments: list[str]) -> Command:
+    """The command that the arguments ask for, not yet run; `InputError` if they cannot be understood."""
+    if not arguments:
+        raise InputError(f"give a command: {', '.join(COMMANDS)} (handfast --help tells more)")
+    name = arguments[0]
+    if not name.startswith("-"):
+        if name not in COMMANDS:
+            raise InputError(f"unknown command '{name}'; known: {', '.join(COMMANDS)}")
+        _check_options(name, arguments[1:])
+
+    import tyro
+
+    # the list of commands shows one line of each, a command's own help all of it
+    about = {n: " ".join((c.__doc__ or "").split("\n\n")[0].split()) for n, c in COMMANDS.items()}
+    choices = [
+        Annotated[c, tyro.conf.subcommand(n, description=None if n == name else about[n])] for n, c in COMMANDS.items()
+    ]
+    union: Any = reduce(lambda a, b: a | b, choices)
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            return tyro.cli(
+                union,
+                prog="handfast",
+                description=ABOUT,
+                args=arguments,
+                config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
+            )
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+        _check_grasp(name, arguments[1:])
+        raise InputError(_one_line(said.getvalue()), source=name if name in COMMANDS else None) from None
+
+
+def _check_options(name: str, arguments: Sequence[str]) -> None:
+    """Refuse an option that the command does not have, before it is taken for another option's value."""
+    command: Any = COMMANDS[name]
+    known = ["--help", *(option_name(f) for f in fields(command))]
+    for word in arguments:
+        option = word.split("=")[0].replace("_", "-")
+        if word.startswith("--") and len(word) > 2 and option not in known:
+            near = difflib.get_close_matches(option, known, 1)
+            hint = f"did you mean {near[0]}?" if near else f"see handfast {name} --help"
+            raise InputError(f"unknown option '{option}'; {hint}", source=name)
+
+
+def _check_grasp(name: str, arguments: Sequence[str]) -> None:
+    """Where nothing but numbers was given, the last one was taken for the grasp: say that it is missing."""
+    words = [word for word in arguments if not word.startswith("--")]
+    if issubclass(COMMANDS[name], GraspOptions) and all(is_number(word) for word in words):
+        raise InputError("missing: GRASP, a file or the name of a bundled grasp", source=name)
+
+
+def option_name(field: Any) -> str:
+    """How a command's field is called on the command line."""
+    name = field.name.rstrip("_").replace("_", "-")
+    return f"--no-{name}" if field.default is True else f"--{name}"
+
+
+def _one_line(said: str) -> str:
+    """The parser's complaint as one line: no title, frame, help of arguments or pointer to it."""
+    lines = [re.sub(r"^[│|]|[│|]?\s*$", "", line) for line in said.splitlines()]
+    rule = [not line.strip(" ─-╭╰╮╯+") or line.startswith(("╭", "╰", "+-")) for line in lines]
+    begin = rule.index(True) + 1 if True in rule else 0  # the title stands above the first rule, or in it
+    text: list[str] = []
+    margin = None
+    for line, is_rule in zip(lines[begin:], rule[begin:], strict=True):
+        if is_rule or line.strip().startswith("For full helptext"):
+            break
+        indent = len(line) - len(line.lstrip())
+        margin = indent if margin is None else margin
+        if indent < margin + 8:  # deeper lines are the help of an argument
+            text.append(line.strip())
+    message = " ".join(text).removeprefix("Error parsing ")
+    message = re.sub(r"^Missing from [\w ]+: ", "missing: ", message)
+    return message[:1].lower() + message[1:]

@@ -1,0 +1,142 @@
+"""`handfast close`: close a hand on an object, as a gripper does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import arg
+
+from handfast.cli import console
+from handfast.cli.options import Assignments, Command, assigned, check_writable
+from handfast.cli.scene import SceneOptions, load_placed
+from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from handfast.model.grasp import Contact
+
+
+@dataclass(kw_only=True)
+class Close(SceneOptions, Command):
+    """Close a hand joint by joint until every finger touches the object or reaches a limit."""
+
+    pose: Annotated[str, arg(metavar="FILE")]
+    """a handfast/configuration/1 file with the object's pose and the open hand, or a bundled name"""
+    closing: Assignments = ()
+    """sense in which a joint closes: JOINT=1, JOINT=-1, or JOINT=0 to keep it still"""
+    threshold: Annotated[float, arg(metavar="M")] = 5e-4
+    """surfaces nearer than this touch [m]"""
+    mechanism: Literal["hand", "direct"] = "hand"
+    """of the grasp: the hand's own motors and couplings, or one motor per joint"""
+    preload: Assignments = ()
+    """of the grasp: actuator commands instead of the file's"""
+    output: Annotated[Path | None, arg(metavar="CONFIGURATION.json", aliases=["-o"])] = None
+    """write the closed configuration"""
+    grasp: Annotated[Path | None, arg(metavar="GRASP.json")] = None
+    """write the grasp file"""
+    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
+    """write a self-contained page with pictures of the grasp"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+        from handfast.cli import tables
+        from handfast.cli.table import table
+        from handfast.geometry.contacts import contact_grasp
+        from handfast.geometry.scene import Scene
+        from handfast.model.configuration import Configuration, save_configuration
+        from handfast.model.grasp_file import save_grasp
+        from handfast.planning.close import close
+        from handfast.report import words
+
+        check_writable(self.output, self.force, (".json",))
+        check_writable(self.grasp, self.force, (".json",))
+        check_writable(self.report, self.force, (".html", ".htm"))
+        placed = load_placed(self.pose)
+        hand, body = self.load_scene()
+        hand, q0 = placed.applied(hand)
+        senses = self._closing()
+        hand = hand.with_closing(senses) if senses else hand
+        preload = assigned(self.preload, "--preload") if self.preload else placed.preload
+        with console.watch("close"):
+            scene = Scene(hand, body)
+            closed = close(hand, q0, body, placed.pose, threshold=self.threshold, scene=scene)
+        result = Configuration.of(
+            hand,
+            closed.q,
+            placed.pose,
+            hand=self.hand,
+            object=self.object,
+            closing=(placed.closing or {}) | senses or None,
+            preload=preload,
+        )
+        if self.output:
+            save_configuration(result, self.output, force=self.force)
+        if self.grasp or self.report:  # without contacts, or with a preload of an idle finger, this says so
+            grasp = contact_grasp(
+                hand,
+                closed.q,
+                body,
+                placed.pose,
+                preload=preload,
+                threshold=self.threshold,
+                mechanism=self.mechanism,
+                scene=scene,
+            )
+            if self.grasp:
+                save_grasp(grasp, self.grasp, force=self.force)
+            if self.report:
+                from handfast.report import write_report
+                from handfast.report.plot import scene_meshes
+
+                meshes = scene_meshes(hand, closed.q, body, placed.pose)
+                write_report(self.report, grasp, [], meshes=meshes, force=self.force)
+        if self.json:
+            console.print_json(
+                {
+                    "schema": "handfast/answer/1",
+                    "query": "close",
+                    "configuration": result.model_dump(by_alias=True, exclude_none=True, mode="json"),
+                    "stopped": closed.stopped,
+                    "touching": list(closed.touching),
+                    "penetration": closed.penetration,
+                    "contacts": [contact_entry(c) for c in closed.contacts],
+                }
+            )
+            return console.ANSWERED
+        out = console.out()
+        touching = ", ".join(closed.touching) or "no link"
+        out.print(f"{words.count(len(closed.contacts), 'contact')}; touching: {touching}", style="bold")
+        grid = table("joint", "stopped at", "because")
+        for name, why in closed.stopped.items():
+            j = hand.joint(name)
+            unit = "rad" if hand.joints[j].type == "revolute" else "m"
+            grid.add_row(name, f"{closed.q[j]:.4f} {unit}", why)
+        out.print(grid)
+        if closed.contacts:
+            tables.show_contacts(out, closed.contacts)
+        for path in (self.output, self.grasp, self.report):
+            if path:
+                out.print(f"Written: {path}", soft_wrap=True)
+        return console.ANSWERED
+
+    def _closing(self) -> dict[str, int]:
+        senses = assigned(self.closing, "--closing")
+        for name, sense in senses.items():
+            if sense not in (-1, 0, 1):
+                raise InputError(f"is {sense:g}; -1, 0 or 1 is needed", field=f"--closing {name}")
+        return {name: int(sense) for name, sense in senses.items()}
+
+
+def contact_entry(contact: Contact) -> dict[str, Any]:
+    """A contact as in a grasp file."""
+    return {
+        "position": contact.position.tolist(),
+        "normal": contact.normal.tolist(),
+        "friction": contact.friction,
+        "link": contact.link,
+        "depth": contact.depth,
+    }

@@ -1,0 +1,118 @@
+"""Where the program speaks: answers on standard output, progress and complaints on standard error."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+from handfast.core.answer import Reach, Stop, Verdict
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from handfast.stability.settings import Progress
+
+ANSWERED, REFUSED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
+PATIENCE = 1.0  # [s] work shorter than this shows no progress
+
+
+def complain(message: str) -> int:
+    """One line on standard error; returns the exit status of bad input."""
+    with suppress(OSError):  # nobody is left to tell
+        print("handfast: " + " ".join(message.split()), file=sys.stderr)
+    return BAD_INPUT
+
+
+def status(verdict: Verdict | Reach, stop: Stop) -> int:
+    """Exit status of an answer. A limit that was hit leaves the question open, whatever is known by then."""
+    cut_short = stop in (Stop.TIME, Stop.NODES, Stop.INTERRUPTED)
+    return UNDECIDED if verdict in (Verdict.UNDECIDED, Reach.UNDECIDED) or cut_short else ANSWERED
+
+
+def print_json(answer: dict[str, Any]) -> None:
+    """One object on standard output."""
+    print(json.dumps(answer, indent=1, allow_nan=False))
+
+
+def out() -> Console:
+    """Standard output for people."""
+    from rich.console import Console
+
+    width = None if sys.stdout.isatty() else 100
+    return Console(highlight=False, markup=False, width=width)
+
+
+class Watch:
+    """Progress on standard error if that is a terminal."""
+
+    def __init__(self, what: str) -> None:
+        self.what = what
+        self.start = time.monotonic()
+        self._bar: Any = None
+        self._task: Any = None
+        self._stream = sys.stderr
+        self._shows = sys.stderr.isatty()
+
+    @property
+    def seconds(self) -> float:
+        return time.monotonic() - self.start
+
+    def step(self, progress: Progress) -> None:
+        """As one query goes on."""
+        text = f"{progress.nodes} nodes"
+        if progress.step:
+            text = f"step {progress.step.number} · sectors {progress.step.width * 57.29578:.3g}° wide"
+        if 0 < progress.upper < float("inf"):
+            text += f" · bounds {progress.lower:.5g} to {progress.upper:.5g}"
+        self._show(text, None, None)
+
+    def item(self, done: int, total: int) -> None:
+        """After each case of a map or sweep."""
+        self._show(f"{done} of {total}", done, total)
+
+    def say(self, text: str) -> None:
+        """As anything else goes on."""
+        self._show(text, None, None)
+
+    def _show(self, text: str, done: int | None, total: int | None) -> None:
+        if not self._shows or self.seconds < PATIENCE:
+            return
+        if self._bar is None:
+            # no refreshing thread: a solver may hold the interpreter, and workers are forked
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            bar = [BarColumn()] if total else []
+            self._bar = Progress(
+                TextColumn("[bold]{task.description}"),
+                *bar,
+                TextColumn("{task.fields[text]}"),
+                TimeElapsedColumn(),
+                console=Console(file=self._stream),
+                transient=True,
+                auto_refresh=False,
+                redirect_stdout=False,
+                redirect_stderr=False,
+            )
+            self._bar.start()
+            self._task = self._bar.add_task(self.what, total=total, text=text)
+        self._bar.update(self._task, completed=done or 0, text=text)
+        self._bar.refresh()
+
+    def stop(self) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+@contextmanager
+def watch(what: str) -> Iterator[Watch]:
+    """A `Watch` during a query."""
+    w = Watch(what)
+    try:
+        yield w
+    finally:
+        w.stop()

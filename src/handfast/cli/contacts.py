@@ -1,0 +1,82 @@
+"""`handfast contacts`: where a posed hand touches an object, as a grasp file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import UseAppendAction, arg
+
+from handfast.cli import console
+from handfast.cli.options import Assignments, Command, assigned, check_writable
+from handfast.cli.scene import SceneOptions, load_placed
+
+
+@dataclass(kw_only=True)
+class Contacts(SceneOptions, Command):
+    """Where a hand at a configuration touches an object: a grasp file."""
+
+    configuration: Annotated[str, arg(metavar="FILE")]
+    """a handfast/configuration/1 file or the name of a bundled one"""
+    threshold: Annotated[float, arg(metavar="M")] = 5e-4
+    """surfaces nearer than this touch [m]"""
+    mechanism: Literal["hand", "direct"] = "hand"
+    """the hand's own motors and couplings, or one motor per joint"""
+    lock: UseAppendAction[tuple[Annotated[str, arg(metavar="JOINT")], ...]] = ()
+    """a joint held rigidly"""
+    preload: Assignments = ()
+    """actuator commands [N m, or N if prismatic or tendon] instead of the configuration's"""
+    output: Annotated[Path | None, arg(metavar="GRASP.json", aliases=["-o"])] = None
+    """write the grasp file"""
+    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
+    """write a self-contained page with pictures of the grasp"""
+    json: bool = False
+    """print the grasp file on standard output"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+        from handfast.cli import tables
+        from handfast.geometry.contacts import contact_grasp
+        from handfast.model.grasp_file import save_grasp, to_dict
+        from handfast.report import words
+
+        check_writable(self.output, self.force, (".json",))
+        check_writable(self.report, self.force, (".html", ".htm"))
+        placed = load_placed(self.configuration)
+        hand, body = self.load_scene()
+        hand, q = placed.applied(hand)
+        with console.watch("contacts"):
+            grasp = contact_grasp(
+                hand,
+                q,
+                body,
+                placed.pose,
+                preload=assigned(self.preload, "--preload") if self.preload else placed.preload,
+                threshold=self.threshold,
+                lock=self.lock,
+                mechanism=self.mechanism,
+            )
+        if self.output:
+            save_grasp(grasp, self.output, force=self.force)
+        if self.report:
+            from handfast.report import write_report
+            from handfast.report.plot import scene_meshes
+
+            meshes = scene_meshes(hand, q, body, placed.pose)
+            write_report(self.report, grasp, [], meshes=meshes, force=self.force)
+        if self.json:
+            console.print_json(to_dict(grasp))
+            return console.ANSWERED
+        out = console.out()
+        links = dict.fromkeys(c.link for c in grasp.contacts)
+        counts = f"{words.count(grasp.m, 'contact')} on {words.count(len(links), 'link')}"
+        out.print(f"{counts}: {', '.join(links)}", style="bold")
+        tables.show_grasp(out, grasp)
+        for path in (self.output, self.report):
+            if path:
+                out.print(f"Written: {path}", soft_wrap=True)
+        if not self.output:
+            out.print("Give -o GRASP.json to keep it as a grasp file.", style="dim")
+        return console.ANSWERED

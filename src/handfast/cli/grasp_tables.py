@@ -1,0 +1,135 @@
+"""What `grasp` answers, as short tables: the verdict first, then the grasps, then why others were dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from handfast.cli.question_tables import show_grasps_question
+from handfast.cli.synthesis_tables import STYLE, WHY
+from handfast.cli.table import table
+from handfast.core.answer import Reach
+from handfast.planning.tasks.judge import Reason
+from handfast.report import words
+from handfast.report.words import num
+
+if TYPE_CHECKING:
+    from handfast.planning.tasks.grasp_for import Progress
+    from handfast.planning.tasks.grasps_file import SavedGrasps
+    from handfast.planning.tasks.proved import Grasps
+    from handfast.planning.tasks.replay import ReplayedGrasps
+
+
+def progress_text(p: Progress) -> str:
+    """Where the search is."""
+    return f"{p.found} of {p.wanted} found, {words.count(p.starts, 'start')} judged"
+
+
+def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = ()) -> None:
+    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", sentence(answer)))
+    task, body = answer.task, answer.body
+    links = ", ".join(t.link for t in task.touches)
+    about = f"{task.hand.name} on {body.name}, {words.count(len(task.touches), 'contact')}: {links}"
+    out.print(f"{task.name}: {about}" if task.name else about, style="dim")
+    out.print(loads_text(answer), style="dim")
+    if answer.grasps:
+        _show_found(out, answer)
+    _show_fates(out, answer)
+    for path in written:
+        out.print(f"Written: {path}", soft_wrap=True)
+
+
+def sentence(answer: Grasps) -> str:
+    """The answer in one sentence."""
+    n, seconds = len(answer.grasps), f"in {num(answer.seconds, 3)} s"
+    if answer.verdict is Reach.NONE:
+        return f"The hand cannot bring the regions together: every part of the space was discarded {seconds}."
+    if not n:
+        why = WHY.get(answer.stop, "the search came to its end")
+        nothing = "no certified configuration holds" if answer.fates_total else "no configuration was found"
+        line = " Two point contacts hold no torque about the line between them, hence hardly any weight."
+        pinch = line if len(answer.task.touches) == 2 and answer.fates[Reason.UNBALANCED] else ""
+        return f"{nothing[0].upper()}{nothing[1:]} so far, {seconds}; {why}.{pinch}"
+    s, loads = "s" if n == 1 else "", words.count(len(answer.loads), "load")
+    which = f"{words.count(n, 'grasp')} that exist{s}, collide{s} with nothing and hold{s} {loads}"
+    short = f" Asked for {answer.count}: {WHY[answer.stop]}." if n < answer.count and answer.stop in WHY else ""
+    return f"{which}, {seconds}.{short}"
+
+
+def loads_text(answer: Grasps) -> str:
+    """What is held."""
+    names = answer.loads.names
+    some = ", ".join(names) if len(names) <= 7 else f"{', '.join(names[:5])}, ... {names[-1]}"
+    force = np.linalg.norm(answer.loads.wrenches[:, :3], axis=1)
+    low, high = num(float(force.min())), num(float(force.max()))
+    return f"loads: {some} ({low if low == high else f'{low} to {high}'} N)"
+
+
+def _show_found(out: Console, answer: Grasps) -> None:
+    unit = words.actuator_unit(answer.grasps[0].grasp, answer.grasps[0].grasp.mechanism.actuators[0])
+    heads = (f"command [{unit}]", "at least", "spare friction [%]", "clear [mm]", "from limits [%]", "dexterity [-]")
+    grid = table("#", "score", *heads, "")
+    for k, g in enumerate(answer.grasps, start=1):
+        grid.add_row(
+            str(k),
+            f"{g.score:.2f}",
+            num(g.command, 3),
+            num(g.answer.lower, 3),
+            f"{100 * g.spare_friction:.0f}",
+            f"{1e3 * g.terms['clearance']:.2f}",
+            f"{100 * g.terms['from_limits']:.1f}",
+            num(g.terms["manipulability"], 3),
+            "repaired" if g.repaired else "",
+        )
+    out.print()
+    out.print(grid)
+    best = answer.grasps[0]
+    used = {n: v for n, v in best.grasp.preload.items() if v}
+    squeezed = ", ".join(f"{n} {num(v)}" for n, v in used.items()) or "nothing commanded, the gearing holds"
+    out.print(f"\nCommands of the best [{unit}]: {squeezed}; every other actuator is locked.", soft_wrap=True)
+    worst = max(a.witness.residuals.worst for g in answer.grasps for a in g.answer.checks if a.witness)
+    out.print(
+        f"Existence proved by the Krawczyk test, every load by an equilibrium of equations (1) to (8), residual "
+        f"{worst:.1e} at most. Clearances are measured on convex pieces.",
+        style="dim",
+    )
+
+
+def _show_fates(out: Console, answer: Grasps) -> None:
+    if answer.unproved or answer.fates_total:
+        grid = table("what became of the starts", "")
+        for reason, n in answer.fates.items():
+            if n:
+                grid.add_row(str(reason), str(n))
+        if answer.unproved:
+            grid.add_row("could not be certified", str(answer.unproved))
+        out.print()
+        out.print(grid)
+        looked = f"{answer.judged} certified configurations judged, steps included"
+        out.print(f"{looked}; {answer.starts} random starts of the local search", style="dim")
+
+
+def show_replayed_grasps(out: Console, what: SavedGrasps, done: ReplayedGrasps) -> None:
+    """What a saved answer claims and what of it was proved."""
+    word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
+    out.print(Text.assemble((word, style), "  ", f"grasps of {what.task.name or what.task.hand.name}"))
+    if not done.ok:
+        out.print(done.reason, style="yellow", soft_wrap=True)
+    show_grasps_question(out, what, done.question, proved=done.ok)
+    grid = table("#", "exists", "preload", f"holds {words.count(len(what.loads), 'load')}")
+    for k, (g, reason) in enumerate(zip(what.grasps, done.reasons, strict=True), start=1):
+        grid.add_row(str(k), reason or "proved", words.preload_text(g.grasp), "" if reason else "proved")
+    if what.grasps:
+        out.print()
+        out.print(grid)
+    out.print(f"{num(done.seconds, 2)} s, without the search", style="dim")
+    out.print(
+        "Not replayed, and not proved: clearances, scores, lower bounds and the course of the search. Checksums "
+        "protect from damage, not from forgery: compare hand, object and task with those you mean.",
+        style="dim",
+    )

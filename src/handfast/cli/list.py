@@ -1,0 +1,98 @@
+"""`handfast list`: what comes with the package."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from handfast.cli import console
+from handfast.cli.options import Command
+from handfast.core import bundled
+
+HANDS = {
+    "barrett-bh8-280": "Barrett BH8-280: three fingers, worm-coupled distal joints at 1/3, spread",
+    "parallel-gripper": "two parallel jaws, one motor",
+    "schunk-sah": "Schunk SAH: four fingers of three joints, opposing thumb",
+}
+PAPER = {
+    "fig1": "the paper's Fig. 1, two fingers",
+    "fig7": "the paper's Fig. 7, visible offset of the contacts",
+    "fig9": "the paper's Fig. 9, a flask in three fingers",
+    "fig11": "the paper's Fig. 11, three fingers around a plane",
+}
+
+
+@dataclass(kw_only=True)
+class List(Command):
+    """Grasps, hands, objects, configurations and tasks that come with the package."""
+
+    json: bool = False
+    """print one JSON object instead of a table"""
+
+    def run(self) -> int:
+        found = {kind: {name: describe(kind, name) for name in bundled.names(kind)} for kind in bundled.KINDS}
+        if self.json:
+            console.print_json({"schema": "handfast/list/1", **found})
+            return console.ANSWERED
+        from rich.box import SIMPLE
+        from rich.table import Table
+        from rich.text import Text
+
+        out = console.out()
+        uses = {
+            "grasps": "handfast check NAME --wrench ...",
+            "hands": "handfast contacts HAND OBJECT --configuration NAME",
+            "objects": "the same, as OBJECT",
+            "configurations": "the same, as NAME",
+            "tasks": "handfast synthesize NAME, handfast grasp NAME",
+            "hand_regions": "handfast propose HAND OBJECT",
+        }
+        for kind, entries in found.items():
+            grid = Table(box=SIMPLE, show_header=False, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
+            for name, text in entries.items():
+                grid.add_row("  " + name, text)
+            out.print(Text.assemble((kind.replace("_", " "), "bold"), "  ", (uses[kind], "dim")))
+            out.print(grid if entries else "  none")
+        return console.ANSWERED
+
+
+def describe(kind: str, name: str) -> str:
+    """One line about a bundled thing, from what its file says."""
+    if kind == "hands":
+        return HANDS.get(name, "")
+    data = bundled.read(kind, name)
+    known = next((text for stem, text in PAPER.items() if name == stem or name.startswith(stem + "-")), "")
+    match kind:
+        case "grasps":
+            text = _grasp(data)
+        case "objects":
+            text = _object(data)
+        case "tasks":
+            text = _task(data)
+        case "hand_regions":
+            text = ", ".join(data.get("regions", {}))
+        case _:
+            text = f"{data.get('object') or 'an object'} in {data.get('hand') or 'a hand'}"
+    return "; ".join(t for t in (known, text) if t)
+
+
+def _grasp(data: dict[str, Any]) -> str:
+    mu = sorted({c["friction"] for c in data.get("contacts", [])})
+    preload = sorted(set(data.get("preload", {}).values()))
+    parts = [f"{len(data.get('contacts', []))} contacts", f"{len(data.get('joints', []))} joints"]
+    parts += [f"friction {mu[0]:g}"] if len(mu) == 1 else []
+    parts.append(f"preload {' and '.join(f'{v:g}' for v in preload)}" if preload else "no preload")
+    return ", ".join(parts)
+
+
+def _object(data: dict[str, Any]) -> str:
+    solids = [next((k for k in shape if k != "pose"), "solid") for shape in data.get("shapes", [])]
+    parts = [" + ".join(dict.fromkeys(solids)) or "mesh"]
+    parts += [f"{data['mass']:g} kg"] if data.get("mass") is not None else []
+    parts += [f"friction {data['friction']:g}"] if data.get("friction") is not None else []
+    return ", ".join(parts)
+
+
+def _task(data: dict[str, Any]) -> str:
+    links = [contact["hand"]["link"] for contact in data.get("contacts", [])]
+    return f"{len(links)} contacts on {data.get('object') or 'an object'}: {', '.join(links)}"

@@ -1,0 +1,125 @@
+"""`handfast map`: the largest resisted force in every direction of a plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import arg
+
+from handfast.cli import console
+from handfast.cli.options import Command, QueryOptions, Triple, check_writable
+from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from handfast.stability.maps import MapAnswer
+
+ENDINGS = (".png", ".svg", ".csv", ".json")
+
+
+@dataclass(kw_only=True)
+class Map(QueryOptions, Command):
+    """The largest resisted force in every direction of a plane, without and with the preload.
+
+    Figures 6, 8 and 10 of the stability paper. Directions are spread over all processors; Ctrl-C ends
+    the map and keeps the directions that are done.
+    """
+
+    plane: Literal["xy", "xz", "yz"] = "xy"
+    """plane of the object frame"""
+    at: Triple = (0.0, 0.0, 0.0)
+    """point of the object at which the forces act [m], object frame; its centre of mass, for a map of weights"""
+    steps: Annotated[int, arg(metavar="N")] = 360
+    """number of directions"""
+    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    """picture (.png, .svg) or numbers (.csv, .json)"""
+    interval: bool = False
+    """show in every direction which smaller forces slip, too; takes many times as long"""
+    limit: Annotated[float | None, arg(metavar="N")] = None
+    """radius of the picture [N]"""
+    weight: Annotated[float | None, arg(metavar="N")] = None
+    """weight of the object [N], a circle in the picture: red where the grasp resists less"""
+
+    def run(self) -> int:
+        from handfast.cli import tables
+        from handfast.report import Entry, write_report
+        from handfast.stability.maps import force_map
+
+        grasp, options = self.load(), self.options()
+        check_writable(self.output, self.force, ENDINGS)
+        for name, force in (("--limit", self.limit), ("--weight", self.weight)):
+            if force is not None and not 0 < force < float("inf"):
+                raise InputError(f"is {force:g}; a force above 0 [N] is needed", field=name)
+        with console.watch("map") as watch:
+            options |= {"interval": self.interval}
+            options |= {"at": self.at, "steps": self.steps, "jobs": jobs(), "on_item": watch.item}
+            answer = force_map(grasp, self.plane, **options)
+        if self.output:
+            save(answer, self.output, limit=self.limit, weight=self.weight, force=self.force)
+        if self.report:
+            title = f"Which forces in the {self.plane} plane does it resist?"
+            entry = Entry(title, answer, eta=options["eta"], limit=self.limit, weight=self.weight)
+            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            tables.show_map(console.out(), answer, self)
+        return console.status(answer.verdict, answer.stop)
+
+
+def jobs() -> int:
+    """All processors: the program's main module is guarded, so workers may be spawned wherever it runs."""
+    import os
+
+    return os.cpu_count() or 1
+
+
+def save(
+    answer: MapAnswer, path: Path, *, limit: float | None = None, weight: float | None = None, force: bool = False
+) -> None:
+    """Write a map as picture or numbers, by the file's ending; limit and weight are those of `draw_map`."""
+    import json
+
+    from handfast.core.files import write_bytes, write_text
+
+    match path.suffix.lower():
+        case ".json":
+            write_text(path, json.dumps(answer.to_json(), indent=1) + "\n", force=force)
+        case ".csv":
+            write_text(path, csv(answer), force=force)
+        case ending:
+            from handfast.report.plot import draw_map, picture
+
+            figure = draw_map(answer, limit=limit, weight=weight)
+            write_bytes(path, picture(figure, ending.removeprefix(".")), force=force)
+
+
+def csv(answer: MapAnswer) -> str:
+    """One line per direction; an empty upper bound is unbounded or not known.
+
+    Holes are first:last, with spaces between.
+    """
+    named = [("without", answer.passive), ("with", answer.preloaded)]
+    curves = [(name, curve) for name, curve in named if curve is not None]
+    keys: tuple[str, ...] = ("lower", "upper", "unbounded", "verdict")
+    asked = any(c.intervals for _, c in curves)
+    keys += ("holds_from_zero_to", "holes") if asked else ()
+    columns = [f"{key}_{name}_preload" for name, _ in curves for key in keys]
+    lines = [",".join(["dx", "dy", "dz", *columns])]
+    for i, d in enumerate(answer.directions):
+        cells = [repr(float(x)) for x in d]
+        for _, c in curves:
+            unbounded = str(bool(c.unbounded[i])).lower()
+            cells += [number(c.lower[i]), number(c.upper[i]), unbounded, str(c.verdicts[i])]
+            if asked:
+                shown = c.intervals[i] if c.intervals else None
+                holes = [f"{first!r}:{last!r}" for first, last in shown.holes] if shown else []
+                cells += [number(shown.holds_from_zero_to if shown else 0.0), " ".join(holes)]
+        lines.append(",".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+def number(x: float) -> str:
+    """A finite number in full, nothing otherwise."""
+    return repr(float(x)) if abs(x) < float("inf") else ""

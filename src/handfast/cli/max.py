@@ -1,0 +1,47 @@
+"""`handfast max`: the largest disturbance along a direction that the grasp resists."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from handfast.cli import console
+from handfast.cli.options import Command, FrictionModel, QueryOptions, Saved, Wrench
+
+
+@dataclass(kw_only=True)
+class Max(QueryOptions, Saved, FrictionModel, Command):
+    """How large a disturbance along a direction does the grasp resist?
+
+    The answer is a pair of bounds: the largest magnitude shown to be resisted, and one that no larger
+    magnitude exceeds. Magnitudes below the largest are not always resisted too; --interval tells which.
+    """
+
+    direction: Wrench
+    """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
+    base: Wrench = ()
+    """a constant load beside it, such as the weight"""
+    interval: bool = False
+    """show up to which magnitude everything is resisted, and where there are holes"""
+
+    def run(self) -> int:
+        from handfast.cli import tables
+        from handfast.report import Entry, write_report
+        from handfast.report.words import direction_text, load_text
+        from handfast.stability.queries import maximum
+
+        grasp, options = self.load(), self.options()
+        options |= {"base": self.base or None, "mdp": self.mdp, "interval": self.interval}
+        with console.watch("max") as watch:
+            answer = maximum(grasp, self.direction, on_step=watch.step, **options)
+        if self.save:
+            answer.save(self.save, force=self.force)
+        if self.report:
+            beside = f" beside {load_text(self.base)}" if self.base else ""
+            title = f"How much {direction_text(self.direction)} does it resist{beside}?"
+            entry = Entry(title, answer, eta=options["eta"], mdp=self.mdp, direction=self.direction)
+            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            tables.show_max(console.out(), grasp, self.direction, answer, self)
+        return console.status(answer.verdict, answer.stop)

@@ -1,0 +1,265 @@
+"""The options that commands share, and how their values are read."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import Positional, UseAppendAction, arg
+from tyro.constructors import PrimitiveConstructorSpec
+
+from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from handfast.model.grasp import Grasp
+    from handfast.stability.settings import Settings
+    from handfast.synthesis.task import Task
+
+Numbers = tuple[float, ...]
+Pairs = tuple[tuple[str, float], ...]
+
+
+def _wrench(words: list[str]) -> Numbers:
+    """Six numbers, or three for a force alone."""
+    numbers = tuple(_number(w) for w in words)
+    if len(numbers) not in (3, 6):
+        count = len(numbers)
+        raise ValueError(f"has {count} numbers; six are needed, FX FY FZ TX TY TZ, or three for a force alone")
+    return (*numbers, 0.0, 0.0, 0.0)[:6]
+
+
+def _pairs(words: list[str]) -> Pairs:
+    """NAME=VALUE, any number of them."""
+    out = []
+    for word in words:
+        name, equals, value = word.rpartition("=")
+        if not (equals and name):
+            raise ValueError(f"'{word}' is not NAME=VALUE")
+        out.append((name, _number(value)))
+    return tuple(out)
+
+
+def is_number(word: str) -> bool:
+    """Can it be read as a number?"""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise ValueError(f"'{word}' is not a number") from None
+
+
+def _several(metavar: str, read: Any) -> PrimitiveConstructorSpec[Any]:
+    return PrimitiveConstructorSpec(
+        nargs="*",
+        metavar=metavar,
+        instance_from_str=read,
+        is_instance=lambda x: isinstance(x, tuple),
+        str_from_instance=lambda x: [str(v) for v in x],
+    )
+
+
+def _triple(words: list[str]) -> Numbers:
+    """Three numbers."""
+    if len(words) != 3:
+        raise ValueError(f"has {len(words)} numbers; three are needed, X Y Z")
+    return tuple(_number(w) for w in words)
+
+
+Wrench = Annotated[Numbers, _several("FX FY FZ TX TY TZ", _wrench)]
+Triple = Annotated[Numbers, _several("X Y Z", _triple)]
+Assignments = UseAppendAction[tuple[Annotated[Pairs, _several("NAME=VALUE", _pairs)], ...]]
+GraspName = Annotated[Positional[str], arg(metavar="GRASP")]
+
+
+def assigned(groups: Sequence[Pairs], field: str) -> dict[str, float]:
+    """All NAME=VALUE of a repeatable option; a name given twice is an error."""
+    out: dict[str, float] = {}
+    for name, value in (pair for group in groups for pair in group):
+        if name in out:
+            raise InputError(f"'{name}' is given twice", field=field)
+        out[name] = value
+    return out
+
+
+class Command:
+    """A subcommand: its fields are its arguments."""
+
+    @abstractmethod
+    def run(self) -> int:
+        """Do it; returns the exit status."""
+
+
+@dataclass(kw_only=True)
+class GraspOptions:
+    """A grasp and what may be changed about it."""
+
+    grasp: GraspName
+    """a handfast/grasp/1 file or the name of a bundled grasp"""
+    preload: Assignments = ()
+    """actuator commands [N m, or N if prismatic or tendon] instead of the file's; others are locked"""
+    no_preload: bool = False
+    """lock every actuator"""
+    friction: Annotated[float | None, arg(metavar="MU")] = None
+    """friction coefficient at every contact, instead of the file's"""
+
+    def load(self) -> Grasp:
+        """The grasp as asked for."""
+        from handfast.model.grasp_file import load_grasp
+
+        grasp = load_grasp(self.grasp)
+        if self.preload and self.no_preload:
+            raise InputError("give either --preload or --no-preload")
+        if self.preload:
+            try:
+                grasp = grasp.with_preload(assigned(self.preload, "--preload"))
+            except InputError as error:
+                raise error.at(self.grasp) from None
+        if self.no_preload:
+            grasp = grasp.with_preload(None)
+        return grasp if self.friction is None else grasp.with_friction(self.friction)
+
+
+@dataclass(kw_only=True)
+class QueryOptions(GraspOptions):
+    """What every stability question can be asked with."""
+
+    eta: Annotated[float, arg(metavar="DEG")] = 0.0
+    """how far the contact normals may be off [degrees], the stability paper's section VI"""
+    torque_limit: Assignments = ()
+    """largest torque (force) of an actuator with its gearing, passive reaction included"""
+    force_limit: Annotated[float | None, arg(metavar="N")] = None
+    """largest normal force at any contact [N]"""
+    gap: Annotated[float, arg(metavar="G")] = 1e-3
+    """relative distance of the two bounds at which a number is exact enough"""
+    time_limit: Annotated[float, arg(metavar="S")] = float("inf")
+    """seconds for a question (in a map or sweep: for each direction)"""
+    node_limit: Annotated[float, arg(metavar="N")] = float("inf")
+    """nodes of the search for a question (in a map or sweep: for each direction)"""
+    method: Literal["engine", "algorithm1"] = "engine"
+    """engine, or algorithm1: the stability paper's, for comparison; needs pip install 'handfast[reference]'"""
+    solver: Literal["scip", "gurobi"] = "scip"
+    """for algorithm1: mixed-integer solver"""
+    sectors: Annotated[int, arg(metavar="N")] = 2048
+    """for algorithm1: finest friction sectors per contact: 4, 8, 16, ... more are more exact"""
+    full: bool = False
+    """for algorithm1: all sectors at once, no refinement (the paper's comparison)"""
+    as_printed: bool = False
+    """for algorithm1: the paper to the letter: refine to the end, (19) as printed"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
+    """write a self-contained page with pictures and numbers"""
+    force: bool = False
+    """write over files that exist"""
+
+    def settings(self) -> Settings:
+        from handfast.stability.settings import Settings
+
+        return Settings(
+            method=self.method,
+            solver=self.solver,
+            sectors=self.sectors,
+            gap=self.gap,
+            time_limit=self.time_limit,
+            node_limit=self.node_limit,
+            full=self.full,
+            as_printed=self.as_printed,
+        )
+
+    def options(self) -> dict[str, Any]:
+        """Keyword arguments that all queries take."""
+        import numpy as np
+
+        check_writable(self.report, self.force, (".html", ".htm"))
+        if isinstance(self, Saved):
+            check_writable(self.save, self.force, (".json",))
+        return {
+            "eta": float(np.radians(self.eta)),
+            "torque_limits": assigned(self.torque_limit, "--torque-limit"),
+            "force_limit": self.force_limit,
+            "settings": self.settings(),
+        }
+
+
+@dataclass(kw_only=True)
+class Saved:
+    """An answer that can be saved with what backs it."""
+
+    save: Annotated[Path | None, arg(metavar="FILE.json")] = None
+    """write answer, witness and certificate, for handfast verify"""
+
+
+@dataclass(kw_only=True)
+class Load:
+    """The disturbance: a wrench, or the weight of the object."""
+
+    wrench: Wrench = ()
+    """force [N] and torque [N m] on the object at its origin; three numbers are a force"""
+    gravity: Triple = ()
+    """instead: the direction in which gravity pulls, object axes; needs --mass"""
+    mass: Annotated[float | None, arg(metavar="KG")] = None
+    """mass of the object [kg], for --gravity"""
+    center_of_mass: Triple = (0.0, 0.0, 0.0)
+    """centre of mass in the object's frame [m], for --gravity"""
+
+    def disturbance(self) -> Numbers:
+        """(6,) the wrench that was asked about."""
+        if bool(self.wrench) == bool(self.gravity):
+            which = "give one of the two" if self.wrench else "missing"
+            raise InputError(f"{which}: --wrench FX FY FZ TX TY TZ, or --gravity GX GY GZ with --mass KG")
+        if self.wrench:
+            return self.wrench
+        if self.mass is None:
+            raise InputError("--gravity needs the object's --mass KG")
+        from handfast.model.body import weight
+
+        return tuple(weight(self.mass, self.center_of_mass, self.gravity).tolist())
+
+
+@dataclass(kw_only=True)
+class FrictionModel:
+    """The comparison with the friction of the grasp-force literature."""
+
+    mdp: bool = True
+    """leave out the maximum dissipation principle, for comparison: friction may then create energy"""
+
+
+def check_writable(path: Path | None, force: bool, endings: Sequence[str]) -> None:
+    """Refuse a file that could not be written before the work that would fill it."""
+    if path is None:
+        return
+    if path.suffix.lower() not in endings:
+        raise InputError(f"a name that ends in {' or '.join(endings)} is needed", source=str(path))
+    if path.is_dir():
+        raise InputError("is a folder", source=str(path))
+    if path.exists() and not force:
+        raise InputError("exists already; give --force to write over it", source=str(path))
+
+
+def check_folder(path: Path | None) -> None:
+    """Refuse a file where a folder is to be filled."""
+    if path is not None and path.exists() and not path.is_dir():
+        raise InputError("is a file; a folder is needed", source=str(path))
+
+
+def load_solvable(name: str) -> Task:
+    """A task by path or name whose limits and couplings leave something; the faults name it."""
+    from handfast.model.hand.coupling import leader_ranges
+    from handfast.synthesis.task_file import load_task
+
+    task = load_task(name)
+    try:
+        leader_ranges(task.hand, task.involved.tolist())
+    except InputError as fault:
+        raise fault.at(name) from None
+    return task

@@ -1,0 +1,164 @@
+"""`handfast plan`: grasps of a hand on an object that hold their loads."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from handfast.cli import console
+from handfast.cli.loads import LoadsOptions
+from handfast.cli.options import Assignments, Command, Triple, assigned, check_folder
+from handfast.cli.scene import SceneOptions
+from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from handfast.model.body import Body
+    from handfast.planning.closing.plan import Plan
+    from handfast.stability.loads import Loads
+
+
+@dataclass(kw_only=True)
+class PlanGrasps(SceneOptions, LoadsOptions, Command):
+    """Look for grasps that hold an object, and differ from each other.
+
+    Starts the hand at random before the object's surface, closes it, and keeps what holds every load under one
+    preload. By default the loads are the object's weight with gravity along its axes, both ways. The same seed
+    gives the same grasps.
+    """
+
+    count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 20
+    """grasps to look for"""
+    seed: int = 0
+    """of the random starts"""
+    timeout: Annotated[float, arg(metavar="S")] = 300.0
+    """seconds after which what was found is returned"""
+    attempts: Annotated[int, arg(metavar="N")] = 100_000
+    """largest number of starts"""
+    pool: Annotated[int | None, arg(metavar="N")] = None
+    """gather so many grasps, then keep those that differ most"""
+    approach: Triple = ()
+    """direction in which the palm approaches, in the hand's base frame; guessed"""
+    closing: Assignments = ()
+    """sense in which a joint closes: JOINT=1, JOINT=-1, or JOINT=0 to sample it as a spread"""
+    command_limit: Annotated[float | None, arg(metavar="V")] = None
+    """largest command of a grasp [N m or N]; by default ten times the largest load at the grasp's size"""
+    torque_limit: Assignments = ()
+    """largest torque (force) of an actuator with its gearing, passive reaction included"""
+    force_limit: Annotated[float | None, arg(metavar="N")] = None
+    """largest normal force at any contact [N]"""
+    eta: Annotated[float, arg(metavar="DEG")] = 0.0
+    """how far the contact normals may be off [degrees]"""
+    jobs: Annotated[int | None, arg(metavar="N")] = None
+    """processes to use; all cores by default"""
+    output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
+    """write a configuration and a grasp file for each grasp as it is found, and plan.json"""
+    resume: bool = False
+    """go on from what FOLDER holds; the same question, but for --count, --timeout, --attempts, --pool and --jobs"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+        import numpy as np
+
+        from handfast.planning.closing.folder import Folder
+        from handfast.planning.closing.plan import plan
+
+        self._check_folder()
+        hand, body = self.load_scene()
+        senses = {name: int(s) for name, s in self._senses().items()}
+        hand = hand.with_closing(senses)
+        loads = self._loads(body)
+        names = _from_anywhere(self.hand), _from_anywhere(self.object)
+        folder = Folder(self.output, *names, senses) if self.output else None
+        with console.watch("plan") as progress:
+
+            def note(so_far: Plan) -> None:
+                progress.item(len(so_far.grasps), max(self.count, self.pool or 0))
+                if folder:
+                    folder.note(so_far)
+
+            planned = plan(
+                hand,
+                body,
+                count=self.count,
+                loads=loads,
+                seed=self.seed,
+                timeout=self.timeout,
+                attempts=self.attempts,
+                pool=self.pool,
+                approach=self.approach or None,
+                command_limit=self.command_limit,
+                torque_limits=assigned(self.torque_limit, "--torque-limit"),
+                force_limit=self.force_limit,
+                eta=float(np.radians(self.eta)),
+                jobs=self.jobs,
+                earlier=folder.read if folder and self.resume else None,
+                on_attempt=note,
+            )
+        answer = folder.write(planned) if folder else planned.to_json()
+        if self.json:
+            console.print_json(answer)
+        else:
+            self._show(planned)
+        return console.status(planned.verdict, planned.stop)
+
+    def _senses(self) -> dict[str, float]:
+        senses = assigned(self.closing, "--closing")
+        if any(s not in (-1, 0, 1) for s in senses.values()):
+            raise InputError("each needs -1, 0 or 1", field="--closing")
+        return senses
+
+    def _loads(self, body: Body) -> Loads:
+        if body.mass is None and (self.up or self.tilt or not (self.wrench or self.loads)):
+            raise InputError("is unknown; give --mass KG", source=self.object, field="mass")
+        return self.asked(body)
+
+    def _check_folder(self) -> None:
+        """Refuse a folder that could not be filled before the work that would fill it."""
+        check_folder(self.output)
+        if self.output is None:
+            if self.resume:
+                raise InputError("needs the folder to go on from; give --output FOLDER", field="--resume")
+            return
+        if self.resume and self.force:
+            raise InputError("give either --resume or --force")
+        begun = [file for kind in ("plan.json", "[0-9]*.grasp.json") for file in self.output.glob(kind)]
+        if begun and not (self.force or self.resume):
+            problem = "holds a plan already; give --resume to go on, or --force to write over it"
+            raise InputError(problem, source=str(self.output))
+
+    def _show(self, planned: Plan) -> None:
+        from handfast.cli.table import table
+        from handfast.report import words
+
+        out = console.out()
+        found = words.count(len(planned.grasps), "grasp")
+        asked = "" if planned.stop == "complete" else f" of {planned.count} asked for (stopped: {planned.stop})"
+        out.print(f"{found}{asked}, {planned.tried} starts, {planned.seconds:.1f} s", style="bold")
+        out.print(f"Each holds, under its preload: {', '.join(planned.loads.names)}")
+        if planned.grasps:
+            grid = table("grasp", "start", "contacts", "links", "preload", "largest")
+            for g in planned.grasps:
+                links = ", ".join(sorted({c.link for c in g.grasp.contacts}))
+                preload = ", ".join(f"{n} {v:.3g}" for n, v in g.grasp.preload.items()) or "none: locked"
+                numbers = str(planned.number(g)), str(g.index), str(g.grasp.m)
+                grid.add_row(*numbers, links, preload, f"{g.answer.upper:.3g}")
+            out.print(grid)
+        grid = table("what became of the starts", "")
+        for fate, number in planned.fates.items():
+            if number:
+                grid.add_row(str(fate), str(number))
+        out.print(grid)
+        if self.output:
+            out.print(f"Written: {self.output}", soft_wrap=True)
+
+
+def _from_anywhere(name: str) -> str:
+    """A path that is right wherever the files are read from; a bundled name as it is."""
+    return str(Path(name).resolve()) if os.path.isfile(name) else name

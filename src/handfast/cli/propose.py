@@ -1,0 +1,99 @@
+"""`handfast propose`: tasks in which a hand holds an object, regions chosen automatically."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from handfast.cli import console
+from handfast.cli.options import Command, check_folder
+
+if TYPE_CHECKING:
+    from handfast.planning.regions.propose import Proposals
+
+
+@dataclass(kw_only=True)
+class Propose(Command):
+    """Propose regions of an object to touch for a pinch, a tripod or a power grasp.
+
+    A heuristic chooses the regions and pairs them with those of the hand; every task that is proposed has a certified
+    configuration. What is not proposed may be possible all the same.
+    """
+
+    hand: Annotated[Positional[str], arg(metavar="HAND")]
+    """a URDF or MJCF file, or the name of a bundled hand"""
+    object: Annotated[Positional[str], arg(metavar="OBJECT")]
+    """a mesh or handfast/body/1 file, or the name of a bundled object"""
+    kind: Literal["pinch", "tripod", "power"] = "pinch"
+    """two fingertips, three fingertips, or the palm and two fingers"""
+    regions: Annotated[str | None, arg(metavar="FILE.json")] = None
+    """the hand's regions, a handfast/hand-regions/1 file; bundled, or guessed from the hand's shapes, if absent"""
+    count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 5
+    """proposals"""
+    friction: Annotated[float | None, arg(metavar="MU")] = None
+    """friction coefficient, instead of the object's"""
+    seed: Annotated[int, arg(metavar="S")] = 0
+    """of everything that is drawn: the same seed gives the same proposals"""
+    timeout: Annotated[float, arg(metavar="S")] = 1.0
+    """seconds of synthesis for each candidate"""
+    output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
+    """write one handfast/task/1 file for each proposal, for handfast synthesize and handfast grasp"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+        from handfast.core import bundled
+        from handfast.model.body import load_body
+        from handfast.model.hand.load import load_hand
+        from handfast.model.hand_regions import load_hand_regions
+        from handfast.planning.regions.propose import propose
+
+        check_folder(self.output)
+        hand, body = load_hand(self.hand), load_body(self.object)
+        regions = load_hand_regions(self.regions, hand) if self.regions else None
+        named = self.object if self.object in bundled.names("objects") else str(Path(self.object))
+        with console.watch("propose") as watch:
+            found = propose(
+                hand,
+                regions,
+                body,
+                self.kind,
+                count=self.count,
+                seed=self.seed,
+                timeout=self.timeout,
+                friction=self.friction,
+                object=named,
+                on_step=watch.say,
+            )
+        written = found.save(self.output, force=self.force) if self.output else []
+        if self.json:
+            console.print_json(found.to_json() | {"files": [str(path) for path in written]})
+        else:
+            self._show(found, written)
+        return console.ANSWERED if found.proposals else console.UNDECIDED
+
+    def _show(self, found: Proposals, written: list[Path]) -> None:
+        from handfast.cli.table import table
+
+        out = console.out()
+        clear = sum(p.clear for p in found.proposals)
+        what = f"{len(found.proposals)} of {found.tried} candidates certified and kept, {clear} of them clear"
+        out.print(f"{found.kind}: {what}; {found.seconds:.1f} s", style="bold")
+        if found.proposals:
+            grid = table("task", "regions of the hand", "score", "off centre", "clearance")
+            for p in found.proposals:
+                measured = f"{p.score:.2f}", f"{1e3 * p.off_centre:.0f} mm", f"{1e3 * p.clearance + 0.0:.1f} mm"
+                grid.add_row(p.task.name, ", ".join(p.names), *measured)
+            out.print(grid)
+        if found.dropped:
+            grid = table("dropped", "number", "for example")
+            for d in found.dropped:
+                grid.add_row(d.reason, str(d.count), d.example)
+            out.print(grid)
+        for path in written:
+            out.print(f"Written: {path}", soft_wrap=True)

@@ -1,0 +1,49 @@
+"""What `contacts`, `close` and `demo` share: a hand, an object and a configuration by name or path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional, arg
+
+from handfast.core import bundled
+
+if TYPE_CHECKING:
+    from handfast.model.body import Body
+    from handfast.model.configuration import Configuration
+    from handfast.model.hand import Hand
+
+
+@dataclass(kw_only=True)
+class SceneOptions:
+    """A hand and an object."""
+
+    hand: Annotated[Positional[str], arg(metavar="HAND")]
+    """a URDF or MJCF file or the name of a bundled hand"""
+    object: Annotated[Positional[str], arg(metavar="OBJECT")]
+    """a mesh (OBJ, STL, PLY, OFF) or handfast/body/1 file or the name of a bundled object"""
+    friction: Annotated[float | None, arg(metavar="MU")] = None
+    """friction coefficient between hand and object; the object file's, or 0.5"""
+    mass: Annotated[float | None, arg(metavar="KG")] = None
+    """mass of the object [kg]"""
+    scale: Annotated[float, arg(metavar="M")] = 1.0
+    """metres per unit of a mesh file"""
+
+    def load_scene(self) -> tuple[Hand, Body]:
+        """Hand and object."""
+        from handfast.model.body import load_body
+        from handfast.model.hand import load_hand
+
+        hand = load_hand(self.hand)
+        body = load_body(
+            bundled.resolve("objects", self.object), mass=self.mass, friction=self.friction, scale=self.scale
+        )
+        return hand, body
+
+
+def load_placed(path: str) -> Configuration:
+    """A configuration by path or bundled name."""
+    from handfast.model.configuration import load_configuration
+
+    return load_configuration(bundled.resolve("configurations", path))

@@ -1,0 +1,171 @@
+"""What a synthesis answers, as short tables: the verdict first, then the numbers behind it, with units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from handfast.cli.question_tables import show_task_question
+from handfast.cli.table import table
+from handfast.core.answer import Reach, Stop
+from handfast.model.region import Cap
+from handfast.report.words import count as counted
+from handfast.report.words import num, vector
+
+if TYPE_CHECKING:
+    from handfast.synthesis.answers import Replayed, Searched, Solution, Synthesis
+    from handfast.synthesis.queries import Progress
+    from handfast.synthesis.result_file import Saved
+    from handfast.synthesis.task import Task
+
+STYLE = {Reach.FOUND: "bold green", Reach.NONE: "bold red", Reach.UNDECIDED: "bold yellow"}
+SHOWN = 3  # configurations in full; of the others a line each
+WHY = {
+    Stop.TIME: "the time limit was hit; give more with --timeout",
+    Stop.NODES: "the node limit was hit",
+    Stop.INTERRUPTED: "interrupted",
+    Stop.RESOLUTION: "the search came to its resolution: a configuration may exist on a limit only",
+}
+
+
+def show_synthesis(out: Console, answer: Synthesis, wanted: int, written: Sequence[Path] = ()) -> None:
+    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", _sentence(answer, wanted)))
+    task = answer.task
+    links = ", ".join(t.link for t in task.touches)
+    about = f"{counted(len(task.touches), 'contact')} of {task.hand.name}: {links}"
+    out.print(f"{task.name}: {about}" if task.name else about, style="dim")
+    if answer.searched:
+        out.print(_searched_text(answer.searched, answer.verdict), style="dim")
+    for k, solution in enumerate(answer.solutions[:SHOWN], start=1):
+        if len(answer.solutions) > 1:
+            out.print(f"\nConfiguration {k}", style="bold")
+        show_solution(out, solution)
+    rest = answer.solutions[SHOWN:]
+    if rest:
+        grid = table("", "object at [mm]", "tightest bound", "is off by")
+        for k, solution in enumerate(rest, start=SHOWN + 1):
+            label, slack = min(solution.slacks.items(), key=lambda item: item[1], default=("", np.inf))
+            off = slack_text(task, label, slack) if label else "–"
+            grid.add_row(str(k), vector(1e3 * solution.pose[:3, 3], 4), label or "none", off)
+        out.print()
+        out.print(grid)
+    if answer.spread is not None:
+        text = f"\nAny two of them are at least {num(answer.spread, 3)} apart (1: a radian, or 0.1 m)."
+        out.print(text)
+    for path in written:
+        out.print(f"Written: {path}", soft_wrap=True)
+
+
+def show_solution(out: Console, solution: Solution) -> None:
+    """Joints, pose, contacts and how far the bounds are."""
+    task, hand = solution.task, solution.task.hand
+    grid = table("joint", "value [°, mm]", "limits [°, mm]")
+    moving = set(task.involved.tolist())
+    for j, (joint, value) in enumerate(zip(hand.joints, solution.q, strict=True)):
+        factor = 1e3 if joint.type == "prismatic" else 180 / np.pi
+        limits = f"{num(factor * joint.lower, 3)} to {num(factor * joint.upper, 3)}"
+        grid.add_row(joint.name, num(factor * value), limits, style=None if j in moving else "dim")
+    out.print()
+    out.print(grid)
+    place = solution.configuration.object_pose
+    at, turn = vector(1e3 * np.array(place.position), 5), vector(place.quaternion, 4)
+    out.print(f"Object at {at} mm in the palm frame, turned by the quaternion {turn} (w, x, y, z).")
+    grid = table("#", "link", "point [mm]", "normal into the object")
+    for k, touch in enumerate(task.touches):
+        grid.add_row(str(k), touch.link, vector(1e3 * solution.points[k], 4), vector(solution.normals[k]))
+    out.print()
+    out.print(grid)
+    tight = sorted(solution.slacks.items(), key=lambda item: item[1])[:3]
+    if tight:
+        nearest = (f"{label}, {slack_text(task, label, x)} away" for label, x in tight)
+        out.print(f"Nearest bounds: {'; '.join(nearest)}.")
+    proof = solution.existence
+    widest = float(proof.radii.max())
+    out.print(
+        f"Proved: an exact configuration is within {num(widest, 2)} of it in each of "
+        f"{counted(len(proof.dependent), 'coordinate')}, the others as they are.",
+        style="dim",
+    )
+
+
+def show_replayed(out: Console, saved: Saved, done: Replayed) -> None:
+    """Which proofs of a saved synthesis were accepted."""
+    answer = saved.synthesis
+    word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
+    if done.ok and not done.reports:
+        word, style = "NOTHING CLAIMED", "bold yellow"
+    of = f" of {answer.task.name}" if answer.task.name else ""
+    out.print(Text.assemble((word, style), "  ", f"synthesis{of}: {answer.verdict.upper()}, stop {answer.stop}"))
+    if not done.ok:
+        out.print(done.reason, style="yellow")
+    if done.reports:
+        grid = table("", "contraction", "contacts closed to [m]", "")
+        for k, r in enumerate(done.reports, start=1):
+            grid.add_row(str(k), f"{r.contraction:.1e}", f"{r.gap:.1e}", "proved" if r.ok else "refused")
+        out.print()
+        out.print(grid)
+    show_task_question(out, answer.task, proved=word == "PROVED")
+    out.print(f"{num(done.seconds, 2)} s, by interval arithmetic without the search", style="dim")
+
+
+def progress_text(progress: Progress) -> str:
+    """One line while it runs."""
+    text = f"{counted(progress.starts, 'start')}"
+    if progress.wanted > 1 or progress.found:
+        text += f" · {progress.found} of {progress.wanted} found"
+    if progress.nodes:
+        text += f" · {_boxes(progress.nodes)}, {progress.pending} left, depth {progress.depth}"
+        text += f", {100 * progress.discarded:.4g} % discarded"
+    return text
+
+
+def slack_text(task: Task, label: str, slack: float) -> str:
+    """How far a bound is off, in a unit that fits it."""
+    kind, _, name = label.partition(":")
+    straight = kind == "joint" and task.hand.joints[task.hand.joint(name)].type == "prismatic"
+    if kind == "position" or straight:
+        return f"{num(1e3 * slack, 3)} mm"
+    on_cap = name.endswith(":s") and isinstance(task.touches[int(name.split(":")[0])].object, Cap)
+    if kind == "joint" or name.endswith(":cone") or on_cap:
+        return f"{num(np.degrees(slack), 3)}°"
+    return num(slack, 3)
+
+
+def _sentence(answer: Synthesis, wanted: int) -> str:
+    took = f"{num(answer.seconds, 2)} s, {counted(answer.starts, 'start')}"
+    match answer.verdict:
+        case Reach.FOUND:
+            n = len(answer.solutions)
+            text = f"{counted(n, 'configuration')}" + (f" of {wanted}" if n < wanted else "")
+            short = "" if n == wanted else f"; {_short(answer.stop)}"
+            return f"{text}, proved to exist ({took}){short}."
+        case Reach.NONE:
+            by = answer.searched.by if answer.searched else "the contacts"
+            claim = "cannot go together" if " and " in by else "cannot be made"
+            return f"No configuration exists: {by} {claim} ({took})."
+        case _:
+            further = ", or --save and --resume" if answer.stop is Stop.TIME else ""
+            why = f"{WHY.get(answer.stop, answer.stop)}{further}"
+            return f"Neither a configuration nor a contradiction was found: {why} ({took})."
+
+
+def _short(stop: Stop) -> str:
+    return "no others were met that differ" if stop is Stop.RESOLUTION else WHY.get(stop, str(stop))
+
+
+def _searched_text(s: Searched, verdict: Reach) -> str:
+    text = f"{_boxes(s.nodes)} examined, depth {s.depth}"
+    if verdict is Reach.NONE:
+        return f"{text}, all discarded"
+    nearest = f"nearest to a contradiction: {s.by}"
+    sizes = f"{s.pending} left, their widest side {num(s.smallest, 2)} to {num(s.largest, 2)}"
+    return f"{text}; {nearest}, {100 * s.discarded:.4g} % of the space discarded, {sizes}"
+
+
+def _boxes(n: int) -> str:
+    return "1 box" if n == 1 else f"{n} boxes"

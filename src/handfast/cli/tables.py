@@ -1,0 +1,250 @@
+"""Answers as short tables: the verdict first, then the numbers behind it, with units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from handfast.cli.question_tables import show_question
+from handfast.cli.table import table
+from handfast.core.answer import Verdict
+from handfast.report import words
+from handfast.report.words import num, vector
+from handfast.stability.certify.certificate import Certificate
+
+if TYPE_CHECKING:
+    from handfast.cli.options import QueryOptions
+    from handfast.model.grasp import Contact, Grasp
+    from handfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
+    from handfast.stability.certify.replay import Verified
+    from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
+    from handfast.stability.margin import Margin
+    from handfast.stability.result_file import Result
+    from handfast.stability.witness import Witness
+
+STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
+Load = Sequence[float]
+
+
+def show_check(out: Console, grasp: Grasp, wrench: Load, answer: CheckAnswer, asked: QueryOptions) -> None:
+    _verdict(out, grasp, answer, words.check_sentence(answer, words.load_text(wrench)), asked)
+    if answer.witness:
+        if answer.margin:
+            if answer.margin.fragile:
+                out.print(words.fragile_text(answer.margin), style="yellow")
+            show_margin(out, answer.margin)
+        show_witness(out, answer.witness)
+    elif answer.verdict is Verdict.SLIPS and not grasp.preload and grasp.mechanism.a:
+        out.print("Nothing is commanded; try --preload NAME=VALUE, or handfast torques.")
+    _written(out, asked)
+
+
+def show_margin(out: Console, margin: Margin) -> None:
+    """What a HOLDS leans on."""
+    grid = table("it leans on", "", "")
+    for row in words.margin_rows(margin):
+        grid.add_row(*row)
+    out.print()
+    out.print(grid)
+    out.print(words.margin_note(margin), style="dim")
+
+
+def show_beside(out: Console, alone: CheckAnswer, most: MaxAnswer) -> None:
+    """Where a disturbance slips: does the preload alone hold, and is more or less of the disturbance resisted?"""
+    if alone.verdict is Verdict.SLIPS:
+        out.print("The preload alone slips already: its own forces do not balance on the object.")
+    elif alone.verdict is Verdict.HOLDS:
+        out.print("The preload alone holds.")
+    if most.lower > 1:
+        times = "as much as you like" if most.unbounded else f"{num(most.lower)} times as much"
+        out.print(
+            f"More of this disturbance is resisted: {times}. Magnitudes that are resisted need not be an interval."
+        )
+    elif 0 < most.upper < 1:
+        out.print(f"It is too much: nothing above {num(most.upper)} times as much is resisted.")
+
+
+def show_max(out: Console, grasp: Grasp, direction: Load, answer: MaxAnswer, asked: QueryOptions) -> None:
+    _verdict(out, grasp, answer, words.max_sentence(answer, direction), asked)
+    if answer.witness:
+        factor, unit = words.magnitude(direction)
+        out.print(f"\nThe equilibrium at {num(factor * answer.lower)} {unit}:", style="bold")
+        show_witness(out, answer.witness)
+    if answer.interval:
+        out.print(f"\n{words.interval_sentence(answer, direction)}")
+    _written(out, asked)
+
+
+def show_torques(
+    out: Console, grasp: Grasp, wrench: Load, answer: TorquesAnswer, objective: str, asked: QueryOptions
+) -> None:
+    sentence = words.torques_sentence(answer, words.load_text(wrench), objective)
+    _verdict(out, grasp, answer, sentence, asked)
+    if answer.preload is not None and answer.witness:
+        out.print("\nThe equilibrium with these commands:", style="bold")
+        show_witness(out, answer.witness)
+    _written(out, asked)
+
+
+def show_verified(out: Console, what: Result | Certificate, done: Verified) -> None:
+    """What a saved answer claims and what of it was proved."""
+    word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
+    if done.ok and not (done.witness or done.certificate):
+        word, style = "NOTHING CLAIMED", "bold yellow"
+    if isinstance(what, Certificate):
+        query, said = "certificate", "by itself"
+    else:
+        query, said = str(what.said["query"]), f"{what.answer.verdict.upper()}, stop {what.answer.stop}"
+    out.print(Text.assemble((word, style), "  ", f"{query} of {what.question.grasp.name}: {said}"))
+    if not done.ok:
+        out.print(done.reason, style="yellow")
+    rows = []
+    if done.witness:
+        rows.append(["witness", done.witness.claim, f"residual {done.witness.residual:.1e}", done.witness.reason])
+    if done.certificate:
+        c = done.certificate
+        rows.append(["certificate", c.claim, f"{words.count(c.leaves, 'leaf')}, margin {c.margin:.1e}", c.reason])
+    if done.interval:
+        i = done.interval
+        shown = f"{words.count(i.arcs, 'range')} of states, {words.count(i.slips, 'certificate')}"
+        rows.append(["smaller", i.claim, f"{shown}, residual {i.residual:.1e}", i.reason])
+    if rows:
+        grid = table("", "claims", "replayed", "")
+        grid.columns[1].no_wrap, grid.columns[2].no_wrap = False, True
+        for *cells, refused in rows:
+            grid.add_row(*cells, "refused" if refused else "proved")
+        out.print()
+        out.print(grid)
+    show_question(out, what.question, proved=word == "PROVED")
+    out.print(f"{num(done.seconds, 2)} s, without the engine and without any solver", style="dim")
+
+
+def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:
+    grid = table("", "any size", "limited", "none", "open", "largest [N]", "smallest [N]")
+    named = [("no preload", answer.passive), ("with preload", answer.preloaded)]
+    for name, curve in named:
+        if curve is not None:
+            grid.add_row(name, *_counts(curve))
+    plane = f"{len(answer.directions)} directions of force in the {answer.plane} plane, {words.place_text(answer.at)}"
+    _head(out, answer.grasp, answer.verdict, f"{plane} in {num(answer.seconds, 3)} s.", asked)
+    out.print()
+    out.print(grid)
+    _written(out, asked)
+
+
+def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
+    grasp = answer.grasp
+    _head(out, grasp, answer.verdict, f"The command of {answer.actuator} varies.", asked)
+    heads = []
+    for d in answer.directions:
+        heads.append(f"{words.direction_text(d)} [{words.magnitude(d)[1]}]")
+    grid = table(f"{answer.actuator} [{words.actuator_unit(grasp, answer.actuator)}]", *heads)
+    states = [words.curve_states(c) for c in answer.curves]
+    for i, value in enumerate(answer.values):
+        cells = []
+        for c, d, state in zip(answer.curves, answer.directions, states, strict=True):
+            factor = words.magnitude(d)[0]
+            lower, upper = num(factor * c.lower[i]), num(factor * c.upper[i])
+            shown = {"unbounded": "any size", "open": f"{lower} to {upper}"}.get(state[i], lower)
+            cells.append("not reached" if np.isnan(c.lower[i]) else shown)
+        grid.add_row(num(float(value)), *cells)
+    out.print()
+    out.print(grid)
+    _written(out, asked)
+
+
+def show_witness(out: Console, witness: Witness) -> None:
+    """The contacts and actuators of an exact equilibrium."""
+    c = witness.state.c.reshape(-1, 3)
+    grid = table("#", "link", "normal [N]", "friction [N]", "of limit", "state", "force [N]")
+    for i, contact in enumerate(witness.grasp.contacts):
+        friction = float(np.linalg.norm(c[i, 1:]))
+        limit = contact.friction * c[i, 0]
+        share = f"{100 * friction / limit:.0f} %" if limit > 1e-12 else "–"
+        state = witness.contact_states[i]
+        cells = [num(c[i, 0]), num(friction), share, state, vector(witness.forces[i])]
+        closed = state != "open"
+        grid.add_row(str(i), contact.link or "–", *(cells if closed else ["–", "–", "–", state, "–"]))
+    out.print()
+    out.print(grid)
+    mech = witness.grasp.mechanism
+    if mech.a:
+        grid = table("actuator", "commanded", "carries", "")
+        turns = words.actuators_that_turn(witness)
+        for i, name in enumerate(mech.actuators):
+            unit = words.actuator_unit(witness.grasp, name)
+            command = witness.grasp.command[i]
+            moved = "turns" if turns[i] else "held by its gearing"
+            commanded = f"{num(command)} {unit}" if command else "locked"
+            grid.add_row(name, commanded, f"{num(witness.state.f[i])} {unit}", moved)
+        out.print()
+        out.print(grid)
+    out.print()
+    out.print(f"Checked against equations (1) to (8): residual {witness.residuals.worst:.1e}.", style="dim")
+
+
+def show_contacts(out: Console, contacts: Sequence[Contact]) -> None:
+    """Where a hand touches."""
+    grid = table("#", "link", "position [mm]", "normal", "friction", "depth [mm]")
+    for i, c in enumerate(contacts):
+        position = vector(1e3 * c.position, 4)
+        depth = num(1e3 * c.depth, 2)
+        grid.add_row(str(i), c.link or "–", position, vector(c.normal), num(c.friction), depth)
+    out.print()
+    out.print(grid)
+
+
+def show_grasp(out: Console, grasp: Grasp) -> None:
+    """A grasp's contacts and joints."""
+    show_contacts(out, grasp.contacts)
+    if grasp.joints:
+        grid = table("joint", "type", "moves contacts")
+        for j in grasp.joints:
+            grid.add_row(j.name, j.type, ", ".join(map(str, j.moves)) or "none")
+        out.print()
+        out.print(grid)
+
+
+def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: QueryOptions) -> None:
+    fragile = words.fragile(answer)
+    _head(out, grasp, answer.verdict, sentence, asked, unreal=words.unphysical(answer.witness), fragile=fragile)
+    why = words.reason(answer, asked.settings())
+    if why:
+        out.print(why, style="yellow")
+    out.print(words.work(answer, asked.settings()), style="dim")
+
+
+def _head(
+    out: Console,
+    grasp: Grasp,
+    verdict: Verdict,
+    sentence: str,
+    asked: QueryOptions,
+    *,
+    unreal: bool = False,
+    fragile: bool = False,
+) -> None:
+    word, style = (verdict.upper() + "?", "bold yellow") if unreal else (verdict.upper(), STYLE[verdict])
+    if fragile and not unreal:
+        word, style = f"{word}, FRAGILE", "bold yellow"
+    out.print(Text.assemble((word, style), "  ", sentence))
+    eta = f"; normals off by up to {num(asked.eta)}°" if asked.eta else ""
+    facts = f"{words.grasp_text(grasp)}; preload {words.preload_text(grasp)}{eta}"
+    out.print(f"{grasp.name}: {facts}", style="dim")
+
+
+def _written(out: Console, asked: QueryOptions) -> None:
+    for path in (getattr(asked, "output", None), getattr(asked, "save", None), asked.report):
+        if path:
+            out.print(f"Written: {path}", soft_wrap=True)
+
+
+def _counts(curve: Curve) -> list[str]:
+    states = words.curve_states(curve)
+    finite = [x for x, s in zip(curve.lower, states, strict=True) if s == "resisted"]
+    ends = [num(max(finite)), num(min(finite))] if finite else ["–", "–"]
+    return [str(states.count(s)) for s in ("unbounded", "resisted", "slips", "open")] + ends

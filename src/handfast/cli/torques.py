@@ -1,0 +1,41 @@
+"""`handfast torques`: the smallest commands that resist a disturbance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from handfast.cli import console
+from handfast.cli.options import Command, Load, QueryOptions, Saved
+
+
+@dataclass(kw_only=True)
+class Torques(Load, QueryOptions, Saved, Command):
+    """Which motor commands resist this disturbance with the least effort?
+
+    Sought are the commands of the actuators that the grasp preloads, or of all if it preloads none.
+    """
+
+    objective: Literal["max", "sum"] = "max"
+    """make the largest command small, or the sum of all"""
+
+    def run(self) -> int:
+        from handfast.cli import tables
+        from handfast.report import Entry, write_report
+        from handfast.report.words import load_text
+        from handfast.stability.queries import torques
+
+        grasp, options, wrench = self.load(), self.options(), self.disturbance()
+        with console.watch("torques") as watch:
+            answer = torques(grasp, wrench, objective=self.objective, on_step=watch.step, **options)
+        if self.save:
+            answer.save(self.save, force=self.force)
+        if self.report:
+            title = f"Which commands resist {load_text(wrench)}?"
+            entry = Entry(title, answer, eta=options["eta"])
+            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            tables.show_torques(console.out(), grasp, wrench, answer, self.objective, self)
+        return console.status(answer.verdict, answer.stop)

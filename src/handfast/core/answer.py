@@ -1,0 +1,77 @@
+"""What an answer is: a verdict, why the search stopped, and what its JSON begins with; what a replayed one is."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Any, Protocol
+
+
+class Verdict(StrEnum):
+    """Does the grasp resist?"""
+
+    HOLDS = "holds"  # an exact solution of the model was found and checked
+    SLIPS = "slips"  # no solution exists
+    UNDECIDED = "undecided"  # neither was shown; a limit was hit or the numbers did not suffice
+
+
+class Reach(StrEnum):
+    """Can the hand take the hold?"""
+
+    FOUND = "found"  # a configuration was found and proved to exist
+    NONE = "none"  # every part of the space was discarded by verified arithmetic
+    UNDECIDED = "undecided"  # neither was shown; a limit was hit
+
+
+class Stop(StrEnum):
+    """Why the search ended."""
+
+    COMPLETE = "complete"  # it answered as precisely as it was asked
+    TIME = "time"  # the time limit
+    NODES = "nodes"  # the node limit
+    INTERRUPTED = "interrupted"  # Ctrl-C
+    # of Algorithm 1: the finest sectors were reached and the bounds are still apart; of many configurations: no
+    # further ones were met that differ
+    RESOLUTION = "resolution"
+    NUMERICAL = "numerical"  # rounding left a case open, or a solver's answer did not stand up to the check
+
+
+class Timed(Protocol):
+    """Anything with a verdict and a cost."""
+
+    @property
+    def verdict(self) -> StrEnum: ...
+    @property
+    def stop(self) -> Stop: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def nodes(self) -> int: ...
+
+
+def header(answer: Timed, query: str) -> dict[str, Any]:
+    """The keys that every answer's JSON begins with."""
+    return {
+        "schema": "handfast/answer/1",
+        "query": query,
+        "verdict": str(answer.verdict),
+        "stop": str(answer.stop),
+        "seconds": round(answer.seconds, 6),
+        "nodes": answer.nodes,
+    }
+
+
+class Checked:
+    """What a replayed answer has: `seconds` of wall time, and why it is not all proved, one line, '' if it is."""
+
+    seconds: float
+    reason: str
+
+    @property
+    def ok(self) -> bool:
+        """Was all that is claimed proved?"""
+        return not self.reason
+
+    def _json(self, parts: dict[str, Any]) -> dict[str, Any]:
+        """The JSON object of a replay with these parts."""
+        ends = {"seconds": round(self.seconds, 6), "reason": self.reason}
+        return {"schema": "handfast/verification/1", "ok": self.ok} | parts | ends

@@ -1,0 +1,29 @@
+"""Arrays: the types of their annotations, and read-only copies of what came from outside."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handfast.core.errors import InputError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+
+def frozen(a: object, shape: tuple[int, ...], field: str) -> Array:
+    """A read-only float copy of `a` in the given shape; raises `InputError` on NaN or a wrong shape."""
+    try:
+        out = np.array(a, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("must be numbers", field=field) from None
+    if out.shape != shape:
+        if out.size == 0 and 0 in shape:
+            out = out.reshape(shape)
+        else:
+            raise InputError(f"has shape {out.shape}, needs {shape}", field=field)
+    if not np.isfinite(out).all():
+        raise InputError("contains NaN or infinity; finite numbers are needed", field=field)
+    out.flags.writeable = False
+    return out

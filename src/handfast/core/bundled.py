@@ -1,0 +1,46 @@
+"""What comes with the package, by name: grasps, hands, objects, configurations, tasks, regions of hands."""
+
+from __future__ import annotations
+
+import json
+import os
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from handfast.core.errors import InputError
+
+KINDS = ("grasps", "hands", "objects", "configurations", "tasks", "hand_regions")
+
+
+def folder(kind: str) -> Path:
+    """Where the bundled files of a kind are."""
+    return Path(str(resources.files("handfast"))) / "data" / kind
+
+
+def names(kind: str) -> list[str]:
+    """Names of the bundled things of a kind."""
+    if not folder(kind).is_dir():
+        return []
+    files = [f for f in folder(kind).iterdir() if f.is_file() and not f.name.startswith((".", "_"))]
+    return sorted({f.stem for f in files})
+
+
+def resolve(kind: str, name: str) -> str:
+    """The path behind a bundled name; anything else is returned as it is, a path for the loader to judge.
+
+    A name without ending that is neither a file nor bundled is an `InputError` that lists the bundled ones.
+    """
+    for file in sorted(folder(kind).glob(f"{name}.*")) if name in names(kind) else []:
+        return str(file)
+    if not os.path.exists(name) and not Path(name).suffix:
+        known = ", ".join(names(kind)) or "none"
+        problem = f"no such file, and no bundled {kind[:-1]} of that name; bundled: {known}"
+        raise InputError(problem, source=name)
+    return name
+
+
+def read(kind: str, name: str) -> dict[str, Any]:
+    """A bundled JSON file as it is, {} if it is something else."""
+    file = Path(resolve(kind, name))
+    return json.loads(file.read_text("utf-8")) if file.suffix == ".json" else {}

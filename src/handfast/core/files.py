@@ -1,0 +1,190 @@
+"""Reading and writing files: strict JSON in, whole files out, every fault one clear line."""
+
+from __future__ import annotations
+
+import json
+import unicodedata
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from handfast.core.errors import InputError
+
+SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
+DEPTH = 50  # of lists and objects in each other; our own files need ten
+LARGEST = 1e50  # nothing that is measured comes near, and no product of a few numbers overflows
+DIGITS = 50  # of a whole number
+NAME, FORMER = "handfast/", "holdfast/"  # what schemas begin with, and what they began with under the first name
+
+
+class Strict(BaseModel):
+    """Base of every file format: unknown fields, NaN and infinity are errors, and so are texts and truth values
+    where a number belongs (see `validate`)."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector = tuple[Finite, Finite, Finite]
+
+T = TypeVar("T", bound=BaseModel)
+
+
+def read_json(path: str | Path, kind: str) -> Any:
+    """The parsed JSON of a file; `InputError` if it is missing, no text or not JSON."""
+    try:
+        return parse_json(Path(path).read_text("utf-8"))
+    except InputError as error:
+        raise error.at(str(path)) from None
+    except FileNotFoundError:
+        raise InputError(f"no such file; a {kind} file is needed", source=str(path)) from None
+    except IsADirectoryError:
+        raise InputError(f"is a folder; a {kind} file is needed", source=str(path)) from None
+    except UnicodeDecodeError:
+        raise InputError(f"is not a text file; a {kind} file is JSON", source=str(path)) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", source=str(path)) from None
+    except ValueError:  # a NUL in the path
+        raise InputError(f"is no name of a file; a {kind} file is needed", source=repr(str(path))) from None
+
+
+def write_text(path: str | Path, text: str, *, force: bool) -> None:
+    """Write a whole file or nothing; raises `InputError` if it exists and `force` is not set."""
+    write_bytes(path, text.encode("utf-8"), force=force)
+
+
+def write_bytes(path: str | Path, data: bytes, *, force: bool) -> None:
+    """Write a whole file or nothing; raises `InputError` if it exists and `force` is not set."""
+    target = Path(path)
+    if target.exists() and not force:
+        raise InputError("exists already; give --force to write over it", source=str(path))
+    part = target.with_name(target.name + ".part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(data)
+        part.replace(target)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink()
+        raise InputError(f"cannot be written: {error.strerror}", source=str(path)) from None
+
+
+def parse_json(text: str) -> Any:
+    """Parsed JSON, which any code may walk through and write again; files of the first name are read as today's.
+
+    Raises:
+        InputError: no JSON; NaN, infinity or a number beyond `LARGEST`; a name twice in one object; half a
+            character, or a control character, which could fake lines of what is printed; more than `DEPTH` lists
+            and objects in each other.
+    """
+    try:
+        data = json.loads(text, parse_constant=_refused, parse_int=_whole, parse_float=_real, object_pairs_hook=_object)
+    except json.JSONDecodeError as error:
+        raise InputError(f"is not valid JSON: {error.msg} (line {error.lineno}, column {error.colno})") from None
+    except RecursionError:
+        raise _too_deep() from None
+    if _deeper(data, DEPTH):
+        raise _too_deep()
+    if "\\" in text:  # else every character is as it stands, and none that JSON refuses
+        for word in _words(data):
+            kinds = set(map(unicodedata.category, word))
+            if "Cc" in kinds:
+                raise InputError(f"contains {word[:40]!r}; names and texts are one line without control characters")
+            if "Cs" in kinds:
+                raise InputError("contains half a character (a lone surrogate such as \\ud800)")
+    return data
+
+
+def _words(data: Any) -> Iterator[str]:
+    """All texts and names in parsed JSON."""
+    if isinstance(data, str):
+        yield data
+    elif isinstance(data, dict):
+        yield from data
+        data = list(data.values())
+    if isinstance(data, list):
+        for x in data:
+            yield from _words(x)
+
+
+def _refused(constant: str) -> Any:
+    raise InputError(f"contains {constant}; finite numbers are needed")
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > DIGITS:
+        raise InputError(f"contains a number of {len(digits)} digits; at most {DIGITS} are possible")
+    return int(digits)
+
+
+def _real(text: str) -> float:
+    number = float(text)
+    if abs(number) > LARGEST:
+        shown = text if len(text) <= 20 else f"{text[:20]}..."
+        raise InputError(f"contains {shown}; numbers up to {LARGEST:g} are possible")
+    return number
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    out = dict(pairs)
+    if len(out) < len(pairs):
+        name, times = Counter(name for name, _ in pairs).most_common(1)[0]
+        raise InputError(f"has '{name}' {times} times in one object; once is enough")
+    schema = out.get("schema")
+    if isinstance(schema, str) and schema.startswith(FORMER):
+        out["schema"] = NAME + schema.removeprefix(FORMER)
+    return out
+
+
+def _too_deep() -> InputError:
+    return InputError(f"is nested too deeply; at most {DEPTH} lists and objects may be in each other")
+
+
+def _deeper(data: Any, depth: int) -> bool:
+    """Whether lists and objects are in each other more than `depth` times."""
+    layer = [data]
+    for _ in range(depth):
+        inner = (x.values() if isinstance(x, dict) else x if isinstance(x, list) else () for x in layer)
+        layer = [y for values in inner for y in values if isinstance(y, dict | list)]
+        if not layer:
+            return False
+    return True
+
+
+def validate(model: type[T], data: Any) -> T:
+    """JSON data as a pydantic model; the first fault becomes an `InputError` with its field.
+
+    Only JSON can be read strictly (a number is no text and no truth value) and still have lists for tuples.
+    """
+    try:
+        return model.model_validate_json(json.dumps(data), strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ""
+        for part in first["loc"]:
+            field += f"[{part}]" if isinstance(part, int) else f".{part}" if field else str(part)
+        if first["type"] == "extra_forbidden":
+            raise InputError("is not a known field; leave it out", field=field) from None
+        if first["type"] == "missing":
+            raise InputError("is missing", field=field) from None
+        if first["type"] == "too_long":
+            found, most = first["ctx"]["actual_length"] or "more", first["ctx"]["max_length"]
+            raise InputError(f"has {found} entries; at most {most} are possible", field=field) from None
+        message = first["msg"].removeprefix("Value error, ")
+        raise InputError(message[0].lower() + message[1:], field=field or None) from None
+
+
+def same_json(a: Any, b: Any) -> bool:
+    """Equal JSON, numbers within `SAME`, absolute or relative."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(same_json(a[k], b[k]) for k in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(same_json(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, float | int) and isinstance(b, float | int):
+        return abs(a - b) <= SAME * max(1.0, abs(a))
+    return bool(a == b)

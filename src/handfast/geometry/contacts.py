@@ -1,0 +1,271 @@
+"""Contacts of a hand at a configuration with an object, and the grasp they make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.geometry.patch import patch
+from handfast.geometry.scene import Scene, checked_pose
+from handfast.model.body import Body
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.hand.hand import Hand
+from handfast.model.mechanism import Mechanism
+from handfast.model.shape import Shape
+
+THRESHOLD = 5e-4  # [m] surfaces nearer than this touch
+HIDDEN = 1e-5  # [m] a point this deep inside another solid of the same body is on no real surface
+SEAM = 5e-5  # [m] above a hidden face, the neighbour begins at the latest here
+ROUNDING = 1e-7  # [m]
+
+
+def find_contacts(
+    hand: Hand,
+    q: Array,
+    body: Body,
+    object_pose: Array,
+    threshold: float = THRESHOLD,
+    friction: float | None = None,
+    merge_distance: float = 2e-3,
+    merge_angle: float = 0.17,
+    scene: Scene | None = None,
+) -> tuple[Contact, ...]:
+    """Where the hand touches the object, in the **object** frame.
+
+    Each pair of convex solids nearer than `threshold` gives the corners of the patch on which they
+    meet: one point for a fingertip, two for an edge, up to four for faces. A point lies midway between
+    the two surfaces; its normal points into the object; its depth is the pair's penetration [m],
+    negative for a gap. Points on a face hidden inside another piece of the object, or inside another
+    solid of the same link, are dropped. Points of one link nearer to each other than `merge_distance`
+    [m] with normals within `merge_angle` [rad] are merged into their mean. Order: by link, then by
+    position.
+
+    Args:
+        q: (l,) configuration; `object_pose`: (4, 4) of the object in the hand's base frame.
+        friction: coefficient; the object's unless given.
+        scene: a `Scene` of the same hand and object, to save compiling one.
+
+    Raises:
+        InputError: a pose that is not rigid, a configuration of the wrong length, a negative threshold.
+    """
+    pose = checked_pose(object_pose)
+    _check(hand, q, threshold)
+    near = (scene or Scene(hand, body)).nearest(q, pose, threshold)
+    poses = hand.link_poses(q)
+    to_object = np.linalg.inv(pose)
+    mu = body.friction if friction is None else friction
+    contacts: list[Contact] = []
+    for link in sorted({n.link for n in near}):
+        solids = [s.placed(to_object @ poses[link]) for s in hand.links[link].shapes]
+        seen: list[Contact] = []
+        hidden: list[Contact] = []
+        for n in (n for n in near if n.link == link):
+            normal = to_object[:3, :3] @ n.normal
+            middle = to_object[:3, :3] @ (n.on_hand + n.on_object) / 2 + to_object[:3, 3]
+            corners = patch(solids[n.shape], body.pieces[n.piece], normal, middle)
+            on_object = corners + n.distance / 2 * normal
+            on_hand = corners - n.distance / 2 * normal
+            out = _hidden(on_object, -normal, body.pieces, n.piece) | _hidden(on_hand, normal, solids, n.shape)
+            for p, inside in zip(corners, out, strict=True):
+                (hidden if inside else seen).append(Contact(p, normal, mu, hand.links[link].name, -n.distance))
+        if not seen:  # pressed in so far that every nearest point is inside something
+            seen = [max(hidden, key=lambda c: c.depth)]
+        contacts += _merged(seen, merge_distance, merge_angle)
+    return tuple(contacts)
+
+
+def contact_grasp(
+    hand: Hand,
+    q: Array,
+    body: Body,
+    object_pose: Array,
+    *,
+    preload: Mapping[str, float] | None = None,
+    threshold: float = THRESHOLD,
+    friction: float | None = None,
+    lock: Sequence[str] = (),
+    mechanism: Literal["hand", "direct"] = "hand",
+    scene: Scene | None = None,
+    name: str | None = None,
+) -> Grasp:
+    """The grasp that a hand at q has on an object: contacts, joints and mechanism in the object frame.
+
+    The grasp has the joints that move a contact and those coupled to them or driven by the same
+    actuators. A joint whose closing sense is negative is turned round, and an actuator that would open
+    its joints under positive force is too, so that positive preloads close; tendons keep their sense.
+
+    Args:
+        preload: commanded forces by actuator name [N m, N]; absent actuators are locked.
+        threshold: as in `find_contacts`, like friction and scene.
+        lock: joints held rigidly whatever the actuators do.
+        mechanism: "hand" for the hand's own, "direct" for one motor per joint, named like the joint.
+
+    Raises:
+        InputError: nothing within the threshold (the nearest link is named), an unknown joint to lock,
+            an unknown actuator, and whatever `find_contacts` raises.
+    """
+    if mechanism not in ("hand", "direct"):
+        raise InputError(f"is '{mechanism}'; 'hand' or 'direct' is needed", field="mechanism")
+    scene = scene or Scene(hand, body)
+    contacts = find_contacts(hand, q, body, object_pose, threshold, friction, scene=scene)
+    if not contacts:
+        raise nothing_near(scene, q, checked_pose(object_pose), threshold)
+    return grasp_of(
+        hand,
+        q,
+        contacts,
+        object_pose,
+        preload=preload,
+        lock=lock,
+        mechanism=mechanism,
+        name=name or f"{hand.name} on {body.name}",
+    )
+
+
+def grasp_of(
+    hand: Hand,
+    q: Array,
+    contacts: Sequence[Contact],
+    object_pose: Array,
+    *,
+    preload: Mapping[str, float] | None = None,
+    lock: Sequence[str] = (),
+    mechanism: Literal["hand", "direct"] = "hand",
+    name: str | None = None,
+) -> Grasp:
+    """The grasp of a hand at q with contacts that are known already: `contact_grasp` without the detection.
+
+    Args:
+        contacts: object frame; `link` names the hand link of each.
+
+    Raises:
+        InputError: no contacts, an unknown link, joint or actuator.
+    """
+    moving = [hand.moved_by(hand.link(c.link)) for c in contacts]
+    whole = Mechanism.direct(hand.joint_names) if mechanism == "direct" else hand.mechanism
+    kept = _connected({j for chain in moving for j in chain}, whole)
+    held = {hand.joint(joint, field="lock") for joint in lock}
+    sign = np.where(hand.closing < 0, -1.0, 1.0)
+    axes, origins = hand.joint_axes(q)
+    to_object = np.linalg.inv(object_pose)
+    joints = [
+        GraspJoint(
+            hand.joints[j].name,
+            sign[j] * to_object[:3, :3] @ axes[j],
+            to_object[:3, :3] @ origins[j] + to_object[:3, 3],
+            tuple(i for i, chain in enumerate(moving) if j in chain),
+            hand.joints[j].type,
+        )
+        for j in kept
+    ]
+    return Grasp(
+        contacts,
+        joints,
+        _restricted(whole, kept, sign, hand.closing != 0, held),
+        preload,
+        name or hand.name,
+    )
+
+
+def nothing_near(scene: Scene, q: Array, pose: Array, threshold: float) -> InputError:
+    """The error for a hand that does not touch, naming the nearest link."""
+    reach = 10.0
+    d = scene.distance(q, pose, reach)
+    link = scene.hand.links[int(d.argmin())].name
+    return InputError(
+        f"no link is within {threshold * 1e3:g} mm of the object; nearest: {link} at {d.min() * 1e3:.3g} mm"
+    )
+
+
+def deepest(contacts: Sequence[Contact]) -> Contact | None:
+    """The contact with the most penetration, None if there are no contacts."""
+    return max(contacts, key=lambda c: c.depth, default=None)
+
+
+def _check(hand: Hand, q: Array, threshold: float) -> None:
+    if np.shape(q) != (hand.l,) or not np.isfinite(q).all():
+        raise InputError(f"needs {hand.l} finite joint values, in the order of the hand's joints", field="q")
+    if not (np.isfinite(threshold) and threshold > 0):
+        raise InputError(f"is {threshold}; a distance above 0 [m] is needed", field="threshold")
+
+
+def _hidden(points: Array, outwards: Array, solids: Sequence[Shape], own: int) -> NDArray[np.bool_]:
+    """(k,) whether points on the surface of one solid of a body lie on no real surface of that body.
+
+    A point does not if it is inside another of the body's solids; none of the points does if just above
+    their middle there is another solid, as on the seam where two pieces of an object meet.
+    """
+    out = np.zeros(len(points), dtype=bool)
+    above = points.mean(axis=0) + SEAM * outwards
+    for k, solid in enumerate(solids):
+        if k != own:
+            out |= (solid.depth(points) > HIDDEN) | (solid.depth(above)[0] > ROUNDING)
+    return out
+
+
+def _merged(points: list[Contact], distance: float, angle: float) -> list[Contact]:
+    """One link's contacts with near-duplicates replaced by their mean; deepest first leads a cluster.
+
+    Means can lie nearer to each other than the points did, so this goes on until none are left.
+    """
+    groups = [[c] for c in points]
+    while True:
+        fewer = _clustered(groups, distance, angle)
+        if len(fewer) == len(groups):
+            return sorted((_mean(g) for g in fewer), key=lambda c: tuple(c.position.round(7)))
+        groups = fewer
+
+
+def _clustered(groups: list[list[Contact]], distance: float, angle: float) -> list[list[Contact]]:
+    """Groups joined with those whose means are near the mean of a leading one."""
+    left = sorted(((_mean(g), g) for g in groups), key=lambda m: (-round(m[0].depth, 7), *m[0].position.round(7)))
+    out = []
+    while left:
+        lead = left[0][0]
+        near = [
+            np.linalg.norm(c.position - lead.position) <= distance and c.normal @ lead.normal >= np.cos(angle)
+            for c, _ in left
+        ]
+        out.append([c for (_, group), yes in zip(left, near, strict=True) if yes for c in group])
+        left = [m for m, yes in zip(left, near, strict=True) if not yes]
+    return out
+
+
+def _mean(group: list[Contact]) -> Contact:
+    """A contact in the middle of a group, as deep as the deepest, which comes first."""
+    lead = group[0]
+    if len(group) == 1:
+        return lead
+    normal = np.mean([c.normal for c in group], axis=0)
+    position = np.mean([c.position for c in group], axis=0)
+    return Contact(position, normal / np.linalg.norm(normal), lead.friction, lead.link, lead.depth)
+
+
+def _connected(joints: set[int], mechanism: Mechanism) -> list[int]:
+    """The joints and all that share an actuator or a coupling with them, directly or not, in order."""
+    rows = np.vstack([mechanism.R, mechanism.A]) != 0
+    while True:
+        touched = rows[rows[:, sorted(joints)].any(axis=1)].any(axis=0) if joints else np.zeros(0, bool)
+        more = joints | {int(j) for j in np.flatnonzero(touched)}
+        if more == joints:
+            return sorted(joints)
+        joints = more
+
+
+def _restricted(whole: Mechanism, kept: list[int], sign: Array, closes: Array, held: set[int]) -> Mechanism:
+    """The mechanism of the kept joints, turned so that they and the actuators close positively."""
+    R, A = (whole.R * sign)[:, kept], (whole.A * sign)[:, kept]
+    rows = np.flatnonzero(R.any(axis=1))
+    R = R[rows]
+    tendon = tuple(whole.tendon[i] for i in rows)
+    for i, row in enumerate(R):
+        if not tendon[i] and row @ closes[kept] < 0:
+            R[i] = -row
+    locks = [np.eye(len(kept))[kept.index(j)] for j in sorted(held) if j in kept]
+    A = np.vstack([A[A.any(axis=1)], *locks]) if locks else A[A.any(axis=1)]
+    return Mechanism(tuple(whole.actuators[i] for i in rows), R, A, tendon)

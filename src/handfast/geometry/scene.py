@@ -1,0 +1,274 @@
+"""Scene: distances between the links of a hand, and between them and an object, by mujoco's collider."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.core.quiet import quiet
+from handfast.model.body import Body
+from handfast.model.hand.hand import Hand
+from handfast.model.shape import Shape, quaternion_matrix, rigid, transform
+
+Indices = NDArray[np.intp]
+
+TOUCHING = 1e-7  # [m] below this the two nearest points no longer give a direction
+NUDGE = 1e-6  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """The nearest points of a hand shape and an object piece.
+
+    Attributes:
+        link, shape: index of the hand link, and of the shape in it.
+        piece: index of the object piece.
+        distance: [m], negative in penetration.
+        on_hand, on_object: (3,) [m], base frame.
+        normal: (3,) unit, base frame, from the hand into the object.
+    """
+
+    link: int
+    shape: int
+    piece: int
+    distance: float
+    on_hand: Array
+    on_object: Array
+    normal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """The nearest points of shapes of two links of the hand that may meet.
+
+    Attributes:
+        first, second: indices of the links, one of `Scene.self_pairs`.
+        distance: [m], negative in penetration.
+        on_first, on_second: (3,) [m], base frame.
+        normal: (3,) unit, base frame, from the first into the second.
+    """
+
+    first: int
+    second: int
+    distance: float
+    on_first: Array
+    on_second: Array
+    normal: Array
+
+
+class Scene:
+    """A hand and an object, compiled once and placed as often as needed. Frame: the hand's base.
+
+    Distances are mujoco's, to about 1e-9 m for polyhedra and primitives; only pairs whose bounding
+    spheres are nearer than the cutoff are evaluated. Not thread-safe; deterministic.
+
+    Attributes:
+        hand, body: as given.
+        self_pairs: pairs of links that may meet: not a parent and its child, nor two that move as one.
+        link_radius: (n_links,) [m], of a sphere about each link's origin that holds its shapes.
+        placed: (n_links + 1, 4, 4) the links' poses as last placed and the object's, base frame.
+
+    Raises:
+        InputError: a shape that mujoco cannot take as a convex solid.
+    """
+
+    def __init__(self, hand: Hand, body: Body) -> None:
+        import mujoco  # slow to import
+
+        self.hand, self.body = hand, body
+        owners = [i for i, link in enumerate(hand.links) for _ in link.shapes]
+        self.owner = np.array(owners + [-1] * len(body.pieces))
+        self.number = np.array([k for link in hand.links for k in range(len(link.shapes))])
+        shapes = [s for link in hand.links for s in link.shapes] + list(body.pieces)
+        self._model = _compile(mujoco, shapes)
+        self._data = mujoco.MjData(self._model)
+        self._measure = mujoco.mj_geomDistance
+        m = self._model
+        self._local = np.array(
+            [transform(p, quaternion_matrix(r)) for p, r in zip(m.geom_pos, m.geom_quat, strict=True)]
+        )
+        self._between = np.zeros(6)
+        self._radius = m.geom_rbound.copy()
+        self.placed = np.tile(np.eye(4), (len(hand.links) + 1, 1, 1))
+        mine, its = np.flatnonzero(self.owner >= 0), np.flatnonzero(self.owner < 0)
+        self._to_object = (np.repeat(mine, len(its)), np.tile(its, len(mine)))
+        self.self_pairs = self._meeting_links()
+        both = [(a, b, k) for k, (i, j) in enumerate(self.self_pairs) for a in self._of(i) for b in self._of(j)]
+        self._to_self = tuple(np.array(both, dtype=int).reshape(-1, 3).T)
+        reach = np.linalg.norm(self._local[:, :3, 3], axis=1) + self._radius
+        self.link_radius = np.array([max([0.0, *reach[self._of(i)]]) for i in range(len(hand.links))])
+
+    def place(self, q: Array, object_pose: Array) -> None:
+        """Put the hand at q (l,) and the object at its pose (4, 4) in the hand's base frame."""
+        self.placed = np.concatenate([self.hand.link_poses(q), np.asarray(object_pose, dtype=float)[None]])
+        world = self.placed[self.owner] @ self._local  # owner -1, the object, is the last pose
+        self._data.geom_xpos[:] = world[:, :3, 3]
+        self._data.geom_xmat[:] = world[:, :3, :3].reshape(-1, 9)
+
+    def distance(self, q: Array, object_pose: Array, cutoff: float = 0.05) -> Array:
+        """(n_links,) [m] signed distance of each link to the object; `cutoff` if further or without shape."""
+        self.place(q, object_pose)
+        return self._link_distances(cutoff)
+
+    def nearest(self, q: Array, object_pose: Array, cutoff: float) -> list[Near]:
+        """Every pair of hand shape and object piece nearer than `cutoff` [m], in the order of the shapes."""
+        self.place(q, object_pose)
+        return self._nearest(cutoff)
+
+    def neighbours(self, q: Array, object_pose: Array, cutoff: float) -> tuple[list[Near], list[Meeting]]:
+        """`nearest`, and every pair of shapes of two links that may meet and are nearer than `cutoff` [m]."""
+        self.place(q, object_pose)
+        return self._nearest(cutoff), self._meetings(cutoff)
+
+    def meetings(self, q: Array, cutoff: float) -> list[Meeting]:
+        """Every pair of shapes of two links that may meet and are nearer than `cutoff` [m]."""
+        self.place(q, self.placed[-1])
+        return self._meetings(cutoff)
+
+    def clearances(self, q: Array, object_pose: Array, cutoff: float = 0.05) -> tuple[Array, Array]:
+        """Signed distances [m] of the links to the object (n_links,), and of the `self_pairs` (k,)."""
+        self.place(q, object_pose)
+        return self._link_distances(cutoff), self._self_distances(cutoff)
+
+    def _nearest(self, cutoff: float) -> list[Near]:
+        found = []
+        for i in self._close(self._to_object, cutoff):
+            a, b = (int(g[i]) for g in self._to_object)
+            d, on_hand, on_object = self._pair(a, b, cutoff)
+            if d < cutoff:
+                normal = self._normal(a, b, d, on_hand, on_object)
+                link, piece = int(self.owner[a]), b - len(self.number)
+                found.append(Near(link, int(self.number[a]), piece, d, on_hand, on_object, normal))
+        return found
+
+    def _meetings(self, cutoff: float) -> list[Meeting]:
+        found = []
+        first, second, pair = self._to_self
+        for i in self._close((first, second), cutoff):
+            a, b = int(first[i]), int(second[i])
+            d, on_first, on_second = self._pair(a, b, cutoff)
+            if d < cutoff:
+                normal = self._normal(a, b, d, on_first, on_second)
+                one, other = self.self_pairs[pair[i]]
+                found.append(Meeting(one, other, d, on_first, on_second, normal))
+        return found
+
+    def _link_distances(self, cutoff: float) -> Array:
+        out = np.full(len(self.hand.links), cutoff)
+        hand, body = self._to_object
+        for i in self._close(self._to_object, cutoff):
+            d = self._measure(self._model, self._data, hand[i], body[i], cutoff, None)
+            out[self.owner[hand[i]]] = min(out[self.owner[hand[i]]], d)
+        return out
+
+    def _self_distances(self, cutoff: float) -> Array:
+        out = np.full(len(self.self_pairs), cutoff)
+        first, second, pair = self._to_self
+        for i in self._close((first, second), cutoff):
+            out[pair[i]] = min(out[pair[i]], self._measure(self._model, self._data, first[i], second[i], cutoff, None))
+        return out
+
+    def _of(self, link: int) -> Indices:
+        """The geoms of a link."""
+        return np.flatnonzero(self.owner == link)
+
+    def _close(self, pairs: tuple[Indices, ...], cutoff: float) -> Indices:
+        """Which pairs of geoms have bounding spheres nearer than the cutoff."""
+        first, second = pairs
+        x, r = self._data.geom_xpos, self._radius
+        reach = cutoff + r[first] + r[second]
+        return np.flatnonzero(((x[first] - x[second]) ** 2).sum(axis=1) < reach**2)
+
+    def _pair(self, a: int, b: int, cutoff: float) -> tuple[float, Array, Array]:
+        d = self._measure(self._model, self._data, a, b, cutoff, self._between)
+        return float(d), self._between[:3].copy(), self._between[3:].copy()
+
+    def _normal(self, a: int, b: int, d: float, on_hand: Array, on_object: Array) -> Array:
+        """Unit vector from the hand into the object, even where the surfaces meet exactly."""
+        if abs(d) >= TOUCHING:
+            step = np.sign(d) * (on_object - on_hand)
+            return step / np.linalg.norm(step)
+        x = self._data.geom_xpos
+        before, outwards = x[b].copy(), x[b] - x[a]
+        for direction in (outwards, *np.eye(3), *-np.eye(3)):  # a little apart, the direction is clear
+            if np.linalg.norm(direction) < 1e-12:
+                continue
+            x[b] = before + NUDGE * direction / np.linalg.norm(direction)
+            d, p, s = self._pair(a, b, 10 * NUDGE)
+            x[b] = before
+            if abs(d) >= TOUCHING and np.linalg.norm(s - p) > 0.5 * abs(d):
+                return np.sign(d) * (s - p) / np.linalg.norm(s - p)
+        return outwards / max(float(np.linalg.norm(outwards)), 1e-12)
+
+    def _meeting_links(self) -> list[tuple[int, int]]:
+        """Link pairs that can meet: not in one rigid group, not parent and child group."""
+        links = self.hand.links
+        group: list[int] = []  # links that move as one share the index of the first
+        parent: list[int] = []  # of each group: the nearest group above it that has shapes
+        for i, link in enumerate(links):
+            if link.parent >= 0 and not link.joints:
+                group.append(group[link.parent])
+                parent.append(parent[link.parent])
+            else:
+                group.append(i)
+                above = group[link.parent] if link.parent >= 0 else -1
+                while above >= 0 and not any(links[k].shapes for k in range(i) if group[k] == above):
+                    above = parent[above]
+                parent.append(above)
+        pairs = []
+        for i in range(len(links)):
+            for j in range(i + 1, len(links)):
+                adjacent = group[i] == group[j] or group[i] == parent[j] or group[j] == parent[i]
+                if links[i].shapes and links[j].shapes and not adjacent:
+                    pairs.append((i, j))
+        return pairs
+
+
+def _compile(mujoco: Any, shapes: list[Shape]) -> Any:
+    """One mujoco model with a geom per shape, each in its own frame."""
+    kinds = mujoco.mjtGeom
+    spec = mujoco.MjSpec()
+    spec.option.ccd_tolerance = 1e-9
+    for i, s in enumerate(shapes):
+        w = _quaternion(s.pose[:3, :3])
+        common: dict[str, Any] = {"pos": s.pose[:3, 3], "quat": w}
+        body = spec.worldbody.add_body(name=f"body_{i}")
+        match s.kind:
+            case "mesh":
+                mesh = spec.add_mesh(name=f"mesh_{i}")
+                mesh.uservert = s.vertices.ravel().tolist()
+                mesh.userface = s.faces.ravel().tolist()
+                # a thin solid has next to no volume, which the other ways to its inertia refuse
+                mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+                body.add_geom(type=kinds.mjGEOM_MESH, meshname=f"mesh_{i}", **common)
+            case "box":
+                body.add_geom(type=kinds.mjGEOM_BOX, size=np.array(s.size) / 2, **common)
+            case "sphere":
+                body.add_geom(type=kinds.mjGEOM_SPHERE, size=[s.size[0], 0, 0], **common)
+            case "ellipsoid":
+                body.add_geom(type=kinds.mjGEOM_ELLIPSOID, size=s.size, **common)
+            case _:
+                kind = kinds.mjGEOM_CAPSULE if s.kind == "capsule" else kinds.mjGEOM_CYLINDER
+                body.add_geom(type=kind, size=[s.size[0], s.size[1] / 2, 0], **common)
+    try:
+        with quiet():
+            return spec.compile()
+    except (ValueError, mujoco.FatalError) as fault:
+        raise InputError(f"a solid cannot be used for collision ({' '.join(str(fault).split())})") from None
+
+
+def _quaternion(R: Array) -> Array:
+    """(4,) unit quaternion (w, x, y, z) of a rotation matrix."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(R).as_quat(scalar_first=True)
+
+
+def checked_pose(pose: object) -> Array:
+    """An object pose (4, 4); `InputError` unless it is a rigid motion."""
+    return rigid(pose, "object_pose")

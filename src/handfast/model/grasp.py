@@ -1,0 +1,256 @@
+"""Contact and Grasp: the one table (G, J, mechanism, preload) where both halves of Handfast meet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from handfast.core.arrays import Array, frozen
+from handfast.core.errors import InputError
+from handfast.model.mechanism import Mechanism
+
+UNIT_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; it is then normalised
+# 3 x contacts + joints + 2 x actuators of a grasp at most. The search names its unknowns, at most this and 7, and the
+# values that it bounds, at most this and 9 less two for each contact, by one byte
+LARGEST = 249
+
+
+def unit(v: object, field: str) -> Array:
+    """`v` as a unit 3-vector; raises `InputError` unless its length is 1 within `UNIT_TOLERANCE`."""
+    a = frozen(v, (3,), field)
+    length = float(np.linalg.norm(a))
+    if length < 1e-12:
+        raise InputError("is zero; a unit vector is needed", field=field)
+    if abs(length - 1.0) > UNIT_TOLERANCE:
+        raise InputError(f"has length {length:.6g}; a unit vector is needed", field=field)
+    # what is of unit length already is left as it is: files restore it exactly
+    return a if abs(length - 1.0) <= 4e-16 else frozen(a / length, (3,), field)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """(3,) a x b of two 3-vectors; numpy's own takes twenty times as long for so little."""
+    (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()
+    return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1])
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A point contact with friction (stability paper, section III).
+
+    Attributes:
+        position: (3,) [m], object frame.
+        normal: (3,) unit, object frame, pointing **into** the object.
+        friction: coefficient mu >= 0.
+        link: the hand link that touches; "" if unknown.
+        depth: penetration [m]; negative is a gap. Information only, no equation uses it.
+    """
+
+    position: Array
+    normal: Array
+    friction: float
+    link: str = ""
+    depth: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", frozen(self.position, (3,), "position"))
+        object.__setattr__(self, "normal", unit(self.normal, "normal"))
+        mu = float(self.friction)
+        if not np.isfinite(mu) or mu < 0:
+            raise InputError(f"is {mu}; a friction coefficient is 0 or more", field="friction")
+        object.__setattr__(self, "friction", mu)
+
+    @cached_property
+    def frame(self) -> Array:
+        """(3, 3) orthonormal columns n, t1, t2 in the object frame, right-handed, made from n alone."""
+        n = self.normal
+        e = np.zeros(3)
+        e[np.argmin(np.abs(n))] = 1.0  # the axis least aligned with n keeps the cross product large
+        t1 = cross(n, e)
+        t1 /= np.linalg.norm(t1)
+        return frozen(np.column_stack([n, t1, cross(n, t1)]), (3, 3), "frame")
+
+
+@dataclass(frozen=True, eq=False)
+class GraspJoint:
+    """A joint as the grasp sees it, at the grasp's configuration.
+
+    Attributes:
+        name: unique among the joints.
+        axis: (3,) unit, object frame. A positive motion about (along) it is the closing sense.
+        origin: (3,) [m], a point on the axis, object frame.
+        moves: indices of the contacts whose finger side this joint moves.
+        type: "revolute" or "prismatic".
+    """
+
+    name: str
+    axis: Array
+    origin: Array
+    moves: tuple[int, ...]
+    type: Literal["revolute", "prismatic"] = "revolute"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", unit(self.axis, "axis"))
+        object.__setattr__(self, "origin", frozen(self.origin, (3,), "origin"))
+        object.__setattr__(self, "moves", tuple(int(i) for i in self.moves))
+        if self.type not in ("revolute", "prismatic"):
+            raise InputError(f"is '{self.type}'; 'revolute' or 'prismatic' is needed", field="type")
+
+    def velocity_at(self, point: Array) -> Array:
+        """(3,) velocity of a point of the moved finger per unit joint speed, object frame."""
+        if self.type == "prismatic":
+            return self.axis
+        return cross(self.axis, point - self.origin)
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """Contacts of a hand on an object, the joints behind them and what their actuators command.
+
+    Everything is in the object frame and SI units. Immutable: `with_preload` and `with_friction`
+    return changed copies. Build one from contacts and joints, from a hand (`handfast.geometry.contacts`), or
+    read a `handfast/grasp/1` file (`handfast.load_grasp`).
+
+    Attributes:
+        contacts: at least one.
+        joints: may be empty (a fixture).
+        mechanism: R and A; `Mechanism.direct` unless given.
+        command: (a,) commanded actuator forces f_c; 0 is a locked actuator.
+        name: for reports.
+
+    Raises:
+        InputError: no contacts, `moves` out of range, a joint named twice, names that are not one line of printable
+            characters, a mechanism of the wrong size, more
+            contacts, joints and actuators than can be searched (`LARGEST`).
+    """
+
+    contacts: tuple[Contact, ...]
+    joints: tuple[GraspJoint, ...]
+    mechanism: Mechanism
+    command: Array
+    name: str = "grasp"
+
+    def __init__(
+        self,
+        contacts: Sequence[Contact],
+        joints: Sequence[GraspJoint] = (),
+        mechanism: Mechanism | None = None,
+        preload: Mapping[str, float] | Array | None = None,
+        name: str = "grasp",
+    ) -> None:
+        put = object.__setattr__
+        put(self, "contacts", tuple(contacts))
+        put(self, "joints", tuple(joints))
+        put(self, "name", name)
+        if not self.contacts:
+            raise InputError("is empty; a grasp needs at least one contact", field="contacts")
+        names = [j.name for j in self.joints]
+        for field, text in [("name", name), *((f"joints[{i}].name", n) for i, n in enumerate(names))]:
+            if not text.isprintable():
+                raise InputError(f"is {text!r}; a name is one line of printable characters", field=field)
+        actuators = len(names) if mechanism is None else mechanism.a
+        if 3 * self.m + self.l + 2 * actuators > LARGEST:
+            sizes = f"{self.m} contacts, {self.l} joints and {actuators} actuators"
+            right = f"3 x contacts + joints + 2 x actuators may be {LARGEST} at most"
+            raise InputError(f"has {sizes}, too many to search; {right}", field="grasp")
+        for i, joint in enumerate(self.joints):
+            if names.index(joint.name) != i:
+                raise InputError(f"'{joint.name}' is the name of two joints", field=f"joints[{i}].name")
+            bad = [k for k in joint.moves if not 0 <= k < self.m]
+            if bad:
+                raise InputError(
+                    f"has contact {bad[0]}, out of range: contacts are 0 to {self.m - 1}",
+                    field=f"joints[{i}].moves",
+                )
+        put(self, "mechanism", Mechanism.direct(names) if mechanism is None else mechanism)
+        if self.mechanism.R.shape[1] != self.l:
+            raise InputError(
+                f"has {self.mechanism.R.shape[1]} joint columns, the grasp has {self.l} joints",
+                field="mechanism",
+            )
+        if preload is None or isinstance(preload, Mapping):
+            put(self, "command", self.mechanism.commands(preload))
+        else:
+            put(self, "command", frozen(preload, (self.mechanism.a,), "preload"))
+
+    @property
+    def m(self) -> int:
+        """Number of contacts."""
+        return len(self.contacts)
+
+    @property
+    def l(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @cached_property
+    def mu(self) -> Array:
+        """(m,) friction coefficients."""
+        return frozen([c.friction for c in self.contacts], (self.m,), "friction")
+
+    @cached_property
+    def G(self) -> Array:
+        """(6, 3m) grasp map: contact forces (n, t1, t2 each) to the wrench on the object, equation (1)."""
+        G = np.zeros((6, 3 * self.m))
+        for i, c in enumerate(self.contacts):
+            for k in range(3):
+                G[:3, 3 * i + k] = c.frame[:, k]
+                G[3:, 3 * i + k] = cross(c.position, c.frame[:, k])
+        return frozen(G, G.shape, "G")
+
+    @cached_property
+    def J(self) -> Array:
+        """(3m, l) contact Jacobian: joint motion to finger motion in the contact frames, equation (3)."""
+        J = np.zeros((3 * self.m, self.l))
+        for j, joint in enumerate(self.joints):
+            for i in joint.moves:
+                c = self.contacts[i]
+                J[3 * i : 3 * i + 3, j] = c.frame.T @ joint.velocity_at(c.position)
+        return frozen(J, (3 * self.m, self.l), "J")
+
+    @cached_property
+    def positions(self) -> Array:
+        """(m, 3) [m] of the contacts, object frame."""
+        return frozen([c.position for c in self.contacts], (self.m, 3), "positions")
+
+    @cached_property
+    def spacing(self) -> float:
+        """[m] the least distance of two contacts, of a single one to the origin; 1 where all are one point."""
+        p = self.positions
+        apart = np.linalg.norm(p[:, None] - p[None], axis=2)
+        nearest = apart[apart > 0].min(initial=np.inf)
+        return float(nearest if np.isfinite(nearest) else np.linalg.norm(p[0])) or 1.0
+
+    @cached_property
+    def size(self) -> float:
+        """Characteristic length [m]: the largest distance of a contact from the contacts' centroid."""
+        p = self.positions
+        r = float(np.linalg.norm(p - p.mean(axis=0), axis=1).max())
+        return r if r > 1e-9 else 1.0
+
+    @property
+    def preload(self) -> dict[str, float]:
+        """Commanded actuator forces by name, those that are not locked."""
+        return {n: float(f) for n, f in zip(self.mechanism.actuators, self.command, strict=True) if f != 0}
+
+    def with_preload(self, preload: Mapping[str, float] | Array | None) -> Grasp:
+        """The same grasp with other commanded forces (absent actuators are locked)."""
+        command = (
+            self.mechanism.commands(preload)
+            if preload is None or isinstance(preload, Mapping)
+            else frozen(preload, (self.mechanism.a,), "preload")
+        )
+        out = object.__new__(Grasp)  # nothing else depends on the commands, and all of it has been checked
+        out.__dict__.update(self.__dict__, command=command)
+        return out
+
+    def with_friction(self, mu: float) -> Grasp:
+        """The same grasp with one friction coefficient at every contact."""
+        contacts = [replace(c, friction=mu) for c in self.contacts]
+        return Grasp(contacts, self.joints, self.mechanism, self.command, self.name)
+
+    def __repr__(self) -> str:
+        return f"Grasp({self.name!r}, {self.m} contacts, {self.l} joints, preload={self.preload})"

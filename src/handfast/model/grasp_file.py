@@ -1,0 +1,169 @@
+"""The `handfast/grasp/1` file: a grasp at contact level, for anyone who has no hand model."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from handfast.core import bundled
+from handfast.core.errors import InputError, unknown_name
+from handfast.core.files import Strict, read_json, validate, write_text
+from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
+
+Vector = tuple[float, float, float]
+Many = Field(max_length=LARGEST)  # what is longer is refused before anything is made of it; `Grasp` looks closer
+
+
+class ContactEntry(Strict):
+    position: Vector
+    normal: Vector
+    friction: float
+    link: str = ""
+    depth: float = 0.0
+
+
+class JointEntry(Strict):
+    name: str
+    type: Literal["revolute", "prismatic"] = "revolute"
+    axis: Vector
+    origin: Vector
+    moves: list[int]
+
+
+class ActuatorEntry(Strict):
+    name: str
+    joints: dict[str, float]
+    tendon: bool = False
+
+
+class MechanismEntry(Strict):
+    actuators: Annotated[list[ActuatorEntry], Many]
+    couplings: Annotated[list[dict[str, float]], Many] = Field(default_factory=list)
+
+
+class GraspFile(Strict):
+    """The file as it stands on disk; see the documentation page on file formats."""
+
+    format: Literal["handfast/grasp/1"] = Field(alias="schema")
+    name: str | None = None
+    contacts: Annotated[list[ContactEntry], Many]
+    joints: Annotated[list[JointEntry], Many] = Field(default_factory=list)
+    mechanism: MechanismEntry | None = None
+    preload: dict[str, float] = Field(default_factory=dict)
+
+
+def load_grasp(path: str | Path) -> Grasp:
+    """Read a `handfast/grasp/1` file, or a bundled grasp by name.
+
+    Raises:
+        InputError: one line with file, field, fault and what would be right: missing file, no JSON,
+            unknown or missing field, a normal that is zero or not of unit length, NaN, negative
+            friction, `moves` out of range, an unknown joint or actuator, no contacts, too many of them.
+    """
+    file = bundled.resolve("grasps", str(path))
+    data = read_json(file, "grasp")
+    try:
+        return from_dict(data, name=Path(file).stem)
+    except InputError as error:
+        raise error.at(str(path)) from None
+
+
+def from_dict(data: Any, *, name: str = "grasp") -> Grasp:
+    """The grasp in a parsed `handfast/grasp/1` object; raises `InputError` as `load_grasp` does."""
+    entry = validate(GraspFile, data)
+    contacts = []
+    for i, c in enumerate(entry.contacts):
+        with _within(f"contacts[{i}]"):
+            contacts.append(Contact(np.array(c.position), np.array(c.normal), c.friction, c.link, c.depth))
+    joints = []
+    for j, e in enumerate(entry.joints):
+        with _within(f"joints[{j}]"):
+            joints.append(GraspJoint(e.name, np.array(e.axis), np.array(e.origin), tuple(e.moves), e.type))
+    mechanism = None
+    if entry.mechanism is not None:
+        names = [j.name for j in joints]
+        acts = entry.mechanism.actuators
+        R = [_row(a.joints, names, f"mechanism.actuators[{i}].joints") for i, a in enumerate(acts)]
+        A = [_row(c, names, f"mechanism.couplings[{i}]") for i, c in enumerate(entry.mechanism.couplings)]
+        mechanism = Mechanism(
+            tuple(a.name for a in acts),
+            np.array(R).reshape(len(R), len(names)),
+            np.array(A).reshape(len(A), len(names)),
+            tuple(a.tendon for a in acts),
+        )
+    return Grasp(contacts, joints, mechanism, entry.preload, entry.name or name)
+
+
+def to_dict(grasp: Grasp) -> dict[str, Any]:
+    """The grasp as a `handfast/grasp/1` object; `from_dict` restores it exactly."""
+    names = [j.name for j in grasp.joints]
+    mech = grasp.mechanism
+    data: dict[str, Any] = {
+        "schema": "handfast/grasp/1",
+        "name": grasp.name,
+        "contacts": [
+            {
+                "position": c.position.tolist(),
+                "normal": c.normal.tolist(),
+                "friction": c.friction,
+                "link": c.link,
+                "depth": c.depth,
+            }
+            for c in grasp.contacts
+        ],
+        "joints": [
+            {
+                "name": j.name,
+                "type": j.type,
+                "axis": j.axis.tolist(),
+                "origin": j.origin.tolist(),
+                "moves": list(j.moves),
+            }
+            for j in grasp.joints
+        ],
+        "mechanism": {
+            "actuators": [
+                {"name": n, "joints": _sparse(row, names), "tendon": t}
+                for n, row, t in zip(mech.actuators, mech.R, mech.tendon, strict=True)
+            ],
+            "couplings": [_sparse(row, names) for row in mech.A],
+        },
+        "preload": grasp.preload,
+    }
+    return data
+
+
+def save_grasp(grasp: Grasp, path: str | Path, *, force: bool = False) -> None:
+    """Write a `handfast/grasp/1` file. Raises `InputError` if it exists and `force` is not set."""
+    write_text(path, json.dumps(to_dict(grasp), indent=1) + "\n", force=force)
+
+
+class _within:
+    """Prefix the field of any `InputError` raised inside."""
+
+    def __init__(self, prefix: str) -> None:
+        self.prefix = prefix
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _type: object, error: BaseException | None, _trace: object) -> None:
+        if isinstance(error, InputError):
+            field = ".".join(p for p in (self.prefix, error.field) if p)
+            raise InputError(error.problem, source=error.source, field=field) from None
+
+
+def _row(weights: dict[str, float], names: list[str], field: str) -> list[float]:
+    for name in weights:
+        if name not in names:
+            raise unknown_name("joint", name, names, field=field)
+    return [weights.get(n, 0.0) for n in names]
+
+
+def _sparse(row: Any, names: list[str]) -> dict[str, float]:
+    return {n: float(v) for n, v in zip(names, row, strict=True) if v != 0}

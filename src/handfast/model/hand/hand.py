@@ -1,0 +1,352 @@
+"""Hand: links, joints, limits and mechanism, with forward kinematics in plain numpy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from handfast.core.arrays import Array, frozen
+from handfast.core.errors import InputError, unknown_name
+from handfast.model.mechanism import Mechanism
+from handfast.model.shape import MOST, Shape, rigid
+
+LIMIT_TOLERANCE = 1e-6  # [rad or m] rounding of a limit in a file is not a violation
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One degree of freedom of the link that carries it.
+
+    Attributes:
+        name: unique in the hand.
+        type: "revolute" [rad] or "prismatic" [m].
+        axis: (3,) unit, frame of the link it moves, taken when all of that link's joints are at `ref`.
+        anchor: (3,) [m], a point on the axis, same frame.
+        lower, upper: limits.
+        ref: the value at which the link stands at its `pose` (0 in a URDF).
+    """
+
+    name: str
+    type: Literal["revolute", "prismatic"]
+    axis: Array
+    anchor: Array
+    lower: float
+    upper: float
+    ref: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.type not in ("revolute", "prismatic"):
+            raise InputError(f"is {self.type}; revolute or prismatic is needed", field=self.name)
+        axis = frozen(self.axis, (3,), f"{self.name}.axis")
+        length = math.hypot(*axis)
+        if length < 1e-9:
+            raise InputError("is zero; a direction is needed", field=f"{self.name}.axis")
+        if length > 1e9:
+            raise InputError(f"has length {length:.3g}; a direction is needed", field=f"{self.name}.axis")
+        object.__setattr__(self, "axis", frozen(axis / length, (3,), f"{self.name}.axis"))
+        object.__setattr__(self, "anchor", frozen(self.anchor, (3,), f"{self.name}.anchor"))
+        if np.abs(self.anchor).max() > MOST:
+            raise InputError(f"is more than {MOST:g} m away", field=f"{self.name}.anchor")
+        if not all(abs(x) <= MOST for x in (self.lower, self.upper, self.ref)):
+            numbers = f"are {self.lower:g} and {self.upper:g}, its reference {self.ref:g}"
+            raise InputError(f"{numbers}; at most {MOST:g} is possible", field=f"{self.name} limits")
+        if not self.lower <= self.upper:
+            limits = f"[{self.lower:g}, {self.upper:g}]"
+            raise InputError(f"are {limits}; the lower one comes first", field=f"{self.name} limits")
+
+    @cached_property
+    def screw(self) -> Array:
+        """(3, 4, 4) factors of the motion: of the travel, of the turn's sine, of 1 - its cosine (Rodrigues)."""
+        out = np.zeros((3, 4, 4))
+        if self.type == "prismatic":
+            out[0, :3, 3] = self.axis
+            return out
+        x, y, z = self.axis
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        for factor, turn in zip(out[1:], (cross, cross @ cross), strict=True):
+            factor[:3, :3], factor[:3, 3] = turn, -turn @ self.anchor
+        return out
+
+    def motion(self, value: float) -> Array:
+        """(4, 4) how far a joint value moves the link from where it stands at `ref`, link frame."""
+        x = value - self.ref
+        return np.eye(4) + np.tensordot([x, np.sin(x), 1 - np.cos(x)], self.screw, axes=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid part of the hand.
+
+    Attributes:
+        name: unique in the hand.
+        parent: index of the parent link, -1 for the base; a parent comes before its children.
+        pose: (4, 4) in the parent link's frame, with the link's joints at their `ref`.
+        joints: indices into `Hand.joints` of the joints between the parent and this link, in order;
+            () for a fixed link.
+        shapes: convex collision shapes in the link frame; () if the file gives none.
+    """
+
+    name: str
+    parent: int
+    pose: Array
+    joints: tuple[int, ...] = ()
+    shapes: tuple[Shape, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose", rigid(self.pose, f"{self.name}.pose"))
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint tied to another: q[joint] = ratio * q[leader] + offset; leader -1 ties it to `offset` alone."""
+
+    joint: int
+    leader: int
+    ratio: float
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Hand:
+    """A robot hand: a tree of links. Frame: the base link's, unless a method says otherwise. SI, radians.
+
+    Attributes:
+        name: of the hand.
+        links: base first, parents before children.
+        joints: length l, the order of every configuration q.
+        mechanism: R (a, l) and A (k, l); the rows of A are the `couplings`, in order.
+        couplings: the same with their offsets, so that a configuration can be completed.
+        closing: (l,) of -1, 0, +1, the sense in which each joint closes the hand. The loaders guess it
+            from the limits (see `guess_closing`), a heuristic; `with_closing` overrides it.
+        breakaway: a coupled joint goes on alone when its leader is stopped by a contact further in on
+            the same finger, like the Barrett hand's clutch; False for a rigid linkage.
+        source: the file it was read from.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    mechanism: Mechanism
+    couplings: tuple[Coupling, ...]
+    closing: Array
+    breakaway: bool = True
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for kind, names in (("link", self.link_names), ("joint", self.joint_names)):
+            twice = sorted({n for n in names if names.count(n) > 1})
+            if twice:
+                raise InputError(f"{kind} '{twice[0]}' is defined twice", source=self.source or None)
+        self._refuse_circles()
+        object.__setattr__(self, "closing", frozen(np.sign(self.closing), (self.l,), "closing"))
+        if self.mechanism.R.shape[1] != self.l:
+            columns = self.mechanism.R.shape[1]
+            raise InputError(f"has {columns} columns for {self.l} joints", field="mechanism")
+
+    def _refuse_circles(self) -> None:
+        """Couplings that are no numbers, tie a joint twice, or lead from a joint back to itself."""
+        leader: dict[int, int] = {}
+        for c in self.couplings:
+            name = self.joint_names[c.joint]
+            if not all(abs(x) <= MOST for x in (c.ratio, c.offset)):
+                numbers = f"ratio {c.ratio:g} and offset {c.offset:g}"
+                raise InputError(f"has {numbers}; at most {MOST:g} is possible", field=name)
+            if c.joint in leader:
+                raise InputError("is tied to two joints at once; one leader is needed", field=name)
+            leader[c.joint] = c.leader
+        for start in leader:
+            j = start
+            for _ in leader:
+                j = leader.get(j, -1)
+            if j in leader:
+                problem = "follows itself, directly or through others; a joint that leads is needed"
+                raise InputError(problem, field=self.joint_names[start])
+
+    @property
+    def l(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @cached_property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of the links, base first."""
+        return tuple(link.name for link in self.links)
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints in the order of q."""
+        return tuple(joint.name for joint in self.joints)
+
+    @cached_property
+    def closing_actuators(self) -> tuple[str, ...]:
+        """Names of the actuators that drive a joint which closes: those that squeeze, without spreads."""
+        squeezes = (self.mechanism.R != 0) @ (self.closing != 0)
+        return tuple(n for n, yes in zip(self.mechanism.actuators, squeezes, strict=True) if yes)
+
+    @cached_property
+    def limits(self) -> Array:
+        """(l, 2) lower and upper joint limits."""
+        return frozen([[j.lower, j.upper] for j in self.joints], (self.l, 2), "limits")
+
+    def link(self, name: str) -> int:
+        """Index of a link; `InputError` listing the known ones if there is none."""
+        if name not in self.link_names:
+            raise unknown_name("link", name, self.link_names)
+        return self.link_names.index(name)
+
+    def joint(self, name: str, *, field: str | None = None) -> int:
+        """Index of a joint; `InputError` listing the known ones if there is none."""
+        if name not in self.joint_names:
+            raise unknown_name("joint", name, self.joint_names, field=field)
+        return self.joint_names.index(name)
+
+    def with_closing(self, closing: Mapping[str, int]) -> Hand:
+        """The same hand with the closing sense of the named joints set to -1, 0 or +1.
+
+        A coupled joint follows its leader unless it is named too.
+        """
+        signs = self.closing.copy()
+        for name, sign in closing.items():
+            if sign not in (-1, 0, 1):
+                raise InputError(f"is {sign}; -1, 0 or 1 is needed", field=f"closing.{name}")
+            signs[self.joint(name, field="closing")] = sign
+        for c in self.couplings:
+            if self.joints[c.joint].name not in closing:
+                signs[c.joint] = np.sign(c.ratio) * signs[c.leader] if c.leader >= 0 else 0
+        return replace(self, closing=signs)
+
+    def configuration(self, values: Mapping[str, float] | None = None) -> Array:
+        """(l,) full configuration from some joint values by name [rad, m].
+
+        A missing coupled joint follows its leader (or the leader it); any other missing joint is 0,
+        clipped to its limits. A joint given explicitly keeps its value even against a coupling, because
+        a clutch may have opened.
+
+        Raises:
+            InputError: unknown joint (the known ones are listed), a value that is not finite, given or
+                coupled outside the limits by more than 1e-6.
+        """
+        q = np.full(self.l, np.nan)
+        for name, value in (values or {}).items():
+            j = self.joint(name)
+            if not np.isfinite(value):
+                raise InputError(f"is {value}; a finite number is needed", field=name)
+            q[j] = value
+        self._follow(q)
+        for j in range(self.l):
+            leads = any(c.leader == j for c in self.couplings)
+            if np.isnan(q[j]) and (leads or not any(c.joint == j for c in self.couplings)):
+                q[j] = np.clip(0.0, self.joints[j].lower, self.joints[j].upper)
+                self._follow(q)
+        for joint, value in zip(self.joints, q, strict=True):
+            if not joint.lower - LIMIT_TOLERANCE <= value <= joint.upper + LIMIT_TOLERANCE:
+                how = "" if joint.name in (values or {}) else " through its coupling"
+                raise InputError(
+                    f"is {value:g}{how}; the limits are [{joint.lower:g}, {joint.upper:g}]", field=joint.name
+                )
+        return q
+
+    def _follow(self, q: Array) -> None:
+        """Fill in the NaN of q that a coupling to a known joint determines, until nothing changes."""
+        for _ in range(len(self.couplings)):
+            for c in self.couplings:
+                if np.isnan(q[c.joint]) and c.leader < 0:
+                    q[c.joint] = c.offset
+                elif np.isnan(q[c.joint]):
+                    q[c.joint] = c.ratio * q[c.leader] + c.offset
+                elif c.leader >= 0 and np.isnan(q[c.leader]) and c.ratio:
+                    q[c.leader] = (q[c.joint] - c.offset) / c.ratio
+
+    def values(self, q: Array) -> dict[str, float]:
+        """A configuration by joint name."""
+        return {name: float(value) for name, value in zip(self.joint_names, q, strict=True)}
+
+    @cached_property
+    def _screws(self) -> tuple[Array, Array]:
+        """`ref` (l,) and `screw` (3, l, 1, 4, 4) of all joints."""
+        screws = np.array([j.screw for j in self.joints]).reshape(-1, 3, 1, 4, 4).swapaxes(0, 1)
+        return np.array([j.ref for j in self.joints]), np.ascontiguousarray(screws)
+
+    def motions(self, q: Array) -> Array:
+        """(l, ..., 4, 4) `Joint.motion` of every joint at q (..., l)."""
+        ref, (travel, turn, twice) = self._screws
+        x = (q - ref).reshape(math.prod(q.shape[:-1]), self.l).T[:, :, None, None]
+        T = np.eye(4) + x * travel + np.sin(x) * turn + (1 - np.cos(x)) * twice
+        return np.asarray(T.reshape(self.l, *q.shape[:-1], 4, 4))
+
+    def link_poses(self, q: Array) -> Array:
+        """(n_links, ..., 4, 4) link frames in the base frame at q (..., l)."""
+        motions = self.motions(q)
+        poses = np.empty((len(self.links), *q.shape[:-1], 4, 4))
+        for i, link in enumerate(self.links):
+            T = poses[link.parent] @ link.pose if link.parent >= 0 else np.eye(4)
+            for j in link.joints:
+                T = T @ motions[j]
+            poses[i] = T
+        return poses
+
+    def joint_axes(self, q: Array) -> tuple[Array, Array]:
+        """Unit axes (l, 3) and points on them (l, 3) [m] in the base frame at q (l,)."""
+        axes, origins = np.zeros((self.l, 3)), np.zeros((self.l, 3))
+        poses, motions = np.empty((len(self.links), 4, 4)), self.motions(q)
+        for i, link in enumerate(self.links):
+            T = poses[link.parent] @ link.pose if link.parent >= 0 else np.eye(4)
+            for j in link.joints:
+                axes[j] = T[:3, :3] @ self.joints[j].axis
+                origins[j] = T[:3, :3] @ self.joints[j].anchor + T[:3, 3]
+                T = T @ motions[j]
+            poses[i] = T
+        return axes, origins
+
+    def moved_by(self, link: int) -> tuple[int, ...]:
+        """Indices of the joints between the base and a link, base first: those that move it."""
+        chain: list[int] = []
+        while link >= 0:
+            chain[:0] = self.links[link].joints
+            link = self.links[link].parent
+        return tuple(chain)
+
+    def jacobian(self, link: int, point: Array, q: Array) -> Array:
+        """(3, l) velocity of a point (3,) [m], base frame, fixed to a link, per unit joint speed."""
+        axes, origins = self.joint_axes(q)
+        J = np.zeros((3, self.l))
+        for j in self.moved_by(link):
+            straight = self.joints[j].type == "prismatic"
+            J[:, j] = axes[j] if straight else np.cross(axes[j], point - origins[j])
+        return J
+
+    def __repr__(self) -> str:
+        return f"Hand({self.name!r}, {len(self.links)} links, {self.l} joints, {self.mechanism.a} actuators)"
+
+
+def guess_closing(joints: tuple[Joint, ...], couplings: tuple[Coupling, ...]) -> Array:
+    """(l,) closing senses guessed from the limits alone: a heuristic, to be overridden where it is wrong.
+
+    A joint that can go at least twice as far one way as the other closes that way; any other joint is
+    taken for a spread or an abduction, which does not close (0). A spread with a one-sided range is
+    guessed wrong: say so with `Hand.with_closing`. Coupled joints follow their leaders.
+    """
+    closing = np.zeros(len(joints))
+    for j, joint in enumerate(joints):
+        if abs(joint.upper) >= 2 * abs(joint.lower) and joint.upper > 0:
+            closing[j] = 1
+        elif abs(joint.lower) >= 2 * abs(joint.upper) and joint.lower < 0:
+            closing[j] = -1
+    for c in couplings:
+        closing[c.joint] = np.sign(c.ratio) * closing[c.leader] if c.leader >= 0 else 0
+    return closing
+
+
+def coupling_rows(couplings: tuple[Coupling, ...], joints: int) -> Array:
+    """(k, l) rows of A for l joints: q[joint] - ratio * q[leader] is constant."""
+    A = np.zeros((len(couplings), joints))
+    for row, c in zip(A, couplings, strict=True):
+        row[c.joint] = 1.0
+        if c.leader >= 0:
+            row[c.leader] = -c.ratio
+    return A

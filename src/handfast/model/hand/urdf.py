@@ -1,0 +1,201 @@
+"""URDF in, Hand out: links, fixed links, mimic joints, primitive and mesh collision shapes."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
+from handfast.model.mechanism import Mechanism
+from handfast.model.shape import Shape, read_mesh, transform
+
+TURN = 2 * np.pi  # limits of a continuous joint: a finger joint never needs more
+
+
+def read_urdf(root: Element, path: Path) -> Hand:
+    """A hand from a parsed URDF file.
+
+    Fixed joints make links without joints, so the palm and every frame keep their names; the order of
+    links and joints is depth first, as in the file. `mimic` becomes a coupling; every other joint is its
+    own actuator. Collision elements become shapes; a mesh is taken as its convex hull.
+
+    Raises:
+        InputError: no single root link, unknown joint type, missing limits, missing mesh file, bad numbers.
+    """
+    elements = {_attribute(e, "name", "link"): e for e in root.findall("link")}
+    joints_xml = root.findall("joint")
+    children: dict[str, list[Element]] = {name: [] for name in elements}
+    orphans = dict.fromkeys(elements)
+    for e in joints_xml:
+        name = _attribute(e, "name", "joint")
+        for end in ("parent", "child"):
+            found = e.find(end)
+            link = "" if found is None else found.get("link", "")
+            if link not in elements:
+                raise InputError(f"has {end} link '{link}', which is not defined", field=f"joint {name}")
+        children[e.find("parent").get("link")].append(e)  # type: ignore[union-attr, index]
+        if orphans.pop(e.find("child").get("link"), 0) == 0:  # type: ignore[union-attr, arg-type]
+            raise InputError("leads to a link that has a parent already", field=f"joint {name}")
+    if len(orphans) != 1:
+        raise InputError(f"has {len(orphans)} links without a parent; exactly one base link is needed")
+
+    links: list[Link] = []
+    joints: list[Joint] = []
+    order: dict[str, int] = {}
+    todo: list[tuple[str, int, Element | None]] = [(next(iter(orphans)), -1, None)]
+    while todo:
+        name, parent, above = todo.pop()
+        own: tuple[int, ...] = ()
+        pose = np.eye(4) if above is None else _origin(above, f"joint {above.get('name')}")
+        if above is not None and above.get("type") != "fixed":
+            own = (len(joints),)
+            order[above.get("name", "")] = len(joints)
+            joints.append(_joint(above))
+        shapes = tuple(_shape(c, name, i, path) for i, c in enumerate(elements[name].findall("collision")))
+        links.append(Link(name, parent, pose, own, shapes))
+        for child in reversed(children[name]):
+            todo.append((child.find("child").get("link", ""), len(links) - 1, child))  # type: ignore[union-attr]
+    if len(links) != len(elements):
+        raise InputError("has a loop of links; a tree is needed")
+
+    couplings = tuple(c for e in joints_xml if (c := _mimic(e, order)) is not None)
+    tied = {c.joint for c in couplings}
+    driven = [j for j in range(len(joints)) if j not in tied]
+    mechanism = Mechanism(
+        tuple(joints[j].name for j in driven),
+        np.eye(len(joints))[driven],
+        coupling_rows(couplings, len(joints)),
+        (False,) * len(driven),
+    )
+    closing = guess_closing(tuple(joints), couplings)
+    name = root.get("name", path.stem)
+    return Hand(name, tuple(links), tuple(joints), mechanism, couplings, closing, source=str(path))
+
+
+def _joint(e: Element) -> Joint:
+    name, kind = e.get("name", ""), e.get("type", "")
+    if kind not in ("revolute", "continuous", "prismatic"):
+        raise InputError(
+            f"has type '{kind}'; revolute, continuous, prismatic and fixed joints are understood",
+            field=f"joint {name}",
+        )
+    axis = e.find("axis")
+    direction = [1.0, 0.0, 0.0] if axis is None else _numbers(axis, "xyz", 3, f"joint {name}")
+    if kind == "continuous":
+        return Joint(name, "revolute", np.array(direction), np.zeros(3), -TURN, TURN)
+    limit = e.find("limit")
+    if limit is None:
+        raise InputError("has no <limit>; lower and upper are needed", field=f"joint {name}")
+    lower, upper = (_numbers(limit, key, 1, f"joint {name}", "0")[0] for key in ("lower", "upper"))
+    moves: Literal["revolute", "prismatic"] = "prismatic" if kind == "prismatic" else "revolute"
+    return Joint(name, moves, np.array(direction), np.zeros(3), lower, upper)
+
+
+def _mimic(e: Element, order: dict[str, int]) -> Coupling | None:
+    mimic, name = e.find("mimic"), e.get("name", "")
+    if mimic is None or name not in order:
+        return None
+    leader = mimic.get("joint", "")
+    if leader not in order:
+        raise InputError(f"mimics joint '{leader}', which is not a moving joint", field=f"joint {name}")
+    ratio = _numbers(mimic, "multiplier", 1, f"joint {name}", "1")[0]
+    offset = _numbers(mimic, "offset", 1, f"joint {name}", "0")[0]
+    return Coupling(order[name], order[leader], ratio, offset)
+
+
+def _shape(e: Element, link: str, number: int, path: Path) -> Shape:
+    where = f"link {link}"
+    pose, geometry = _origin(e, where), e.find("geometry")
+    name = e.get("name") or f"{link}/{number}"
+    for g in () if geometry is None else geometry:
+        match g.tag:
+            case "box":
+                return Shape("box", _numbers(g, "size", 3, where), pose, name=name)
+            case "sphere":
+                return Shape("sphere", _numbers(g, "radius", 1, where), pose, name=name)
+            case "cylinder" | "capsule":
+                size = [_numbers(g, key, 1, where)[0] for key in ("radius", "length")]
+                return Shape(g.tag, size, pose, name=name)
+            case "mesh":
+                scale = np.array(_numbers(g, "scale", 3, where, "1 1 1"))
+                file = find_mesh(g.get("filename", ""), path, where)
+                points = np.vstack([v for v, _ in read_mesh(file)])
+                return Shape.hull(points * scale, pose, name)
+    raise InputError("has a collision without box, sphere, cylinder, capsule or mesh", field=where)
+
+
+def find_mesh(filename: str, path: Path, where: str) -> Path:
+    """The file that a URDF at `path` means by `filename`.
+
+    `package://name/rest` is looked for upwards from the URDF, both as a directory called `name` that
+    holds it and beside one; other names are relative to the URDF's directory.
+
+    Raises:
+        InputError: nothing there, naming the file and the link (`where`).
+    """
+    folder = path.resolve().parent
+    candidates = []
+    if filename.startswith("package://"):
+        package, _, rest = filename.removeprefix("package://").partition("/")
+        for up in (folder, *folder.parents):
+            if up.name == package:
+                candidates.append(up / rest)
+            candidates.append(up / package / rest)
+    else:
+        candidates.append(folder / filename.removeprefix("file://"))
+    for candidate in candidates:
+        if os.path.isfile(candidate):  # False, too, for what can be no name
+            return candidate
+    upwards = "searched upwards from" if filename.startswith("package://") else "searched in"
+    raise InputError(f"its mesh file '{filename}' was not found ({upwards} {folder})", field=where)
+
+
+def _origin(e: Element, where: str) -> Array:
+    o = e.find("origin")
+    if o is None:
+        return np.eye(4)
+    r, p, y = _numbers(o, "rpy", 3, where, "0 0 0")
+    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (r, p, y))
+    Rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    Ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    Rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return transform(_numbers(o, "xyz", 3, where, "0 0 0"), Rz @ Ry @ Rx)
+
+
+def _numbers(e: Element, key: str, n: int, where: str, default: str | None = None) -> list[float]:
+    text = e.get(key, default)
+    if text is None:
+        raise InputError(f"<{e.tag}> has no {key}", field=where)
+    try:
+        values = [float(t) for t in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != n or not np.isfinite(values).all():
+        raise InputError(f"<{e.tag}> {key} is '{text}'; {n} finite numbers are needed", field=where)
+    return values
+
+
+def _attribute(e: Element, key: str, where: str) -> str:
+    value = e.get(key)
+    if not value:
+        raise InputError(f"a <{where}> has no {key}")
+    return value
+
+
+def parse_xml(path: Path) -> Element:
+    """The root element of an XML file; `InputError` if it does not exist or is not XML."""
+    try:
+        return ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as fault:
+        raise InputError(f"is not XML ({fault}); a URDF or MJCF file is needed", source=str(path)) from None
+    except (LookupError, ValueError) as fault:  # an encoding that it declares
+        raise InputError(f"has an encoding that cannot be read ({fault}); UTF-8 is right", source=str(path)) from None
+    except OSError as fault:
+        raise InputError(f"cannot be read ({fault.strerror})", source=str(path)) from None

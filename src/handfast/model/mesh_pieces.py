@@ -1,0 +1,89 @@
+"""Convex pieces of a mesh file: its parts as they are where they are convex, decomposed where they are not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.model.decompose import decompose
+from handfast.model.shape import Faces, Shape, read_mesh, refuse_far, rigid, volume_and_centroid
+
+CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
+
+
+def mesh_pieces(path: Path, scale: float = 1.0, pose: object = None) -> list[Shape]:
+    """Convex pieces of a mesh file, scaled to metres and placed at `pose` (4, 4)."""
+    if not (np.isfinite(scale) and scale > 0):
+        raise InputError(f"is {scale}; metres per unit of the mesh are needed, more than 0", field="scale")
+    pose = rigid(np.eye(4) if pose is None else pose)
+    groups = [(v * scale, f) for v, f in read_mesh(path)]
+    for vertices, _ in groups:
+        refuse_far(vertices, path.name)
+    if len(groups) > 1 and not all(closed(f) for _, f in groups):
+        groups = [_merged(groups)]  # groups that only colour one solid
+    parts = [part for group in groups for part in components(*group)]
+    if _hollow(parts):
+        parts = [_merged(groups)]
+    hulls = [points for v, f in parts for points in ([v] if is_convex(v, f) else decompose(v, f))]
+    return [Shape.hull(points, pose, f"{path.stem}/{i}") for i, points in enumerate(hulls)]
+
+
+def _hollow(parts: list[tuple[Array, Faces]]) -> bool:
+    """Whether one part is the inner surface of another: inside it, and wound the other way."""
+    outer = max(parts, key=lambda part: abs(volume_and_centroid(*part)[0]))
+    size, hull = volume_and_centroid(*outer)[0], None
+    for v, f in parts:
+        if closed(f) and volume_and_centroid(v, f)[0] * size < 0:
+            hull = hull or Shape.hull(outer[0])
+            if (hull.depth(v) > 0).all():
+                return True
+    return False
+
+
+def closed(faces: Faces) -> bool:
+    """Whether every edge belongs to two triangles."""
+    edges = np.sort(np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+
+
+def components(vertices: Array, faces: Faces) -> list[tuple[Array, Faces]]:
+    """The connected parts of a triangle mesh, in the order of their first triangles."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(vertices)
+    i, j = np.concatenate([faces[:, 0], faces[:, 1]]), np.concatenate([faces[:, 1], faces[:, 2]])
+    label = connected_components(coo_array((np.ones(len(i)), (i, j)), (n, n)), directed=False)[1]
+    of_face = label[faces[:, 0]]
+    _, first = np.unique(of_face, return_index=True)
+    parts = []
+    for name in of_face[np.sort(first)]:
+        used, compact = np.unique(faces[of_face == name], return_inverse=True)
+        parts.append((vertices[used], compact.reshape(-1, 3)))
+    return parts
+
+
+def is_convex(vertices: Array, faces: Faces) -> bool:
+    """Whether a mesh is its own convex hull: to 2 % of its volume, or of its size if it is open."""
+    hull = Shape.hull(vertices)
+    if closed(faces):
+        return abs(volume_and_centroid(vertices, faces)[0]) >= (1 - CONVEX) * hull.volume
+    points = np.vstack([vertices, vertices[faces].mean(axis=1)])
+    return bool(hull.depth(points).max() <= CONVEX * np.ptp(vertices, axis=0).max())
+
+
+def joined(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:
+    """Several triangle meshes as one."""
+    starts = np.cumsum([0] + [len(v) for v, _ in meshes])
+    vertices = np.vstack([v for v, _ in meshes])
+    return vertices, np.vstack([f + start for (_, f), start in zip(meshes, starts, strict=False)])
+
+
+def _merged(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:
+    """Several triangle meshes as one, with the vertices that they share merged."""
+    vertices, faces = joined(meshes)
+    unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
+    return unique, inverse.reshape(-1)[faces]

@@ -1,0 +1,325 @@
+"""Shape: the convex solids that hand links and objects are made of."""
+
+from __future__ import annotations
+
+import logging
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from handfast.core.arrays import Array, frozen
+from handfast.core.errors import InputError
+
+Kind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
+Faces = NDArray[np.int64]
+
+SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
+MESH_FILES = (".obj", ".stl", ".ply", ".off")
+RIM = 16  # points that stand for the rim of a cylinder
+LEAST, MOST = 1e-9, 1e6  # [m] a solid smaller than this or reaching further is in another unit; its volume is a number
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A convex solid with its own frame, placed in the frame of the link or object that carries it.
+
+    Attributes:
+        kind: box, sphere, capsule, cylinder, ellipsoid or mesh.
+        size: [m] box: the three full edges; sphere: radius; capsule and cylinder: radius and length
+            (a capsule's without its caps) along the shape's z; ellipsoid: three semi-axes; mesh: ().
+        pose: (4, 4) shape frame in the carrier's frame, a rigid motion.
+        vertices: (n, 3) [m] of a mesh, shape frame; (0, 3) for the other kinds.
+        faces: (k, 3) triangles of a mesh, wound outwards.
+        name: for reports.
+
+    Raises:
+        InputError: wrong number of sizes, a size that is not positive, a pose that is not rigid, lengths that are
+            not within `LEAST` and `MOST`.
+    """
+
+    kind: Kind
+    size: tuple[float, ...]
+    pose: Array
+    vertices: Array
+    faces: Faces
+    name: str = ""
+
+    def __init__(
+        self,
+        kind: Kind,
+        size: object = (),
+        pose: object = None,
+        vertices: object = (),
+        faces: object = (),
+        name: str = "",
+    ) -> None:
+        put = object.__setattr__
+        if kind not in SIZES:
+            raise InputError(f"is '{kind}'; known: {', '.join(SIZES)}", field="shape.kind")
+        numbers = np.atleast_1d(np.asarray(size, dtype=float)).ravel()
+        if len(numbers) != SIZES[kind]:
+            raise InputError(f"has {len(numbers)} numbers, not {SIZES[kind]}", field=f"{kind}.size")
+        if not (np.isfinite(numbers).all() and (numbers > 0).all()):
+            raise InputError(f"is {numbers.tolist()}; sizes are positive and finite", field=f"{kind}.size")
+        if len(numbers) and not (numbers.min() >= LEAST and numbers.max() <= MOST):
+            problem = f"is {numbers.tolist()}; sizes are {LEAST:g} to {MOST:g} m"
+            raise InputError(problem, field=f"{kind}.size")
+        put(self, "kind", kind)
+        put(self, "size", tuple(float(s) for s in numbers))
+        put(self, "pose", rigid(np.eye(4) if pose is None else pose, f"{kind}.pose"))
+        n = len(vertices) if kind == "mesh" else 0  # type: ignore[arg-type]
+        put(self, "vertices", frozen(vertices if n else np.zeros((0, 3)), (n, 3), "mesh.vertices"))
+        refuse_far(self.vertices, "mesh")
+        triangles = np.array(faces if n else np.zeros((0, 3)), dtype=np.int64).reshape(-1, 3)
+        triangles.flags.writeable = False
+        put(self, "faces", triangles)
+        put(self, "name", name)
+
+    @classmethod
+    def hull(cls, points: object, pose: object = None, name: str = "") -> Shape:
+        """The convex hull of (n, 3) points [m] as a mesh shape.
+
+        Raises:
+            InputError: fewer than four points, not finite, or all in one plane.
+        """
+        from scipy.spatial import ConvexHull, QhullError
+
+        p = np.asarray(points, dtype=float).reshape(-1, 3)
+        refuse_far(p, name or "mesh")
+        p = np.unique(p, axis=0)
+        try:
+            found = ConvexHull(p)
+        except (QhullError, ValueError):
+            raise InputError("is flat; a solid is needed", field=name or "mesh") from None
+        index = np.full(len(p), -1)
+        index[found.vertices] = np.arange(len(found.vertices))
+        corners = p[found.simplices]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        inward = np.einsum("ij,ij->i", normal, found.equations[:, :3]) < 0
+        triangles = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
+        return cls("mesh", (), pose, p[found.vertices], index[triangles], name)
+
+    def placed(self, pose: object, name: str | None = None) -> Shape:
+        """The same solid carried by a frame in which its carrier now stands at `pose` (4, 4)."""
+        label = self.name if name is None else name
+        return Shape(self.kind, self.size, np.asarray(pose) @ self.pose, self.vertices, self.faces, label)
+
+    @cached_property
+    def planes(self) -> Array:
+        """(k, 4) outward face planes (n, d) of a box or mesh, n.x + d <= 0 inside, shape frame."""
+        if self.kind == "box":
+            axes = np.vstack([np.eye(3), -np.eye(3)])
+            return np.column_stack([axes, -np.tile(np.array(self.size) / 2, 2)])
+        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
+        n = np.cross(b - a, c - a)
+        length = np.linalg.norm(n, axis=1)
+        keep = length > 1e-14  # a sliver has no direction of its own
+        n = n[keep] / length[keep, None]
+        return np.column_stack([n, -np.einsum("ij,ij->i", n, a[keep])])
+
+    @cached_property
+    def corners(self) -> Array:
+        """(n, 3) vertices of a box or mesh, shape frame."""
+        if self.kind == "box":
+            signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+            return signs * np.array(self.size) / 2
+        return self.vertices
+
+    @cached_property
+    def volume(self) -> float:
+        """[m^3]."""
+        s = self.size
+        match self.kind:
+            case "box":
+                return s[0] * s[1] * s[2]
+            case "sphere":
+                return 4 / 3 * np.pi * s[0] ** 3
+            case "capsule":
+                return np.pi * s[0] ** 2 * s[1] + 4 / 3 * np.pi * s[0] ** 3
+            case "cylinder":
+                return np.pi * s[0] ** 2 * s[1]
+            case "ellipsoid":
+                return 4 / 3 * np.pi * s[0] * s[1] * s[2]
+        return volume_and_centroid(self.vertices, self.faces)[0]
+
+    @cached_property
+    def centroid(self) -> Array:
+        """(3,) [m] centre of volume in the carrier's frame."""
+        local = volume_and_centroid(self.vertices, self.faces)[1] if self.kind == "mesh" else np.zeros(3)
+        return self.pose[:3, :3] @ local + self.pose[:3, 3]
+
+    def depth(self, points: Array) -> Array:
+        """(n,) how far (n, 3) points, in the carrier's frame, lie below the surface; negative outside.
+
+        Exact inside a box, mesh, sphere, capsule or cylinder; for an ellipsoid a lower bound there.
+        Outside only the sign is meant.
+        """
+        p = (np.atleast_2d(points) - self.pose[:3, 3]) @ self.pose[:3, :3]
+        s = self.size
+        match self.kind:
+            case "sphere":
+                return s[0] - np.linalg.norm(p, axis=1)
+            case "capsule":
+                along = np.clip(p[:, 2], -s[1] / 2, s[1] / 2)
+                return s[0] - np.linalg.norm(p - np.outer(along, [0, 0, 1]), axis=1)
+            case "cylinder":
+                return np.minimum(s[0] - np.linalg.norm(p[:, :2], axis=1), s[1] / 2 - np.abs(p[:, 2]))
+            case "ellipsoid":
+                return (1 - np.linalg.norm(p / s, axis=1)) * min(s)
+        return -(p @ self.planes[:, :3].T + self.planes[:, 3]).max(axis=1)
+
+    def feature(self, direction: Array, tolerance: float) -> Array:
+        """(k, 3) points spanning what lies furthest along a unit `direction`, to within `tolerance` [m].
+
+        A vertex, an edge or a face: one point, two, or several. Everything in the carrier's frame.
+        """
+        R, n = self.pose[:3, :3], self.pose[:3, :3].T @ direction
+        s = self.size
+        match self.kind:
+            case "sphere":
+                points = n[None] * s[0]
+            case "ellipsoid":
+                points = (np.array(s) ** 2 * n / np.linalg.norm(np.array(s) * n))[None]
+            case "capsule":
+                points = np.array([[0, 0, s[1] / 2], [0, 0, -s[1] / 2]]) + n * s[0]
+            case "cylinder":
+                start = np.arctan2(n[1], n[0])  # so that the exact side line is among the points
+                around = start + np.arange(RIM) * 2 * np.pi / RIM
+                ring = np.column_stack([s[0] * np.cos(around), s[0] * np.sin(around)])
+                points = np.vstack([np.column_stack([ring, np.full(RIM, z)]) for z in (-s[1] / 2, s[1] / 2)])
+            case _:
+                points = self.corners
+        height = points @ n
+        return points[height >= height.max() - tolerance] @ R.T + self.pose[:3, 3]
+
+    def triangles(self) -> tuple[Array, Faces]:
+        """Vertices (n, 3) [m] in the carrier's frame and faces (k, 3), for drawing; curves are faceted."""
+        if self.kind in ("box", "mesh"):
+            local = Shape.hull(self.corners) if self.kind == "box" else self
+            return local.vertices @ self.pose[:3, :3].T + self.pose[:3, 3], local.faces
+        around, up = np.linspace(0, 2 * np.pi, 24, endpoint=False), np.linspace(-np.pi / 2, np.pi / 2, 13)
+        u, v = (a.ravel() for a in np.meshgrid(around, up))
+        ball = np.column_stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)])
+        ends = np.array([[[0, 0, -0.5]], [[0, 0, 0.5]]])
+        s = self.size
+        match self.kind:
+            case "sphere":
+                points = ball * s[0]
+            case "ellipsoid":
+                points = ball * np.array(s)
+            case "capsule":
+                points = (ball * s[0] + ends * s[1]).reshape(-1, 3)
+            case _:
+                rim = ball[np.abs(ball[:, 2]) < 1e-9] * s[0]
+                points = (rim + ends * s[1]).reshape(-1, 3)
+        local = Shape.hull(points.round(12))
+        return local.vertices @ self.pose[:3, :3].T + self.pose[:3, 3], local.faces
+
+
+def refuse_far(points: Array, field: str) -> None:
+    """`InputError` unless points (n, 3) [m] are finite, within `MOST`, and further apart than `LEAST`."""
+    if not np.isfinite(points).all():
+        raise InputError("has a vertex that is NaN or infinite", field=field)
+    if len(points) and np.abs(points).max() > MOST:
+        raise InputError(f"has a vertex at {np.abs(points).max():.3g} m; at most {MOST:g} m is possible", field=field)
+    if len(points) and np.ptp(points, axis=0).max() < LEAST:
+        raise InputError(f"is smaller than {LEAST:g} m; is its scale right?", field=field)
+
+
+def rigid(pose: object, field: str = "pose") -> Array:
+    """`pose` as a read-only (4, 4) rigid motion; `InputError` unless it is one within 1e-6, at most `MOST` away."""
+    T = frozen(pose, (4, 4), field)
+    R = np.clip(T[:3, :3], -2, 2)  # no product overflows, and what is clipped turns nothing
+    turns = np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0
+    if not turns or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
+        raise InputError("is not a rigid motion; a rotation and a translation are needed", field=field)
+    if np.abs(T[:3, 3]).max() > MOST:
+        raise InputError(f"is more than {MOST:g} m away", field=field)
+    return T
+
+
+def transform(position: ArrayLike, rotation: ArrayLike | None = None) -> Array:
+    """(4, 4) from a position (3,) [m] and a rotation matrix (3, 3)."""
+    T = np.eye(4)
+    T[:3, 3] = position
+    if rotation is not None:
+        T[:3, :3] = rotation
+    return T
+
+
+def quaternion_matrix(q: object) -> Array:
+    """(3, 3) rotation of a unit quaternion (w, x, y, z); it is normalised first. `InputError` if that is impossible."""
+    given = np.asarray(q, dtype=float)
+    length = float(np.linalg.norm(given))
+    if not 0 < length < np.inf:
+        raise InputError(f"is {given.tolist()}; a unit quaternion w, x, y, z is needed", field="quaternion")
+    w, x, y, z = given / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def volume_and_centroid(vertices: Array, faces: Faces) -> tuple[float, Array]:
+    """Signed volume [m^3] and centre of volume (3,) of a closed triangle mesh (inside out: negative)."""
+    middle = vertices.mean(axis=0)  # subtracted so that a mesh far from its origin loses no digits
+    a, b, c = (vertices[faces[:, i]] - middle for i in range(3))
+    parts = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    volume = float(parts.sum())
+    if abs(volume) < 1e-18:
+        return 0.0, middle
+    return volume, middle + (parts[:, None] * (a + b + c)).sum(axis=0) / 4 / volume
+
+
+def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
+    """The groups of a mesh file as (vertices (n, 3), faces (k, 3)), file units, duplicates merged.
+
+    An OBJ file has one group per `o` or `g`; other formats have one.
+
+    Raises:
+        InputError: no such file, a format that is not OBJ, STL, PLY or OFF, unreadable, no triangles,
+            corners that are no vertices, NaN vertices.
+    """
+    if path.suffix.lower() not in MESH_FILES:
+        raise InputError(f"is not a mesh file; known: {', '.join(MESH_FILES)}", source=str(path))
+    if not os.path.isfile(path):
+        raise InputError("no such file", source=str(path))
+    import trimesh  # slow to import
+
+    obj = path.suffix.lower() == ".obj"
+    split = ("split_object", "split_objects", "split_groups")  # trimesh 4 and 5 name them differently
+    options: dict[str, Any] = dict.fromkeys(split, True) | {"group_material": False} if obj else {}
+    log = logging.getLogger("trimesh")
+    heard = log.level
+    log.setLevel(logging.CRITICAL)  # it tells of faults at length, and then raises them
+    try:
+        with np.errstate(all="ignore"):
+            scene: Any = trimesh.load(path, force="scene", process=False, skip_materials=True, **options)
+        meshes = [g for g in scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
+        found = [(np.asarray(m.vertices, dtype=float), np.asarray(m.faces, dtype=np.int64)) for m in meshes]
+    except Exception as fault:  # whatever a library makes of bytes that are no mesh
+        reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
+        raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
+    finally:
+        log.setLevel(heard)
+    if not found:
+        raise InputError("has no triangles", source=str(path))
+    groups = []
+    for v, f in found:
+        if v.ndim != 2 or v.shape[1] != 3:
+            raise InputError(f"has vertices of {v.shape[-1]} coordinates; three are needed", source=str(path))
+        if f.ndim != 2 or f.shape[1] != 3 or f.min() < 0 or f.max() >= len(v):
+            raise InputError(f"has a triangle with a corner that is none of its {len(v)} vertices", source=str(path))
+        if not np.isfinite(v).all():
+            raise InputError("has a vertex that is NaN or infinite", source=str(path))
+        unique, inverse = np.unique(v, axis=0, return_inverse=True)
+        groups.append((unique, inverse.reshape(-1)[f]))
+    return groups

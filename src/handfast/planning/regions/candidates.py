@@ -1,0 +1,253 @@
+"""Which places go together: sets of hand regions for a kind of grasp, and sets of places where their forces balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal, get_args
+
+import numpy as np
+
+from handfast.core.arrays import Array, Indices
+from handfast.core.errors import InputError
+from handfast.model.body import Body
+from handfast.model.hand_regions import HandRegion, HandRegions
+from handfast.planning.regions.balance import imbalance, margin
+from handfast.planning.regions.hand_shapes import HandShapes, Match
+from handfast.planning.regions.idle import placed, postures
+from handfast.planning.regions.quick_look import QuickLook
+from handfast.planning.regions.surface_regions import ERROR, Place, find_places
+
+Kind = Literal["pinch", "tripod", "power"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+SHAPES = 3000  # hand shapes that are drawn
+PLACES = 60  # spread over the object
+PATCH = 1.2, 0.15  # half a patch's side, as a share of a fingertip's size and of the object's, whichever is less
+MANY = 150_000  # sets of four and more places that are looked at
+FARTHEST = {"pinch": 2.0, "tripod": 2.0, "power": 4.0}  # misfit beyond which a set of places is out of reach
+LOOKED_AT = 8  # matches of a set of places at which it is seen what the hand cuts into
+SHALLOW = 3e-3  # [m] a cut up to this may vanish when the contacts are brought about
+DEEP, UNFIT = 30.0, 0.1  # [1/m, -] how much less promising cuts and misfits make a candidate
+SLACK = 0.01  # [m] added to the widest opening that was seen
+FINGERS_AROUND = 2  # in a power grasp, beside the palm
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Regions of the hand and the places that they are to touch, in the same order.
+
+    Attributes:
+        regions, places: k of each.
+        margin: of the balance of forces, see `handfast.planning.regions.balance.margin`.
+        off_centre: [m] from the centre of mass to the middle of the places.
+        score: the margin, less the share of the object's half size by which it is off centre.
+        misfit: of the hand shape that comes nearest, see `handfast.planning.regions.hand_shapes.Match`.
+        pose: (4, 4) of the object in the hand's base frame there.
+        cut: [m] how deep links that are not to touch are in the object, or links in each other, there.
+    """
+
+    regions: tuple[HandRegion, ...]
+    places: tuple[Place, ...]
+    margin: float
+    off_centre: float
+    score: float
+    misfit: float
+    pose: Array
+    cut: float
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """Candidates that were dropped for one reason.
+
+    Attributes:
+        reason: in a few words.
+        count: how many.
+        example: of one of them, with figures; '' if there is nothing more to say.
+    """
+
+    reason: str
+    count: int
+    example: str = ""
+
+
+def find_candidates(
+    look: QuickLook,
+    regions: HandRegions,
+    body: Body,
+    kind: Kind,
+    friction: float,
+    *,
+    seed: int = 0,
+    short: int = 80,
+    spread: int = PLACES,
+) -> tuple[list[Candidate], list[Dropped]]:
+    """Candidates with balanced forces that look reachable, most promising first; and what was dropped on the way.
+
+    Args:
+        look: at the hand and the object.
+        friction: coefficient.
+        seed: of everything that is drawn.
+        short: sets of places that are looked at closely.
+        spread: points of the surface about which places are sought, beside those opposite to them.
+
+    Raises:
+        InputError: an unknown kind, a friction that is not positive, regions that do not make a grasp of the kind.
+    """
+    if kind not in KINDS:
+        raise InputError(f"is '{kind}'; known: {', '.join(KINDS)}", field="kind")
+    if not friction > 0:
+        raise InputError(f"is {friction:g}; forces on places need a positive coefficient", field="friction")
+    hand = look.scene.hand
+    regions.refuse_strangers(hand)
+    sets = region_sets(regions, kind)
+    own = tuple(dict.fromkeys(r for chosen in sets for r in chosen))
+    shapes = HandShapes.of(hand, own, SHAPES, seed)
+    wholes = [tuple(own.index(r) for r in chosen) for chosen in sets]
+    size = float(np.ptp(body.vertices, axis=0).max())
+    radius = min(PATCH[0] * float(np.median([extent(r) for r in own])), PATCH[1] * size)
+    places, unfit = find_places(body, radius, count=spread, seed=seed)
+    opening = max(shapes.opening(chosen) for chosen in wholes) + SLACK
+    chosen_places, dropped = _balanced(body, places, len(sets[0]), friction, opening, radius, seed, short)
+    if unfit:
+        dropped.insert(0, Dropped("no fit", unfit, f"no patch within {1e3 * ERROR:g} mm of the surface"))
+    found: list[Candidate] = []
+    far: list[float] = []
+    for row, steady in chosen_places:
+        where = tuple(places[i] for i in row)
+        points, normals = np.array([p.point for p in where]), np.array([p.normal for p in where])
+        matches = [m for c in wholes for m in shapes.matches(c, points, normals, radius)]
+        best = min(matches, key=lambda m: m.misfit, default=None)
+        if best is None or best.misfit > FARTHEST[kind]:
+            far.append(best.misfit if best else np.inf)
+            continue
+        near = sorted((m for m in matches if m.misfit <= FARTHEST[kind]), key=lambda m: m.misfit)[:LOOKED_AT]
+        cuts = [_cut(look, [own[r].link for r in match.order], match) for match in near]
+        clearest = int(np.argmin([max(cut, SHALLOW) + 1e-3 * m.misfit for cut, m in zip(cuts, near, strict=True)]))
+        best, cut = near[clearest], cuts[clearest]
+        off = float(np.linalg.norm(points.mean(axis=0) - body.center_of_mass))
+        score = steady - off / (size / 2)
+        chosen = tuple(own[i] for i in best.order)
+        found.append(Candidate(chosen, where, steady, off, score, best.misfit, best.pose, cut))
+    if far:
+        example = f"the best of {SHAPES} hand shapes misfits by {min(far):.1f}; up to {FARTHEST[kind]:g} is tried"
+        dropped.append(Dropped("out of reach of the hand shapes drawn", len(far), example))
+    return sorted(found, key=lambda c: c.score - DEEP * max(c.cut, SHALLOW) - UNFIT * c.misfit, reverse=True), dropped
+
+
+def _cut(look: QuickLook, links: list[str], match: Match) -> float:
+    """[m] how deep the hand is in the object or itself at a match, but for links that are to touch: they move yet."""
+    hand = look.scene.hand
+    away = (placed(hand, match.q, values) for values in postures(hand, links))
+    return max(0.0, -max(look.clearance(q, match.pose, but=links) for q in away))
+
+
+def region_sets(regions: HandRegions, kind: Kind) -> list[tuple[HandRegion, ...]]:
+    """The sets of hand regions that make a grasp of a kind, all of one length.
+
+    A pinch has the tips of two fingers, a tripod those of three. A power grasp has the palm, if there is one,
+    and of two fingers (three without a palm) either the tips or the outermost pads; other fingers may close later.
+
+    Raises:
+        InputError: too few of them.
+    """
+    tips = regions.of("tip")
+    needed = {"pinch": 2, "tripod": 3, "power": 2}[kind]
+    if len({r.finger for r in tips}) < needed:
+        names = ", ".join(r.name for r in tips) or "none"
+        raise InputError(f"a {kind} needs the tips of {needed} fingers; there are: {names}", field="regions")
+    if kind != "power":
+        return [c for c in combinations(tips, needed) if len({r.finger for r in c}) == needed]
+    palm = regions.of("palm")[:1]
+    pads = tuple({r.finger: r for r in reversed(regions.of("pad"))}.values())
+    sets = []
+    for group in (tips, pads):
+        count = min(FINGERS_AROUND + (not palm), len({r.finger for r in tips}))
+        sets += [palm + c for c in combinations(group, count) if len({r.finger for r in c}) == count]
+    if len(sets[0]) < 3:
+        raise InputError("a power grasp needs three regions or more: a palm, pads or more tips", field="regions")
+    return sets
+
+
+def extent(region: HandRegion) -> float:
+    """[m] half of the width of a region, roughly."""
+    from handfast.model.region import Cap
+
+    r = region.region
+    if isinstance(r, Cap):
+        return r.radius * float(np.sin(min(r.half_angle, np.pi / 2)))
+    across = [np.linalg.norm(r.at(*a) - r.at(*b)) for a, b in (((0, 0.5), (1, 0.5)), ((0.5, 0), (0.5, 1)))]
+    return float(min(across)) / 2
+
+
+def _balanced(
+    body: Body, places: tuple[Place, ...], k: int, friction: float, opening: float, radius: float, seed: int, short: int
+) -> tuple[list[tuple[Indices, float]], list[Dropped]]:
+    """Different sets of k places at which forces balance and that the hand opens wide enough for, with margins."""
+    dropped: list[Dropped] = []
+    if len(places) < k:
+        return [], [Dropped("too few places", 1, f"{len(places)} places on the surface; {k} are needed")]
+    points, inward = np.array([p.point for p in places]), -np.array([p.normal for p in places])
+    rows = _sets(points, inward, k, friction, seed)
+    rest = imbalance(points[rows], inward[rows])
+    steady = rest < friction
+    if (~steady).any():
+        least = rest[~steady].min()
+        about = f"the best one is out of balance by {least:.2f} of the pushing force" if np.isfinite(least) else ""
+        dropped.append(Dropped("forces do not balance", int((~steady).sum()), about))
+    rows, rest = rows[steady], rest[steady]
+    pairs = np.triu_indices(k, 1)
+    width = np.linalg.norm(points[rows[:, pairs[0]]] - points[rows[:, pairs[1]]], axis=2).max(axis=1, initial=0.0)
+    wide = width > opening
+    if wide.any():
+        figures = f"{1e3 * width[wide].min():.0f} mm and more; the hand opens to about {1e3 * opening:.0f} mm"
+        dropped.append(Dropped("wider than the hand opens", int(wide.sum()), figures))
+    rows, rest = rows[~wide], rest[~wide]
+    size = float(np.ptp(body.vertices, axis=0).max())
+    off = np.linalg.norm(points[rows].mean(axis=1) - body.center_of_mass, axis=1)
+    small = np.array([p.size[1] for p in places])[rows].min(axis=1, initial=np.inf) / radius
+    order = np.argsort(rest / friction + off / (size / 2) - 0.3 * small, kind="stable")
+    kept: list[tuple[Indices, float]] = []
+    alike = unsteady = 0
+    for row in rows[order]:
+        if any(_alike(points[row], points[other], radius) for other, _ in kept):
+            alike += 1
+            continue
+        m = margin(points[row], inward[row], friction)
+        if m <= 0:
+            unsteady += 1
+            continue
+        kept.append((row, m))
+        if len(kept) == short:
+            break
+    if unsteady:
+        dropped.append(Dropped("forces leave the friction cones", unsteady))
+    if alike:
+        dropped.append(Dropped("alike", alike, f"all places within {1e3 * radius:.0f} mm of a better one's"))
+    left = len(rows) - len(kept) - alike - unsteady
+    if left:
+        dropped.append(Dropped("behind the best", left, f"{short} are looked at closely"))
+    return kept, dropped
+
+
+def _sets(points: Array, inward: Array, k: int, friction: float, seed: int) -> Indices:
+    """(m, k) sets of places, ascending: all pairs or triples, or a sample of larger ones grown from good triples."""
+    n = len(points)
+    if k <= 3:
+        return np.array(list(combinations(range(n), k)), dtype=int).reshape(-1, k)
+    triples = np.array(list(combinations(range(n), 3)), dtype=int)
+    rest = imbalance(points[triples], inward[triples])
+    triples = triples[np.argsort(rest, kind="stable")[: MANY // 50]]
+    random = np.random.default_rng([seed, k])
+    grown = np.repeat(triples, 50, axis=0)
+    for _ in range(k - 3):
+        grown = np.column_stack([grown, random.integers(n, size=len(grown))])
+    grown = np.sort(grown, axis=1)
+    return np.unique(grown[(np.diff(grown, axis=1) > 0).all(axis=1)], axis=0)
+
+
+def _alike(a: Array, b: Array, radius: float) -> bool:
+    """Whether every place of one set is within a radius of one of the other."""
+    apart = np.linalg.norm(a[:, None] - b[None], axis=2)
+    return bool(max(apart.min(axis=0).max(), apart.min(axis=1).max()) < radius)

@@ -1,0 +1,162 @@
+"""What certificates are made of: the equalities of the model, and the rows that a leaf may cite, as numbers.
+
+Both checkers weigh the same rows over the unknowns x (see `certificate.Columns`) and the motions (d, t) = Z x:
+`farkas` without any cap on motions, `claim` up to one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handfast.core.arrays import Array, Mask
+from handfast.stability.certify.certificate import (
+    HALF,
+    WIDER,
+    Certificate,
+    Columns,
+    ContactState,
+    Integers,
+    Question,
+    Row,
+    directions,
+)
+
+UNIT = 2.0**-53  # relative error of one rounded operation
+
+
+@dataclass(frozen=True, eq=False)
+class LeafRows:
+    """Rows of leaves over (x, d, t): value . (x, d, t) >= b, or = b where `either`.
+
+    Attributes:
+        value: (R, n+3m+a); b: (R,): numbers as they are, not rounded ones of others.
+        either: (R,) bool: an equation in its case, so that its multiplier may have any sign.
+    """
+
+    value: Array
+    b: Array
+    either: Mask
+
+
+def equations(question: Question, G: Array, J: Array) -> tuple[Array, Array, Array]:
+    """E (p, n), h (p,) and Z (3m+a, n) with the given grasp map and Jacobian."""
+    q, g, at = question, question.grasp, Columns.of(question)
+    R, A = q.sense[:, None] * g.mechanism.R, g.mechanism.A
+    locked = np.flatnonzero(~q.may_move)
+    sizes = (6, g.l, len(A), len(locked), int(at.e.stop > at.e.start))
+    b1, b2, b3, b4, p = np.cumsum(sizes).tolist()
+    E, h = np.zeros((p, at.n)), np.zeros(p)
+    constant, per_scalar = q.loads
+    E[:b1, at.c], h[:b1] = G, -constant  # (1)
+    E[:b1, at.scalar] = per_scalar[:, None]
+    E[b1:b2, at.c], E[b1:b2, at.f], E[b1:b2, at.coupling] = J.T, -R.T, -A.T  # (2)
+    E[b2:b3, at.q] = A
+    E[b3:b4, at.q] = R[locked]  # (8) where nothing is commanded
+    if p > b4:
+        E[b4:, at.scalar], E[b4:, at.e] = 1.0, -q.is_driven.astype(float)
+    Z = np.zeros((3 * g.m + len(R), at.n))
+    Z[: 3 * g.m, at.r], Z[: 3 * g.m, at.q], Z[3 * g.m :, at.q] = G.T, -J, R  # (3)
+    return E, h, Z
+
+
+def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wider: float = WIDER) -> LeafRows:
+    """The rows of all leaves; states (R, m+a): what contacts and actuators are where a row stands.
+
+    lo, hi: (n,) the bounds that BOUND rows cite. wider: by how much rows of the friction cone give way.
+    """
+    c, q, at = certificate, certificate.question, Columns.of(certificate.question)
+    g, count = q.grasp, len(c.kind)
+    m, a = g.m, g.mechanism.a
+    cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
+    value, b = np.zeros((count, at.n + 3 * m + a)), np.zeros(count)
+    Ua, Ub = directions(c.a), directions(c.b)
+    two_sided = np.isin(c.kind, (Row.GAP_UP, Row.DN_UP, Row.CHORD)) & (np.abs(c.b - c.a) < HALF)
+    both = np.where(two_sided, 1 + (Ua * Ub).sum(axis=1), 1.0)
+    wide = (Ua + Ub) / both[:, None]
+    contact = np.minimum(c.index, m - 1)
+    mu = g.mu[contact]
+    force, motion = at.c.start + 3 * c.index, at.n + 3 * c.index
+    t, f = at.n + 3 * m + c.index, at.f.start + c.index
+
+    of_kind = [np.flatnonzero(c.kind == kind) for kind in Row]
+
+    def put(kinds: tuple[Row, ...], column: Integers | int, coefficient: Array | float) -> None:
+        here = np.concatenate([of_kind[kind] for kind in kinds])
+        columns = column[here] if isinstance(column, np.ndarray) else column
+        value[here, columns] += coefficient[here] if isinstance(coefficient, np.ndarray) else coefficient
+
+    put((Row.CN_UP, Row.GAP_UP), force, 1.0)
+    put((Row.CN_DOWN, Row.GAP_DOWN), force, -1.0)
+    put((Row.TANGENT,), force, mu * (1 + wider))
+    put((Row.CHORD,), force, -mu * (both / 2 - wider))
+    put((Row.C_LEFT, Row.C_RIGHT), force, mu * wider)
+    put((Row.GAP_UP, Row.DN_UP), motion, cos)
+    put((Row.GAP_DOWN,), motion, -cos)
+    for axis in (0, 1):
+        put((Row.TANGENT,), force + 1 + axis, -Ua[:, axis])
+        put((Row.CHORD,), force + 1 + axis, (Ua + Ub)[:, axis] / 2)
+        if sin > 0:
+            put((Row.GAP_UP, Row.DN_UP), motion + 1 + axis, -sin * (1 + wider) * wide[:, axis])
+            put((Row.GAP_DOWN,), motion + 1 + axis, sin * (1 - wider) * Ua[:, axis])
+    put((Row.C_LEFT,), force + 1, -Ua[:, 1])
+    put((Row.C_LEFT,), force + 2, Ua[:, 0])
+    put((Row.C_RIGHT,), force + 1, Ub[:, 1])
+    put((Row.C_RIGHT,), force + 2, -Ub[:, 0])
+    put((Row.D_LEFT,), motion + 1, Ua[:, 1])
+    put((Row.D_LEFT,), motion + 2, -Ua[:, 0])
+    put((Row.D_RIGHT,), motion + 1, -Ub[:, 1])
+    put((Row.D_RIGHT,), motion + 2, Ub[:, 0])
+    put((Row.STILL_1_UP,), motion + 1, 1.0)
+    put((Row.STILL_1_DOWN,), motion + 1, -1.0)
+    put((Row.STILL_2_UP,), motion + 2, 1.0)
+    put((Row.STILL_2_DOWN,), motion + 2, -1.0)
+    put((Row.T_UP,), t, 1.0)
+    put((Row.T_DOWN,), t, -1.0)
+    put((Row.E_UP,), f, 1.0)
+    put((Row.E_DOWN, Row.S_UP), f, -1.0)
+    put((Row.S_UP,), at.e.start + c.index if at.e.stop > at.e.start else at.scalar.start, 1.0)
+    put((Row.BOUND_UP,), c.index, 1.0)
+    put((Row.BOUND_DOWN,), c.index, -1.0)
+    constant, per_scalar = (np.append(x, 0.0)[np.minimum(c.index, a)] for x in q.commands)
+    if at.scalar.stop > at.scalar.start:  # commands lambda f_c
+        put((Row.E_UP,), at.scalar.start, -per_scalar)
+        put((Row.E_DOWN,), at.scalar.start, per_scalar)
+    b += np.where(c.kind == Row.E_UP, constant, 0.0) - np.where(c.kind == Row.E_DOWN, constant, 0.0)
+    column = np.minimum(c.index, at.n - 1)
+    b += np.where(c.kind == Row.BOUND_UP, lo[column], 0.0) - np.where(c.kind == Row.BOUND_DOWN, hi[column], 0.0)
+
+    energy = np.flatnonzero(c.kind == Row.ENERGY)
+    if len(energy):  # rounded so that it says less than (6) does: t >= 0
+        x, (f_c, per_s) = c.references[c.index[energy]], q.commands
+        value[energy, at.r] = q.loads[0]
+        value[energy[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m]
+        value[energy[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_s) * (1 + 4 * UNIT)
+        b[energy] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT)
+
+    part = np.where(c.kind >= Row.T_UP, np.minimum(m + c.index, m + a - 1), contact) if m + a else contact
+    state = states[np.arange(count), part]
+    moves = np.append(q.may_move, False)[np.minimum(c.index, a)]
+    still = (c.kind >= Row.STILL_1_UP) & (c.kind <= Row.STILL_2_DOWN)
+    gap = ((c.kind == Row.GAP_UP) | (c.kind == Row.GAP_DOWN)) & (q.eta == 0) & (state >= ContactState.CLOSED)
+    turn = ((c.kind == Row.T_UP) | (c.kind == Row.T_DOWN)) & ((state == 1) | ~moves)  # locked
+    driven = np.append(q.is_driven, False)[np.minimum(c.index, a)]
+    excess = ((c.kind == Row.E_UP) | (c.kind == Row.E_DOWN)) & (state == 2) & ~driven  # moves
+    return LeafRows(value, b, still | gap | turn | excess)
+
+
+def bounds(question: Question, scalar: tuple[float, float] | None) -> tuple[Array, Array]:
+    """(n,) each: what BOUND rows may say of the unknowns; infinite where nothing is known."""
+    q, at = question, Columns.of(question)
+    lo, hi = np.full(at.n, -np.inf), np.full(at.n, np.inf)
+    lo[at.c][0::3] = 0.0
+    if q.force_limit is not None:
+        hi[at.c][0::3] = q.force_limit
+    limit = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.mechanism.actuators])
+    lo[at.f], hi[at.f] = -limit, limit
+    if scalar is not None:
+        lo[at.scalar], hi[at.scalar] = scalar
+        lo[at.e] = 0.0
+        hi[at.e] = np.where(q.is_driven, scalar[1], np.inf)[: at.e.stop - at.e.start]
+    return lo, hi

@@ -1,0 +1,262 @@
+"""One preload for many loads: does it exist, and how small can it be?
+
+`torques` finds the least commands for one wrench, with proof. A grasp that is to hold an object in every
+orientation needs a single preload under which all of its loads are resisted, and no convexity helps: what
+resists two loads need not resist what lies between, and more squeezing may loosen. So shapes of the preload
+are proposed and each is scaled to the smallest level that holds; every load is then decided by `check` alone.
+The lower bound is that of the hardest load, certified by `torques`; between it and the level found may lie a
+preload of a shape that nobody proposed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from handfast.core.answer import Stop, Verdict, header
+from handfast.model.grasp import Grasp
+from handfast.stability.answers import Answer, CheckAnswer, TorquesAnswer, finite
+from handfast.stability.loads import Loads
+from handfast.stability.problem import beyond_range
+from handfast.stability.queries import check, maximum, torques
+from handfast.stability.settings import Settings
+
+STRONG = 10.0  # times the largest load: a moderate command
+DUST = 1e-6  # share of the largest command below which one is rounding
+FACTORS = (1.0, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
+
+
+@dataclass(frozen=True, eq=False)
+class HoldAnswer:
+    """Is there one preload under which every load is resisted?
+
+    Attributes:
+        verdict: HOLDS with a witness for each load; SLIPS if some load is resisted by no preload at all
+            (within the limits); else UNDECIDED.
+        stop: why the search ended. seconds, nodes: its cost.
+        loads: as asked.
+        preload: actuator -> command [N m or N], 0 is locked; None unless HOLDS.
+        lower, upper: of the largest command [N m or N]; lower is certified, 0 where it was not asked for.
+        checks: for each load the answer under `preload`; () unless HOLDS.
+        refuted: name and answer of the load that no preload resists, no answer where the grasp map G cannot
+            even produce it; None unless SLIPS.
+        hardest: name of the load that asked most of the commands, or that was not met; "" if none was.
+    """
+
+    verdict: Verdict
+    stop: Stop
+    seconds: float
+    nodes: int
+    loads: Loads
+    preload: dict[str, float] | None
+    lower: float
+    upper: float
+    checks: tuple[CheckAnswer, ...] = field(default=(), repr=False)
+    refuted: tuple[str, Answer | None] | None = field(default=None, repr=False)
+    hardest: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys that the command line prints."""
+        return header(self, "hold") | {
+            "loads": self.loads.by_name,
+            "preload": self.preload,
+            "lower": finite(self.lower),
+            "upper": finite(self.upper),
+            "hardest": self.hardest or None,
+            "residuals": [a.witness.residuals.worst if a.witness else None for a in self.checks],
+        }
+
+
+def hold(
+    grasp: Grasp,
+    loads: Loads,
+    *,
+    actuators: Sequence[str] | None = None,
+    least: bool = True,
+    command_limit: float | None = None,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    eta: float = 0.0,
+    settings: Settings | None = None,
+    timeout: float | None = None,
+) -> HoldAnswer:
+    """One preload that resists every load, each on its own.
+
+    Args:
+        actuators: whose commands are sought; by default those that the grasp commands now, or all. The
+            others stay locked.
+        least: try every shape of the preload and bound its largest command from below; False is content with
+            the first that holds.
+        command_limit: largest command allowed [N m or N]; see `moderate`.
+        timeout: [s] for the whole question; `settings.time_limit` is that of a single query.
+
+    The other arguments and errors are those of `check` and `torques`.
+    """
+    names = tuple(actuators or grasp.preload or grasp.mechanism.actuators)
+    search = _Search(grasp, loads, names, settings or Settings(), timeout)
+    search.most = np.inf if command_limit is None else command_limit
+    search.limits = {"torque_limits": torque_limits, "force_limit": force_limit, "eta": eta}
+    try:
+        return search.run(least)
+    except KeyboardInterrupt:
+        return search.answer(Verdict.UNDECIDED, Stop.INTERRUPTED)
+
+
+def moderate(grasp: Grasp, loads: Loads) -> float:
+    """A bound for commands where none is known: ten times what the largest load asks for at the grasp's size.
+
+    [N m]; [N] if an actuator drives a prismatic joint. Far larger ones squeeze an object that is nearly slipping.
+    """
+    w = loads.wrenches
+    force = np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size
+    arm = 1.0 if any(j.type == "prismatic" for j in grasp.joints) else grasp.size
+    return STRONG * float(force.max()) * arm
+
+
+class _Search:
+    """One call of `hold`."""
+
+    def __init__(
+        self, grasp: Grasp, loads: Loads, names: tuple[str, ...], settings: Settings, timeout: float | None
+    ) -> None:
+        self.grasp, self.loads, self.names, self.settings = grasp, loads, names, settings
+        self.begin = time.monotonic()
+        self.end = np.inf if timeout is None else self.begin + timeout
+        self.limits: dict[str, Any] = {}
+        self.nodes = 0
+        self.lower, self.most = 0.0, np.inf
+        self.order = list(range(len(loads)))  # the load that failed last comes first
+        self.best: tuple[dict[str, float], tuple[CheckAnswer, ...]] | None = None
+        self.stops: set[Stop] = set()
+
+    def run(self, least: bool) -> HoldAnswer:
+        """Nothing commanded, then the best for each load, then shapes that mix them."""
+        size = np.array([1.0] * 3 + [1 / self.grasp.size] * 3)
+        for k, w in enumerate(self.loads.wrenches):
+            if beyond_range(size[:, None] * self.grasp.G, size * w) is not None:
+                self.first(k, Stop.COMPLETE)
+                return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=(self.loads.names[k], None))
+        locked = self.checked({})
+        if locked:
+            self.best = {}, locked
+            return self.answer(Verdict.HOLDS, Stop.COMPLETE)
+        needs: list[dict[str, float]] = []
+        if not least:  # squeezing with all, or with one against the others, often does
+            for shape in self.plain():
+                if self.level(shape) and self.best:
+                    return self.answer(Verdict.HOLDS, Stop.COMPLETE)
+        for k in self.order[:]:
+            if self.late():
+                return self.answer(self.found, Stop.TIME)
+            a = self.torques(k)
+            if a.verdict is Verdict.SLIPS or a.lower > self.most:
+                refuted = (self.loads.names[k], a)
+                return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=refuted)
+            self.lower = max(self.lower, a.lower)
+            if a.preload:
+                needs.append(a.preload)
+        both = {n: max((p[n] for p in needs), key=abs) for n in self.names} if needs else {}
+        for shape in [*needs, *([both] if len(needs) > 1 else []), *(self.plain() if least else [])]:
+            if self.late():
+                break
+            self.level(shape)
+            if self.best and not least:
+                break
+        return self.answer(self.found, Stop.TIME if self.late() and not self.best else Stop.COMPLETE)
+
+    @property
+    def found(self) -> Verdict:
+        return Verdict.HOLDS if self.best else Verdict.UNDECIDED
+
+    def plain(self) -> list[dict[str, float]]:
+        """Shapes that need no search: all actuators alike, and each on its own against locked ones."""
+        sense = {n: float(np.sign(self.grasp.preload.get(n, 1.0))) for n in self.names}
+        alone = [{n: sense[n]} for n in self.names] if len(self.names) > 1 else []
+        return [sense, *alone]
+
+    def level(self, shape: Mapping[str, float]) -> bool:
+        """Scale a shape until it holds every load with less than the best so far; is there such a level?"""
+        size = max(map(abs, shape.values()), default=0.0)
+        if not size:
+            return False
+        unit = {n: v / size for n, v in shape.items() if abs(v) > DUST * size}
+        grasp, need = self.grasp.with_preload(unit), 0.0
+        for k in self.order[:]:  # homogeneous: s loads are resisted at level 1, so one at level 1/s
+            if self.late():
+                return False
+            eta = self.limits["eta"]
+            a = maximum(grasp, self.loads.wrenches[k], eta=eta, settings=replace(self.settings, gap=1e-2, verify=False))
+            self.nodes += a.nodes
+            if not a.lower > 0:
+                self.first(k, a.stop if a.verdict is Verdict.UNDECIDED else Stop.COMPLETE)
+                return False
+            need = max(need, 1 / a.lower)
+        for factor in FACTORS:
+            if self.late() or need * factor >= self.upper:
+                return False
+            preload = {n: need * factor * v for n, v in unit.items()}
+            checks = self.checked(preload)
+            if checks:
+                self.best = preload, checks
+                return True
+        return False
+
+    def checked(self, preload: Mapping[str, float]) -> tuple[CheckAnswer, ...]:
+        """The answers to all loads under a preload, in order; () as soon as one is not resisted."""
+        grasp = self.grasp.with_preload(preload)
+        found: dict[int, CheckAnswer] = {}
+        for k in self.order[:]:
+            # what slips is tried differently, so that its proof is not needed
+            settings = replace(self.settings, verify=False)
+            a = check(grasp, self.loads.wrenches[k], settings=settings, **self.limits)
+            self.nodes += a.nodes
+            if a.verdict is not Verdict.HOLDS:
+                self.first(k, a.stop)
+                return ()
+            found[k] = a
+        return tuple(found[k] for k in range(len(self.loads)))
+
+    def torques(self, k: int) -> TorquesAnswer:
+        """The least commands for a load alone."""
+        a = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=self.settings, **self.limits)
+        self.nodes += a.nodes
+        if a.verdict is not Verdict.HOLDS:
+            self.first(k, a.stop)
+        return a
+
+    def first(self, k: int, stop: Stop) -> None:
+        """Ask about this load first from now on."""
+        self.order.remove(k)
+        self.order.insert(0, k)
+        self.stops.add(stop)
+
+    @property
+    def upper(self) -> float:
+        """Largest command of the best preload so far."""
+        return max(map(abs, self.best[0].values()), default=0.0) if self.best else self.most
+
+    def late(self) -> bool:
+        return time.monotonic() >= self.end
+
+    def answer(self, verdict: Verdict, stop: Stop, refuted: tuple[str, Answer | None] | None = None) -> HoldAnswer:
+        """As far as it came; an undecided one tells the limit that was hit."""
+        if verdict is Verdict.UNDECIDED and stop is Stop.COMPLETE:
+            stop = next((s for s in (Stop.TIME, Stop.NODES) if s in self.stops), Stop.RESOLUTION)
+        held = self.best if verdict is Verdict.HOLDS else None
+        return HoldAnswer(
+            verdict,
+            stop,
+            time.monotonic() - self.begin,
+            self.nodes,
+            self.loads,
+            {n: held[0].get(n, 0.0) for n in self.names} if held else None,
+            self.lower if verdict is not Verdict.SLIPS else np.inf,
+            self.upper if held else np.inf,
+            held[1] if held else (),
+            refuted,
+            self.loads.names[self.order[0]] if verdict is not Verdict.HOLDS or self.upper > 0 else "",
+        )

@@ -1,0 +1,197 @@
+"""Maxima of many disturbances at once, on all cores, each helped by its neighbour.
+
+Consecutive cases of one grasp share the reduced problem, and each search begins with the solution and the tree before
+it (`search/neighbour`). Cores work in processes, for half of an easy case is Python; in threads where processes cannot
+be forked or few cases do not pay for them: the engine's kernel holds no interpreter lock.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from threading import Event
+from typing import Any
+
+import numpy as np
+
+from handfast.core.answer import Stop
+from handfast.core.arrays import Array
+from handfast.core.workers import serve
+from handfast.model.grasp import Grasp
+from handfast.stability import problem
+from handfast.stability.answers import MaxAnswer
+from handfast.stability.goal import Goal
+from handfast.stability.problem import Problem
+from handfast.stability.queries import largest, max_goal, with_interval
+from handfast.stability.search.neighbour import Neighbour
+from handfast.stability.search.reduced import Reduced, reduce
+from handfast.stability.settings import Settings
+from handfast.stability.settings import default_jobs as default_jobs
+
+OnItem = Callable[[int, int], None]  # done, total
+BLOCK = 30  # cases that a worker takes at a time: neighbours
+FEW = 60  # cases for which no process is made
+# forked workers need no guarded main module in the caller's script; elsewhere one process is the safe default
+START = "fork" if sys.platform.startswith("linux") else "spawn"
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One maximum: of which grasp, in which direction (6,), above which base load (6,)."""
+
+    grasp: Grasp
+    direction: Array
+    base: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Options:
+    """What all cases share, as in `maximum`; proofs: are witnesses, states and certificates wanted, too?"""
+
+    eta: float = 0.0
+    mdp: bool = True
+    torque_limits: Mapping[str, float] | None = None
+    force_limit: float | None = None
+    settings: Settings | None = None
+    proofs: bool = True
+    interval: bool = False
+
+    @property
+    def algorithm1(self) -> bool:
+        """Is it Algorithm 1 that is asked?"""
+        return self.settings is not None and self.settings.method == "algorithm1"
+
+    def build(self, case: Case) -> Problem:
+        limits = {"torque_limits": self.torque_limits, "force_limit": self.force_limit}
+        return problem.build(case.grasp, case.base, case.direction, eta=self.eta, mdp=self.mdp, **limits)  # type: ignore[arg-type]
+
+
+def max_many(
+    grasp: Grasp,
+    directions: Sequence[Sequence[float]] | Array,
+    *,
+    base: Sequence[float] | Array | None = None,
+    eta: float = 0.0,
+    mdp: bool = True,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+    jobs: int | None = None,
+    on_item: OnItem | None = None,
+) -> list[MaxAnswer | None]:
+    """`maximum` in many directions; faster than one by one, in particular if neighbours follow each other.
+
+    Args:
+        directions: (n, 6) forces [N] and torques [N m].
+        jobs: cores to use; by default all.
+        on_item: called with (done, total).
+
+    The other arguments and errors are those of `maximum`.
+
+    Returns:
+        One answer per direction, in order; None where Ctrl-C came first.
+    """
+    options = Options(eta, mdp, torque_limits, force_limit, settings)
+    w0 = np.zeros(6) if base is None else np.asarray(base, dtype=float)
+    return maxima([Case(grasp, d, w0) for d in np.atleast_2d(np.asarray(directions, float))], options, jobs, on_item)
+
+
+def maxima(
+    cases: Sequence[Case], options: Options, jobs: int | None = None, on_item: OnItem | None = None
+) -> list[MaxAnswer | None]:
+    """One answer per case, in order; None from the first one that Ctrl-C prevented."""
+    if cases:
+        options.build(cases[0])  # bad input's one line is raised here, not in a worker
+    run = _in_processes if START == "fork" and (options.algorithm1 or len(cases) > FEW) else _in_threads
+    if options.algorithm1 and START != "fork":  # its solvers are not for threads
+        jobs = 1
+    done: list[MaxAnswer | None] = []
+    try:
+        for answer in run(cases, options, min(jobs or default_jobs(), max(len(cases), 1))):
+            done.append(answer)
+            if on_item:
+                on_item(len(done), len(cases))
+            if answer.stop is Stop.INTERRUPTED:  # Ctrl-C during a solve ends in an answer, not in an exception
+                break
+    except KeyboardInterrupt:
+        pass
+    return done + [None] * (len(cases) - len(done))
+
+
+def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None) -> list[MaxAnswer]:
+    """Cases in turn, each with what the one before left."""
+    settings = options.settings or Settings()
+    # cores are for cases; a map keeps no proofs, and replays none
+    settings = replace(settings, workers=1, verify=settings.verify and options.proofs)
+    out: list[MaxAnswer] = []
+    last: Case | None = None
+    p: Problem | None = None
+    reduced: Reduced | None = None
+    before: Neighbour | None = None
+    for case in cases:
+        if stopped and stopped.is_set():
+            break
+        same = last is not None and last.grasp is case.grasp and last.base is case.base
+        p = p.towards(case.direction) if same and p is not None else options.build(case)
+        hints: dict[str, Any] = {}
+        if settings.method == "engine" and max_goal(p) is Goal.SMALLEST_PRELOAD:
+            reduced = reduced.redirected(p) if same and reduced is not None else reduce(p, Goal.SMALLEST_PRELOAD)
+            hints = {"reduced": reduced, "before": before if same else None}
+        else:
+            reduced = None
+        answer = largest(p, settings, None, **hints)
+        before = _left(answer, before if same else None)
+        last = case
+        out.append(with_interval(answer, settings) if options.interval else answer)
+    return out
+
+
+def _left(answer: MaxAnswer, before: Neighbour | None) -> Neighbour | None:
+    """What an answer leaves to its neighbour."""
+    if answer.point is None:
+        return None
+    points = (answer.point, before.points[0]) if before else (answer.point,)
+    closed = answer.proof is not None and answer.stop is Stop.COMPLETE
+    return Neighbour(points, answer.unbounded, answer.proof.pool if closed and answer.proof else None)
+
+
+def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:
+    if jobs <= 1:
+        for i in range(0, len(cases), BLOCK):
+            yield from _block(cases[i : i + BLOCK], options)
+        return
+    stopped = Event()
+    with ThreadPoolExecutor(jobs) as pool:
+        blocks = [pool.submit(_block, cases[i : i + BLOCK], options, stopped) for i in range(0, len(cases), BLOCK)]
+        try:
+            for block in blocks:
+                yield from block.result()
+        finally:
+            stopped.set()
+            pool.shutdown(cancel_futures=True)
+
+
+def _task(task: tuple[Sequence[Case], Options]) -> list[MaxAnswer]:
+    # a thousand answers travel between processes: leave behind what nobody asks for, and the history of Algorithm 1
+    left: dict[str, Any] = {"steps": ()} | (
+        {} if task[1].proofs else {"witness": None, "proof": None, "posed": None, "point": None}
+    )
+    answers = [replace(answer, **left) for answer in _block(*task)]
+    if task[1].proofs:
+        return answers
+    return [a if a.interval is None else replace(a, interval=replace(a.interval, arcs=(), slips=())) for a in answers]
+
+
+def _in_processes(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:
+    if jobs <= 1:
+        yield from _in_threads(cases, options, 1)
+        return
+    size = 1 if options.algorithm1 else BLOCK  # its cases take long, and no neighbour helps
+    tasks = [(cases[i : i + size], options) for i in range(0, len(cases), size)]
+    with multiprocessing.get_context(START).Pool(jobs, serve, (os.getpid(),)) as pool:
+        for block in pool.imap(_task, tasks):
+            yield from block

@@ -1,0 +1,270 @@
+"""Many maxima at once: maps of resisted forces (Figs 6, 8, 10) and sweeps over a preload (Fig. 12)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from handfast.core.answer import Stop, Verdict, header
+from handfast.core.arrays import Array, Mask, frozen
+from handfast.core.errors import InputError, unknown_name
+from handfast.model.grasp import Grasp
+from handfast.stability.answers import MaxAnswer, finite
+from handfast.stability.interval import Interval
+from handfast.stability.many import Case, OnItem, Options, maxima
+from handfast.stability.settings import Settings
+
+Plane = Literal["xy", "xz", "yz"]
+MOST_STEPS = 1_000_000  # directions
+PLANES: tuple[Plane, ...] = ("xy", "xz", "yz")
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Maxima over a list of cases.
+
+    Attributes:
+        lower, upper: (n,) bounds of the maximum; nan where a case was not reached.
+        unbounded: (n,) bool.
+        verdicts, stops: (n,) of `Verdict` and `Stop`.
+        intervals: (n,) which smaller magnitudes are resisted, None where none is; empty if that was not asked.
+    """
+
+    lower: Array
+    upper: Array
+    unbounded: Mask
+    verdicts: tuple[Verdict, ...]
+    stops: tuple[Stop, ...]
+    intervals: tuple[Interval | None, ...] = ()
+
+    @classmethod
+    def of(cls, answers: Sequence[MaxAnswer | None], *, interval: bool = False) -> Curve:
+        """From answers; None is a case that an interruption left out."""
+        return cls(
+            lower=np.array([a.lower if a else np.nan for a in answers]),
+            upper=np.array([a.upper if a else np.nan for a in answers]),
+            unbounded=np.array([bool(a and a.unbounded) for a in answers]),
+            verdicts=tuple(a.verdict if a else Verdict.UNDECIDED for a in answers),
+            stops=tuple(a.stop if a else Stop.INTERRUPTED for a in answers),
+            intervals=tuple(a.interval if a else None for a in answers) if interval else (),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "lower": [finite(x) for x in self.lower],
+            "upper": [finite(x) for x in self.upper],
+            "unbounded": self.unbounded.tolist(),
+            "verdicts": [str(v) for v in self.verdicts],
+        } | self._intervals_json()
+
+    def _intervals_json(self) -> dict[str, Any]:
+        if not self.intervals:
+            return {}
+        return {
+            "holds_from_zero_to": [i.holds_from_zero_to if i else 0.0 for i in self.intervals],
+            "holes": [[list(r) for r in i.holes] if i else [] for i in self.intervals],
+            "unproved": [[list(r) for r in i.unproved] if i else [] for i in self.intervals],
+        }
+
+
+class _Curves:
+    """The verdict and stop of an answer that consists of curves."""
+
+    curves: tuple[Curve, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """HOLDS if any case is resisted, SLIPS if none is, UNDECIDED if that is not known."""
+        verdicts = [v for c in self.curves for v in c.verdicts]
+        return next((v for v in (Verdict.HOLDS, Verdict.UNDECIDED) if v in verdicts), Verdict.SLIPS)
+
+    @property
+    def stop(self) -> Stop:
+        """The most telling stop of all cases."""
+        stops = [s for c in self.curves for s in c.stops]
+        order = (Stop.INTERRUPTED, Stop.TIME, Stop.NODES, Stop.NUMERICAL, Stop.RESOLUTION)
+        return next((s for s in order if s in stops), Stop.COMPLETE)
+
+
+@dataclass(frozen=True, eq=False)
+class MapAnswer(_Curves):
+    """The resisted forces in a plane of the object frame, without and with the preload.
+
+    Attributes:
+        plane: "xy", "xz" or "yz".
+        directions: (n, 3) unit forces.
+        passive: the curve with every actuator locked.
+        preloaded: the curve with the grasp's preload; None if it has none.
+        at: (3,) [m] the point of the object at which the forces act, object frame.
+    """
+
+    grasp: Grasp
+    plane: Plane
+    eta: float
+    directions: Array
+    passive: Curve
+    preloaded: Curve | None
+    seconds: float
+    nodes: int
+    at: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:  # type: ignore[override]
+        return (self.passive, *([self.preloaded] if self.preloaded else []))
+
+    def to_json(self) -> dict[str, Any]:
+        return header(self, "map") | {
+            "plane": self.plane,
+            "at": self.at.tolist(),
+            "eta": float(np.degrees(self.eta)),
+            "directions": self.directions.tolist(),
+            "preload": self.grasp.preload,
+            "without_preload": self.passive.to_json(),
+            "with_preload": self.preloaded.to_json() if self.preloaded else None,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class SweepAnswer(_Curves):
+    """The maxima in some directions while one actuator's command grows.
+
+    Attributes:
+        actuator: whose command varies.
+        values: (n,) commands [N m or N].
+        directions: (k, 6) disturbances.
+        curves: one per direction, over the values.
+    """
+
+    grasp: Grasp
+    actuator: str
+    values: Array
+    directions: Array
+    curves: tuple[Curve, ...]
+    seconds: float
+    nodes: int
+
+    def to_json(self) -> dict[str, Any]:
+        return header(self, "sweep") | {
+            "joint": self.actuator,
+            "directions": self.directions.tolist(),
+            "rows": [
+                {
+                    "preload": float(value),
+                    "lower": [finite(c.lower[i]) for c in self.curves],
+                    "upper": [finite(c.upper[i]) for c in self.curves],
+                    "unbounded": [bool(c.unbounded[i]) for c in self.curves],
+                }
+                for i, value in enumerate(self.values)
+            ],
+        }
+
+
+def force_map(
+    grasp: Grasp,
+    plane: Plane = "xy",
+    *,
+    at: Sequence[float] | Array = (0.0, 0.0, 0.0),
+    steps: int = 360,
+    eta: float = 0.0,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    interval: bool = False,
+    settings: Settings | None = None,
+    jobs: int | None = None,
+    on_item: OnItem | None = None,
+) -> MapAnswer:
+    """The largest resisted force in every direction of a plane: stability paper, Figs 6, 8 and 10.
+
+    Args:
+        plane: of the object frame; directions run from its first axis towards its second.
+        at: (3,) [m] the point of the object at which the forces act, object frame: the disturbance is
+            (f, at x f). With the centre of mass it is a map of weights, one for every way to hold the object.
+        steps: number of directions, evenly spaced.
+        interval: show which smaller forces are resisted, too, in every direction; it takes many times as long.
+        jobs: cores to use; by default all.
+        on_item: called with (done, total).
+
+    The other arguments and errors are those of `maximum`. Ctrl-C returns what was reached.
+
+    Raises:
+        InputError: also for an unknown plane, no directions, and a point that is not three finite numbers.
+    """
+    if plane not in PLANES:
+        raise InputError(f"is '{plane}'; one of {', '.join(PLANES)} is needed", field="plane")
+    if not 1 <= steps <= MOST_STEPS:
+        raise InputError(f"is {steps}; 1 to {MOST_STEPS} directions are possible", field="steps")
+    point = frozen(at, (3,), "at")
+    angles = 2 * np.pi * np.arange(steps) / steps
+    i, j = ("xyz".index(axis) for axis in plane)
+    directions = np.zeros((steps, 3))
+    directions[:, i], directions[:, j] = np.cos(angles), np.sin(angles)
+    directions[np.abs(directions) < 1e-12] = 0.0
+    grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
+    options = Options(eta, True, torque_limits, force_limit, settings, proofs=False, interval=interval)
+    base = np.zeros(6)
+    wrenches = np.hstack([directions, np.cross(point, directions)]) + 0.0  # no -0
+    cases = [Case(g, w, base) for g in grasps for w in wrenches]
+    asked = options.build(cases[0])
+    for w in wrenches[:2]:  # they span the others: bad input's one line is raised here, not half way through
+        asked.towards(w)
+    start = time.monotonic()
+    answers = maxima(cases, options, jobs, on_item)
+    return MapAnswer(
+        grasp=grasp,
+        plane=plane,
+        eta=eta,
+        directions=directions,
+        passive=Curve.of(answers[:steps], interval=interval),
+        preloaded=Curve.of(answers[steps:], interval=interval) if grasp.preload else None,
+        seconds=time.monotonic() - start,
+        nodes=sum(a.nodes for a in answers if a),
+        at=point,
+    )
+
+
+def sweep(
+    grasp: Grasp,
+    actuator: str,
+    values: Sequence[float] | Array,
+    directions: Sequence[Sequence[float]] | Array,
+    *,
+    eta: float = 0.0,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+    jobs: int | None = None,
+    on_item: OnItem | None = None,
+) -> SweepAnswer:
+    """The largest resisted disturbance while one command varies, the others as in the grasp: Fig. 12.
+
+    Args:
+        actuator: whose command varies.
+        values: (n,) commands [N m or N].
+        directions: (k, 6) disturbances, one curve each.
+
+    The other arguments and errors are those of `force_map`, and `InputError` for an unknown actuator.
+    """
+    if actuator not in grasp.mechanism.actuators:
+        raise unknown_name("actuator", actuator, grasp.mechanism.actuators, field="joint")
+    d = np.atleast_2d(np.asarray(directions, dtype=float))
+    x = np.asarray(values, dtype=float)
+    options = Options(eta, True, torque_limits, force_limit, settings, proofs=False)
+    base = np.zeros(6)
+    grasps = [grasp.with_preload(grasp.preload | {actuator: float(value)}) for value in x]
+    cases = [Case(g, direction, base) for direction in d for g in grasps]
+    start = time.monotonic()
+    answers = maxima(cases, options, jobs, on_item)
+    n = len(x)
+    return SweepAnswer(
+        grasp=grasp,
+        actuator=actuator,
+        values=x,
+        directions=d,
+        curves=tuple(Curve.of(answers[k * n : (k + 1) * n]) for k in range(len(d))),
+        seconds=time.monotonic() - start,
+        nodes=sum(a.nodes for a in answers if a),
+    )

@@ -1,0 +1,318 @@
+"""Equations (1) to (8) of the stability paper, with the signs of its virtual work: the judge of every answer.
+
+Source: Haas-Heger and Ciocarlie, "Accurate Energetic Constraints for Passive Grasp Stability
+Analysis", 2020, section III; (17) is in section VI. Nothing here knows how a solution was found.
+
+Conventions: c_i = (c_n, c_t1, c_t2) is the force of the hand **on the object** [N], in the contact
+frame whose n points into the object. Motions are virtual: the contact springs have unit stiffness,
+so a motion is measured by the force it causes (d in N, r in N and N/m, q in N/m per joint unit).
+
+Errata applied: (2) is tau = +J^T c (printed with the other sign); (17) unloads the contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from handfast.core.arrays import Array, Mask, frozen
+from handfast.model.grasp import Grasp, cross
+
+VANISHING = 1e-100  # numbers below are scaled up before anything is squared
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A candidate solution of the model.
+
+    Attributes:
+        r: (6,) virtual object motion, translation then rotation, object frame.
+        q: (l,) virtual joint motion.
+        c: (3m,) contact forces (n, t1, t2 each) [N].
+        f: (a,) actuator forces [N m or N].
+        coupling: (k,) multipliers lambda of the rigid couplings A q = 0.
+    """
+
+    r: Array
+    q: Array
+    c: Array
+    f: Array
+    coupling: Array
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = np.asarray(getattr(self, f.name), dtype=float)
+            object.__setattr__(self, f.name, frozen(value, value.shape, f.name))
+
+    def scaled(self, s: float) -> State:
+        """The state times s: with w and the commands times s it solves the model again (homogeneity)."""
+        return State(*(s * getattr(self, f.name) for f in fields(self)))
+
+
+def _norms(x: Array) -> Array:
+    """(n,) lengths of the rows; `np.linalg.norm` takes three times as long."""
+    out: Array = np.sqrt((x * x).sum(axis=1))
+    return out
+
+
+# --- the equations, one function each -----------------------------------------------------------
+
+
+def object_balance(grasp: Grasp, c: Array, w: Array) -> Array:
+    """(6,) G c + w, zero in equilibrium: equation (1)."""
+    return grasp.G @ c + w
+
+
+def joint_torques(grasp: Grasp, c: Array) -> Array:
+    """(l,) tau = J^T c: equation (2) with the sign that its own virtual work demands."""
+    return grasp.J.T @ c
+
+
+def joint_balance(grasp: Grasp, c: Array, f: Array, coupling: Array) -> Array:
+    """(l,) J^T c - R^T f - A^T lambda, zero when actuators and couplings carry the joint torques."""
+    return joint_torques(grasp, c) - grasp.mechanism.R.T @ f - grasp.mechanism.A.T @ coupling
+
+
+def relative_motion(grasp: Grasp, r: Array, q: Array) -> Array:
+    """(3m,) d = G^T r - J q, motion of the object relative to the finger, contact frames: equation (3)."""
+    return grasp.G.T @ r - grasp.J @ q
+
+
+def normal_motion(d: Array, eta: float = 0.0) -> Array:
+    """(m,) d_n, or for eta > 0 [rad] the worst case d^_n = d_n cos(eta) + |d_t| sin(eta): equation (17).
+
+    Printed with a minus, which would load the contact; the worst normal unloads it.
+    """
+    d = d.reshape(-1, 3)
+    return d[:, 0] * np.cos(eta) + _norms(d[:, 1:]) * np.sin(eta)
+
+
+def spring_force(d: Array, eta: float = 0.0) -> Array:
+    """(m,) c_n = max(0, -d_n), unilateral springs of unit stiffness: equation (4)."""
+    return np.maximum(0.0, -normal_motion(d, eta))
+
+
+def cone_excess(c: Array, mu: Array) -> Array:
+    """(m,) |c_t| - mu c_n, not positive inside the friction cone: equation (5)."""
+    c = c.reshape(-1, 3)
+    return _norms(c[:, 1:]) - mu * c[:, 0]
+
+
+def dissipation_defect(c: Array, d: Array, mu: Array) -> Array:
+    """(m, 2) c_t |d_t| + mu c_n d_t, zero when friction opposes sliding at full strength: (6), (7).
+
+    Also zero where nothing slides, so one expression covers both cases of (7) together with (5).
+    """
+    c, d = c.reshape(-1, 3), d.reshape(-1, 3)
+    speed = _norms(d[:, 1:])[:, None]
+    return c[:, 1:] * speed + (mu * c[:, 0])[:, None] * d[:, 1:]
+
+
+def actuator_motion(grasp: Grasp, q: Array) -> Array:
+    """(a,) t = R q, the actuator displacements that equation (8) speaks of."""
+    return grasp.mechanism.R @ q
+
+
+def commanded(grasp: Grasp, command: Array | None = None) -> Mask:
+    """(a,) bool: which actuators may move (commanded, or a tendon that may go slack); the rest is locked."""
+    f_c = grasp.command if command is None else command
+    return (f_c != 0) | np.array(grasp.mechanism.tendon, dtype=bool)
+
+
+# --- scales: what a residual is measured against ------------------------------------------------
+
+
+def joint_arms(grasp: Grasp) -> Array:
+    """(l,) motion of the contacts per unit joint motion: J's column norms (1 where a joint moves nothing)."""
+    arms = np.sqrt((grasp.J * grasp.J).sum(axis=0))
+    return np.where(arms > 1e-12, arms, 1.0)
+
+
+def actuator_arms(grasp: Grasp) -> Array:
+    """(a,) motion of the contacts per unit actuator motion, the smallest over the joints it drives."""
+    return _actuator_arms(np.abs(grasp.mechanism.R), joint_arms(grasp))
+
+
+def _actuator_arms(R: Array, arms: Array) -> Array:
+    """The same of |R| and the joints' arms."""
+    return np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1) if R.size else np.ones(0)
+
+
+def force_scale(w: Array, c: Array) -> float:
+    """[N] the largest force that acts: of the disturbance w (6,), or a contact force of c (3m,); 1 if none does."""
+    scale = max(float(np.linalg.norm(w[:3])), float(_norms(c.reshape(-1, 3)).max(initial=0.0)))
+    return scale if scale > 0 else 1.0
+
+
+def imbalance(grasp: Grasp, c: Array, w: Array) -> tuple[float, float]:
+    """What (1) misses: force [N], and torque [N m] about the middle of the contact forces."""
+    return _imbalance(object_balance(grasp, c, w), _middle(grasp.positions, c))
+
+
+def _imbalance(missing: Array, middle: Array) -> tuple[float, float]:
+    moment = missing[3:] - cross(middle, missing[:3])
+    return float(np.linalg.norm(missing[:3])), float(np.linalg.norm(moment))
+
+
+def _middle(p: Array, c: Array) -> Array:
+    """(3,) [m] the middle of the contacts, each weighed by its force: moments about it do not know the origin."""
+    weight = _norms(c.reshape(-1, 3))
+    total = float(weight.sum())
+    out: Array = weight @ p / total if total > 0 else p.mean(axis=0)
+    return out
+
+
+def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float, middle: Array) -> float:
+    """[N m] the largest moment about the middle that acts; at least that of the force scale at the contacts' spacing.
+
+    A contact that carries next to nothing has no part in it, however far away it is, nor has the distance to the
+    origin.
+    """
+    F, arms = (grasp.G[:3] * c).reshape(3, -1, 3).sum(axis=2).T, grasp.positions - middle
+    M = arms[:, [1, 2, 0]] * F[:, [2, 0, 1]] - arms[:, [2, 0, 1]] * F[:, [1, 2, 0]]
+    moments = _norms(M).max(initial=0.0)
+    load = np.linalg.norm(w[3:] - cross(middle, w[:3]))
+    return float(max(moments, load, force * grasp.spacing))
+
+
+def idle_torque(grasp: Grasp, arms: Array, force: float, moment: float) -> Array:
+    """(l,) what measures the torque of a joint none of whose contacts carries: force and moment that act elsewhere.
+
+    Such a joint has nothing but rounding, and the distance of an open contact is to hide nothing. arms: (l,) of the
+    joints.
+    """
+    turns = np.array([joint.type == "revolute" for joint in grasp.joints], dtype=bool)
+    return np.where(turns, np.minimum(force * arms, moment), force)
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """How far a state is from solving (1)-(8): relative to the forces and moments that act, so without units.
+
+    Every equation is measured by what stands in it: forces by the largest that acts (where none does by the smallest
+    command), moments by the largest about the middle of the contact forces, joint torques by those of their own
+    joint, motions by the force that they cause at a contact. A contact or an actuator that takes no part hides
+    nothing. A sliding contact's direction is judged at full weight once it slides farther than the force scale;
+    below, in proportion.
+    """
+
+    object_balance: float  # (1)
+    joint_balance: float  # (2)
+    couplings: float  # A q = 0
+    normal: float  # (4), with (17) if eta > 0
+    cone: float  # (5)
+    dissipation: float  # (6), (7); 0 by definition if the maximum dissipation principle is left out
+    actuators: float  # (8)
+
+    @property
+    def worst(self) -> float:
+        """The largest of them; NaN if one is."""
+        return float(np.max([getattr(self, f.name) for f in fields(self)]))
+
+
+def residuals(
+    grasp: Grasp, w: Array, state: State, *, eta: float = 0.0, command: Array | None = None, mdp: bool = True
+) -> Residuals:
+    """Check a state against the exact model, equations (1) to (8).
+
+    Args:
+        grasp: contacts, joints, mechanism, commands.
+        w: (6,) disturbance [N, N m], object frame at the object's origin.
+        state: the candidate.
+        eta: uncertainty of the contact normals [rad], equation (17).
+        command: (a,) commanded forces to use instead of the grasp's.
+        mdp: leave out (6) and (7) if False, the friction of the grasp-force literature (section VII-A).
+    """
+    w = np.asarray(w, dtype=float)
+    f_c = grasp.command if command is None else command
+    largest = max(np.abs(w).max(), np.abs(state.c).max(initial=0.0))
+    if 0 < largest < VANISHING:  # homogeneous: numbers whose squares vanish are judged as well as any
+        s = 2.0 ** min(-np.round(np.log2(largest)), 1000.0)
+        return residuals(grasp, s * w, state.scaled(s), eta=eta, command=s * f_c, mdp=mdp)
+    R, A = grasp.mechanism.R, grasp.mechanism.A
+    arms = joint_arms(grasp)
+    lever = _actuator_arms(np.abs(R), arms)
+    F = force_scale(w, state.c) if largest > 0 else float((np.abs(f_c) / lever)[f_c != 0].min(initial=np.inf))
+    F = F if np.isfinite(F) else 1.0
+    d = relative_motion(grasp, state.r, state.q)
+    dt = _norms(d.reshape(-1, 3)[:, 1:])
+    c = state.c.reshape(-1, 3)
+    middle = _middle(grasp.positions, state.c)
+    force, moment = _imbalance(object_balance(grasp, state.c, w), middle)
+
+    loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
+    # what locked gearings and couplings pass on has no part in it: where they depend on each other, it is arbitrary
+    terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(f_c)
+    moments = _moment_scale(grasp, state.c, w, F, middle)
+    torque = np.maximum.reduce(
+        [terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, arms, F, moments)]
+    )
+    missing = np.abs(joint_balance(grasp, state.c, state.f, state.coupling))
+
+    # (8) in the actuator's own sense of command, motions and forces both brought to newtons
+    sense = np.where(f_c < 0, -1.0, 1.0)
+    t = sense * actuator_motion(grasp, state.q) * lever
+    excess = sense * (state.f - f_c) / lever
+    moves = commanded(grasp, f_c)
+    actuator = np.where(moves, np.maximum.reduce([-t, -excess, np.minimum(np.abs(t), np.abs(excess))]), np.abs(t))
+    dissipation = dissipation_defect(state.c, d, grasp.mu) / np.maximum(dt, F)[:, None]
+    slip = np.abs(A @ state.q)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
+
+    def worst(values: Array) -> float:
+        return float(values.max(initial=0.0)) / F
+
+    return Residuals(
+        object_balance=max(force / F, moment / moments),
+        joint_balance=float((missing / np.where(missing > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)),
+        couplings=worst(slip),
+        normal=worst(np.abs(c[:, 0] - spring_force(d, eta))),
+        cone=worst(cone_excess(state.c, grasp.mu)),
+        dissipation=worst(np.abs(dissipation)) if mdp else 0.0,
+        actuators=worst(actuator),
+    )
+
+
+# --- energy ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Virtual work of a state [N^2 / unit stiffness]; what goes in must be stored or dissipated.
+
+    Attributes:
+        disturbance: w . r.
+        preload: f_c . t.
+        stored: sum of -c_n d_n, in the contact springs (sum of c_n^2 if eta = 0).
+        friction: (m,) -c_t . d_t per contact. Negative: friction pushes along the motion, energy out of nothing.
+        maximum: (m,) mu c_n |d_t| per contact, what the maximum dissipation principle (6) demands.
+    """
+
+    disturbance: float
+    preload: float
+    stored: float
+    friction: Array
+    maximum: Array
+
+    @property
+    def imbalance(self) -> float:
+        """w . r + f_c . t - stored - sum of friction: zero in every state that satisfies (1)-(3) and (8)."""
+        return self.disturbance + self.preload - self.stored - float(self.friction.sum())
+
+    @property
+    def created(self) -> float:
+        """Work that friction feeds in rather than dissipates; zero in physics."""
+        return float(np.maximum(0.0, -self.friction).sum())
+
+
+def energy(grasp: Grasp, w: Array, state: State, *, command: Array | None = None) -> Energy:
+    """The energy balance w.r + f_c.t = sum c_n^2 + sum mu c_n |d_t| of a state, term by term."""
+    f_c = grasp.command if command is None else command
+    d, c = relative_motion(grasp, state.r, state.q).reshape(-1, 3), state.c.reshape(-1, 3)
+    return Energy(
+        disturbance=float(np.asarray(w) @ state.r),
+        preload=float(f_c @ actuator_motion(grasp, state.q)),
+        stored=float(-(c[:, 0] * d[:, 0]).sum()),
+        friction=-(c[:, 1:] * d[:, 1:]).sum(axis=1),
+        maximum=grasp.mu * c[:, 0] * _norms(d[:, 1:]),
+    )

@@ -1,0 +1,43 @@
+"""What a search returns, whichever method ran: a value achieved, a bound on it, and what backs them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from handfast.core.answer import Stop
+from handfast.core.arrays import Array
+from handfast.stability.witness import Witness
+
+if TYPE_CHECKING:
+    from handfast.stability.paper.algorithm1 import Step
+    from handfast.stability.search.proof import Proof
+
+INF = float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Of a search for a small objective (see `goal`), or for any state at all.
+
+    Attributes:
+        value: the smallest objective that was witnessed; inf if none was.
+        bound: no state has a smaller one; inf if there is no state at all, -inf if nothing was shown.
+        witness: the state that achieves `value`.
+        stop: why it ended.
+        seconds, nodes: wall time, programs solved.
+        steps: of Algorithm 1.
+        proof: of `bound`, where the engine gave it; verified: it was replayed and holds.
+        point: (n,) the witness in the engine's unknowns, a start for neighbouring questions.
+    """
+
+    value: float
+    bound: float
+    witness: Witness | None
+    stop: Stop
+    seconds: float
+    nodes: int
+    steps: tuple[Step, ...] = ()
+    proof: Proof | None = None
+    point: Array | None = None
+    verified: bool = False

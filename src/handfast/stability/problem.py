@@ -1,0 +1,317 @@
+"""A stability question as scaled arrays, so that one set of tolerances suits every hand and unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handfast.core.arrays import Array, Mask
+from handfast.core.errors import InputError
+from handfast.model.grasp import Grasp, cross
+from handfast.stability import model
+from handfast.stability.model import State
+
+MAX_ETA = np.radians(45.0)
+BALANCED = 1e-9  # relative: forces that miss a disturbance by less balance it
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The model for one grasp, with lengths in grasp sizes, joints in lever arms, forces in force scales.
+
+    Actuators commanded in the negative direction are mirrored here (rows of R and f change sign), so
+    that (8) reads t >= 0, f >= f_c everywhere.
+
+    Attributes:
+        grasp: the question's grasp.
+        wrench, along: (6,) the disturbance wrench + s along [N, N m], as asked.
+        torque_limits, force_limit: as asked.
+        eta: uncertainty of contact normals [rad].
+        mdp: with the maximum dissipation principle.
+        w0, direction: (6,) scaled: the disturbance is w0 + s / stretch * direction.
+        stretch: a power of two that brings the direction to the size of the other forces, however long it was given.
+        f_c: (a,) scaled commands, >= 0.
+        moves: (a,) bool, actuators that may move.
+        driven: (a,) bool, those among them whose command is what is sought.
+        f_max: (a,) scaled limits of |f|; inf where there is none.
+        cn_max: scaled limit of every normal force; inf for none.
+        G, J, R, A, mu: scaled model arrays, (6, 3m), (3m, l), (a, l), (k, l), (m,).
+        force: [N] the force scale; length: [m] the length scale.
+        joint_scale: (l,) lever arms [m].
+    """
+
+    grasp: Grasp
+    wrench: Array
+    along: Array
+    torque_limits: Mapping[str, float]
+    force_limit: float | None
+    eta: float
+    mdp: bool
+    w0: Array
+    direction: Array
+    stretch: float
+    f_c: Array
+    moves: Mask
+    driven: Mask
+    f_max: Array
+    cn_max: float
+    G: Array
+    J: Array
+    R: Array
+    A: Array
+    mu: Array
+    force: float
+    length: float
+    joint_scale: Array
+    _actuator_scale: Array
+    _coupling_scale: Array
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """(m, l, a, k): contacts, joints, actuators, couplings."""
+        return len(self.mu), self.J.shape[1], len(self.R), len(self.A)
+
+    @property
+    def lengths(self) -> Array:
+        """(6,) 1 for translations and forces, 1 / length for rotations and torques: scaled wrench over wrench."""
+        return _lengths(self.length)
+
+    @property
+    def strongest(self) -> float:
+        """[N] the largest of the forces in play beside a disturbance that is sought, limits included."""
+        limits = _limits(self.grasp, self.torque_limits, self.force_limit)
+        return max([self.force, *limits])
+
+    def size_of(self, w: Array) -> float:
+        """[N] a disturbance (6,), wherever the object's frame is and however it is turned."""
+        return _size(self.grasp, w)
+
+    def relative_motion(self, r: Array, q: Array) -> Array:
+        """(m, 3) scaled d = G^T r - J q, equation (3)."""
+        return (self.G.T @ r - self.J @ q).reshape(-1, 3)
+
+    def towards(self, direction: Sequence[float] | Array) -> Problem:
+        """The same question with another direction (6,), in the same scales; raises as `build`."""
+        d = _direction(direction)
+        others = _others(self.grasp, self.wrench, self.torque_limits, self.force_limit)
+        if not others:  # nothing else gives the scale
+            return build(
+                self.grasp,
+                self.wrench,
+                d,
+                eta=self.eta,
+                mdp=self.mdp,
+                torque_limits=self.torque_limits,
+                force_limit=self.force_limit,
+            )
+        stretch = _stretch(self.grasp, d, others)
+        p = replace(self, along=d, direction=self.lengths * (stretch * d) / self.force, stretch=stretch)
+        _check_range(p, True)
+        return p
+
+    def unscale(self, r: Array, q: Array, c: Array, f: Array, coupling: Array) -> State:
+        """A solution of the scaled equations as a `State` in the grasp's own units."""
+        return State(
+            r=self.force * self.lengths * r,
+            q=self.force * q / self.joint_scale,
+            c=self.force * c,
+            f=self.force * f * self._actuator_scale,
+            coupling=self.force * coupling * self._coupling_scale,
+        )
+
+    def scaled(self, state: State) -> tuple[Array, Array, Array, Array, Array]:
+        """The other way round: r, q, c, f and coupling of a state, scaled."""
+        return (
+            state.r / (self.force * self.lengths),
+            state.q * self.joint_scale / self.force,
+            state.c / self.force,
+            state.f / (self.force * self._actuator_scale),
+            state.coupling / (self.force * self._coupling_scale),
+        )
+
+    def command(self, f_c: Array) -> Array:
+        """Scaled, mirrored commands back in the grasp's units."""
+        return self.force * f_c * self._actuator_scale
+
+
+def build(
+    grasp: Grasp,
+    w0: Sequence[float] | Array,
+    direction: Sequence[float] | Array | None = None,
+    *,
+    eta: float = 0.0,
+    mdp: bool = True,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    driven: Mask | None = None,
+) -> Problem:
+    """Scale a question.
+
+    Args:
+        grasp: the grasp with its preload.
+        w0: (6,) constant part of the disturbance [N, N m].
+        direction: (6,) part multiplied by s.
+        eta: uncertainty of the contact normals [rad], 0 <= eta < 45 degrees.
+        mdp: with the maximum dissipation principle.
+        torque_limits: actuator name -> largest |f| that actuator and gearing carry [N m or N].
+        force_limit: largest normal force at any contact [N].
+        driven: (a,) bool, actuators whose command is sought, in the sense of the grasp's; the others are locked.
+
+    Raises:
+        InputError: a wrench that is not six finite numbers, a zero direction, eta out of range, limits
+            that are not positive, a disturbance that the contacts cannot balance (outside the range of G).
+    """
+    w0 = _wrench(w0, "wrench")
+    d = np.zeros(6) if direction is None else _direction(direction)
+    if not 0 <= eta < MAX_ETA:
+        raise InputError(f"is {np.degrees(eta):g} degrees; 0 to 45 is possible", field="eta")
+    if eta > 0 and not mdp:
+        raise InputError("needs the maximum dissipation principle; leave one of the two out", field="eta")
+    if force_limit is not None and not force_limit > 0:
+        raise InputError(f"is {force_limit:g}; a largest normal force is positive", field="force limit")
+
+    mech = grasp.mechanism
+    length = grasp.size
+    row = _lengths(length)
+    joint_scale = model.joint_arms(grasp)
+    R, A = mech.R / joint_scale, mech.A / joint_scale
+    sense = np.where(grasp.command < 0, -1.0, 1.0)
+    actuator_scale = sense / np.sqrt((R * R).sum(axis=1))
+    coupling_scale = 1.0 / np.sqrt((A * A).sum(axis=1))
+    # the force scale is what is asked about: it must not depend on an answer that is not known yet, nor, where
+    # other forces are in play, on the direction, of which a map has many, or on the size of commands that are sought
+    posed = grasp if driven is None else grasp.with_preload(None)
+    others = _others(posed, w0, torque_limits or {} if direction is not None else {}, force_limit)
+    stretch = _stretch(grasp, d, others) if direction is not None else 1.0
+    force = others or (_size(grasp, d) if direction is not None else 0.0) or 1.0
+
+    drive = np.zeros(mech.a, dtype=bool) if driven is None else driven
+    f_c = grasp.command if driven is None else np.zeros(mech.a)
+    f_max = np.full(mech.a, np.inf)
+    for name, limit in (torque_limits or {}).items():
+        i = int(np.flatnonzero(mech.commands({name: 1.0}, field="torque limit"))[0])
+        if not limit > 0:
+            raise InputError(f"is {limit:g}; a limit is positive", field=f"torque limit.{name}")
+        f_max[i] = limit
+    p = Problem(
+        grasp=grasp,
+        wrench=w0,
+        along=d,
+        torque_limits=dict(torque_limits or {}),
+        force_limit=force_limit,
+        eta=float(eta),
+        mdp=mdp,
+        w0=row * w0 / force,
+        direction=row * (stretch * d) / force,
+        stretch=stretch,
+        f_c=f_c / (force * actuator_scale),
+        moves=model.commanded(grasp, f_c) | drive,
+        driven=drive,
+        f_max=f_max / np.abs(force * actuator_scale),
+        cn_max=np.inf if force_limit is None else force_limit / force,
+        G=row[:, None] * grasp.G,
+        J=grasp.J / joint_scale,
+        R=actuator_scale[:, None] * R,
+        A=coupling_scale[:, None] * A,
+        mu=grasp.mu,
+        force=force,
+        length=length,
+        joint_scale=joint_scale,
+        _actuator_scale=actuator_scale,
+        _coupling_scale=coupling_scale,
+    )
+    _check_range(p, direction is not None)
+    return p
+
+
+def _others(grasp: Grasp, w0: Array, torque_limits: Mapping[str, float], force_limit: float | None) -> float:
+    """[N] the forces in play beside a disturbance that is sought: commands and base load, else limits; 0 for none."""
+    commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
+    scale = max(_size(grasp, w0), float(commands.max(initial=0.0)))
+    return scale or max(_limits(grasp, torque_limits, force_limit), default=0.0)
+
+
+def _limits(grasp: Grasp, torque_limits: Mapping[str, float], force_limit: float | None) -> list[float]:
+    """[N] each limit as a force at a contact."""
+    arms = dict(zip(grasp.mechanism.actuators, model.actuator_arms(grasp), strict=True))
+    takes_part = dict(zip(grasp.mechanism.actuators, _takes_part(grasp), strict=True))
+    limits = [v / arms[name] for name, v in torque_limits.items() if takes_part.get(name)]
+    return [*limits, *([] if force_limit is None else [force_limit])]
+
+
+def _takes_part(grasp: Grasp) -> Mask:
+    """(a,) bool: actuators that move a contact."""
+    return (grasp.mechanism.R[:, grasp.J.any(axis=0)] != 0).any(axis=1)
+
+
+def _stretch(grasp: Grasp, d: Array, others: float) -> float:
+    """The power of two that brings a direction (6,) to the size of the other forces; 1 if there are none."""
+    return float(2.0 ** np.round(np.log2(others / _size(grasp, d)))) if others > 0 else 1.0
+
+
+def _size(grasp: Grasp, w: Array) -> float:
+    """[N] a disturbance (6,): its force, or its torque about the middle of the contacts over the grasp's size.
+
+    However the object's frame is placed or turned, it is the same.
+    """
+    middle = grasp.positions.mean(axis=0)
+    torque = np.linalg.norm(w[3:] - cross(middle, w[:3]))
+    return float(max(np.linalg.norm(w[:3]), torque / grasp.size))
+
+
+def _lengths(length: float) -> Array:
+    return np.array([1.0] * 3 + [1.0 / length] * 3)
+
+
+LEAST, MOST = 1e-100, 1e100  # of the largest number of a direction, and of any disturbance: squares stay numbers
+
+
+def _wrench(w: object, field: str) -> Array:
+    try:
+        a = np.array(w, dtype=float).reshape(-1)
+    except (TypeError, ValueError):
+        raise InputError("needs six numbers FX FY FZ TX TY TZ", field=field) from None
+    if a.shape != (6,):
+        raise InputError(f"has {a.size} numbers; six are needed, FX FY FZ TX TY TZ", field=field)
+    if not np.isfinite(a).all():
+        raise InputError("contains NaN or infinity; six finite numbers are needed", field=field)
+    largest = np.abs(a).max()
+    if largest > MOST:
+        raise InputError(f"has {largest:.3g}; numbers up to {MOST:g} are possible", field=field)
+    return a
+
+
+def _direction(direction: object) -> Array:
+    d = _wrench(direction, "direction")
+    if not np.abs(d).max() >= LEAST:
+        raise InputError("is zero, or next to it; give a force, a torque or both", field="direction")
+    return d
+
+
+def beyond_range(G: Array, w: Array) -> int | None:
+    """The rank of G (6, 3m) if no contact forces whatever could balance w (6,), else None; lengths scaled alike."""
+    with suppress(np.linalg.LinAlgError):  # forces that do balance it settle most questions
+        c = np.linalg.solve(G @ G.T, w) @ G
+        if np.abs(G @ c - w).max() <= BALANCED * np.abs(w).max():
+            return None
+    U, sv, _ = np.linalg.svd(G)
+    if len(sv) == 6 and sv[5] >= 1e-9 * sv[0]:
+        return None
+    out = U[:, (np.r_[sv, np.zeros(6 - len(sv))] < 1e-9 * sv[0])]
+    beyond = out.size and np.abs(out.T @ w).max() > BALANCED * max(np.abs(w).max(), 1e-300)
+    return 6 - out.shape[1] if beyond else None
+
+
+def _check_range(p: Problem, with_direction: bool) -> None:
+    """Refuse a disturbance that is beyond the range of G."""
+    for w, field in ((p.w0, "wrench"), (p.direction, "direction")):
+        rank = beyond_range(p.G, w) if w.any() else None
+        if rank is not None:
+            raise InputError(
+                f"cannot be balanced by any forces at these {p.sizes[0]} contacts "
+                f"(the grasp map G has rank {rank} of 6); leave out the component that G lacks",
+                field=field,
+            )

@@ -1,0 +1,54 @@
+"""The cases into which a node is split where no point says how.
+
+Closed contacts come before undecided ones: what sticks or slides has more rows than what is merely closed.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from handfast.core.arrays import Indices
+from handfast.stability.search.rows import CLOSED, FREE, LOCKED, MOVES, OPEN, SLIDE, STICK, TURN, UNDECIDED
+
+NARROW = 64  # sectors that are no wider than this, in grid steps, stay as they are
+
+
+def cases(state: Indices, m: int, mdp: bool, robust: bool) -> tuple[int, list[Indices]]:
+    """The part of a node's state (3m + a,) to be split, and its children's states; -1 and none if all is decided.
+
+    robust: open contacts have sectors, too.
+    """
+    free = np.flatnonzero(state[3 * m :] == FREE)
+    if len(free):
+        return _changed(state, m, m + int(free[0]), [(LOCKED, 0, 0), (MOVES, 0, 0)])
+    width = state[2 * m : 3 * m] - state[m : 2 * m]
+    whole = (state[:m] == CLOSED) | (robust & (state[:m] == OPEN) & (width == 0))
+    if mdp and whole.any():
+        i = int(np.flatnonzero(whole)[0])
+        kind, third = (SLIDE if state[i] == CLOSED else OPEN), TURN // 3
+        ends = [0, third, 2 * third, TURN]
+        sectors = [(kind, a, b) for a, b in itertools.pairwise(ends)]
+        return _changed(state, m, i, [*([(STICK, 0, 0)] if kind == SLIDE else []), *sectors])
+    undecided = np.flatnonzero(state[:m] == UNDECIDED)
+    if len(undecided):
+        return _changed(state, m, int(undecided[0]), [(CLOSED, 0, 0), (OPEN, 0, 0)])
+    i = int(width.argmax()) if m else 0
+    if not m or width[i] <= NARROW:
+        return -1, []
+    left, right = int(state[m + i]), int(state[2 * m + i])
+    cut = (left + right) // 2
+    return _changed(state, m, i, [(int(state[i]), left, cut), (int(state[i]), cut, right)])
+
+
+def _changed(state: Indices, m: int, part: int, children: list[tuple[int, int, int]]) -> tuple[int, list[Indices]]:
+    out = []
+    for kind, left, right in children:
+        child = state.copy()
+        if part < m:
+            child[part], child[m + part], child[2 * m + part] = kind, left, right
+        else:
+            child[2 * m + part] = kind
+        out.append(child)
+    return part, out

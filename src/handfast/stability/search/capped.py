@@ -1,0 +1,96 @@
+"""The same question for motions up to a cap, searched beside a search that makes no progress.
+
+Some states solve the model at endless motion only, and nothing near them does: where all contacts lie in one plane,
+say, a contact that slides across it ever faster leaves a friction in the plane that vanishes, but only in the limit
+does nothing have to balance it. Cases that hold such a limit cannot be closed, since rows are closed sets. With an
+end to motions the limit is left out. The bound is then proved up to that motion only, and its answer says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handfast.core.answer import Stop
+from handfast.core.arrays import Array
+from handfast.stability.search import arrays
+from handfast.stability.search.reduced import Reduced, reduce
+from handfast.stability.search.search import INF, Search
+
+CAP = 2e4  # force scales
+FIRST = 4096  # nodes of the other search when it is helped first, then whenever it has twice as many
+STILL = 1e-6  # relative: a bound that has moved by less while the nodes became four times as many makes no progress
+SHARE = 0.25  # of the other search's nodes, where any state is sought and no bound shows whether there is progress
+
+
+@dataclass(eq=False)
+class Capped:
+    """A search up to `CAP`, made when it is wanted first.
+
+    Attributes:
+        other: the question without a cap; gap, gap_absolute, workers: of both searches.
+        bounds: may its bound be the answer? Else it finds states only.
+        search: None while it is not wanted.
+        due: nodes of the other search at which that is looked at next; before: its bounds the last times.
+    """
+
+    other: Reduced
+    gap: float
+    gap_absolute: float
+    workers: int
+    bounds: bool
+    search: Search | None = None
+    due: int = FIRST // 2
+    before: tuple[float, ...] = ()
+
+    @property
+    def possible(self) -> bool:
+        """Not for an objective without end: forces have no bound then."""
+        r = self.other
+        return not r.objective or bool(np.isfinite([r.lo[0], r.hi[0]]).all())
+
+    @property
+    def closed(self) -> bool:
+        """Has it answered the question, if only up to its cap?"""
+        s = self.search
+        return s is not None and s.stop is Stop.COMPLETE and (s.z is not None if self.any else self.bounds)
+
+    @property
+    def any(self) -> bool:
+        """Is any state sought? Where nothing failed, that there is none is said without a cap, or not at all."""
+        return self.other.objective == arrays.ANY
+
+    @property
+    def nodes(self) -> int:
+        return 0 if self.search is None else self.search.nodes
+
+    def watch(self, other: Search, node_limit: float, time_limit: float) -> Search | None:
+        """Look at the other search, help it if it makes no progress; returns this one if its answer is to be taken."""
+        if not self.possible or other.stop is not None or other.nodes < self.due:
+            return None
+        bound = 0.0 if self.any else other.bound
+        still = len(self.before) > 1 and bound <= self.before[-2] + STILL * abs(bound)
+        self.before = (*self.before, bound)
+        if len(self.before) > 1 and (still or other.best == INF):
+            s = self.run(other.z, min((SHARE if self.any else 1.0) * self.due, node_limit), time_limit)
+            if s.z is not None:
+                other.know(s.z)
+        self.due *= 2
+        return self.search if self.closed and (still or self.any) else None
+
+    def run(self, point: Array | None, node_limit: float, time_limit: float) -> Search:
+        """Search on up to so many nodes, from an incumbent (n,) if there is one."""
+        r = self.other
+        if self.search is None:
+            within = (float(r.lo[0]), float(r.hi[0])) if r.objective else None
+            capped = reduce(r.p, r.goal, within=within, cap=CAP)
+            self.search = Search(capped, gap=self.gap, gap_absolute=self.gap_absolute, workers=self.workers)
+        s = self.search
+        if s.stop is not Stop.COMPLETE:
+            s.node_limit, s.time_limit, s.stop = node_limit, time_limit, None
+            if point is not None:
+                s.know(point)
+            for _ in s:
+                pass
+        return s

@@ -1,0 +1,254 @@
+"""The engine as the method of a query: reduce, search, judge the witness."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from handfast.core.answer import Stop
+from handfast.core.arrays import Array
+from handfast.stability import witness
+from handfast.stability.goal import NEAR_END, Goal, interval
+from handfast.stability.outcome import INF, Outcome
+from handfast.stability.problem import Problem
+from handfast.stability.search import arrays, exact
+from handfast.stability.search.capped import FIRST, Capped
+from handfast.stability.search.neighbour import Neighbour
+from handfast.stability.search.proof import Proof
+from handfast.stability.search.reduced import BOXES, Reduced, reduce
+from handfast.stability.search.search import Search
+from handfast.stability.settings import OnStep, Progress, Settings, default_jobs
+from handfast.stability.witness import Witness
+
+TINY = 1e-10  # magnitudes, in other forces in play, that count as none
+ZERO = 1e-9  # [N m or N] torques below this count as none
+FINER = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
+LEAST = 1e-3  # [s] in the time that is left, or this
+REPLAY = 2.0  # times the time limit, after which a proof that is being replayed is given up
+BEST, TURN = 3, 2048  # searches that go on in turn where no box does well, and nodes of their first turn
+ROUNDS = 3  # in which leaves that are not proved without a cap are split
+INSIDE = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
+PAUSE = 0.05  # [s] between two reports of progress
+
+
+def search(
+    p: Problem,
+    goal: Goal,
+    settings: Settings,
+    on_step: OnStep | None = None,
+    *,
+    reduced: Reduced | None = None,
+    guess: Sequence[Array] = (),
+    before: Neighbour | None = None,
+    endless: bool = False,
+    within: tuple[float, float] | None = None,
+    capped: bool = True,
+) -> Outcome:
+    """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
+
+    Args:
+        reduced: the reduced problem, if it is known already.
+        guess: reduced points (n,) to start Newton from.
+        before: what the question before this one left; it wants `reduced`.
+        endless, within: see `reduce`.
+        capped: may the bound be one for motions up to a cap, where there is no other?
+    """
+    start = time.monotonic()
+    r = reduced or reduce(p, goal, endless=endless, within=within)
+    if goal is Goal.EXISTS and not (r.load.w_a.any() or r.load.f_a.any()):
+        guess = [np.zeros(len(r.cost))]  # nothing acts: nothing moves
+    beside = Capped(r, *_gaps(r, goal, settings), settings.workers or default_jobs(), bounds=capped)
+    out = _search(p, goal, settings, on_step, r, beside, guess, before)
+    if out.stop is Stop.NUMERICAL and before is not None:
+        # Newton is tried where a leaf is made, not where it opens again: from the root, then
+        out = _search(p, goal, settings, on_step, r)
+    for gap in (g for g in FINER if g < settings.gap):  # the tolerances of programs go with the gap
+        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
+        nodes = settings.node_limit - out.nodes
+        if out.stop is not Stop.NUMERICAL or nodes <= 0:
+            break
+        finer = replace(settings, gap=gap, time_limit=left, node_limit=nodes)
+        out = _better(out, _search(p, goal, finer, on_step, r, guess=guess))
+    if out.stop is Stop.NUMERICAL and out.nodes < settings.node_limit:
+        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
+        out = _to_cap(beside, goal, replace(settings, time_limit=left), out)
+    return replace(out, seconds=time.monotonic() - start)
+
+
+def _better(a: Outcome, b: Outcome) -> Outcome:
+    """What two searches of the same question, the second more finely, have shown together."""
+    nodes = a.nodes + b.nodes
+    if b.stop is Stop.COMPLETE:
+        return replace(b, nodes=nodes)
+    low, high = (b if b.value <= a.value else a), (b if b.bound >= a.bound else a)
+    return replace(low, bound=high.bound, proof=high.proof, verified=high.verified, stop=b.stop, nodes=nodes)
+
+
+def _search(
+    p: Problem,
+    goal: Goal,
+    settings: Settings,
+    on_step: OnStep | None,
+    r: Reduced,
+    beside: Capped | None = None,
+    guess: Sequence[Array] = (),
+    before: Neighbour | None = None,
+) -> Outcome:
+    """One search."""
+    start = time.monotonic()
+    gap, gap_absolute = _gaps(r, goal, settings)
+    searches: list[Search] = []
+
+    def turns() -> Iterator[tuple[Search, float]]:
+        """Searches, and nodes up to which each goes on; inf where it does as long as it is healthy."""
+        for box in BOXES:
+            best = [s.z for s in searches if s.z is not None]
+            workers = settings.workers or default_jobs()
+            s = Search(r.beginning(box), gap=gap, gap_absolute=gap_absolute, workers=workers, guess=best or guess)
+            if before is not None and not searches:
+                before.start(s)
+            searches.append(s)
+            yield s, INF
+        for turn in itertools.count():  # programs break down wherever they begin: on with those that do best, in turn
+            for s in sorted(searches, key=lambda s: s.trouble)[:BEST]:
+                yield s, TURN * 2.0**turn
+
+    shown, bound = start, -INF
+    try:
+        for s, until in turns():
+            spent = sum(other.nodes for other in searches if other is not s)
+            s.node_limit = settings.node_limit - spent
+            s.time_limit = settings.time_limit - (time.monotonic() - start)
+            for state in s:
+                if on_step and (state.stop or time.monotonic() - shown > PAUSE):
+                    shown = time.monotonic()
+                    bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap, points say more
+                    nodes = spent + state.nodes
+                    on_step(Progress(*interval(p, goal, state.best * r.scale, bound * r.scale), nodes))
+                left = settings.time_limit - (time.monotonic() - start)
+                other = beside.watch(state, settings.node_limit - spent, left) if beside else None
+                if other:
+                    return _outcome(other, goal, settings, start, spent + s.nodes)
+                if state.stop is None and (state.nodes >= until or (until == INF and not state.healthy)):
+                    break
+            if s.stop is not None:
+                break
+    except KeyboardInterrupt:
+        s.stop = Stop.INTERRUPTED
+    return _outcome(s, goal, settings, start, spent + (beside.nodes if beside else 0))
+
+
+def _gaps(r: Reduced, goal: Goal, settings: Settings) -> tuple[float, float]:
+    """Relative and absolute distance of value and bound at which a search may stop."""
+    gap = settings.gap * (1 - 2 * INSIDE)  # leaves room for rounding, and for a witness inside
+    if goal is Goal.SMALLEST_PRELOAD:
+        return gap / (1 + gap), 0.0
+    return gap, TINY if goal is Goal.LARGEST else ZERO / r.scale
+
+
+def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> Outcome:
+    """What was found, but with a bound for motions up to a cap, if as many nodes as were spent give one."""
+    start, spent = time.monotonic(), beside.nodes
+    if not beside.possible or not beside.bounds:
+        return found
+    try:
+        nodes = min(max(found.nodes, FIRST), settings.node_limit - found.nodes)
+        s = beside.run(found.point, nodes, settings.time_limit)
+    except KeyboardInterrupt:
+        return replace(found, stop=Stop.INTERRUPTED)
+    out = _outcome(s, goal, settings, start, found.nodes - spent)
+    if s.stop is not Stop.COMPLETE or out.stop is not Stop.COMPLETE or (out.bound > found.value and not beside.any):
+        return replace(found, nodes=out.nodes)  # also where a state beyond the cap says otherwise
+    if found.value < out.value:
+        out = replace(out, value=found.value, witness=found.witness, point=found.point)
+    return out
+
+
+def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int) -> Outcome:
+    """What a finished search has shown; start, spent: when it began, and nodes that other searches had."""
+    r = s.reduced
+    stop = s.stop or Stop.INTERRUPTED
+    found = None if s.z is None else witness.as_witness(r, r.point(s.z))
+    z, best, refused = s.z, s.best, found is not None and not found.valid
+    if refused and goal is Goal.LARGEST:  # all forces may vanish there, but for rounding
+        below = _just_below(r.p, s.best, settings)
+        if below is not None:
+            z, best, found, refused = None, s.best * (1 - INSIDE * settings.gap), below, False
+    if refused:  # the judge has the last word; everything the search cut off by it is open again
+        return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, spent + s.nodes)
+    torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
+    value = best * r.scale
+    shown = float(s.hi[0]) if found else INF
+    bound = r.scale * (shown if stop is Stop.COMPLETE else s.close())
+    first = float(r.lo[0]) if r.objective == arrays.SCALAR else -INF
+    at_end = found is not None and first > -INF and s.best <= first + NEAR_END * abs(first)
+    if goal is Goal.EXISTS:
+        value, bound = (0.0, -INF) if found else (INF, bound)
+    elif torques and found and s.best <= s.gap_absolute:
+        stop, bound = Stop.COMPLETE, -INF  # nothing is less than none, which needs no proof
+    elif at_end:
+        bound = -INF  # unbounded, as far as the search goes
+    proof, verified = None, False
+    if bound > -INF:
+        proof, verified = _proved(s, settings, start)
+        if proof is None:
+            late = time.monotonic() - start > settings.time_limit
+            stop, bound = (Stop.TIME if late else Stop.NUMERICAL) if stop is Stop.COMPLETE else stop, -INF
+    if torques:
+        bound = max(bound, 0.0)
+    if found and z is not None and r.objective == arrays.SCALAR and not at_end:
+        z, value, found = _inside(r, z, value, settings.gap, found)
+    return Outcome(
+        value, bound, found, stop, time.monotonic() - start, spent + s.nodes, proof=proof, point=z, verified=verified
+    )
+
+
+def _just_below(p: Problem, best: float, settings: Settings) -> Witness | None:
+    """A witness a little inside the largest magnitude -best, found anew."""
+    s = -best * (1 - INSIDE * settings.gap)
+    less = replace(p, w0=p.w0 + s * p.direction, wrench=p.wrench + s * p.stretch * p.along)
+    return search(less, Goal.EXISTS, replace(settings, verify=False)).witness if s > 0 else None
+
+
+def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, bool]:
+    """What the finished search proves, and was it replayed? None if the checker does not accept it.
+
+    Leaves that are proved within a cap only, or not at all, are split: the more is decided, the more rows there are.
+    """
+    r = s.reduced
+    s.trim()
+    proof = Proof(r, s.pool, float(s.hi[0]))
+    if not settings.verify:
+        return proof, False
+    best: Proof | None = None
+    known: dict[bytes, float] = {}
+    for _ in range(ROUNDS):
+        proof, ok, unproved = proof.checked(known, start + REPLAY * settings.time_limit)
+        if ok and (best is None or proof.cap is None or (best.cap is not None and proof.cap > best.cap)):
+            best = proof
+        late = time.monotonic() - start > settings.time_limit
+        done = ok and (not len(unproved) or r.cap < INF)
+        if done or late or not s.refine(unproved):
+            break
+        for _state in s:
+            pass
+        if s.stop is not Stop.COMPLETE:
+            break
+        s.trim()
+        proof = Proof(r, s.pool, float(s.hi[0]))
+    return best, best is not None
+
+
+def _inside(r: Reduced, z: Array, value: float, gap: float, found: Witness) -> tuple[Array, float, Witness]:
+    """The witness a little inside the largest magnitude: at the very end, rounding decides whether it is resisted."""
+    little = INSIDE * gap * (1 if value > 0 else -1)
+    near = replace(r, lo=np.r_[value * (1 + little), r.lo[1:]])
+    inner = exact.solve(near, z, hold=True)
+    if inner is None:
+        return z, value, found
+    w = witness.as_witness(r, r.point(inner))
+    return (inner, value * (1 + little), w) if w.valid else (z, value, found)

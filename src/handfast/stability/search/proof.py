@@ -1,0 +1,155 @@
+"""From a finished search to its certificate: the tree, and a ray for every leaf, in the grasp's own units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from handfast.core.arrays import Indices
+from handfast.stability import asked
+from handfast.stability.certify import verify as checker
+from handfast.stability.certify.certificate import Certificate, Columns, Row
+from handfast.stability.goal import Goal
+from handfast.stability.search import arrays, rows
+from handfast.stability.search.reduced import Reduced
+from handfast.stability.search.repair import repaired
+from handfast.stability.search.search import Pool
+
+MOST = 200  # leaves for which another ray is sought
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """What a finished search leaves: every leaf of its tree is closed by a ray, under the cut in force at its end.
+
+    Attributes:
+        reduced: the question; pool: the tree, trimmed; cut: the upper bound of the objective.
+        cap: [N] virtual motions beyond which it proves nothing; None if there is no such end.
+    """
+
+    reduced: Reduced
+    pool: Pool
+    cut: float
+    cap: float | None = None
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """The certificate; None if nodes are left that no ray closes."""
+        r, pool, hi = self.reduced, self.pool, self.cut
+        status = pool.status
+        if np.isin(status, (arrays.UNRESOLVED, arrays.WAITING)).any():
+            return None
+        p = r.p
+        # of the smallest preload everything is homogeneous: w = d is the search's w = stretch d, divided
+        homogeneous = r.goal is Goal.SMALLEST_PRELOAD
+        force = p.force / p.stretch if homogeneous else p.force
+        unit = 1.0 / p.stretch if homogeneous else r.scale
+        scalar = None
+        if r.objective:
+            lo = float(r.lo[0])
+            scalar = (-hi * p.stretch, -lo * p.stretch) if r.goal is Goal.LARGEST else (lo * unit, hi * unit)
+        question = asked.question(p, r.goal)
+        leaves = np.flatnonzero(status == arrays.EMPTY)
+        start, entries = self._rows(leaves, Columns.of(question), force, unit)
+        part, m = pool.part, len(p.mu)
+        moved = np.maximum(part - m, 0)
+        states = pool.states
+        at = np.arange(len(status))
+        contact = part < m
+        i = np.minimum(part, m - 1)
+        state = states[at, i]
+        left, right = states[at, m + i], states[at, 2 * m + i]
+        if len(r.active):
+            state = np.where(contact, state, states[at, 3 * m + moved])
+            part = np.where(contact, part, m + r.active[moved])
+        left, right = np.where(contact, left, 0), np.where(contact, right, 0)
+        return Certificate(
+            question=question,
+            scalar=scalar,
+            parent=pool.parent,
+            part=part,
+            state=state,
+            left=left,
+            right=right,
+            leaves=leaves,
+            start=start,
+            **entries,
+        )
+
+    def checked(self, known: dict[bytes, float], until: float) -> tuple[Proof, bool, Indices]:
+        """The proof, does the independent checker accept it, and if not, which nodes of the tree are not proved.
+
+        With other rays where those found do not do. known: leaves that were judged before; until: [s] of
+        `time.monotonic`, when there is no more time for it.
+        """
+        none = np.zeros(0, int)
+        if self.certificate is None:
+            return self, False, none
+        found = checker.verify(self.certificate, known, until)
+        if not 0 < len(found.unproved) <= MOST or self.reduced.cap < np.inf:
+            return replace(self, cap=found.cap), found.ok, self.certificate.leaves[list(found.unproved)]
+        certificate = repaired(self.certificate, found.unproved)
+        found = checker.verify(certificate, known, until)
+        mended = replace(self, cap=found.cap)
+        mended.__dict__["certificate"] = certificate
+        return mended, found.ok, certificate.leaves[list(found.unproved)]
+
+    def _rows(self, leaves: Indices, at: Columns, force: float, unit: float) -> tuple[Indices, dict[str, Any]]:
+        """Row pointers and entries of the leaves' rays, multipliers for rows in the grasp's units.
+
+        force, unit: [N] and units of the scalar, per scaled one.
+        """
+        r, p, pool = self.reduced, self.reduced.p, self.pool
+        ids, y = pool.ids[leaves], pool.data[leaves].copy()
+        kind = ids >> rows.KIND
+        box = (kind == rows.BOX_UP) | (kind == rows.BOX_DOWN)
+        index = (ids >> rows.INDEX) & 255
+        of_motion = np.array([*(name == "motion" for name, _ in r.names), False])[np.minimum(index, len(r.names))]
+        plain = (kind == rows.PLAIN_UP) | (kind == rows.PLAIN_DOWN)
+        used = (y > 0) & ~box & ~(plain & of_motion)  # the checker has bounds of its own, or none
+        start = np.r_[0, np.cumsum(used.sum(axis=1))]
+        ids, kind, index, y = ids[used], kind[used], index[used], y[used]
+        a, b = (ids >> rows.ANGLE) & (2 * rows.TURN - 1), ids & (2 * rows.TURN - 1)
+
+        # a scaled row is the row in the grasp's units over the force scale, times these
+        lever = np.abs(p.command(np.ones(len(p.R)))) / p.force
+        actuator = (kind >= rows.T_UP) & (kind <= rows.S_UP)
+        if actuator.any():
+            moved = r.active[index[actuator]]
+            of = kind[actuator]
+            effort = p.force / r.scale
+            forces = np.where(of <= rows.E_DOWN, 1 / lever[moved], effort)
+            y[actuator] *= np.where(of <= rows.T_DOWN, lever[moved], forces)
+            index[actuator] = moved
+        energy = kind == rows.ENERGY
+        nodes, index[energy] = np.unique(ids[energy] & rows.NODE, return_inverse=True)
+        a[energy] = b[energy] = 0
+        y[energy] /= force
+        n = len(r.cost)
+        normal = slice(0, 3 * len(p.mu), 3)
+        points = force * (pool.data[nodes, :n] @ r.C[normal].T + r.off[normal])
+        references = np.column_stack([points, unit * pool.data[nodes, n]])
+
+        flip = np.zeros(len(kind), bool)
+        columns, factors = np.zeros(len(r.names), int), np.ones(len(r.names))
+        for k, (name, i) in enumerate(r.names):
+            if name == "scalar":
+                columns[k] = at.scalar.start
+                factors[k] = p.force / (p.stretch if r.goal is Goal.LARGEST else r.scale)
+            elif name == "normal":
+                columns[k] = at.c.start + 3 * i
+            elif name == "force":
+                columns[k], factors[k] = at.f.start + i, 1 / lever[i]
+            elif name == "effort":
+                columns[k], factors[k] = at.e.start + i, p.force / r.scale
+        plain = (kind == rows.PLAIN_UP) | (kind == rows.PLAIN_DOWN)
+        if r.goal is Goal.LARGEST:
+            flip = plain & (index == 0)
+        y[plain] *= factors[index[plain]]
+        index[plain] = columns[index[plain]]
+        kind = np.where(flip, rows.PLAIN_UP + rows.PLAIN_DOWN - kind, kind)
+        kind = np.where(energy, Row.ENERGY, kind)
+        return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y, "references": references}

@@ -1,0 +1,151 @@
+"""A leaf's ray in the middle of all that there are, where the one found sits on an edge.
+
+The simplex ends at a vertex: most multipliers are 0, and where a contact has no part in the contradiction rounding
+decides on which side of 0 they are. For the few leaves whose ray the checker refuses for that reason, a linear
+program over every row that holds in the leaf's case finds multipliers that are as far from 0 as they can be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import linprog
+
+from handfast.core.arrays import Array
+from handfast.stability.certify import farkas, leaf_rows, verify
+from handfast.stability.certify.certificate import (
+    ROW_ARRAYS,
+    TURN,
+    ActuatorState,
+    Certificate,
+    ContactState,
+    Integers,
+    Row,
+)
+
+TANGENTS = 8  # directions, besides those that the leaf's own ray has
+AWAY = 1e-3  # from 0, in rays whose contradiction is 1
+
+
+def repaired(certificate: Certificate, leaves: Sequence[int]) -> Certificate:
+    """The certificate with other rays for these leaves, where there are better ones."""
+    c = certificate
+    cases, system, ends = verify.leaf_cases(c), farkas.System.of(c.question), leaf_rows.bounds(c.question, c.scalar)
+    found = {leaf: _ray(c, leaf, cases[leaf], system, *ends) for leaf in leaves}
+    parts: list[Array | Integers] = []
+    counts = np.diff(c.start)
+    for leaf in range(len(c.leaves)):
+        ray = found.get(leaf)
+        if ray is None:
+            ray = tuple(getattr(c, name)[c.start[leaf] : c.start[leaf + 1]] for name in ROW_ARRAYS[1:])
+        parts.append(np.column_stack([np.asarray(x, dtype=float) for x in ray]))
+        counts[leaf] = len(ray[0])
+    rows = np.concatenate(parts)
+    whole = {name: rows[:, k].astype(np.int64) for k, name in enumerate(ROW_ARRAYS[1:-1])}
+    start = np.concatenate([[0], np.cumsum(counts)])
+    return replace(c, start=start, multiplier=rows[:, -1], **whole)  # type: ignore[arg-type]
+
+
+def _ray(
+    c: Certificate, leaf: int, case: Integers, system: farkas.System, lo: Array, hi: Array
+) -> tuple[Array | Integers, ...] | None:
+    """Kind, index, a, b, multiplier of the rows of a better ray; None if there is none.
+
+    system, lo, hi: the equalities, and bounds (n,) of the unknowns.
+    """
+    kind, index, a, b = _candidates(c, leaf, case, lo, hi)
+    some = replace(
+        c,
+        leaves=c.leaves[leaf : leaf + 1],
+        start=np.array([0, len(kind)]),
+        kind=kind,
+        index=index,
+        a=a,
+        b=b,
+        multiplier=np.zeros(len(kind)),
+    )
+    allowed = verify.legal(some, np.repeat(case[None], len(kind), axis=0), lo, hi)
+    kept = {name: getattr(some, name)[allowed] for name in ROW_ARRAYS[1:]}
+    some = replace(some, start=np.array([0, int(allowed.sum())]), **kept)
+    count = len(some.kind)
+    rows = leaf_rows.rows_of(some, np.repeat(case[None, :, 0], count, axis=0), lo, hi)
+    leaves = farkas.Leaves.of(some, rows, system, case[None], np.array([0]), whole=True)  # v has to follow from y
+    B, right, free = leaves.B[0], leaves.b[0], leaves.free[0]
+    alive = (B != 0).any(axis=0)
+    strict = np.flatnonzero(~free & ((B != 0).any(axis=1) | (right != 0)))
+    K, S = len(B), len(strict)
+    # the unknowns are w (K) and how far each inequality's is from 0, at most AWAY
+    equal = np.zeros((int(alive.sum()) + 1, K + S))
+    equal[:-1, :K] = B[:, alive].T
+    equal[-1, :K] = right
+    apart = np.zeros((S, K + S))
+    apart[np.arange(S), strict], apart[np.arange(S), K + np.arange(S)] = -1.0, 1.0
+    found = linprog(
+        np.r_[np.zeros(K), -np.ones(S)],
+        A_ub=apart,
+        b_ub=np.zeros(S),
+        A_eq=equal,
+        b_eq=np.r_[np.zeros(len(equal) - 1), 1.0],
+        bounds=[(None, None) if f else (0, None) for f in free] + [(0, AWAY)] * S,
+        method="highs",
+    )
+    if found.x is None:
+        return None
+    w = (found.x[:K] / leaves.unit[0])[:count]
+    w = np.where(free[:count], w, np.maximum(w, 0.0))
+    kinds = np.array([OTHER.get(int(k), int(k)) if y < 0 else int(k) for k, y in zip(some.kind, w, strict=True)])
+    used = w != 0
+    return tuple(x[used] for x in (kinds, some.index, some.a, some.b, np.abs(w)))
+
+
+# the other inequality of an equation
+OTHER = {
+    int(x): int(y)
+    for p, q in (
+        (Row.GAP_UP, Row.GAP_DOWN),
+        (Row.STILL_1_UP, Row.STILL_1_DOWN),
+        (Row.STILL_2_UP, Row.STILL_2_DOWN),
+        (Row.T_UP, Row.T_DOWN),
+        (Row.E_UP, Row.E_DOWN),
+    )
+    for x, y in ((p, q), (q, p))
+}
+
+
+def _candidates(
+    c: Certificate, leaf: int, case: Integers, lo: Array, hi: Array
+) -> tuple[Integers, Integers, Integers, Integers]:
+    """Kind, index, a, b of every row that may hold in the leaf, of equations only one side; and those it has."""
+    q, m = c.question, c.question.grasp.m
+    rows: list[tuple[int, int, int, int]] = []
+    for i, (state, left, right) in enumerate(case[:m].tolist()):
+        rows += [(Row.CN_UP, i, 0, 0)]
+        rows += [(Row.TANGENT, i, k * TURN // TANGENTS, 0) for k in range(TANGENTS)]
+        if state == ContactState.OPEN:
+            rows += [(Row.DN_UP, i, left, right), (Row.CN_DOWN, i, 0, 0)]
+            continue
+        rows.append((Row.GAP_UP, i, left, right))
+        if state == ContactState.STICK:
+            rows += [(Row.STILL_1_UP, i, 0, 0), (Row.STILL_2_UP, i, 0, 0)]
+        if state == ContactState.SLIDE:
+            rows += [(Row.CHORD, i, left, right), (Row.C_LEFT, i, left, 0), (Row.C_RIGHT, i, 0, right)]
+            rows += [(Row.TANGENT, i, (left + right) // 2, 0)]
+        if left != right:
+            rows += [(Row.D_LEFT, i, left, 0), (Row.D_RIGHT, i, 0, right)]
+        if state >= ContactState.CLOSED and q.eta > 0:
+            rows += [(Row.GAP_DOWN, i, k * TURN // TANGENTS, 0) for k in range(TANGENTS)]
+    for j, state in enumerate(case[m:, 0].tolist()):
+        rows += [(Row.T_UP, j, 0, 0), (Row.E_UP, j, 0, 0), (Row.S_UP, j, 0, 0)]
+        if state == ActuatorState.LOCKED or not q.may_move[j]:
+            rows.append((Row.T_DOWN, j, 0, 0))
+    rows += [(Row.BOUND_UP, int(k), 0, 0) for k in np.flatnonzero(np.isfinite(lo))]
+    rows += [(Row.BOUND_DOWN, int(k), 0, 0) for k in np.flatnonzero(np.isfinite(hi))]
+    known = set(rows)
+    for r in range(c.start[leaf], c.start[leaf + 1]):
+        row = int(c.kind[r]), int(c.index[r]), int(c.a[r]), int(c.b[r])
+        if row not in known and (OTHER.get(row[0], row[0]), *row[1:]) not in known:
+            rows.append(row)
+    kind, index, a, b = np.array(rows, dtype=np.int64).T
+    return kind, index, a, b

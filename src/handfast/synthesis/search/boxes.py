@@ -1,0 +1,184 @@
+"""What the prover searches: boxes of a set of contacts without the pose, and boxes of the pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from handfast.core.arrays import Array, Indices
+from handfast.core.branch import Discarded, Outcome, Split, Unfinished
+from handfast.core.errors import InputError
+from handfast.core.files import Strict, validate
+from handfast.model.region import Bezier
+from handfast.synthesis.problem import POSE, Problem
+from handfast.synthesis.search.kernel import exclude, hub
+
+STEP = 2000  # nodes of one call of a kernel
+RESOLUTION = 1e-5  # [m] a box within which no point strays farther is set aside, undecided
+DEEPEST = 4000  # boxes on a kernel's stack
+KEPT = 256  # small boxes of one call
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A box of one search.
+
+    Attributes:
+        box: (n, 2) of all coordinates; those that do not concern the search are not used.
+        share: of the whole.
+        small: at the resolution already.
+    """
+
+    box: Array
+    share: float
+    small: bool = False
+
+
+class PartEntry(Strict):
+    """A part as JSON-able data."""
+
+    box: list[tuple[float, float]]
+    share: Annotated[float, Field(ge=0, le=1)]
+    small: bool
+
+
+class Boxes:
+    """A search domain of boxes (n, 2): everything but the kernel.
+
+    Attributes:
+        problem: the task in minimal coordinates.
+        use: the coordinates that are split.
+        concern: those and the ones that are narrowed.
+        words: which contacts it is about, for people.
+        roots: everything.
+    """
+
+    problem: Problem
+    use: Indices
+    concern: Indices
+    words: str
+    roots: tuple[Part, ...]
+
+    def explore(self, stack: Array, share: Array, budget: int, kept: Array, kept_share: Array) -> tuple[int, int, int]:
+        """Depth first from the first box of the stack; (boxes left on it, small ones kept, nodes)."""
+        raise NotImplementedError
+
+    def coordinates(self, x: Array) -> Array:
+        """(n,) the problem's coordinates in those of the boxes."""
+        return x
+
+    def examine(self, part: Part, budget: int = STEP) -> Outcome[Part]:
+        """One call of the kernel on a box: up to `budget` nodes depth first."""
+        if part.small:
+            return Unfinished(part, 0)
+        n = self.problem.n
+        stack, share = np.empty((DEEPEST, n, 2)), np.empty(DEEPEST)
+        stack[0], share[0] = part.box, part.share
+        kept, kept_share = np.empty((KEPT, n, 2)), np.empty(KEPT)
+        count, found, nodes = self.explore(stack, share, budget, kept, kept_share)
+        if count == found == 0:
+            return Discarded(nodes=nodes)
+        left = [Part(stack[i].copy(), float(share[i])) for i in reversed(range(count))]
+        small = [Part(kept[i].copy(), float(kept_share[i]), True) for i in range(found)]
+        return Split([*small, *left], nodes=nodes)
+
+    def share(self, part: Part) -> float:
+        return part.share
+
+    def encode(self, part: Part) -> Any:
+        return {"box": part.box.tolist(), "share": part.share, "small": part.small}
+
+    def decode(self, data: Any) -> Part:
+        entry = validate(PartEntry, data)
+        if len(entry.box) != self.problem.n:
+            raise InputError(f"has {len(entry.box)} intervals, needs {self.problem.n}", field="box")
+        return Part(np.array(entry.box), entry.share, entry.small)
+
+
+class Together(Boxes):
+    """One set of contacts: can these be made together, in any pose of the object?"""
+
+    def __init__(self, problem: Problem, subset: tuple[int, ...], bend: Array, cones: Array) -> None:
+        flat = problem.flat
+        self.problem, self.subset, self.bend, self.cones = problem, np.array(subset, dtype=np.intp), bend, cones
+        b = len(flat.steps)
+        use = {int(flat.params[0]) - POSE + i for i in range(3)} if b in subset else set()
+        for k in subset:
+            if k < b:
+                use |= _joints(problem, k) | _parameters(problem, k)
+        self.use = self.concern = np.array(sorted(use), dtype=np.intp)
+        self.roots = (Part(np.column_stack([flat.lower, flat.upper]), 1.0),)
+        *most, last = [str(k) if k < b else "the object's position" for k in subset]
+        many = "s" * (len(subset) > 2 or b not in subset)
+        self.words = f"contact{many} {', '.join(most)} and {last}" if most else f"contact {last}"
+
+    def explore(self, stack: Array, share: Array, budget: int, kept: Array, kept_share: Array) -> tuple[int, int, int]:
+        return exclude.explore(
+            stack, share, 1, self.problem.flat, self.subset, self.use, self.bend, self.cones, budget,
+            RESOLUTION / self.problem.unit, kept, kept_share,
+        )  # fmt: skip
+
+
+class Hub(Boxes):
+    """The object's pose: is there one in which each contact can be made, whatever the other fingers do?
+
+    The coordinates are those of `engine.hub`: four charts of the rotation, and the position of a point amid
+    the object's regions. Only the pose and joints that several contacts share are split; what a box holds of the
+    other coordinates is where they can be for poses of the box.
+    """
+
+    def __init__(self, problem: Problem, bend: Array) -> None:
+        flat, b = problem.flat, len(problem.task.touches)
+        self.problem, self.bend = problem, bend
+        self.at = at = int(flat.params[0]) - POSE
+        joints = [_joints(problem, k) for k in range(b)]
+        shared = {j for k in range(b) for l in range(k) for j in joints[k] & joints[l]}
+        pose = [*sorted(shared), *range(at, at + POSE)]
+        rows = [[*pose, *sorted((joints[k] | _parameters(problem, k)) - shared)] for k in range(b)]
+        self.hub, self.sizes = len(pose), np.array([len(row) for row in rows], dtype=np.intp)
+        self.each = np.zeros((b, max(map(len, rows))), dtype=np.intp)
+        for k, row in enumerate(rows):
+            self.each[k, : len(row)] = row
+        self.use, self.concern = np.array(pose, dtype=np.intp), np.arange(problem.n)
+        self.words = "all contacts, pose by pose"
+        regions = [t.object for t in problem.task.touches]
+        middles = [r.points.reshape(-1, 3).mean(axis=0) if isinstance(r, Bezier) else r.center for r in regions]
+        self.middle = np.mean(middles, axis=0) / problem.unit
+        self.near = np.column_stack([flat.lower, flat.upper])[at : at + 3]
+        far = float(np.linalg.norm(self.middle)) * (1 + 1e-9)
+        box = np.column_stack([flat.lower, flat.upper])
+        box[at : at + 3] += [-far, far]
+        box[at + 3 : at + POSE] = [-1.0, 1.0]
+        self.roots = tuple(Part(_with_one(box, at + 3 + chart), 0.25) for chart in range(4))
+
+    def coordinates(self, x: Array) -> Array:
+        from scipy.spatial.transform import Rotation
+
+        at, y = self.at, np.array(x)
+        q = y[at + 3 : at + POSE]
+        y[at : at + 3] += Rotation.from_quat(q, scalar_first=True).apply(self.middle)
+        y[at + 3 : at + POSE] = q / q[np.abs(q).argmax()]
+        return y
+
+    def explore(self, stack: Array, share: Array, budget: int, kept: Array, kept_share: Array) -> tuple[int, int, int]:
+        return hub.explore(
+            stack, share, 1, self.problem.flat, self.each, self.sizes, self.hub, self.bend, self.middle, self.near,
+            budget, RESOLUTION / self.problem.unit, kept, kept_share,
+        )  # fmt: skip
+
+
+def _joints(problem: Problem, k: int) -> set[int]:
+    return {int(v) for v in problem.flat.var[k, : problem.flat.steps[k]]}
+
+
+def _parameters(problem: Problem, k: int) -> set[int]:
+    return {int(problem.flat.params[k]) + i for i in range(4 if problem.flat.hand[k] else 2)}
+
+
+def _with_one(box: Array, i: int) -> Array:
+    out = box.copy()
+    out[i] = 1.0
+    return out

@@ -1,0 +1,217 @@
+"""Prover: that no configuration exists, shown by discarding every box.
+
+Any set of contacts that cannot be made together settles the task, so each pair, each triple and the whole set
+is searched on its own, in turns, over the joints and region parameters that concern it; the object's pose is
+eliminated (`engine.exclude`). Where the task bounds the object's position, its origin counts as a contact.
+With three contacts and more the poses are searched too: one at a time the fingers decouple (`engine.hub`).
+Every solution's coordinates lie in a box that was not discarded.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from handfast.core.arrays import Array
+from handfast.core.branch import Search
+from handfast.core.errors import InputError
+from handfast.core.files import Strict, validate
+from handfast.synthesis.problem import Problem
+from handfast.synthesis.search.bends import bends, cones
+from handfast.synthesis.search.boxes import Boxes, Hub, Part, Together
+
+SLICE = 20  # calls before another search has its turn, doubled each time round
+LEAVES = 64  # small boxes of all contacts after which these are searched no further
+POSES = "poses"  # name of the search of the hub
+CHEAP = 3  # times as many calls for the poses, whose boxes cost a fraction of the others
+FROM = 3  # contacts, for the hub: with two of them the pose is too free
+
+
+@dataclass(frozen=True, eq=False)
+class Disproof:
+    """What a prover found out so far.
+
+    Attributes:
+        empty: every box of some set of contacts was discarded by verified arithmetic: no configuration exists.
+        by: which search, in words: the empty one, or the one of which the largest share is discarded.
+        nodes: boxes examined, of all searches, inner ones too.
+        discarded: largest share of a search that is discarded.
+        depth: of the search tree in calls of the kernel.
+        pending: boxes left of the set that has the fewest share left, small ones included.
+        smallest, largest: [rad, -] widest side of the smallest and of the largest of these, at the end of a run.
+        interrupted: by Ctrl-C.
+    """
+
+    empty: bool
+    by: str
+    nodes: int
+    discarded: float
+    depth: int
+    pending: int
+    smallest: float
+    largest: float
+    interrupted: bool = False
+
+
+class StateFile(Strict):
+    """A prover's state."""
+
+    schema_: Literal["handfast/prover/1"] = Field(alias="schema")
+    sets: dict[str, Any]
+
+
+class Prover:
+    """Searches for a set of contacts that cannot be made together.
+
+    Args:
+        problem: the task in minimal coordinates.
+        workers: threads.
+    """
+
+    def __init__(self, problem: Problem, *, workers: int = 2) -> None:
+        self.problem, self.workers = problem, workers
+        b = len(problem.task.touches)
+        points = b + bool(np.isfinite(problem.task.pose.position).any())  # the last one: the object's origin
+        sizes = range(2, points + 1) if points > 1 else range(1, 2)
+        subsets = [s for size in sizes for s in combinations(range(points), size)]
+        bend, bounds = bends(problem), cones(problem)
+        self.domains: dict[str, Boxes] = {"-".join(map(str, s)): Together(problem, s, bend, bounds) for s in subsets}
+        self.whole = next(reversed(self.domains))
+        if b >= FROM:
+            self.domains[POSES] = Hub(problem, bend)
+        self.searches: dict[str, Search[Part]] = {
+            name: Search(d, d.roots, workers=workers) for name, d in self.domains.items()
+        }
+        self._ready: set[type[Boxes]] = set()
+        self._compiling = 0.0  # [s] spent so far, beside any time limit
+
+    def run(
+        self,
+        *,
+        seconds: float | None = None,
+        nodes: int | None = None,
+        on_step: Callable[[Disproof], None] | None = None,
+        state: dict[str, Any] | None = None,
+    ) -> Disproof:
+        """Go on until a search is empty, each has come to the resolution somewhere, or a limit is hit.
+
+        Raises:
+            InputError: a state that is not one, or of another task.
+        """
+        if state:
+            self.restore(state)
+        before, begin = self.nodes, time.monotonic() - self._compiling
+        interrupted = False
+        try:
+            for _ in self._turns():
+                if self._empty() is not None:
+                    break
+                if on_step is not None:
+                    on_step(self._standing())
+                if seconds is not None and time.monotonic() - self._compiling - begin >= seconds:
+                    break
+                if nodes is not None and self.nodes - before >= nodes:
+                    break
+            if self._empty() is None:
+                self.compile()  # a later run may have a limit from without
+        except KeyboardInterrupt:
+            interrupted = True
+        return self._standing(sizes=True, interrupted=interrupted)
+
+    def compile(self) -> None:
+        """Compile every kernel now; `run` does it before a kernel's first turn, beside its time limit."""
+        for domain in self.domains.values():
+            self._compile(domain)
+
+    @property
+    def nodes(self) -> int:
+        """Boxes examined so far."""
+        return sum(s.state.nodes for s in self.searches.values())
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Take up a saved state; `InputError` if it is not one of this task."""
+        saved = validate(StateFile, state)
+        if set(saved.sets) != set(self.searches):
+            missing = sorted(set(self.searches) - set(saved.sets))
+            what = f"it lacks {', '.join(missing)}" if missing else "it has too many"
+            raise InputError(f"has other searches than this task needs: {what}; start anew", field="state.sets")
+        for name, domain in self.domains.items():
+            self.searches[name] = Search.restored(domain, saved.sets[name], workers=self.workers)
+
+    def save(self) -> dict[str, Any]:
+        """The state, JSON-able."""
+        return {"schema": "handfast/prover/1", "sets": {name: x.save() for name, x in self.searches.items()}}
+
+    def _turns(self) -> Iterator[None]:
+        """Step by step: each set of contacts in its turn, and after each the one that has come farthest.
+
+        The poses come last in the first round, which settles what is far from possible, and after every turn of a
+        set in the others. A search with a small box left can no longer become empty and has no more turns; the
+        set of all contacts has some, since its small boxes are where configurations may be.
+        """
+        steps = SLICE
+        while any(map(self._open, self.searches)):
+            for name in filter(self._open, self.searches):
+                sets = [s for s in self.searches if s != POSES and self._open(s)]
+                farthest = max(sets, key=lambda s: self.searches[s].state.discarded, default=name)
+                for turn in dict.fromkeys((name, farthest)):
+                    yield from self._turn(turn, steps)
+                    if steps > SLICE:
+                        yield from self._turn(POSES, CHEAP * steps)
+            steps *= 2
+
+    def _turn(self, name: str, steps: int) -> Iterator[None]:
+        if name in self.searches and self._open(name):
+            self._compile(self.domains[name])
+            for done, _ in enumerate(self.searches[name]):
+                yield
+                if done + 1 >= steps or not self._open(name):
+                    break
+
+    def _compile(self, domain: Boxes) -> None:
+        """Compiled before its first turn, at nobody's expense."""
+        if type(domain) not in self._ready:
+            begin = time.monotonic()
+            domain.examine(domain.roots[0], budget=0)
+            self._ready.add(type(domain))
+            self._compiling += time.monotonic() - begin
+
+    def _open(self, name: str) -> bool:
+        state = self.searches[name].state
+        return state.pending > 0 and len(state.unfinished) < (LEAVES if name == self.whole else 1)
+
+    def leaves(self) -> Array:
+        """(k, n) middles of the small boxes of all contacts together: where to look for configurations."""
+        unfinished = self.searches[self.whole].state.unfinished
+        return np.array([part.box.mean(axis=1) for part in unfinished]).reshape(-1, self.problem.n)
+
+    def _empty(self) -> str | None:
+        done = (s for s, x in self.searches.items() if not x.state.pending and not x.state.unfinished)
+        return next(done, None)
+
+    def _standing(self, *, sizes: bool = False, interrupted: bool = False) -> Disproof:
+        empty = self._empty()
+        states = {s: x.state for s, x in self.searches.items()}
+        best = empty if empty is not None else max(states, key=lambda s: states[s].discarded)
+        widths = [0.0]
+        if sizes and empty is None:
+            open_ones = [*self.searches[best].pending, *states[best].unfinished]
+            use = self.domains[best].use
+            widths = [float(np.ptp(part.box[use], axis=1).max()) for part in open_ones] or [0.0]
+        return Disproof(
+            empty is not None,
+            self.domains[best].words,
+            self.nodes,
+            1.0 if empty is not None else states[best].discarded,
+            max(s.depth for s in states.values()),
+            0 if empty is not None else states[best].pending + len(states[best].unfinished),
+            min(widths),
+            max(widths),
+            interrupted,
+        )

@@ -1,0 +1,119 @@
+"""Certified configurations from random starts: seeded blocks of starts, each one compiled call."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handfast.core.arrays import Array, Indices
+from handfast.model.region import Cap
+from handfast.synthesis.certify.existence import ContactPoint, Existence
+from handfast.synthesis.problem import Problem
+from handfast.synthesis.search.kernel.local import ALIGNED, NUMBERS
+from handfast.synthesis.search.kernel.search import find
+
+BLOCK = 256  # starts that share one seed: the unit in which a search is resumed
+
+
+@dataclass(frozen=True, eq=False)
+class Certified:
+    """Coordinates that the Krawczyk test has proved to be next to an exact configuration.
+
+    Attributes:
+        x: (n,) in units of the problem.
+        chosen: (e,) the dependent coordinates; radii: (e,) the half widths of their box.
+    """
+
+    x: Array
+    chosen: Indices
+    radii: Array
+
+    @classmethod
+    def of(cls, proof: Existence, problem: Problem) -> Certified:
+        """That of a proof of the problem's task: `existence` undone, to the last bit, for units are powers of two."""
+        value = proof.coordinates
+        x = np.array([value[label] for label in problem.labels]) / problem.lengths
+        chosen = np.array([problem.labels.index(label) for label in proof.dependent], dtype=np.intp)
+        return cls(x, chosen, proof.radii / problem.lengths[chosen])
+
+    def existence(self, problem: Problem) -> Existence:
+        """The proof in SI units, by labels."""
+        value = dict(zip(problem.labels, (self.x * problem.lengths).tolist(), strict=True))
+        contacts = []
+        for k, touch in enumerate(problem.task.touches):
+            s, t, u, v = (value.get(f"contact:{k}:{name}", 0.0) for name in "stuv")
+            contacts.append(ContactPoint(touch.link, (s, t), None if isinstance(touch.hand, Cap) else (u, v)))
+        return Existence(
+            joints={name.removeprefix("joint:"): y for name, y in value.items() if name.startswith("joint:")},
+            position=np.array([value[f"position:{i}"] for i in range(3)]),
+            quaternion=np.array([value[f"quaternion:{i}"] for i in range(4)]),
+            contacts=tuple(contacts),
+            dependent=tuple(problem.labels[c] for c in self.chosen),
+            radii=self.radii * problem.lengths[self.chosen],
+        )
+
+
+class Starts:
+    """An endless, reproducible row of local searches.
+
+    Args:
+        problem: the task in minimal coordinates.
+        seed: block k draws from `default_rng([seed, k])`, so that neither the time nor the number of
+            configurations asked for changes what a start finds.
+        block: to begin with.
+    """
+
+    def __init__(self, problem: Problem, seed: int, block: int = 0) -> None:
+        self.problem, self.seed, self.block = problem, seed, block
+        self.count = block * BLOCK
+        self.unproved = 0
+        self._out = _Rows(problem, BLOCK)
+        self._find(np.zeros((0, self._width)), 1)  # compiles
+
+    @property
+    def _width(self) -> int:
+        return self.problem.n + 1 + ALIGNED * NUMBERS
+
+    def run(self, many: int = BLOCK) -> list[Certified]:
+        """The certified configurations of the next block, at most `many`; the rest of the block is left out."""
+        numbers = np.random.default_rng([self.seed, self.block]).random((BLOCK, self._width))
+        found: list[Certified] = []
+        first = 0
+        while first < BLOCK and len(found) < many:
+            proved, used = self._find(numbers[first:], many - len(found))
+            first += used
+            found += self._out.taken(proved)
+        self.block += 1
+        self.count += first
+        return found
+
+    def near(self, points: Array, many: int = 1) -> list[Certified]:
+        """At most `many` certified configurations from starts at joints and region parameters (k, n)."""
+        flat, found = self.problem.flat, list[Certified]()
+        numbers = np.random.default_rng([self.seed, self.block, 1]).random((len(points), self._width))
+        width = np.where(flat.upper > flat.lower, flat.upper - flat.lower, 1.0)
+        numbers[:, : self.problem.n] = np.clip((points - flat.lower) / width, 0.0, 1.0)
+        if len(points):
+            proved, _ = self._find(numbers, many)
+            found = self._out.taken(proved)
+        return found
+
+    def _find(self, numbers: Array, many: int) -> tuple[int, int]:
+        p, out = self.problem, self._out
+        arrays = (out.xs, out.chosen, out.radii, out.which)
+        proved, used, unproved = find(numbers, p.flat, p.equations, many, *arrays)
+        self.unproved += unproved
+        return proved, used
+
+
+class _Rows:
+    """Arrays that a kernel writes its certified configurations into."""
+
+    def __init__(self, problem: Problem, many: int) -> None:
+        n, e = problem.n, problem.equations
+        self.xs, self.radii = np.zeros((many, n)), np.zeros((many, e))
+        self.chosen, self.which = np.zeros((many, e), dtype=np.intp), np.zeros(many, dtype=np.intp)
+
+    def taken(self, count: int) -> list[Certified]:
+        return [Certified(self.xs[i].copy(), self.chosen[i].copy(), self.radii[i].copy()) for i in range(count)]

@@ -1,0 +1,430 @@
+"""Files that no honest program writes: one line says what is wrong, whatever they hold."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast import load_body, load_configuration, load_grasp, load_hand, load_task
+from handfast.core import bundled
+from handfast.core.errors import InputError
+from handfast.core.files import DEPTH, DIGITS, parse_json
+from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
+from handfast.model.grasp_file import from_dict
+from handfast.model.hand import Coupling
+from handfast.model.hand_regions import load_hand_regions
+from handfast.model.mechanism import Mechanism
+from handfast.model.shape import LEAST, MOST, Shape, transform
+from handfast.saved import load as load_result
+from handfast.stability import problem
+from handfast.stability.goal import Goal
+from handfast.stability.loads_file import load_loads
+from handfast.stability.queries import check
+from handfast.stability.search import rows
+from handfast.stability.search.reduced import reduce
+
+LOADERS = {
+    "grasp": load_grasp,
+    "configuration": load_configuration,
+    "body": load_body,
+    "task": load_task,
+    "hand-regions": load_hand_regions,
+    "loads": load_loads,
+    "result": load_result,
+}
+
+
+def written(path: Path, text: str | bytes) -> Path:
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+# --- JSON ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", LOADERS)
+@pytest.mark.parametrize(
+    "text, fault",
+    [
+        ("[" * 100_000 + "]" * 100_000, "nested too deeply; at most 50"),
+        ('{"a":' * 100_000, "nested too deeply; at most 50"),
+        ('{"schema": ' + "9" * 5000 + "}", "a number of 5000 digits; at most 50"),
+        ('{"schema": 1e999}', "contains 1e999; numbers up to 1e"),
+        ('{"schema": -2e50}', r"contains -2e50; numbers up to 1e\+50"),
+        ('{"schema": -Infinity}', "contains -Infinity; finite numbers"),
+        ('{"schema": "a", "schema": "b"}', "has 'schema' 2 times in one object"),
+        ('{"schema": "\\ud800"}', "half a character"),
+    ],
+)
+def test_what_no_json_file_may_hold(tmp_path: Path, kind: str, text: str, fault: str) -> None:
+    path = written(tmp_path / "bad.json", text)
+    with pytest.raises(InputError, match=fault) as raised:
+        LOADERS[kind](path)
+    assert "\n" not in str(raised.value)
+    assert str(raised.value).startswith(str(path))
+
+
+def test_what_json_files_may_just_hold() -> None:
+    assert parse_json("[" * DEPTH + "]" * DEPTH)
+    assert parse_json("9" * DIGITS) == 10**DIGITS - 1
+    assert parse_json('"\\ud83d\\ude00"') == "\U0001f600"
+    with pytest.raises(InputError, match="nested too deeply"):
+        parse_json("[" * (DEPTH + 1) + "]" * (DEPTH + 1))
+    with pytest.raises(InputError, match="nested too deeply"):
+        parse_json('{"a": [1, ' + "[" * (DEPTH - 1) + "]" * (DEPTH - 1) + "]}")
+    with pytest.raises(InputError, match=f"a number of {DIGITS + 1} digits"):
+        parse_json("9" * (DIGITS + 1))
+
+
+def test_a_path_that_no_file_can_have() -> None:
+    with pytest.raises(InputError, match="is no name of a file"):
+        load_loads("a\0b.json")
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "a" * 300 + ".json", "\0", "x\0.json", "\ud800", "**", "[a-"])
+def test_names_that_no_file_can_have(tmp_path: Path, name: str) -> None:
+    for load in (*LOADERS.values(), load_hand):
+        with pytest.raises(InputError):
+            load(name)
+    for kind, bundled_name, keys in (
+        ("tasks", "scalpel-upholding", ["hand", "object"]),
+        ("hand_regions", "schunk-sah", ["hand"]),
+        ("objects", "flask", ["mesh"]),
+    ):
+        for key in keys:
+            data = changed(bundled.read(kind, bundled_name), (key,), name)
+            with pytest.raises(InputError):
+                LOADS[kind](written(tmp_path / "bad.json", json.dumps(data)))
+
+
+def changed(data: Any, at: tuple[Any, ...], value: object) -> Any:
+    out = json.loads(json.dumps(data))
+    inner = out
+    for key in at[:-1]:
+        inner = inner[key]
+    assert at[-1] in inner or isinstance(inner, list)
+    inner[at[-1]] = value
+    return out
+
+
+NUMBERS = [  # kind, bundled name, where a number stands
+    ("grasps", "fig1", ("contacts", 0, "friction")),
+    ("grasps", "fig1", ("contacts", 1, "position", 2)),
+    ("grasps", "fig1", ("joints", 0, "moves", 0)),
+    ("grasps", "fig1", ("preload", "finger_1_prox")),
+    ("configurations", "fig1", ("object_pose", "position", 0)),
+    ("configurations", "fig1", ("joints", "finger_1_prox")),
+    ("objects", "block", ("mass",)),
+    ("objects", "block", ("shapes", 0, "box", "size", 0)),
+    ("tasks", "scalpel-upholding", ("contacts", 0, "hand", "region", "cap", "radius")),
+    ("hand_regions", "schunk-sah", ("regions", "thumb_tip", "region", "cap", "radius")),
+]
+LOADS = {"grasps": load_grasp, "configurations": load_configuration, "objects": load_body, "tasks": load_task}
+LOADS["hand_regions"] = load_hand_regions
+
+
+@pytest.mark.parametrize("kind, name, at", NUMBERS)
+@pytest.mark.parametrize("value", ["0.5", True, None, [1]])
+def test_only_numbers_are_numbers(tmp_path: Path, kind: str, name: str, at: tuple[Any, ...], value: object) -> None:
+    data = bundled.read(kind, name)
+    LOADS[kind](written(tmp_path / "good.json", json.dumps(data)))
+    bad = written(tmp_path / "bad.json", json.dumps(changed(data, at, value)))
+    if at == ("mass",) and value is None:  # may be unknown
+        return
+    with pytest.raises(InputError, match=r"should be a valid (number|integer)"):
+        LOADS[kind](bad)
+
+
+def test_whole_numbers_are_numbers_and_numbers_are_no_truth() -> None:
+    data = bundled.read("grasps", "fig1")
+    assert from_dict(changed(data, ("contacts", 0, "friction"), 1)).contacts[0].friction == 1.0
+    with pytest.raises(InputError, match=r"actuators\[0\].tendon: input should be a valid boolean"):
+        from_dict(changed(data, ("mechanism", "actuators", 0), {"name": "a", "joints": {}, "tendon": 1}))
+    with pytest.raises(InputError, match=r"moves\[0\]: input should be a valid integer"):
+        from_dict(changed(data, ("joints", 0, "moves", 0), 0.0))
+
+
+# --- sizes --------------------------------------------------------------------------------------
+
+CONTACT = {"position": [0, 0, 1], "normal": [0, 0, -1], "friction": 0.5}
+
+
+def test_ten_thousand_contacts_are_refused_with_the_limit() -> None:
+    with pytest.raises(InputError, match=f"^contacts: has 10000 entries; at most {LARGEST} are possible$"):
+        from_dict({"schema": "handfast/grasp/1", "contacts": 10_000 * [CONTACT]})
+    many = LARGEST // 3 + 1
+    with pytest.raises(InputError, match=f"has {many} contacts, 0 joints and 0 actuators, too many to search.* 249 at"):
+        from_dict({"schema": "handfast/grasp/1", "contacts": many * [CONTACT]})
+
+
+def of_size(m: int, l: int, a: int) -> Grasp:
+    rng = np.random.default_rng([m, l, a])
+    points = rng.normal(size=(m, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    contacts = [Contact(p, -p, 0.5) for p in points]
+    joints = [GraspJoint(f"j{j}", np.eye(3)[j % 3], rng.normal(size=3), (int(rng.integers(m)),)) for j in range(l)]
+    names = tuple(f"a{i}" for i in range(a))
+    mechanism = Mechanism(names, rng.normal(size=(a, l)), np.zeros((0, l)), (False,) * a)
+    return Grasp(contacts, joints, mechanism, dict.fromkeys(names, 0.1))
+
+
+@pytest.mark.parametrize("sizes", [(83, 0, 0), (1, 82, 82), (1, 246, 0), (1, 2, 122), (40, 43, 43)])
+def test_the_largest_grasp_is_one_that_the_search_can_name_by_a_byte(sizes: tuple[int, int, int]) -> None:
+    """Of unknowns and of bounded values, with every limit there is."""
+    grasp, byte = of_size(*sizes), 1 << (rows.KIND - rows.INDEX)
+    assert byte == 256
+    limits = {"torque_limits": dict.fromkeys(grasp.mechanism.actuators, 1.0), "force_limit": 10.0}
+    for goal in Goal:
+        torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
+        driven = np.ones(sizes[2], dtype=bool) if torques else None
+        p = problem.build(grasp, np.zeros(6), grasp.G[:, 0], driven=driven, **limits)  # type: ignore[arg-type]
+        r = reduce(p, goal)
+        assert len(r.cost) <= byte
+        assert len(r.lo) <= byte
+    m, l, a = sizes
+    with pytest.raises(InputError, match="too many to search"):
+        of_size(m + 1, l, a)
+
+
+def test_names_that_would_break_the_line() -> None:
+    data = bundled.read("grasps", "fig1")
+    with pytest.raises(InputError, match=r"unknown actuator 'a\\nb\\x1b\[31mc'; known: finger_1") as raised:
+        from_dict(changed(data, ("preload",), {"a\nb\x1b[31mc": 1.0}))
+    assert str(raised.value).isprintable()
+
+
+def test_couplings_and_gears_of_nothing() -> None:
+    data = bundled.read("grasps", "fig1-coupled")
+    for row in ({}, {"finger_1_prox": 0.0}, {"finger_1_prox": 1e-200}):
+        with pytest.raises(InputError, match=r"mechanism\.couplings\[0\]: ties no joint"):
+            from_dict(changed(data, ("mechanism", "couplings", 0), row))
+        with pytest.raises(InputError, match="moves no joint"):
+            from_dict(changed(data, ("mechanism", "actuators", 0, "joints"), row))
+
+
+# --- meshes -------------------------------------------------------------------------------------
+
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+PLY = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 4
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+0 0 1
+3 0 2 1
+3 0 1 3
+3 0 3 2
+3 1 2 3
+"""
+STL = b"\0" * 80 + struct.pack("<I", 1) + struct.pack("<12fH", *[0.0] * 3, *[0.0] * 3, 1, 0, 0, 0, 1, 0, 0)
+
+MESHES = {
+    "encoding": ("a.obj", b"\xff\xfe\x00v 0 0 0\nf 1 1 1\n", "cannot be read as a mesh|has no triangles"),
+    "index": ("a.obj", TETRAHEDRON + "f 1 2 9\n", "cannot be read as a mesh|corner that is none"),
+    "ply index": ("a.ply", PLY.replace("3 1 2 3", "3 1 2 30"), "a triangle with a corner that is none of its 4"),
+    "ply negative": ("a.ply", PLY.replace("3 1 2 3", "3 1 2 -3"), "a triangle with a corner that is none of its 4"),
+    "plane": ("a.obj", "v 0 0\nv 1 0\nv 0 1\nv 1 1\nf 1 2 3\nf 2 3 4\n", "cannot be read as a mesh|of 2 coordinates"),
+    "no face": ("a.obj", "v 0 0 0\nv 1 0 0\n", "has no triangles"),
+    "ply no face": ("a.ply", PLY.replace("face 4", "face 0").split("3 0 2")[0], "no triangles|cannot be read as a m"),
+    "flat": ("a.stl", STL, "is flat"),
+    "cut short": ("a.stl", STL[:100], "has no triangles"),
+    "huge": ("a.obj", TETRAHEDRON.replace("0 0 1", "0 0 1e200"), r"has a vertex at 1e\+200 m; at most 1e\+06 m"),
+    "too huge": ("a.obj", TETRAHEDRON.replace("0 0 1", "0 0 1e999"), "NaN or infinite"),
+    "tiny": ("a.obj", TETRAHEDRON.replace("1\n", "1e-12\n").replace("1 0", "0 0"), "is smaller than 1e-09 m|is flat"),
+    "empty": ("a.ply", "", "cannot be read as a mesh"),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_meshes_that_are_none(tmp_path: Path, name: str) -> None:
+    file, data, fault = MESHES[name]
+    path = written(tmp_path / file, data)
+    with pytest.raises(InputError, match=fault) as raised:
+        load_body(path)
+    assert str(path) in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_meshes_that_are_some(tmp_path: Path) -> None:
+    for file, data in (("a.obj", TETRAHEDRON), ("a.ply", PLY)):
+        assert load_body(written(tmp_path / file, data)).pieces[0].volume == pytest.approx(1 / 6)
+
+
+def test_a_scale_that_leaves_nothing(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.obj", TETRAHEDRON)
+    with pytest.raises(InputError, match="smaller than 1e-09 m; is its scale right"):
+        load_body(path, scale=1e-12)
+    with pytest.raises(InputError, match="at most 1e"):
+        load_body(path, scale=1e200)
+
+
+@pytest.mark.parametrize("size", [LEAST / 2, 1e-200, 2 * MOST, 1e200])
+def test_solids_of_no_size(size: float) -> None:
+    with pytest.raises(InputError, match=r"sphere\.size: is .*; sizes are 1e-09 to 1e"):
+        Shape("sphere", size)
+    with pytest.raises(InputError, match=r"box\.size"):
+        Shape("box", (0.1, 0.1, size))
+
+
+def test_solids_of_nowhere() -> None:
+    assert Shape("sphere", 1.0, transform((MOST, 0, 0)))
+    with pytest.raises(InputError, match="more than 1e"):
+        Shape("sphere", 1.0, transform((0, -1e7, 0)))
+    with pytest.raises(InputError, match="is not a rigid motion"):
+        Shape("sphere", 1.0, 1e200 * np.eye(4))
+
+
+# --- hands --------------------------------------------------------------------------------------
+
+URDF = """<robot name="two"><link name="palm"/><link name="one"/><link name="two"><collision><geometry>
+  <mesh filename="a.obj"/></geometry></collision></link>
+  <joint name="a" type="revolute"><parent link="palm"/><child link="one"/><origin xyz="0 0 0.1"/>
+    <axis xyz="0 1 0"/><limit lower="-0.2" upper="1.5"/></joint>
+  <joint name="b" type="revolute"><parent link="one"/><child link="two"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="1.6"/><mimic joint="a" multiplier="1"/></joint></robot>"""
+
+HANDS = [
+    ('<robot name="two">', '<?xml version="1.0" encoding="klingon"?><robot name="two">', "has an encoding that cannot"),
+    ('<robot name="two">', '<?xml version="1.0" encoding="utf-16"?><robot name="two">', "is not XML|has an encoding"),
+    ('joint="a" mult', 'joint="b" mult', "b: follows itself"),
+    ('upper="1.5"/>', 'upper="1.5"/><mimic joint="b"/>', "a: follows itself"),
+    ('<axis xyz="0 1 0"/><limit', '<axis xyz="0 1e308 0"/><limit', r"[ab]\.axis: has length 1e\+308"),
+    ('<axis xyz="0 1 0"/><limit', '<axis xyz="1e308 1e308 1e308"/><limit', r"[ab]\.axis: has length 1\.73e"),
+    ('xyz="0 0 0.1"', 'xyz="0 0 1e999"', "3 finite numbers"),
+    ('upper="1.5"', 'upper="inf"', "1 finite numbers"),
+    ('multiplier="1"', 'multiplier="nan"', "1 finite numbers"),
+    ('filename="a.obj"', 'filename="a.obj" scale="1e-14 1e-14 1e-14"', "smaller than 1e-09 m"),
+    ('filename="a.obj"', 'filename="a.obj" scale="1 1 0"', "is flat"),
+    ('filename="a.obj"', 'filename="a.obj" scale="1e300 1 1"', r"has a vertex at 1e\+300 m"),
+]
+
+
+@pytest.mark.parametrize("old, new, fault", HANDS)
+def test_urdf_that_describes_no_hand(tmp_path: Path, old: str, new: str, fault: str) -> None:
+    written(tmp_path / "a.obj", TETRAHEDRON)
+    assert load_hand(written(tmp_path / "good.urdf", URDF)).l == 2
+    text = URDF.replace(old, new)
+    assert text != URDF
+    path = written(tmp_path / "bad.urdf", text)
+    with pytest.raises(InputError, match=fault) as raised:
+        load_hand(path)
+    assert str(raised.value).startswith(str(path))
+    assert "\n" not in str(raised.value)
+
+
+MJCF = """<mujoco model="m"><asset><mesh name="t" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody>
+  <body name="palm">
+  <body name="p" pos="0.1 0 0"><joint name="a" axis="0 1 0" range="0 1"/><geom type="mesh" mesh="t"/>
+  <body name="d"><joint name="b" axis="0 1 0" range="0 1"/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body></body>
+  </body></worldbody><equality><joint joint1="b" joint2="a" polycoef="0 1 0 0 0"/></equality></mujoco>"""
+
+MJCF_HANDS = [
+    ('axis="0 1 0" range="0 1"/><geom type="mesh"', 'axis="0 1e308 0" range="0 1"/><geom type="mesh"', "axis"),
+    ('pos="0.1 0 0"', 'pos="inf 0 0"', "p.pose: contains NaN or infinity"),
+    ('pos="0.1 0 0"', 'pos="0.1 0 0" quat="1 1.7e308 0 0"', "quaternion: is .*; a unit quaternion"),
+    ('pos="0.1 0 0"', 'pos="nan 0 0"', "p.pose: contains NaN or infinity"),
+    ("0 0 1 0 0 0 1 0 0 0 1", "0 0 1 0 0 0 1 0 1 1 0", "volume|flat|coplanar"),
+    ('size="0.1 0.1 0.1"', 'size="0.1 0.1 1e200"', "sizes are|inertia"),
+    ('size="0.1 0.1 0.1"', 'size="0.1 0.1 1e-14"', "sizes are|inertia"),
+    ('joint1="b" joint2="a"', 'joint1="b" joint2="b"', "repeated|follows"),
+    ("</equality>", '<joint joint1="a" joint2="b" polycoef="0 1 0 0 0"/></equality>', "follows itself"),
+    ("</equality>", '<joint joint1="b" polycoef="0 1 0 0 0"/></equality>', "tied to two joints"),
+    ('polycoef="0 1 ', 'polycoef="0 inf ', "NaN or infinity"),
+    ('polycoef="0 1 ', 'polycoef="1e308 1e308 ', "ratio 1e"),
+    ('<mujoco model="m">', '<?xml version="1.0" encoding="klingon"?><mujoco model="m">', "has an encoding"),
+]
+
+
+@pytest.mark.parametrize("old, new, fault", MJCF_HANDS)
+def test_mjcf_that_describes_no_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], old: str, new: str, fault: str
+) -> None:
+    monkeypatch.chdir(tmp_path)  # where mujoco would keep a log
+    assert load_hand(written(tmp_path / "good.xml", MJCF)).l == 2
+    assert old in MJCF
+    path = written(tmp_path / "bad.xml", MJCF.replace(old, new, 1))
+    with pytest.raises(InputError, match=fault) as raised:
+        load_hand(path)
+    assert "\n" not in str(raised.value)
+    assert capfd.readouterr().err == ""
+    assert not list(tmp_path.glob("*.TXT"))
+
+
+def test_names_that_are_not_utf8(tmp_path: Path) -> None:
+    text = '<?xml version="1.0" encoding="latin-1"?>' + MJCF.replace('name="a"', 'name="ä"').replace('"a"', '"ä"')
+    path = written(tmp_path / "bad.xml", text.encode("latin-1"))
+    with pytest.raises(InputError, match="UTF-8"):
+        load_hand(path)
+
+
+def test_couplings_that_lead_nowhere() -> None:
+    hand = load_hand("schunk-sah")
+    first = hand.couplings[2]
+    for coupling, fault in [
+        (Coupling(first.leader, first.joint, 1.0), "follows itself"),
+        (Coupling(first.joint, 0, 1.0), "index_distal: is tied to two joints at once"),
+        (Coupling(0, 0, 1.0), "follows itself"),
+        (Coupling(0, 1, np.inf), "at most 1e"),
+        (Coupling(0, 1, 1.0, np.nan), "at most 1e"),
+    ]:
+        with pytest.raises(InputError, match=fault):
+            replace(hand, couplings=(*hand.couplings, coupling))
+
+
+# --- output that cannot be written --------------------------------------------------------------
+
+CHECK = [sys.executable, "-m", "handfast.cli", "check", "fig1", "--wrench", "0", "1", "0"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("more", [["--json"], []])
+def test_a_full_disk_is_told(more: list[str]) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([*CHECK, *more], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.stderr == "handfast: standard output cannot be written: No space left on device\n"
+    assert done.returncode == 2
+
+
+@pytest.mark.parametrize("more", [["--json"], []])
+def test_a_reader_that_has_had_enough(more: list[str]) -> None:
+    with subprocess.Popen([*CHECK, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        assert running.stderr is not None
+        running.stdout.close()
+        assert running.stderr.read() == ""
+    assert running.returncode == 0
+
+
+def test_an_output_of_few_letters() -> None:
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(CHECK, capture_output=True, text=True, env=environment)
+    assert done.returncode == 2
+    assert done.stderr.startswith("handfast: standard output: ascii has no '")
+    assert done.stderr.count("\n") == 1
+
+
+def test_no_output_at_all() -> None:
+    script = "import sys; sys.stdout = None; from handfast.cli import main; sys.exit(main(['list']))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("handfast: standard output is closed")
+
+
+def test_the_smallest_question_is_still_answered() -> None:
+    assert check(Grasp([Contact(np.zeros(3), np.array([0, 0, 1.0]), 0.5)]), [0, 0, -1, 0, 0, 0]).verdict == "holds"

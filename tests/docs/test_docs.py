@@ -1,0 +1,297 @@
+"""The documentation is true: snippets run, commands answer, formats load, every option is described.
+
+A page's snippets run in the order in which they stand, in one temporary folder and one namespace:
+
+- ```python is executed,
+- ```console: every line `$ handfast ...` must end with exit status 0,
+- ```json title="NAME" is written to NAME and loaded as what its schema says.
+
+`<!-- not run: reason -->` on the line before a block leaves it out.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import io
+import json
+import re
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import pytest
+
+from handfast.cli import main
+from handfast.cli.app import COMMANDS, option_name
+from handfast.core.files import Strict
+from handfast.model.body import load_body
+from handfast.model.configuration import Configuration, load_configuration
+from handfast.model.grasp_file import GraspFile, load_grasp
+from handfast.model.hand_regions import load_hand_regions
+from handfast.stability.certify.certificate_file import CertificateFile, NodesEntry, QuestionEntry, RowsEntry
+from handfast.stability.loads_file import load_loads
+from handfast.stability.result_file import ArcEntry, ResultFile, WitnessEntry
+from handfast.synthesis.certify.existence import ExistenceEntry
+from handfast.synthesis.result_file import AnswerEntry, StateEntry, SynthesisFile
+from handfast.synthesis.task_file import TaskFile, load_task
+from tests.support.places import ROOT
+
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(p for p in DOCS.glob("**/*.md") if not p.name.startswith("benchmarks"))]
+LOADERS: dict[str, Callable[[str], object]] = {
+    "handfast/grasp/1": load_grasp,
+    "handfast/configuration/1": load_configuration,
+    "handfast/body/1": load_body,
+    "handfast/task/1": load_task,
+    "handfast/loads/1": load_loads,
+    "handfast/hand-regions/1": load_hand_regions,
+}
+BLOCK = re.compile(
+    r"(?:^<!-- not run: (?P<skip>[^\n]+) -->\n)?^```(?P<kind>\w+)(?P<rest>[^\n]*)\n(?P<text>.*?)^```$",
+    re.MULTILINE | re.DOTALL,
+)
+
+
+@dataclass(frozen=True)
+class Block:
+    kind: str
+    title: str
+    text: str
+    skip: str
+    line: int
+
+    def commands(self) -> list[list[str]]:
+        """The arguments of every `$ handfast ...` line."""
+        words = [shlex.split(line[2:]) for line in self.text.splitlines() if line.startswith("$ ")]
+        return [w[1:] for w in words if w[0] == "handfast"]
+
+
+def blocks(page: Path) -> list[Block]:
+    text = page.read_text("utf-8")
+    found = []
+    for m in BLOCK.finditer(text):
+        title = re.search(r'title="([^"]+)"', m["rest"])
+        line = text.count("\n", 0, m.start("text")) + 1
+        found.append(Block(m["kind"], title[1] if title else "", m["text"], m["skip"] or "", line))
+    return found
+
+
+def runnable(page: Path) -> bool:
+    return any(b.kind in ("python", "console", "json") and not b.skip for b in blocks(page))
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if runnable(p)], ids=lambda p: p.stem)
+def test_snippets(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "__main__"}
+    for block in blocks(page):
+        if block.skip:
+            continue
+        if block.kind == "python":
+            tree = ast.parse(block.text, f"{page.name}:{block.line}")
+            ast.increment_lineno(tree, block.line - 1)
+            with contextlib.redirect_stdout(io.StringIO()):
+                exec(compile(tree, str(page), "exec"), names)
+        elif block.kind == "console":
+            for arguments in block.commands():
+                said, complaint = io.StringIO(), io.StringIO()
+                with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complaint):
+                    status = main(arguments)
+                assert status == 0, f"{page.name}: handfast {shlex.join(arguments)}\n{complaint.getvalue()}"
+                if "--json" in arguments:
+                    json.loads(said.getvalue())
+        elif block.kind == "json" and block.title:
+            Path(block.title).write_text(block.text, "utf-8")
+            LOADERS[json.loads(block.text)["schema"]](block.title)
+
+
+def test_every_block_is_of_a_known_kind() -> None:
+    """A misspelt kind would silently leave a snippet out."""
+    for page in PAGES:
+        for block in blocks(page):
+            assert block.kind in ("python", "console", "json", "bash", "text"), f"{page.name}: {block.kind}"
+            assert block.kind != "json" or block.title, f"{page.name}:{block.line}: a JSON block needs a title"
+            assert block.kind != "console" or block.commands(), f"{page.name}:{block.line}: no command"
+
+
+def test_console_lines_are_commands_that_exist() -> None:
+    """Also those that are not run because they take too long."""
+    for page in PAGES:
+        for block in blocks(page):
+            for arguments in block.commands() if block.kind == "console" else []:
+                if arguments[0].startswith("--"):
+                    continue
+                known = {option_name(f) for f in fields(COMMANDS[arguments[0]])} | {"--help", "-o", "-n"}  # type: ignore[arg-type]
+                asked = {w for w in arguments[1:] if re.match(r"--?[a-z]", w)}
+                assert asked <= known, f"{page.name}: {asked - known}"
+
+
+# --- the reference pages are complete ----------------------------------------------------------------
+
+
+def section(text: str, heading: str) -> str:
+    """From `## heading` to the next `## `."""
+    found = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
+    assert found, f"no section '{heading}'"
+    return found[1]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_is_described(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (DOCS / "command-line.md").read_text("utf-8")
+    described = section(page, name)
+    if name in ("check", "max", "torques", "map", "sweep"):
+        described += section(page, "Options of every question")
+    assert main([name, "--help"]) == 0
+    helped = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", capsys.readouterr().out)) - {"--help"}
+    mine = {option_name(f) for f in fields(COMMANDS[name])}  # type: ignore[arg-type]
+    options = {o for o in helped if o in mine}
+    assert options, "no options found in the help"
+    tables = "\n".join(line for line in described.splitlines() if line.startswith("| `--"))
+    written = set(re.findall(r"`(--[a-z][a-z-]*)", tables))
+    assert options - written == set(), "not described"
+    assert written - options == set(), "described, but not there"
+
+
+def test_option_defaults_are_described() -> None:
+    page = (DOCS / "command-line.md").read_text("utf-8")
+    for row, default in (("--sectors N", 2048), ("--gap G", 0.001), ("--steps N", 360), ("--threshold M", 0.0005)):
+        assert f"| `{row}` | {default} |" in page
+
+
+def keys_of(model: type[Strict], prefix: str = "") -> set[str]:
+    """Field names of a file format as its table writes them, one level of models deep at a time."""
+    out = set()
+    for name, info in model.model_fields.items():
+        key = prefix + (info.alias or name)
+        out.add(key)
+        kind = str(info.annotation)
+        for path in re.findall(r"handfast\.[\w.]+", kind):
+            module, _, cls = path.rpartition(".")
+            found = getattr(__import__(module, fromlist=[cls]), cls)
+            if isinstance(found, type) and issubclass(found, Strict):
+                out |= keys_of(found, key + ("[]." if "list[" in kind else "."))
+    return out
+
+
+@pytest.mark.parametrize(
+    "heading, model",
+    [("Grasp: `handfast/grasp/1`", GraspFile), ("Configuration: `handfast/configuration/1`", Configuration)],
+)
+def test_every_field_is_in_its_table(heading: str, model: type[Strict]) -> None:
+    table = section((DOCS / "file-formats.md").read_text("utf-8"), heading)
+    written = {
+        name
+        for line in table.splitlines()
+        if line.startswith("| `")
+        for name in re.findall(r"`([^`]+)`", line.split("|")[1])
+    }
+    assert written == keys_of(model)
+
+
+def test_every_field_of_a_body_is_in_its_table() -> None:
+    from handfast.model.body_file import BodyFile, ShapeFile
+
+    table = section((DOCS / "file-formats.md").read_text("utf-8"), "Body: `handfast/body/1`")
+    written = {line.split("`")[1] for line in table.splitlines() if line.startswith("| `")}
+    top = {info.alias or name for name, info in BodyFile.model_fields.items()}
+    assert written == top | {f"shapes[].{name}" for name in ShapeFile.model_fields}
+
+
+def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
+    page = (DOCS / "file-formats.md").read_text("utf-8")
+    for heading, model in (
+        ("Result: `handfast/result/2`", ResultFile),
+        ("Certificate: `handfast/certificate/2`", CertificateFile),
+    ):
+        lines = [line for line in section(page, heading).splitlines() if line.startswith("| `")]
+        written = {name for line in lines for name in re.findall(r"`([^`]+)`", line.split("|")[1])}
+        top = {info.alias or name for name, info in model.model_fields.items()}
+        inside = {f"witness.{name}" for name in WitnessEntry.model_fields} if model is ResultFile else {"question.goal"}
+        inside |= {f"arcs[].{name}" for name in ArcEntry.model_fields} if model is ResultFile else set()
+        assert written == top | inside
+    for entry in (NodesEntry, RowsEntry, QuestionEntry):
+        assert all(f"`{name}`" in page for name in entry.model_fields), entry.__name__
+
+
+def fields_in_tables(text: str) -> set[str]:
+    lines = [line for line in text.splitlines() if line.startswith("| `")]
+    return {name for line in lines for name in re.findall(r"`([^`]+)`", line.split("|")[1])}
+
+
+def test_every_field_of_a_task_is_in_its_table() -> None:
+    written = fields_in_tables(section((DOCS / "file-formats.md").read_text("utf-8"), "Task: `handfast/task/1`"))
+    kinds = {name for name in written if name.startswith("{")}
+    assert sorted(re.findall(r"^\{\"(\w+)", "\n".join(sorted(kinds)), re.MULTILINE)) == ["bezier", "cap"]
+    regions = {f"contacts[].{side}.region.{name}" for side in ("hand", "object") for name in ("bezier", "cap", "flip")}
+    caps = {f"contacts[].{side}.region.cap." for side in ("hand", "object")}
+    known = {key for key in keys_of(TaskFile) - regions if not key.startswith(tuple(caps))}
+    assert written - kinds == known
+
+
+def test_every_field_of_a_synthesis_is_in_its_table() -> None:
+    page = (DOCS / "file-formats.md").read_text("utf-8")
+    text = section(page, "Synthesis: `handfast/synthesis/1`")
+    named = {model: {i.alias or n for n, i in model.model_fields.items()} for model in (SynthesisFile, ExistenceEntry)}
+    assert fields_in_tables(text) == named[SynthesisFile] | named[ExistenceEntry]
+    assert all(f"`{name}`" in text for name in StateEntry.model_fields)
+    keys = {info.alias or name for name, info in AnswerEntry.model_fields.items()}
+    answers = section((DOCS / "answers.md").read_text("utf-8"), "JSON")
+    assert all(f"| `{key}` |" in answers for key in keys)
+
+
+def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (DOCS / "answers.md").read_text("utf-8")
+    up, proof = ["--direction", "0", "0", "1"], {"certified", "verified", "motion_cap"}
+    asked = {
+        "check": ["check", "fig1", "--wrench", "0", "1", "0"],
+        "max": ["max", "fig1", "--direction", "0", "-1", "0", "--no-preload", "--interval"],
+        "torques": ["torques", "fig11", "--wrench", "0", "0", "0.5"],
+        "map": ["map", "fig11", "--plane", "xz", "--steps", "4"],
+        "sweep": ["sweep", "fig11", "--joint", "finger_3_prox", "--to", "0.01", "--steps", "2", *up],
+        "synthesize": ["synthesize", "scalpel-upholding"],
+        "grasp": ["grasp", "scalpel-incision", "--count", "1", "--up", "z"],
+    }
+    common = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
+    for name, arguments in asked.items():
+        main([*arguments, "--json"])
+        keys = set(json.loads(capsys.readouterr().out)) - common
+        adds = re.search(rf"^`{name}` adds.*?\n\n(.*?)\n\n", page, re.MULTILINE | re.DOTALL)
+        assert adds, name
+        written = {k for line in adds[1].splitlines()[2:] for k in re.findall(r"`(\w+)`", line.split("|")[1])}
+        assert written == keys - (proof if name in ("check", "max", "torques") else set()), name
+    for key in common | proof:
+        assert f"| `{key}` |" in section(page, "JSON")
+
+
+# --- pages and pictures ------------------------------------------------------------------------------
+
+
+def test_pictures_exist_and_are_small() -> None:
+    for page in PAGES:
+        for target in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.read_text("utf-8")):
+            picture = page.parent / target
+            assert picture.is_file(), f"{page.name}: {target}"
+            assert picture.stat().st_size < 300_000, target
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    nav = (ROOT / "mkdocs.yml").read_text("utf-8")
+    for page in PAGES:
+        if page.is_relative_to(DOCS):
+            assert f": {page.relative_to(DOCS)}" in nav
+
+
+def test_all_numbered_equations_are_there() -> None:
+    text = (DOCS / "model.md").read_text("utf-8") + (DOCS / "algorithm.md").read_text("utf-8")
+    for number in range(1, 28):
+        assert f"({number})" in text, number
+
+
+def test_the_site_needs_no_network() -> None:
+    text = (ROOT / "mkdocs.yml").read_text("utf-8")
+    assert "font: false" in text
+    assert "extra_javascript" not in text
+    assert "http" not in text

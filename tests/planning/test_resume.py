@@ -1,0 +1,277 @@
+"""Searches that are killed: what was found is there, no worker is left, and they go on without beginning anew."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast import load_task, verify
+from handfast.cli.grasp import Grasp
+from handfast.cli.plan import PlanGrasps
+from handfast.core.errors import InputError
+from handfast.planning.tasks.search_file import load_search
+from handfast.stability.many import START
+from handfast.synthesis.problem import Problem
+from handfast.synthesis.search.starts import Certified, Starts
+
+TASK = "scalpel-incision"
+PLAN = ["plan", "barrett-bh8-280", "ball", "--seed", "5", "--count", "4"]
+GRASP = ["grasp", TASK, "--count", "3"]
+ROUGH = {"seconds"}  # what another run may say differently
+
+needs_fork = pytest.mark.skipif(START != "fork", reason="there are no workers")
+
+
+def plan(folder: Path, **options: Any) -> PlanGrasps:
+    return PlanGrasps(hand="barrett-bh8-280", object="ball", seed=5, jobs=1, output=folder, json=True, **options)
+
+
+def grasp(folder: Path, **options: Any) -> Grasp:
+    return Grasp(task=TASK, jobs=1, output=folder, json=True, **options)
+
+
+def contents(folder: Path) -> dict[str, Any]:
+    """The folder's files, parsed, without what may differ from run to run."""
+    return {file.name: without(json.loads(file.read_text("utf-8"))) for file in folder.glob("*.json")}
+
+
+def without(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: without(value) for key, value in data.items() if key not in {*ROUGH, "checksum"}}
+    return [without(value) for value in data] if isinstance(data, list) else data
+
+
+def killed(arguments: list[str], folder: Path, file: str) -> None:
+    """Run a command with two workers, kill it once a file is there, and see its workers end."""
+    command = [sys.executable, "-m", "handfast.cli", *arguments, "--jobs", "2", "-o", str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as running:
+        while not (folder / file).exists():
+            assert running.poll() is None, "it ended before it was killed"
+            time.sleep(0.01)
+        children = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
+        running.send_signal(signal.SIGKILL)
+    assert len(children) >= 2
+    while any(alive(int(child)) for child in children):  # a test that never ends fails
+        time.sleep(0.01)
+
+
+def alive(process: int) -> bool:
+    with suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+# --- plan ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plan") / "whole"
+    assert plan(folder, count=4).run() == 0
+    return folder
+
+
+@needs_fork
+def test_a_plan_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path, planned: Path) -> None:
+    folder = tmp_path / "out"
+    killed([*PLAN[:-1], "200"], folder, "001.grasp.json")
+    kept = json.loads((folder / "plan.json").read_text("utf-8"))
+    for entry in kept["grasps"]:
+        assert (folder / entry["grasp_file"]).exists()
+    before = {file.name: file.stat().st_mtime_ns for file in folder.glob("0*.json")}
+    count = max(4, len(kept["grasps"]))
+    assert plan(folder, count=count, resume=True).run() == 0
+    again = {name: (folder / name).stat().st_mtime_ns for name in before if int(name[:3]) < len(kept["grasps"])}
+    assert again == {name: before[name] for name in again}  # nothing is found twice
+    expected, found = contents(planned), contents(folder)
+    if count == 4:
+        assert found == expected
+    else:  # the kill came late
+        assert {name: found[name] for name in expected if name != "plan.json"} == {
+            name: expected[name] for name in expected if name != "plan.json"
+        }
+
+
+def test_a_plan_goes_on_to_more_grasps(tmp_path: Path, planned: Path) -> None:
+    folder = tmp_path / "out"
+    assert plan(folder, count=2).run() == 0
+    assert plan(folder, count=4, resume=True).run() == 0
+    assert contents(folder) == contents(planned)
+
+
+def test_attempts_are_counted_from_the_first(tmp_path: Path, planned: Path) -> None:
+    tried = json.loads((planned / "plan.json").read_text("utf-8"))["tried"]
+    folder = tmp_path / "out"
+    for attempts in (2, 3, tried):
+        status = plan(folder, count=4, resume=True, attempts=attempts).run()
+        assert json.loads((folder / "plan.json").read_text("utf-8"))["tried"] == attempts
+    assert status == 0
+    assert contents(folder) == contents(planned)
+
+
+def test_a_pool_is_kept_whole(tmp_path: Path, planned: Path) -> None:
+    folder = tmp_path / "out"
+    assert plan(folder, count=1, pool=4).run() == 0
+    data = json.loads((folder / "plan.json").read_text("utf-8"))
+    assert (len(data["grasps"]), len(data["others"])) == (1, 3)
+    assert plan(folder, count=4, resume=True).run() == 0
+    assert contents(folder) == contents(planned)
+
+
+def copied(source: Path, target: Path) -> Path:
+    target.mkdir()
+    for file in source.iterdir():
+        (target / file.name).write_bytes(file.read_bytes())
+    return target
+
+
+def test_a_plan_goes_on_only_with_what_it_was_asked(tmp_path: Path, planned: Path) -> None:
+    folder = copied(planned, tmp_path / "out")
+    for other in ({"mass": 0.3}, {"friction": 0.9}, {"eta": 1.0}, {"force_limit": 50.0}, {"approach": (0.1, 0.0, 1.0)}):
+        with pytest.raises(InputError, match=r"plan\.json: question: was begun with another hand"):
+            plan(folder, count=4, resume=True, **other).run()
+    with pytest.raises(InputError, match="--resume or --force"):
+        plan(folder, resume=True, force=True).run()
+    with pytest.raises(InputError, match="holds a plan already; give --resume"):
+        plan(folder).run()
+    (folder / "plan.json").unlink()
+    with pytest.raises(InputError, match="holds a plan already"):
+        plan(folder).run()
+    with pytest.raises(InputError, match="--resume: needs the folder"):
+        PlanGrasps(hand="barrett-bh8-280", object="ball", resume=True).run()
+
+
+def test_a_grasp_that_does_not_hold_is_not_gone_on_from(tmp_path: Path, planned: Path) -> None:
+    folder = copied(planned, tmp_path / "out")
+    file = folder / "000.grasp.json"
+    data = json.loads(file.read_text("utf-8"))
+    for contact in data["contacts"]:
+        contact["friction"] = 0.01
+    file.write_text(json.dumps(data))
+    with pytest.raises(InputError, match=r"000\.grasp\.json: does not hold what is asked"):
+        plan(folder, count=4, resume=True).run()
+    file.unlink()
+    with pytest.raises(InputError, match=r"000\.grasp\.json: no such file"):
+        plan(folder, count=4, resume=True).run()
+    (folder / "plan.json").write_text('{"query": "plan"')
+    with pytest.raises(InputError, match=r"plan\.json: is not valid JSON"):
+        plan(folder, count=4, resume=True).run()
+
+
+# --- grasp --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("grasp") / "whole"
+    assert grasp(folder, count=3, timeout=float("inf")).run() == 0
+    return folder
+
+
+@needs_fork
+def test_a_search_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path, searched: Path) -> None:
+    folder = tmp_path / "out"
+    killed([*GRASP[:-1], "50", "--timeout", "inf"], folder, "search.json")
+    while not (folder / "grasps.json").exists():  # it was killed before anything was found
+        grasp(folder, count=1, resume=True).run()
+    assert verify(folder / "grasps.json").ok
+    count = max(3, len(load_search(folder / "search.json", load_task(TASK)).found))
+    assert grasp(folder, count=count, resume=True, timeout=float("inf")).run() == 0
+    assert verify(folder / "grasps.json").ok
+    if count == 3:
+        assert contents(folder) == contents(searched)
+
+
+def test_a_search_goes_on_to_more_grasps(tmp_path: Path, searched: Path) -> None:
+    folder = tmp_path / "out"
+    assert grasp(folder, count=1, timeout=float("inf")).run() == 0
+    first = (folder / "grasp-1.json").read_bytes()
+    assert grasp(folder, count=3, resume=True, timeout=float("inf")).run() == 0
+    assert first in [file.read_bytes() for file in folder.glob("grasp-*.json")]
+    here, there = (load_search(f / "search.json", load_task(TASK)) for f in (folder, searched))
+    assert [f.existence.coordinates for f in here.found] == [f.existence.coordinates for f in there.found]
+    names = ("configuration-{}.json", "grasp-{}.json")
+    for name in (n.format(k) for n in names for k in (1, 2, 3)):
+        assert contents(folder)[name] == contents(searched)[name]
+
+
+def test_a_search_goes_on_only_with_what_it_was_asked(tmp_path: Path, searched: Path) -> None:
+    folder = copied(searched, tmp_path / "out")
+    for other in ({"mass": 0.3}, {"seed": 1}, {"depth": 2e-3}, {"eta": 1.0}):
+        with pytest.raises(InputError, match=r"search\.json: question: was begun with another hand"):
+            grasp(folder, count=4, resume=True, **other).run()
+    with pytest.raises(InputError, match="holds grasps already; give --resume"):
+        grasp(folder).run()
+    with pytest.raises(InputError, match="--resume or --force"):
+        grasp(folder, resume=True, force=True).run()
+    with pytest.raises(InputError, match="--resume: needs the folder"):
+        Grasp(task=TASK, resume=True).run()
+
+
+@pytest.mark.parametrize(
+    "at, value, fault",
+    [
+        (("existence", "position", 0), 0.3, r"found\[0\]\.existence: is not proved"),
+        (("existence", "radii", 0), 1e-30, r"found\[0\]\.existence: is not proved"),
+        (("preload",), {}, r"found\[0\]\.preload: does not hold every load"),
+        (("preload",), {"nobody": 1.0}, r"found\[0\]\.preload: unknown actuator"),
+        (("upper",), "1.0", r"found\[0\]\.upper: input should be a valid number"),
+        (("existence", "contacts"), [], r"found\[0\]\.existence\.contacts: has 0 entries"),
+    ],
+)
+def test_a_search_does_not_go_on_from_what_is_not_so(
+    tmp_path: Path, searched: Path, at: tuple[Any, ...], value: object, fault: str
+) -> None:
+    folder = copied(searched, tmp_path / "out")
+    file = folder / "search.json"
+    data = json.loads(file.read_text("utf-8"))
+    inner = data["found"][0]
+    for key in at[:-1]:
+        inner = inner[key]
+    inner[at[-1]] = value
+    file.write_text(json.dumps(data))
+    with pytest.raises(InputError, match=fault):
+        grasp(folder, count=3, resume=True).run()
+
+
+def test_certified_configurations_come_back_from_their_proofs() -> None:
+    problem = Problem.of(load_task(TASK))
+    for certified in Starts(problem, 0).run(5):
+        again = Certified.of(certified.existence(problem), problem)
+        np.testing.assert_array_equal(again.x, certified.x)
+        np.testing.assert_array_equal(again.chosen, certified.chosen)
+        np.testing.assert_array_equal(again.radii, certified.radii)
+
+
+# --- many ---------------------------------------------------------------------------------------
+
+MAP = """
+import numpy as np
+from handfast import load_grasp
+from handfast.stability.many import max_many
+angles = np.linspace(0, 6, 20000)
+directions = [[np.cos(a), np.sin(a), 0, 0, 0, 0] for a in angles]
+max_many(load_grasp("fig1"), directions, jobs=2, on_item=lambda done, of: print(done, flush=True))
+"""
+
+
+@needs_fork
+def test_the_workers_of_a_map_end_with_it() -> None:
+    with subprocess.Popen([sys.executable, "-c", MAP], stdout=subprocess.PIPE) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline()
+        children = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
+        os.kill(running.pid, signal.SIGKILL)
+    assert len(children) >= 2
+    while any(alive(int(child)) for child in children):
+        time.sleep(0.01)

@@ -1,0 +1,271 @@
+"""The engine: limits, Ctrl-C, progress; constructed solutions are found, proofs hold, and no fault in them passes."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from handfast.core.answer import Stop, Verdict
+from handfast.stability import problem
+from handfast.stability.certify import verify
+from handfast.stability.certify.certificate import Certificate, ContactState
+from handfast.stability.goal import Goal
+from handfast.stability.outcome import INF, Outcome
+from handfast.stability.queries import check, maximum, torques
+from handfast.stability.search import front
+from handfast.stability.settings import Settings
+from tests.support.problems import bell, nest, pinch, solved, table
+
+
+def w(*force: float) -> np.ndarray:
+    return np.array([*force, 0, 0, 0], dtype=float)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled() -> None:
+    """Time limits are for searches, not for the compiler."""
+    maximum(pinch(), w(0, 1, 0))
+
+
+def hard(eta: float = 0.1):
+    """Fourteen contacts with uncertain normals: hours for a small gap."""
+    s = solved(1, 14, eta)
+    return s.grasp, s.wrench, {"eta": eta}
+
+
+# --- constructed solutions ------------------------------------------------------------------------------
+
+
+@hypothesis_settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.integers(3, 6), st.sampled_from([0.0, 0.05]), st.booleans())
+def test_a_constructed_solution_is_resisted(seed: int, m: int, eta: float, stick: bool) -> None:
+    s = solved(seed, m, eta, stick)
+    answer = check(s.grasp, s.wrench, eta=eta, settings=Settings(time_limit=60))
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.witness.residuals.worst <= 1e-9
+    np.testing.assert_allclose(answer.witness.wrench, s.wrench, rtol=1e-12, atol=1e-12)
+
+
+@hypothesis_settings(max_examples=120, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.integers(2, 4), st.sampled_from([0.0, 0.05]))
+def test_bounds_of_random_grasps_are_proved(seed: int, m: int, eta: float) -> None:
+    """The disturbance is resisted, so the maximum along it is at least 1, and commands exist; bounds are proved."""
+    s = solved(seed, m, eta)
+    if not s.wrench.any():
+        return
+    settings = Settings(time_limit=60)
+    answers = [check(s.grasp, 3 * s.wrench, eta=eta, settings=settings)]
+    answers.append(maximum(s.grasp, s.wrench, eta=eta, settings=settings))
+    assert answers[1].upper >= 1 - 1e-9
+    if s.grasp.preload:
+        answers.append(torques(s.grasp, s.wrench, eta=eta, settings=settings))
+        assert answers[2].lower <= np.abs(s.grasp.command).max() * (1 + 1e-9)
+    for answer in answers:
+        assert answer.witness is None or answer.witness.valid
+        if answer.stop is Stop.COMPLETE:
+            unbounded = getattr(answer, "unbounded", False)
+            needed = answer.verdict is Verdict.SLIPS or getattr(answer, "lower", 0) > 0
+            assert answer.certificate is not None or unbounded or not needed
+        if answer.certificate is not None:
+            found = verify.verify(answer.certificate)
+            assert found.ok, found.reason
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def by_hand_across_the_plane() -> float:
+    """[N] the most that the bell resists across its plane.
+
+    Nothing moves across it. Both joints turn by q [N], the object rises by u = q dx, so that the tips, on which all of
+    that force is, are still. The low contacts slide along the finger.
+    """
+    h, dx = 0.093, 0.003  # a tip is h above its joint and dx beside it
+    s, c = np.sin(np.radians(35)), np.cos(np.radians(35))
+    x, y = 0.05 * s - 0.01 * c, 0.05 * c + 0.01 * s  # of the low contact from the joint, (-c, s) into the object
+
+    # low contacts slide and carry N (1, -1) in (normal, tangent): their forces on one finger per newton
+    torque = np.array([-c, s]) @ [-y, x] - np.array([s, c]) @ [-y, x]
+    upward = s - c
+
+    def forces(N: float) -> tuple[float, float]:
+        """Normal and in-plane tangential force of a tip."""
+        down = -upward * N
+        return (0.1 - torque * N - down * dx) / h, down
+
+    # the springs: tip c_n = q h, low c_n = q (c y + s x) - s u
+    share = (c * y + s * x - s * dx) / h
+    n_unit, d_unit = (forces(1.0)[0] - forces(0.0)[0]), -upward
+    tip = forces(0.0)[0] / (1 - n_unit * share)
+    return float(2 * np.sqrt(tip**2 - (d_unit * share * tip) ** 2))
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_a_limit_that_nothing_comes_near_is_left_out(up: float) -> None:
+    """Endless motions across the plane would let 2 * 0.1 / 0.093 N be held, but none that ends comes near it."""
+    answer = maximum(bell(), w(0, 0, up))
+    assert (answer.verdict, answer.stop, answer.verified) == (Verdict.HOLDS, Stop.COMPLETE, True)
+    assert answer.nodes < 20_000
+    assert answer.lower == pytest.approx(by_hand_across_the_plane(), rel=1e-5)
+    assert answer.upper == pytest.approx(answer.lower, rel=1.001e-3)
+    found = verify.verify(answer.certificate)
+    assert found.ok
+    assert found.cap == answer.to_json()["motion_cap"] == pytest.approx(1e4)
+    assert found.unproved
+
+
+# --- limits ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("limit", "stop"), [({"time_limit": 1e-6}, Stop.TIME), ({"node_limit": 1}, Stop.NODES)])
+def test_a_limit_leaves_it_undecided(limit: dict, stop: Stop) -> None:
+    settings = Settings(gap=1e-12, **limit)
+    grasp, wrench, eta = hard()
+    answer = check(grasp, -wrench, settings=settings, **eta)
+    assert (answer.verdict, answer.stop) == (Verdict.UNDECIDED, stop)
+    best = maximum(bell(), w(0, 1, 0), settings=settings)
+    assert best.stop is stop
+    assert best.lower <= 0.2 / 0.09 <= best.upper * (1 + 1e-9)
+    least = torques(bell(), w(0, 1, 0), settings=settings)
+    assert least.stop is stop
+    assert least.lower <= 0.045 * (1 + 1e-9) <= least.upper * (1 + 2e-9)
+
+
+@pytest.mark.parametrize("nodes", [3, 10, 30, 100, 300])
+def test_bounds_at_a_node_limit_are_true_and_proved(nodes: int) -> None:
+    for answer, exact in (
+        (maximum(bell(), w(0, 1, 0), settings=Settings(node_limit=nodes, gap=1e-9)), 0.2 / 0.09),
+        (maximum(table(), w(1, 0, 0), base=w(0, 0, -10), settings=Settings(node_limit=nodes, gap=1e-9)), 4.0),
+        (torques(bell(), w(0, 1, 0), settings=Settings(node_limit=nodes, gap=1e-9)), 0.045),
+    ):
+        assert answer.lower <= exact * (1 + 1e-9)
+        assert answer.upper >= exact * (1 - 1e-9)
+        assert answer.nodes <= 5 * nodes + 80  # counted with up to four children each, after sixteen of them
+        assert answer.witness is None or answer.witness.valid
+        if answer.certificate is not None:
+            assert verify.verify(answer.certificate).ok
+
+
+def planted(stop: Stop, value: float, bound: float, nodes: int = 10) -> Outcome:
+    return Outcome(value, bound, None, stop, 0.0, nodes)
+
+
+@pytest.mark.parametrize(
+    ("found", "expected", "gaps"),
+    [
+        # a finer search that runs out of time takes nothing back
+        ([(Stop.NUMERICAL, 5.0, 3.0), (Stop.TIME, 6.0, 4.0)], (Stop.TIME, 5.0, 4.0), [1e-3, 1e-4]),
+        ([(Stop.NUMERICAL, 5.0, 3.0), (Stop.TIME, 4.9, 1.0)], (Stop.TIME, 4.9, 3.0), [1e-3, 1e-4]),
+        # one that finishes has the last word, also where the first one's solution was refused
+        ([(Stop.NUMERICAL, INF, -INF), (Stop.COMPLETE, 6.0, 5.9)], (Stop.COMPLETE, 6.0, 5.9), [1e-3, 1e-4]),
+        # and none is repeated beyond what the tolerances of programs can follow
+        ([(Stop.NUMERICAL, 5.0, 3.0)] * 4, (Stop.NUMERICAL, 5.0, 3.0), [1e-3, 1e-4, 1e-5, 1e-6]),
+        ([(Stop.NUMERICAL, 5.0, 3.0, 100)], (Stop.NUMERICAL, 5.0, 3.0), [1e-3]),  # no nodes are left
+    ],
+)
+def test_what_is_left_unresolved_is_searched_more_finely(
+    found: list, expected: tuple, gaps: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Settings] = []
+
+    def search(p: object, goal: Goal, settings: Settings, *rest: object, **named: object) -> Outcome:
+        asked.append(settings)
+        return planted(*found[len(asked) - 1])
+
+    monkeypatch.setattr(front, "_search", search)
+    monkeypatch.setattr(front, "_to_cap", lambda beside, goal, settings, found: found)
+    p = problem.build(bell(), np.zeros(6), w(0, 1, 0))
+    out = front.search(p, Goal.SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100, time_limit=60.0))
+    assert (out.stop, out.value, out.bound) == expected
+    assert [s.gap for s in asked] == pytest.approx(gaps)
+    assert [s.node_limit for s in asked] == [100 - 10 * k for k in range(len(gaps))]
+    assert out.nodes == sum(row[3] if len(row) > 3 else 10 for row in found)
+
+
+# --- while it runs --------------------------------------------------------------------------------------
+
+
+def test_progress_has_falling_gaps() -> None:
+    grasp, wrench, eta = hard()
+    seen = []
+    answer = maximum(grasp, wrench, settings=Settings(gap=1e-9, time_limit=2.0), on_step=seen.append, **eta)
+    assert len(seen) > 3
+    assert all(p.lower <= p.upper for p in seen)
+    for before, after in itertools.pairwise(seen):
+        assert after.nodes >= before.nodes
+        assert after.lower >= before.lower
+        assert after.upper <= before.upper * (1 + 1e-12)
+    assert answer.nodes >= seen[-1].nodes
+    assert answer.lower == pytest.approx(seen[-1].lower)
+
+
+def test_ctrl_c_leaves_the_bounds_so_far() -> None:
+    def interrupt(progress) -> None:
+        if progress.lower > 0:
+            raise KeyboardInterrupt
+
+    s = solved(1, 8)
+    answer = maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14, time_limit=60), on_step=interrupt)
+    assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.INTERRUPTED)
+    assert answer.witness.valid
+    assert 0 < answer.lower <= answer.upper
+
+    def at_once(progress) -> None:
+        raise KeyboardInterrupt
+
+    assert maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14), on_step=at_once).stop is Stop.INTERRUPTED
+
+
+# --- certificates ---------------------------------------------------------------------------------------
+
+PROVED = {
+    "check": lambda: check(bell(), w(0, 2.3, 0)),
+    "check with eta": lambda: check(bell(), w(0, 2.5, 0), eta=0.05),
+    "nest": lambda: check(nest(), w(0.1, 0, 1)),
+    "smallest preload": lambda: maximum(bell(), w(0, 1, 0)),
+    "largest": lambda: maximum(table(), w(1, 0, 0), base=w(0, 0, -10)),
+    "limits": lambda: maximum(pinch(), w(1, 0, 0), torque_limits={"right": 0.3}),
+    "largest command": lambda: torques(bell(), w(0, 1, 0)),
+    "sum of commands": lambda: torques(bell(), w(0, 1, 0), objective="sum"),
+}
+
+
+def put(array: np.ndarray, i: int, value: int) -> np.ndarray:
+    out = array.copy()
+    out[i] = value
+    return out
+
+
+def tampered(c: Certificate) -> list[Certificate]:
+    """A certificate with one fault each, of those that can be planted in it."""
+    largest = int(c.multiplier.argmax())
+    out = [
+        replace(c, multiplier=put(c.multiplier, largest, -c.multiplier[largest])),
+        replace(c, multiplier=np.zeros_like(c.multiplier)),
+        replace(c, multiplier=-c.multiplier),
+    ]
+    if len(c.leaves) > 1:  # one is forgotten, its rows stand with the one before
+        out.append(replace(c, leaves=c.leaves[:-1], start=np.append(c.start[:-2], c.start[-1])))
+    sector = np.flatnonzero(c.state == ContactState.SLIDE)
+    if len(sector):
+        out.append(replace(c, right=put(c.right, sector[0], c.right[sector[0]] - 1)))
+    if c.scalar:
+        lo, hi = c.scalar
+        wider = {"largest": (0.9 * lo, hi), "smallest preload": (lo, np.inf)}
+        out.append(replace(c, scalar=wider.get(c.question.goal, (lo, 1.1 * hi))))
+    return out
+
+
+@pytest.mark.parametrize("name", PROVED)
+def test_certificates_pass_and_faults_in_them_do_not(name: str) -> None:
+    answer = PROVED[name]()
+    assert answer.stop is Stop.COMPLETE
+    found = verify.verify(answer.certificate)
+    assert found.ok, found.reason
+    assert found.margin > 0
+    for other in tampered(answer.certificate):
+        assert not verify.verify(other).ok

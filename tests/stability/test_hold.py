@@ -1,0 +1,257 @@
+"""One preload for many loads, the loads themselves, and statics alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from handfast import Contact, Grasp, InputError, Settings, Stop, Verdict, check, load_body
+from handfast.model.body import Body
+from handfast.model.shape import Shape
+from handfast.stability.hold import hold, moderate
+from handfast.stability.loads import Loads
+from handfast.stability.loads_file import load_loads
+from handfast.stability.queries import torques
+from handfast.stability.statics import CIRCUMSCRIBED, imbalance, spare_friction
+from tests.support.problems import X, Y, Z, nest, pinch, table
+
+ZERO = np.zeros(3)
+
+
+def forces(*vectors: np.ndarray) -> Loads:
+    return Loads(
+        tuple(f"load {k}" for k in range(len(vectors))), np.array([np.concatenate([v, ZERO]) for v in vectors])
+    )
+
+
+# --- hold ---------------------------------------------------------------------------------------
+
+
+def test_least_preload_of_a_pinch() -> None:
+    """Normal forces are T / arm at both tips, friction carries 2 mu T / arm along y and z: T = F arm / (2 mu)."""
+    loads = forces(0.5 * Y, -0.4 * Y, 0.3 * Z)
+    a = hold(pinch(mu=0.5, arm=0.1), loads)
+    assert a.verdict is Verdict.HOLDS
+    assert a.upper == pytest.approx(0.05, rel=2e-3)
+    assert a.lower == pytest.approx(0.05, rel=2e-3)
+    assert a.lower <= a.upper
+    assert a.hardest == "load 0"
+
+
+def test_every_load_is_witnessed_under_the_one_preload() -> None:
+    loads = forces(0.5 * Y, -0.4 * Y, 0.3 * Z, 0.2 * X)
+    for least in (False, True):
+        a = hold(pinch(), loads, least=least)
+        assert a.preload is not None
+        assert len(a.checks) == len(loads)
+        for answer, w in zip(a.checks, loads.wrenches, strict=True):
+            assert answer.witness is not None
+            assert answer.witness.valid
+            np.testing.assert_allclose(answer.witness.wrench, w, atol=1e-12)
+            assert answer.witness.grasp.preload == pytest.approx({k: v for k, v in a.preload.items() if v})
+            again = check(pinch().with_preload(a.preload), w)
+            assert again.verdict is Verdict.HOLDS
+
+
+def test_nothing_is_commanded_where_nothing_has_to_be() -> None:
+    a = hold(pinch(), forces(X, -X))  # locked fingers take what goes along them
+    assert (a.verdict, a.preload, a.upper, a.hardest) == (Verdict.HOLDS, {"right": 0.0, "left": 0.0}, 0.0, "")
+
+
+def test_a_load_that_no_preload_resists_is_named_and_certified() -> None:
+    turn = np.concatenate([ZERO, 0.01 * X])  # about the line between the two tips
+    a = hold(pinch(), forces(0.1 * Y) + Loads.wrench(turn, "turn"))
+    assert (a.verdict, a.preload, a.checks, a.hardest) == (Verdict.SLIPS, None, (), "turn")
+    assert a.refuted is not None
+    assert a.refuted == ("turn", None)  # G does not even have it
+
+
+def test_a_load_that_is_too_much_for_friction_is_certified() -> None:
+    a = hold(nest(mu=0.3), forces(-Z) + Loads.wrench([0, 0, 1, 0, 0, 0], "up"))
+    assert a.refuted is not None
+    name, answer = a.refuted
+    assert name == "up"
+    assert answer is not None
+    assert answer.certificate is not None
+
+
+def test_a_fixture_holds_what_presses_and_not_what_pulls() -> None:
+    assert hold(nest(), forces(-Z)).verdict is Verdict.HOLDS
+    assert hold(nest(), forces(-Z, Z)).verdict is Verdict.SLIPS
+
+
+def test_commands_stay_within_their_limit() -> None:
+    loads = forces(0.5 * Y)  # needs 0.05
+    assert hold(pinch(), loads, command_limit=0.06).upper <= 0.06
+    a = hold(pinch(), loads, command_limit=0.04)
+    assert a.verdict is Verdict.SLIPS  # shown: the least that `torques` certifies is more
+    assert a.refuted is not None
+    quick = hold(pinch(), loads, command_limit=0.04, least=False)
+    assert quick.verdict is Verdict.SLIPS
+
+
+def test_only_the_actuators_asked_for_are_commanded() -> None:
+    a = hold(pinch(), forces(0.5 * Y), actuators=["left"])
+    assert a.preload == {"left": pytest.approx(0.05, rel=2e-3)}
+    with pytest.raises(InputError, match=r"left, right|right, left"):
+        hold(pinch(), forces(Y), actuators=["thumb"])
+
+
+def test_torque_limits_hold_for_the_passive_reaction_too() -> None:
+    loads = forces(5 * X)  # a locked right finger carries 5 N at 0.1 m
+    assert hold(pinch(), loads).verdict is Verdict.HOLDS
+    less = hold(pinch(), loads, torque_limits={"left": 0.1, "right": 0.1})
+    assert (less.verdict, less.stop, less.hardest) == (Verdict.SLIPS, Stop.COMPLETE, "load 0")
+    assert hold(pinch(), loads, torque_limits={"left": 0.1, "right": 0.6}).verdict is Verdict.HOLDS
+
+
+def test_a_limit_that_is_hit_is_undecided() -> None:
+    a = hold(pinch(), forces(0.5 * Y), timeout=1e-9)
+    assert (a.verdict, a.stop, a.preload) == (Verdict.UNDECIDED, Stop.TIME, None)
+    nodes = hold(pinch(), forces(0.5 * Y, 0.2 * Z), settings=Settings(node_limit=1))
+    assert (nodes.verdict, nodes.stop, nodes.preload, nodes.checks) == (Verdict.UNDECIDED, Stop.NODES, None, ())
+
+
+@given(st.floats(1e-3, 1e3))
+@settings(max_examples=10, derandomize=True, deadline=None)
+def test_the_preload_scales_with_the_loads(s: float) -> None:
+    loads = forces(0.5 * Y, 0.3 * Z)
+    many = hold(pinch(), loads.scaled(s))
+    assert many.verdict is Verdict.HOLDS
+    assert many.lower == pytest.approx(0.05 * s, rel=5e-3)
+    assert many.upper == pytest.approx(0.05 * s, rel=5e-3)
+
+
+def test_moderate_commands() -> None:
+    assert moderate(pinch(), forces(2 * Y)) == pytest.approx(10 * 2 * 0.03)  # size: the tips are 30 mm off the middle
+
+
+# --- loads --------------------------------------------------------------------------------------
+
+
+def ball(mass: float | None = 2.0) -> Body:
+    return Body.of([Shape("sphere", 0.03)], mass=mass, center_of_mass=[0.1, 0.0, 0.0])
+
+
+def test_gravity_from_all_sides() -> None:
+    loads = Loads.gravity(ball())
+    assert loads.names == tuple(f"gravity {a}" for a in ("+x", "-x", "+y", "-y", "+z", "-z"))
+    np.testing.assert_allclose(loads.wrenches[5], [0, 0, -19.62, 0, 1.962, 0])  # r x f = 0.1 x * -19.62 z
+    np.testing.assert_allclose(Loads.gravity(ball(), ["z", np.array([0, 0, 2.0])]).wrenches[:, 2], 19.62)
+
+
+def test_tipping_turns_gravity_the_other_way() -> None:
+    """Tipped by +90 degrees about z, the object's -x points down: a weight that pulled along -y pulls along -x."""
+    loads = Loads.tilt(ball(), Z, np.pi / 2, steps=3, down=-Y)
+    assert loads.names == ("tipped 0°", "tipped 45°", "tipped 90°")
+    np.testing.assert_allclose(loads.wrenches[0, :3], -19.62 * Y, atol=1e-12)
+    np.testing.assert_allclose(loads.wrenches[2, :3], -19.62 * X, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(loads.wrenches[:, :3], axis=1), 19.62)
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: Loads((), np.zeros((0, 6))), "are empty"),
+        (lambda: Loads(("a", "a"), np.ones((2, 6))), "has 'a' twice"),
+        (lambda: Loads(("a",), np.full((1, 6), np.nan)), "NaN"),
+        (lambda: Loads.gravity(ball(None)), "give the object a mass"),
+        (lambda: Loads.gravity(ball(), "down"), r"is 'down'; all, \+x"),
+        (lambda: Loads.tilt(ball(), ZERO, 1.0), "is zero; give the axis"),
+        (lambda: Loads.tilt(ball(), Z, 1.0, steps=0), "at least 1 orientation"),
+        (lambda: forces(X).scaled(-1), "a positive number is needed"),
+    ],
+)
+def test_bad_loads(make: object, match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        make()  # type: ignore[operator]
+
+
+def test_loads_file(tmp_path: Path) -> None:
+    file = tmp_path / "loads.json"
+    file.write_text(json.dumps({"schema": "handfast/loads/1", "loads": {"cut": [1, 2, 3, 4, 5, 6]}}))
+    assert load_loads(file).names == ("cut",)
+    np.testing.assert_allclose(load_loads(file).wrenches, [[1, 2, 3, 4, 5, 6]])
+    for data, match in (
+        ({"schema": "handfast/loads/1", "loads": {"cut": [1, 2]}}, r"loads.json: loads.cut"),
+        ({"schema": "handfast/loads/1", "loads": {}}, "at least one is needed"),
+        ({"schema": "handfast/loads/1", "weights": {}}, "loads: is missing"),
+    ):
+        file.write_text(json.dumps(data))
+        with pytest.raises(InputError, match=match):
+            load_loads(file)
+
+
+# --- statics ------------------------------------------------------------------------------------
+
+
+def test_imbalance_of_a_pinch() -> None:
+    side, along = np.concatenate([Y, ZERO]), np.concatenate([X, ZERO])
+    turn, pulled = np.concatenate([ZERO, X]), np.concatenate([Z, ZERO])
+    np.testing.assert_allclose(imbalance(pinch(), np.array([side, along, turn])), [0, 0, 1], atol=1e-9)
+    assert imbalance(nest(), pulled[None])[0] == pytest.approx(1.0, abs=1e-9)
+    assert imbalance(nest(), -pulled[None])[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_spare_friction_of_a_wedge() -> None:
+    """Two tips on faces that lean by 20 degrees towards each other squeeze it out unless mu >= tan 20 degrees."""
+    a, mu = np.radians(20), 0.8
+    n = np.array([[-np.cos(a), 0, np.sin(a)], [np.cos(a), 0, np.sin(a)]])
+    grasp = Grasp([Contact(np.array([s, 0.0, 0.0]) * 0.03, k, mu) for s, k in zip((1, -1), n, strict=True)])
+    down = np.array([[0, 0, 1.0, 0, 0, 0]])  # out of the wedge, the way the faces push
+    spare = spare_friction(grasp, down)
+    least = np.tan(a) / mu  # of the cones; a pyramid's edge lies in this plane
+    assert 1 - least - 1 / 64 <= spare <= 1 - least
+    assert spare_friction(grasp.with_friction(0.3), down) == 0.0
+
+
+@given(st.integers(0, 200))
+@settings(max_examples=25, derandomize=True, deadline=None)
+def test_what_is_resisted_is_balanced(seed: int) -> None:
+    """Statics is necessary: a witness of `check` lies within pyramids around the cones."""
+    rng = np.random.default_rng(seed)
+    w = rng.normal(size=6) * [1, 1, 1, 0.02, 0.02, 0.02]
+    if seed % 2:
+        grasp, w[2] = table(mu=0.5), -10.0  # pressed on: it would slide from 5 N on
+    else:
+        grasp, w[3] = pinch(torque=1.0), 0.0  # a pinch has no torque about the line between its tips
+    assert check(grasp, w).verdict is Verdict.HOLDS
+    assert imbalance(grasp, w[None], CIRCUMSCRIBED)[0] < 1e-6
+
+
+def test_bundled_objects_have_weight() -> None:
+    assert Loads.gravity(load_body("teapot"), "-y").wrenches[0, 1] == pytest.approx(-0.9 * 9.81)
+
+
+# --- bounds that have not met -------------------------------------------------------------------
+
+
+def half_certified(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on the least commands for a load are certified to half of what is found, as after an early stop."""
+
+    def early(*args: object, **kwargs: object) -> object:
+        answer = torques(*args, **kwargs)  # type: ignore[arg-type]
+        return replace(answer, lower=answer.lower / 2)
+
+    monkeypatch.setattr("handfast.stability.hold.torques", early)
+
+
+def test_the_lower_bound_is_what_is_certified_not_what_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    half_certified(monkeypatch)
+    a = hold(pinch(mu=0.5, arm=0.1), forces(-0.5 * Y, -0.4 * Y))
+    assert a.verdict is Verdict.HOLDS
+    assert a.upper == pytest.approx(0.05, rel=2e-3)
+    assert a.lower == pytest.approx(0.025, rel=2e-3)
+
+
+def test_a_limit_between_the_bounds_refutes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    half_certified(monkeypatch)
+    between = hold(pinch(), forces(-0.5 * Y), command_limit=0.04)
+    assert (between.verdict, between.refuted, between.preload) == (Verdict.UNDECIDED, None, None)
+    assert hold(pinch(), forces(-0.5 * Y), command_limit=0.02).verdict is Verdict.SLIPS

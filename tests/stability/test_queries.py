@@ -1,0 +1,337 @@
+"""check, max and torques on problems solved by hand: answers, and a proof of every bound."""
+
+from __future__ import annotations
+
+import _thread
+import threading
+from typing import TypeVar
+
+import numpy as np
+import pytest
+
+from handfast.core.answer import Stop, Verdict
+from handfast.core.errors import InputError
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.grasp_file import load_grasp
+from handfast.model.mechanism import Mechanism
+from handfast.stability import model, queries
+from handfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.certify import replay, verify
+from handfast.stability.settings import Settings
+from tests.support.problems import Z, bell, nest, pinch, table
+
+A = TypeVar("A", bound=Answer)
+
+
+def proved(answer: A) -> A:
+    """The answer, once its witness is valid, and a certificate of SLIPS or of its bound has passed the checker."""
+    assert answer.witness is None or answer.witness.valid
+    bound = isinstance(answer, MaxAnswer) and not answer.unbounded and answer.upper < np.inf
+    bound = bound or (isinstance(answer, TorquesAnswer) and answer.lower > 0)
+    if bound or answer.verdict is Verdict.SLIPS:
+        assert answer.certificate is not None
+        found = verify.verify(answer.certificate)
+        assert found.ok, found.reason
+    return answer
+
+
+def check(*asked, **options) -> CheckAnswer:
+    return proved(queries.check(*asked, **options))
+
+
+def maximum(*asked, **options) -> MaxAnswer:
+    return proved(queries.maximum(*asked, **options))
+
+
+def torques(*asked, **options) -> TorquesAnswer:
+    return proved(queries.torques(*asked, **options))
+
+
+def w(*force: float, torque: tuple[float, ...] = (0, 0, 0)) -> np.ndarray:
+    return np.array([*force, *torque], dtype=float)
+
+
+def assert_bounds(answer, value: float, gap: float = 1e-3) -> None:
+    """A maximum is bracketed: witnessed just below (or at) the value derived by hand, certified just above."""
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.lower <= value * (1 + 1e-9)
+    assert answer.upper >= value * (1 - 1e-6)
+    assert answer.gap <= gap
+    assert answer.witness.valid
+
+
+# --- hand-derived answers --------------------------------------------------------------------------
+
+
+def test_pinch_across() -> None:
+    """2 mu torque / arm = 2 * 0.5 * 0.1 / 0.1 = 1 N."""
+    assert_bounds(maximum(pinch(), w(0, 1, 0)), 1.0)
+    assert_bounds(maximum(pinch(), w(0, 0, 1)), 1.0)
+    assert check(pinch(), w(0, 0.99, 0)).verdict is Verdict.HOLDS
+    assert check(pinch(), w(0, 1.01, 0)).verdict is Verdict.SLIPS
+
+
+def test_pinch_diagonal_is_a_circle_not_a_pyramid() -> None:
+    """Friction is isotropic: 1 N in every direction across, 45 and 30 degrees included."""
+    for angle in (30.0, 45.0):
+        a = np.radians(angle)
+        assert_bounds(maximum(pinch(), w(0, np.cos(a), np.sin(a))), 1.0)
+
+
+def test_pinch_along_the_fingers_is_resisted_at_any_magnitude() -> None:
+    answer = maximum(pinch(), w(1, 0, 0))
+    assert answer.unbounded
+    assert answer.upper == np.inf
+    assert answer.stop is Stop.COMPLETE
+    assert answer.witness.valid
+    assert answer.witness.grasp.preload == pytest.approx({"right": 0.1, "left": 0.1})
+
+
+def test_pinch_without_preload_lets_go() -> None:
+    bare = pinch().with_preload(None)
+    assert check(bare, w(0, 0.01, 0)).verdict is Verdict.SLIPS
+    answer = maximum(bare, w(0, 1, 0))
+    assert (answer.verdict, answer.lower, answer.upper) == (Verdict.SLIPS, 0.0, 0.0)
+
+
+def test_nest_carries_and_never_pulls() -> None:
+    assert maximum(nest(), w(0, 0, -1)).unbounded
+    assert maximum(nest(), w(0, 0, 1)).verdict is Verdict.SLIPS
+
+
+def test_table_with_its_weight_is_coulomb() -> None:
+    """base = weight: the general form w0 + s d. 10 N on mu = 0.4 resists 4 N."""
+    assert_bounds(maximum(table(), w(1, 0, 0), base=w(0, 0, -10)), 4.0)
+
+
+def test_largest_normal_force() -> None:
+    """Four contacts of at most 2 N each carry at most 8 N of a centred load."""
+    answer = maximum(table(), w(0, 0, -1), force_limit=2.0)
+    assert_bounds(answer, 8.0)
+    assert answer.witness.state.c[0::3].max() <= 2.0 + 1e-9
+
+
+def test_largest_torque() -> None:
+    """A locked finger 0.1 m below the contact carries 0.3 N m, so 3 N along x; the other one opens."""
+    answer = maximum(pinch(), w(1, 0, 0), torque_limits={"right": 0.3})
+    assert answer.witness.valid
+    # the left finger presses with torque / arm = 1 N as well, unless sliding lets go: never more than 3 N
+    assert answer.lower <= 3.0 + 1e-9
+    assert answer.upper >= 2.0 - 1e-6
+    assert abs(answer.witness.state.f[0]) <= 0.3 + 1e-9
+
+
+@pytest.mark.parametrize("limits", [{"torque_limits": {"right": 0.3}}, {"force_limit": 5.0}])
+def test_limits_do_not_hold_what_slips_without_them(limits) -> None:
+    """Nothing presses without a preload: any force across slips, along the fingers 0.3 / 0.1 N or 5 N are carried."""
+    bare = pinch().with_preload(None)
+    answer = maximum(bare, w(0, 1, 0), settings=Settings(node_limit=1000), **limits)
+    assert (answer.verdict, answer.lower, answer.upper) == (Verdict.SLIPS, 0.0, 0.0)
+    assert answer.stop is Stop.COMPLETE
+    assert answer.verified
+    assert replay.verify(answer).ok
+    assert_bounds(maximum(bare, w(1, 0, 0), **limits), 3.0 if "torque_limits" in limits else 5.0)
+
+
+def test_least_torques() -> None:
+    """1 N across needs c_n = 1 N at both tips: one finger at 0.1 N m is enough, the other is locked."""
+    for objective, least in (("max", 0.1), ("sum", 0.1)):
+        answer = torques(pinch(), w(0, 1, 0), objective=objective)
+        assert answer.verdict is Verdict.HOLDS
+        assert answer.lower <= least * (1 + 1e-6)
+        assert least * (1 - 1e-6) <= answer.upper <= least * (1 + 1e-3)
+        assert answer.witness.valid
+        assert check(pinch().with_preload(answer.preload), w(0, 0.999, 0)).verdict is Verdict.HOLDS
+
+
+def test_torques_that_do_not_exist() -> None:
+    assert torques(nest(), w(0, 0, 1)).verdict is Verdict.SLIPS
+    with pytest.raises(InputError, match="objective: is 'least'; 'max' or 'sum' is needed"):
+        torques(pinch(), w(0, 1, 0), objective="least")
+    with pytest.raises(InputError, match="actuators: unknown actuator 'thumb'; known: right, left"):
+        torques(pinch(), w(0, 1, 0), actuators=["thumb"])
+
+
+def test_negative_commands_are_the_mirror_image() -> None:
+    g = pinch()
+    flipped = [GraspJoint(j.name, -j.axis, j.origin, j.moves) for j in g.joints]
+    other = Grasp(g.contacts, flipped, preload={"right": -0.1, "left": -0.1})
+    assert_bounds(maximum(other, w(0, 1, 0)), 1.0)
+    answer = torques(other, w(0, 1, 0))
+    assert answer.upper == pytest.approx(0.1, rel=1e-3)
+    assert min(answer.preload.values()) == pytest.approx(-0.1, rel=1e-3)
+
+
+def test_coupled_and_tendon_driven_fingers() -> None:
+    """The same pinch with each finger's joint split in two coupled ones, and pulled by tendons.
+
+    Joints at arms 0.1 and 0.05 with dist = prox / 2: the finger's torque per newton is 0.1 + 0.025.
+    """
+    contacts = pinch().contacts
+    joints, rows, couplings = [], [], []
+    for k, (name, side) in enumerate((("right", 1.0), ("left", -1.0))):
+        for part, arm in (("prox", 0.1), ("dist", 0.05)):
+            joints.append(GraspJoint(f"{name}_{part}", side * Z, np.array([side * 0.03, -arm, 0]), (k,)))
+        rows.append(np.eye(4)[2 * k])
+        couplings.append(np.eye(4)[2 * k + 1] - 0.5 * np.eye(4)[2 * k])
+    for tendon in (False, True):
+        mechanism = Mechanism(("right", "left"), np.array(rows), np.array(couplings), (tendon, tendon))
+        g = Grasp(contacts, joints, mechanism, {"right": 0.125, "left": 0.125})
+        assert_bounds(maximum(g, w(0, 1, 0)), 1.0)
+
+
+def test_a_free_joint_carries_nothing() -> None:
+    """A joint in no actuator swings: the right finger cannot press, so nothing is resisted across."""
+    g = pinch()
+    mechanism = Mechanism(("left",), np.array([[0.0, 1.0]]), np.zeros((0, 2)), (False,))
+    free = Grasp(g.contacts, g.joints, mechanism, {"left": 0.1})
+    assert maximum(free, w(0, 1, 0)).verdict is Verdict.SLIPS
+
+
+# --- the stability paper's points, and laws ------------------------------------------------------------
+
+
+def test_without_dissipation_the_bell_holds_anything_by_creating_energy() -> None:
+    bare = bell().with_preload(None)
+    for magnitude in (1.0, 1000.0):
+        answer = check(bare, w(0, magnitude, 0), mdp=False)
+        assert answer.verdict is Verdict.HOLDS
+        assert answer.witness.energy.created > 0  # friction pushes along the motion
+        state = answer.witness.state
+        assert model.residuals(bare, w(0, magnitude, 0), state).dissipation > 1e-3  # not a solution with (6)
+    assert check(bare, w(0, 1, 0)).verdict is Verdict.SLIPS
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_laws_of_the_maximum(seed: int) -> None:
+    """Twice the preload resists twice as much; the order of contacts and the frame do not matter."""
+    g = pinch(mu=0.6, offset=0.004)
+    rng = np.random.default_rng(seed)
+    d = np.r_[0, rng.normal(size=2), 0, 0, 0]
+    d /= np.linalg.norm(d)
+    base = maximum(g, d)
+    twice = maximum(g.with_preload(2 * g.command), d)
+    assert twice.upper == pytest.approx(2 * base.upper, rel=2e-3)
+    order = Grasp(
+        g.contacts[::-1],
+        [GraspJoint(j.name, j.axis, j.origin, tuple(1 - i for i in j.moves)) for j in g.joints],
+        preload=g.command,
+    )
+    assert maximum(order, d).upper == pytest.approx(base.upper, rel=2e-3)
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    R *= np.linalg.det(R)
+    turned = Grasp(
+        [Contact(R @ c.position, R @ c.normal, c.friction) for c in g.contacts],
+        [GraspJoint(j.name, R @ j.axis, R @ j.origin, j.moves) for j in g.joints],
+        preload=g.command,
+    )
+    assert maximum(turned, np.r_[R @ d[:3], 0, 0, 0]).upper == pytest.approx(base.upper, rel=2e-3)
+
+
+# --- settings -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("sectors", 100, "sectors: is 100; 4, 8, 16"),
+        ("sectors", 2, "sectors: is 2; 4, 8, 16"),
+        ("gap", 0.0, "gap: is 0; a positive number"),
+        ("time_limit", -1.0, "time limit: is -1 s; a positive number"),
+        ("node_limit", 0, "node limit: is 0; a positive number"),
+        ("workers", 3, "workers: is 3; 1 or 2"),
+        ("method", "guess", "method: is 'guess'; one of engine, algorithm1"),
+        ("solver", "cplex", "solver: is 'cplex'; one of scip, gurobi"),
+    ],
+)
+def test_settings_are_checked(field: str, value: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Settings(**{field: value})  # type: ignore[arg-type]
+
+
+# --- witnesses ----------------------------------------------------------------------------------------
+
+
+def test_answers_as_json() -> None:
+    answer = check(pinch(), w(0, 0.5, 0))
+    data = answer.to_json()
+    assert data["verdict"] == "holds"
+    assert data["stop"] == "complete"
+    total = np.sum([c["force"] for c in data["contacts"]], axis=0)
+    np.testing.assert_allclose(total, [0, -0.5, 0], atol=1e-9)
+    assert data["residual"] <= 1e-9
+    none = check(pinch(), w(0, 5, 0)).to_json()
+    assert none["contacts"] is None
+    endless = maximum(pinch(), w(1, 0, 0)).to_json()
+    assert endless["upper"] is None
+    assert endless["unbounded"] is True
+
+
+def test_commands_that_any_small_one_replaces() -> None:
+    """Locked, the ball slips; with a joint of the second finger free it holds, whatever little turns it."""
+    grasp, w = load_grasp("barrett-ball"), np.array([0.94, 0.30, -0.045, 0.066, 0.049, -0.0014])
+    assert check(grasp.with_preload(None), w).verdict is Verdict.SLIPS
+    answer = torques(grasp, w)
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.lower == 0
+    assert 0 < answer.upper < 1e-4
+    assert answer.witness.valid
+    assert check(grasp.with_preload(answer.preload), w).verdict is Verdict.HOLDS
+
+
+# --- two lanes ---------------------------------------------------------------------------------------
+
+
+def sideways(degrees: float) -> np.ndarray:
+    return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0, 0, 0, 0])
+
+
+@pytest.mark.parametrize("degrees", [15, 60, 75])
+def test_the_number_of_threads_changes_nothing(degrees: float) -> None:
+    grasp = load_grasp("barrett-torch")
+    one, two = (maximum(grasp, sideways(degrees), settings=Settings(workers=k)) for k in (1, 2))
+    assert two.nodes > 300  # enough to be dealt
+    assert (one.lower, one.upper, one.nodes, one.stop) == (two.lower, two.upper, two.nodes, two.stop)
+    for field in ("r", "q", "c", "f"):
+        np.testing.assert_array_equal(getattr(one.witness.state, field), getattr(two.witness.state, field))
+    for field in ("parent", "state", "multiplier"):
+        np.testing.assert_array_equal(getattr(one.certificate, field), getattr(two.certificate, field))
+    assert len(two.certificate.parent) == two.nodes  # none of the rows between the lanes' nodes
+
+
+@pytest.mark.parametrize("nodes", [350, 400, 450, 500])
+def test_bounds_of_two_lanes_at_a_limit_are_proved(nodes: int) -> None:
+    """To a gap of 1e-6 it is 9.6812 N."""
+    grasp = load_grasp("barrett-torch")
+    answer = maximum(grasp, sideways(60), settings=Settings(workers=2, node_limit=nodes, gap=1e-9))
+    assert answer.stop is Stop.NODES
+    assert answer.lower <= 9.68129
+    assert answer.upper >= 9.68117
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ctrl_c_comes_while_two_lanes_are_searched(workers: int) -> None:
+    grasp = load_grasp("barrett-torch")
+    clock = threading.Timer(0.3, _thread.interrupt_main)
+    clock.start()
+    try:
+        answer = maximum(grasp, sideways(60), settings=Settings(workers=workers, gap=1e-11))
+    finally:
+        clock.cancel()
+    assert answer.stop is Stop.INTERRUPTED
+    assert answer.lower <= answer.upper
+
+
+@pytest.mark.parametrize("weight", [10.0, 1e-3])
+@pytest.mark.parametrize("points", [3, 4])
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_lifting_against_the_weight(weight: float, points: int, mu: float) -> None:
+    """On a table an upward force is resisted up to the weight, at which nothing is left that presses."""
+    angles = 2 * np.pi * np.arange(points) / points + 0.3
+    grasp = Grasp([Contact([0.1 * np.cos(a), 0.1 * np.sin(a), 0.0], [0.0, 0.0, 1.0], mu) for a in angles])
+    up = np.eye(6)[2]
+    answer = maximum(grasp, up, base=-weight * up)
+    assert (answer.verdict, answer.stop, answer.verified) == (Verdict.HOLDS, Stop.COMPLETE, True)
+    assert answer.lower <= weight * (1 + 1e-12)
+    assert answer.upper >= weight * (1 - 1e-12)
+    assert answer.gap <= 1e-3

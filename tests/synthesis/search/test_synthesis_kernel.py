@@ -1,0 +1,260 @@
+"""The compiled formulas of synthesis: what they compute, their derivatives, and that balls and remainders hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import njit
+
+from handfast.model.hand.hand import Coupling
+from handfast.model.region import Cap
+from handfast.synthesis.problem import Problem
+from handfast.synthesis.search.kernel import balls
+from handfast.synthesis.search.kernel.geometry import evaluate
+from handfast.synthesis.search.kernel.krawczyk import certify
+from handfast.synthesis.search.kernel.local import workspace
+from handfast.synthesis.search.kernel.taylor import element
+from handfast.synthesis.search.kernel.taylor import workspace as taylor_workspace
+from handfast.synthesis.search.prover import Prover
+from handfast.synthesis.task import PoseBounds
+from tests.support.planted import Planted, bump, chain, joint, plant, pose, turn
+
+X, Y, Z = np.eye(3)
+
+
+@njit
+def _evaluate(x, flat, F, J, G, H):
+    evaluate(x, flat, F, J, G, H)
+
+
+@njit
+def _element(k, x, h, flat, bend, V, D, E):
+    element(k, x, h, flat, bend, V, D, E, taylor_workspace(flat))
+
+
+@njit
+def _certify(x, flat, lower, upper, e, chosen, radii):
+    return certify(x, flat, lower, upper, workspace(flat, e, x.shape[0]), chosen, radii)
+
+
+@njit
+def _operations(a, b):
+    return (
+        balls.add(a, b), balls.sub(a, b), balls.mul(a, b), balls.div(a, b), balls.root(a), balls.sine(a),
+        balls.cosine(a), balls.scale(3.7, a),
+    )  # fmt: skip
+
+
+def everything(seed: int) -> Planted:
+    """A hand with every kind of joint, and every pair of regions; one contact on the palm."""
+    rng = np.random.default_rng(seed)
+    a, b = turn(rng) @ Z, turn(rng) @ Z
+    hand = chain(
+        ("near", "palm", pose(rng.normal(0, 0.03, 3), turn(rng)), [joint("j0", a), joint("j1", b, anchor=0.01 * a)]),
+        ("far", "near", pose(np.array([0.05, 0, 0])), [joint("j2", Y, -0.3, 0.9)]),
+        ("tip", "far", pose(np.array([0.04, 0, 0])), [joint("j3", Y, -0.2, 0.6)]),
+        ("slide", "palm", pose(np.array([0, 0.05, 0])), [joint("j4", X, -0.02, 0.03, type="prismatic")]),
+        ("wrist", "slide", pose(np.array([0.01, 0, 0])), [joint("j5", Z, ref=0.1)]),
+        couplings=[Coupling(3, 2, 0.5, 0.05)],
+    )
+    cap = Cap([0.01, 0.002, 0], 0.012, [1, 0, 0.2], 1.2)
+    ball = Cap([0, 0, 0.01], 0.03, [0, 1, 1], 1.0)
+    touches = [
+        ("tip", cap, bump(rng, (3, 2))),
+        ("wrist", bump(rng, (2, 1), flip=True), bump(rng, (1, 2))),
+        ("far", bump(rng), ball),
+        ("palm", Cap([0, 0, 0], 0.02, Z, np.pi, flip=True), bump(rng, (1, 1))),
+        ("tip", cap, ball),
+    ]
+    return plant(hand, touches, rng)
+
+
+def coordinates(p: Planted, problem: Problem) -> np.ndarray:
+    """(n,) of the planted solution."""
+    from scipy.spatial.transform import Rotation
+
+    quaternion = Rotation.from_matrix(p.pose[:3, :3]).as_quat(scalar_first=True)
+    value = {f"joint:{n}": q for n, q in zip(p.task.hand.joint_names, p.q, strict=True)}
+    value |= {f"position:{i}": p.pose[i, 3] for i in range(3)} | {f"quaternion:{i}": quaternion[i] for i in range(4)}
+    for k, (on_hand, on_object) in enumerate(p.spots):
+        region = p.task.touches[k].object
+        if isinstance(region, Cap):
+            d = region.frame.T @ on_object
+            on_object = np.array([np.arccos(np.clip(d[2], -1, 1)), np.arctan2(d[1], d[0])])
+        value |= {f"contact:{k}:s": on_object[0], f"contact:{k}:t": on_object[1]}
+        if not isinstance(p.task.touches[k].hand, Cap):
+            value |= {f"contact:{k}:u": on_hand[0], f"contact:{k}:v": on_hand[1]}
+    return np.array([value[name] for name in problem.labels]) / problem.lengths
+
+
+def at(problem: Problem, x: np.ndarray, radius: np.ndarray | float = 0.0) -> tuple[np.ndarray, ...]:
+    e, n, g = problem.equations, problem.n, len(problem.task.touches) + 18
+    F, J, G, H = np.zeros((e, 2)), np.zeros((e, n, 2)), np.zeros((g, 2)), np.zeros((g, n, 2))
+    _evaluate(np.column_stack([x, np.zeros(n) + radius]), problem.flat, F, J, G, H)
+    return F, J, G, H
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_equations_vanish_at_planted_solutions(seed: int):
+    planted = everything(seed)
+    problem = Problem.of(planted.task)
+    x = coordinates(planted, problem)
+    F, _, G, _ = at(problem, x)
+    assert problem.equations == 3 + 5 + 5 + 3 + 3
+    assert np.abs(F[:, 0]).max() < 1e-12
+    assert G[: len(planted.spots), 0].min() > 0
+    assert np.abs(F[:, 1]).max() < 1e-12  # radii of rounding alone
+    wrong = x.copy()
+    wrong[0] += 1e-3
+    assert np.abs(at(problem, wrong)[0][:, 0]).max() > 1e-5
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_derivatives_are_those_of_the_values(seed: int):
+    problem = Problem.of(everything(seed).task)
+    x = np.random.default_rng(seed).uniform(np.maximum(problem.flat.lower, -1), np.minimum(problem.flat.upper, 1))
+    _, J, _, H = at(problem, x)
+    step = 1e-6
+    for i in range(problem.n):
+        d = step * np.eye(problem.n)[i]
+        plus, minus = at(problem, x + d), at(problem, x - d)
+        for value, derivative in ((0, J), (2, H)):
+            numeric = (plus[value][:, 0] - minus[value][:, 0]) / (2 * step)
+            np.testing.assert_allclose(derivative[:, i, 0], numeric, atol=2e-8)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_balls_hold_every_value_in_a_box(seed: int):
+    problem, rng = Problem.of(everything(seed).task), np.random.default_rng(seed)
+    x = rng.uniform(np.maximum(problem.flat.lower, -1), np.minimum(problem.flat.upper, 1))
+    for size in (1e-7, 1e-4, 0.01):
+        radius = size * rng.random(problem.n)
+        boxes = at(problem, x, radius)
+        for _ in range(20):
+            values = at(problem, x + radius * rng.uniform(-1, 1, problem.n))
+            for box, value in zip(boxes, values, strict=True):
+                finite = np.isfinite(box[..., 1])  # a patch's normal may vanish in a large box
+                assert (np.abs(value[..., 0] - box[..., 0]) <= box[..., 1] + value[..., 1])[finite].all()
+        # and no wild enclosure either
+        assert size > 1e-4 or boxes[0][:, 1].max() < 40 * size * problem.n
+
+
+numbers = st.floats(-1e3, 1e3).filter(lambda v: abs(v) > 1e-6)
+radii = st.floats(0, 1e-3)
+
+
+@settings(max_examples=200, derandomize=True, deadline=None)
+@given(numbers, radii, numbers, radii, st.floats(-1, 1), st.floats(-1, 1))
+def test_operations_on_balls_are_rigorous(a: float, ra: float, b: float, rb: float, s: float, t: float):
+    add, sub, mul, div, root, sine, cosine, scale = _operations((a, ra), (b, rb))
+    x, y = Fraction(a) + Fraction(s) * Fraction(ra), Fraction(b) + Fraction(t) * Fraction(rb)
+    for (m, r), true in ((add, x + y), (sub, x - y), (mul, x * y), (scale, Fraction(3.7) * x)):
+        assert abs(true - Fraction(m)) <= Fraction(r)
+    if np.isfinite(div[1]):
+        assert abs(x / y - Fraction(div[0])) <= Fraction(div[1])
+    else:
+        assert abs(b) <= rb * (1 + 1e-9)
+    if np.isfinite(root[1]):
+        low, high = Fraction(root[0]) - Fraction(root[1]), Fraction(root[0]) + Fraction(root[1])
+        assert low <= 0 or low * low <= x
+        assert x <= high * high
+    else:
+        assert a - ra <= abs(a) * 1e-9
+    assert abs(np.sin(float(x)) - sine[0]) <= sine[1] + 1e-13
+    assert abs(np.cos(float(x)) - cosine[0]) <= cosine[1] + 1e-13
+    assert sine[1] <= ra + 1e-14
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_remainders_bound_what_the_polynomials_leave_out(seed: int):
+    problem, rng = Problem.of(everything(seed).task), np.random.default_rng(seed)
+    flat, n, b = problem.flat, problem.n, len(problem.task.touches)
+    bend = next(iter(Prover(problem, workers=1).domains.values())).bend
+    worst = 0.0
+    for size in (0.5, 0.1, 0.01):
+        lower, upper = np.maximum(flat.lower, -1), np.minimum(flat.upper, 1)
+        h = size * rng.random(n) * 0.5 * (upper - lower)
+        x = rng.uniform(lower + h, upper - h)
+        for k in range(b + 1):  # the last one is the object's origin
+            V, D, E = np.zeros((4, 3)), np.zeros((4, n, 3)), np.zeros(4)
+            _element(k, x, h, flat, bend, V, D, E)
+            for _ in range(30):
+                d = h * rng.choice([-1, 1, *rng.uniform(-1, 1, 2)], n)
+                there = np.zeros((4, 3))
+                _element(k, x + d, np.zeros(n), flat, bend, there, np.zeros((4, n, 3)), np.zeros(4))
+                gap = np.linalg.norm(there - V - np.einsum("i,cij->cj", d, D), axis=1)
+                assert (gap <= E).all()
+                worst = max(worst, float((gap / E).max()))
+    assert worst > 0.2  # the bounds are not idle
+
+
+def certified(problem: Problem, x: np.ndarray, lower: np.ndarray | None = None, upper: np.ndarray | None = None):
+    """Dependent coordinates and the radii of their box if a solution is proved at x between these bounds, else None."""
+    flat, e = problem.flat, problem.equations
+    chosen, radii = np.zeros(e, dtype=np.intp), np.zeros(e)
+    bounds = flat.lower if lower is None else lower, flat.upper if upper is None else upper
+    proved = _certify(np.column_stack([x, 0 * x]), flat, *bounds, e, chosen, radii)
+    return (chosen, radii) if proved else None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_certifies_what_is_there_and_nothing_beside_it(seed: int):
+    problem = Problem.of((planted := everything(seed)).task)
+    x = coordinates(planted, problem)
+    # five contacts on ten free joints and pose leave room: no hand of these is singular there
+    _, J, _, _ = at(problem, x)
+    assert np.linalg.svd(J[:, :, 0], compute_uv=False)[-1] > 1e-3
+    found = certified(problem, x)
+    assert found is not None
+    assert len(set(found[0])) == problem.equations
+    away = x.copy()
+    away[: len(problem.free)] += 1e-3
+    assert certified(problem, away) is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_the_whole_box_must_lie_within_the_bounds(seed: int, end: str):
+    """A solution that is nearer to a bound than the box is wide may lie beyond it; wider bounds let it pass."""
+    problem = Problem.of((planted := everything(seed)).task)
+    x, flat, sign = coordinates(planted, problem), problem.flat, {"lower": -1, "upper": 1}[end]
+    x[: len(problem.free)] += 1e-5  # beside the solution: the box has to reach it
+    found = certified(problem, x)
+    assert found is not None
+    width = found[1].max()
+    assert 1e-5 < width < 1e-2
+    bounded = np.array([not name.startswith("quaternion") for name in problem.labels])
+    dependent = np.isin(np.arange(problem.n), found[0])
+    assert (bounded & dependent).sum() > 5
+
+    def between(room: float) -> bool:
+        """Is it proved if the dependent coordinates have so much room, and the others, which stand still, less?"""
+        slack = np.where(dependent, room, room / 50)
+        narrow = np.where(bounded, x + sign * slack, getattr(flat, end))
+        return certified(problem, x, **{end: narrow}) is not None
+
+    assert between(100 * width)
+    assert not between(0.5 * width)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("end", [0, 1])
+def test_no_axis_of_the_object_may_leave_its_bounds_anywhere_in_the_box(seed: int, end: int):
+    planted = everything(seed)
+    axes = np.array(PoseBounds.none().axes)
+
+    def within(room: float) -> bool:
+        axes[1, 2, end] = planted.pose[2, 1] + (room if end else -room)
+        task = replace(planted.task, pose=PoseBounds(PoseBounds.none().position, axes))
+        problem = Problem.of(task)
+        x = coordinates(planted, problem)
+        x[: len(problem.free)] += 1e-5
+        return certified(problem, x) is not None
+
+    assert within(1e-3)
+    assert not within(1e-7)  # the pose is proved to some 1e-5 only
