@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import struct
-import subprocess
-import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +16,6 @@ from handfast.core.errors import InputError
 from handfast.core.files import DEPTH, DIGITS, parse_json
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import from_dict
-from handfast.model.hand import Coupling
 from handfast.model.hand_regions import load_hand_regions
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import LEAST, MOST, Shape, transform
@@ -28,7 +23,6 @@ from handfast.saved import load as load_result
 from handfast.stability import problem
 from handfast.stability.goal import Goal
 from handfast.stability.loads_file import load_loads
-from handfast.stability.queries import check
 from handfast.stability.search import rows
 from handfast.stability.search.reduced import reduce
 
@@ -288,143 +282,3 @@ def test_solids_of_nowhere() -> None:
         Shape("sphere", 1.0, transform((0, -1e7, 0)))
     with pytest.raises(InputError, match="is not a rigid motion"):
         Shape("sphere", 1.0, 1e200 * np.eye(4))
-
-
-# --- hands --------------------------------------------------------------------------------------
-
-URDF = """<robot name="two"><link name="palm"/><link name="one"/><link name="two"><collision><geometry>
-  <mesh filename="a.obj"/></geometry></collision></link>
-  <joint name="a" type="revolute"><parent link="palm"/><child link="one"/><origin xyz="0 0 0.1"/>
-    <axis xyz="0 1 0"/><limit lower="-0.2" upper="1.5"/></joint>
-  <joint name="b" type="revolute"><parent link="one"/><child link="two"/><axis xyz="0 1 0"/>
-    <limit lower="0" upper="1.6"/><mimic joint="a" multiplier="1"/></joint></robot>"""
-
-HANDS = [
-    ('<robot name="two">', '<?xml version="1.0" encoding="klingon"?><robot name="two">', "has an encoding that cannot"),
-    ('<robot name="two">', '<?xml version="1.0" encoding="utf-16"?><robot name="two">', "is not XML|has an encoding"),
-    ('joint="a" mult', 'joint="b" mult', "b: follows itself"),
-    ('upper="1.5"/>', 'upper="1.5"/><mimic joint="b"/>', "a: follows itself"),
-    ('<axis xyz="0 1 0"/><limit', '<axis xyz="0 1e308 0"/><limit', r"[ab]\.axis: has length 1e\+308"),
-    ('<axis xyz="0 1 0"/><limit', '<axis xyz="1e308 1e308 1e308"/><limit', r"[ab]\.axis: has length 1\.73e"),
-    ('xyz="0 0 0.1"', 'xyz="0 0 1e999"', "3 finite numbers"),
-    ('upper="1.5"', 'upper="inf"', "1 finite numbers"),
-    ('multiplier="1"', 'multiplier="nan"', "1 finite numbers"),
-    ('filename="a.obj"', 'filename="a.obj" scale="1e-14 1e-14 1e-14"', "smaller than 1e-09 m"),
-    ('filename="a.obj"', 'filename="a.obj" scale="1 1 0"', "is flat"),
-    ('filename="a.obj"', 'filename="a.obj" scale="1e300 1 1"', r"has a vertex at 1e\+300 m"),
-]
-
-
-@pytest.mark.parametrize("old, new, fault", HANDS)
-def test_urdf_that_describes_no_hand(tmp_path: Path, old: str, new: str, fault: str) -> None:
-    written(tmp_path / "a.obj", TETRAHEDRON)
-    assert load_hand(written(tmp_path / "good.urdf", URDF)).l == 2
-    text = URDF.replace(old, new)
-    assert text != URDF
-    path = written(tmp_path / "bad.urdf", text)
-    with pytest.raises(InputError, match=fault) as raised:
-        load_hand(path)
-    assert str(raised.value).startswith(str(path))
-    assert "\n" not in str(raised.value)
-
-
-MJCF = """<mujoco model="m"><asset><mesh name="t" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody>
-  <body name="palm">
-  <body name="p" pos="0.1 0 0"><joint name="a" axis="0 1 0" range="0 1"/><geom type="mesh" mesh="t"/>
-  <body name="d"><joint name="b" axis="0 1 0" range="0 1"/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body></body>
-  </body></worldbody><equality><joint joint1="b" joint2="a" polycoef="0 1 0 0 0"/></equality></mujoco>"""
-
-MJCF_HANDS = [
-    ('axis="0 1 0" range="0 1"/><geom type="mesh"', 'axis="0 1e308 0" range="0 1"/><geom type="mesh"', "axis"),
-    ('pos="0.1 0 0"', 'pos="inf 0 0"', "p.pose: contains NaN or infinity"),
-    ('pos="0.1 0 0"', 'pos="0.1 0 0" quat="1 1.7e308 0 0"', "quaternion: is .*; a unit quaternion"),
-    ('pos="0.1 0 0"', 'pos="nan 0 0"', "p.pose: contains NaN or infinity"),
-    ("0 0 1 0 0 0 1 0 0 0 1", "0 0 1 0 0 0 1 0 1 1 0", "volume|flat|coplanar"),
-    ('size="0.1 0.1 0.1"', 'size="0.1 0.1 1e200"', "sizes are|inertia"),
-    ('size="0.1 0.1 0.1"', 'size="0.1 0.1 1e-14"', "sizes are|inertia"),
-    ('joint1="b" joint2="a"', 'joint1="b" joint2="b"', "repeated|follows"),
-    ("</equality>", '<joint joint1="a" joint2="b" polycoef="0 1 0 0 0"/></equality>', "follows itself"),
-    ("</equality>", '<joint joint1="b" polycoef="0 1 0 0 0"/></equality>', "tied to two joints"),
-    ('polycoef="0 1 ', 'polycoef="0 inf ', "NaN or infinity"),
-    ('polycoef="0 1 ', 'polycoef="1e308 1e308 ', "ratio 1e"),
-    ('<mujoco model="m">', '<?xml version="1.0" encoding="klingon"?><mujoco model="m">', "has an encoding"),
-]
-
-
-@pytest.mark.parametrize("old, new, fault", MJCF_HANDS)
-def test_mjcf_that_describes_no_hand(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], old: str, new: str, fault: str
-) -> None:
-    monkeypatch.chdir(tmp_path)  # where mujoco would keep a log
-    assert load_hand(written(tmp_path / "good.xml", MJCF)).l == 2
-    assert old in MJCF
-    path = written(tmp_path / "bad.xml", MJCF.replace(old, new, 1))
-    with pytest.raises(InputError, match=fault) as raised:
-        load_hand(path)
-    assert "\n" not in str(raised.value)
-    assert capfd.readouterr().err == ""
-    assert not list(tmp_path.glob("*.TXT"))
-
-
-def test_names_that_are_not_utf8(tmp_path: Path) -> None:
-    text = '<?xml version="1.0" encoding="latin-1"?>' + MJCF.replace('name="a"', 'name="ä"').replace('"a"', '"ä"')
-    path = written(tmp_path / "bad.xml", text.encode("latin-1"))
-    with pytest.raises(InputError, match="UTF-8"):
-        load_hand(path)
-
-
-def test_couplings_that_lead_nowhere() -> None:
-    hand = load_hand("schunk-sah")
-    first = hand.couplings[2]
-    for coupling, fault in [
-        (Coupling(first.leader, first.joint, 1.0), "follows itself"),
-        (Coupling(first.joint, 0, 1.0), "index_distal: is tied to two joints at once"),
-        (Coupling(0, 0, 1.0), "follows itself"),
-        (Coupling(0, 1, np.inf), "at most 1e"),
-        (Coupling(0, 1, 1.0, np.nan), "at most 1e"),
-    ]:
-        with pytest.raises(InputError, match=fault):
-            replace(hand, couplings=(*hand.couplings, coupling))
-
-
-# --- output that cannot be written --------------------------------------------------------------
-
-CHECK = [sys.executable, "-m", "handfast.cli", "check", "fig1", "--wrench", "0", "1", "0"]
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.parametrize("more", [["--json"], []])
-def test_a_full_disk_is_told(more: list[str]) -> None:
-    with open("/dev/full", "w") as full:
-        done = subprocess.run([*CHECK, *more], stdout=full, stderr=subprocess.PIPE, text=True)
-    assert done.stderr == "handfast: standard output cannot be written: No space left on device\n"
-    assert done.returncode == 2
-
-
-@pytest.mark.parametrize("more", [["--json"], []])
-def test_a_reader_that_has_had_enough(more: list[str]) -> None:
-    with subprocess.Popen([*CHECK, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
-        assert running.stdout is not None
-        assert running.stderr is not None
-        running.stdout.close()
-        assert running.stderr.read() == ""
-    assert running.returncode == 0
-
-
-def test_an_output_of_few_letters() -> None:
-    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
-    done = subprocess.run(CHECK, capture_output=True, text=True, env=environment)
-    assert done.returncode == 2
-    assert done.stderr.startswith("handfast: standard output: ascii has no '")
-    assert done.stderr.count("\n") == 1
-
-
-def test_no_output_at_all() -> None:
-    script = "import sys; sys.stdout = None; from handfast.cli import main; sys.exit(main(['list']))"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("handfast: standard output is closed")
-
-
-def test_the_smallest_question_is_still_answered() -> None:
-    assert check(Grasp([Contact(np.zeros(3), np.array([0, 0, 1.0]), 0.5)]), [0, 0, -1, 0, 0, 0]).verdict == "holds"

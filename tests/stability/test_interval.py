@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.grasps import random_case
 
+from benchmarks.grasps import random_case
 from handfast.cli import main
 from handfast.cli.map import csv
 from handfast.core.answer import Verdict

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.grasps import random_case
-from benchmarks.laws import LAWS, Change, Subject, Tally, Verbs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks import laws
+from benchmarks.grasps import random_case
+from benchmarks.laws import LAWS, Change, Subject, Tally, Verbs
 from handfast.core.answer import Stop, Verdict
 from handfast.stability import queries
 from handfast.stability.answers import MaxAnswer

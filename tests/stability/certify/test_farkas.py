@@ -9,8 +9,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from benchmarks.grasps import random_case
 
+from benchmarks.grasps import random_case
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism

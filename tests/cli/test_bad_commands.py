@@ -1,0 +1,147 @@
+"""The command line: files and arguments that are wrong are refused in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from handfast.cli.app import COMMANDS
+from tests.support.program import complains, planar, run
+
+Grasp = dict  # a parsed grasp file
+
+
+def change(data: Grasp, *path: str | int, to: object) -> None:
+    for key in path[:-1]:
+        data = data[key]
+    data[path[-1]] = to
+
+
+FAULTS = {
+    "unknown field": (["colour"], "red", ["bad.json", "colour", "not a known field"]),
+    "zero normal": (["contacts", 1, "normal"], [0, 0, 0], ["contacts[1].normal", "zero"]),
+    "long normal": (["contacts", 1, "normal"], [0, 2, 0], ["contacts[1].normal", "length 2", "unit"]),
+    "NaN": (["contacts", 0, "position"], [float("nan"), 0, 0], ["NaN", "finite"]),
+    "negative friction": (["contacts", 2, "friction"], -0.1, ["contacts[2].friction", "-0.1"]),
+    "moves out of range": (["joints", 0, "moves"], [0, 7], ["joints[0].moves", "7", "0 to 3"]),
+    "unknown actuator": (["preload"], {"thumb": 1}, ["preload", "thumb", "right, left"]),
+    "no contacts": (["contacts"], [], ["contacts", "at least one contact"]),
+    "no number": (["contacts", 0, "friction"], "wood", ["contacts[0].friction"]),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_bad_grasp_file_is_one_line(fault: str, grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
+    path, value, says = FAULTS[fault]
+    data = planar()
+    if fault == "no contacts":
+        data["joints"], data["preload"] = [], {}
+    change(data, *path, to=value)
+    Path("bad.json").write_text(json.dumps(data))
+    complains(capsys, ["check", "bad.json", "--wrench", "0", "1", "0"], ["bad.json", *says])
+
+
+WRONG = {
+    "missing file": (["check", "no.json", "--wrench", "0", "1", "0"], ["no.json", "no such file"]),
+    "unknown command": (
+        ["chekc", "g"],
+        ["chekc", f"known: {', '.join(COMMANDS)}"],
+    ),
+    "no command": ([], ["check, max"]),
+    "unknown option": (
+        ["check", "grasp.json", "--wrnch", "0", "1", "0"],
+        ["--wrnch", "did you mean --wrench?"],
+    ),
+    "node limit": (["check", "grasp.json", "--wrench", "0", "1", "0", "--node-limit", "0"], ["node limit", "0"]),
+    "method": (["check", "grasp.json", "--wrench", "0", "1", "0", "--method", "guess"], ["--method", "algorithm1"]),
+    "verify nothing": (["verify"], ["missing", "RESULT"]),
+    "verify no file": (["verify", "none.json"], ["none.json", "no such file"]),
+    "verify a grasp": (
+        ["verify", "grasp.json"],
+        ["grasp.json", "schema", "handfast/result/1", "handfast/certificate/1"],
+    ),
+    "two numbers": (["check", "grasp.json", "--wrench", "0", "1"], ["--wrench", "2 numbers", "six"]),
+    "no numbers": (["check", "grasp.json", "--wrench", "up"], ["--wrench", "'up' is not a number"]),
+    "missing option": (["check", "grasp.json"], ["missing", "--wrench"]),
+    "missing grasp": (["check", "--wrench", "0", "1", "0"], ["GRASP"]),
+    "missing value": (["check", "grasp.json", "--wrench", "0", "1", "0", "--eta"], ["--eta"]),
+    "bad choice": (["map", "grasp.json", "--plane", "yx"], ["yx", "--plane", "xz"]),
+    "no pair": (
+        ["check", "grasp.json", "--wrench", "0", "1", "0", "--preload", "left"],
+        ["left", "NAME=VALUE"],
+    ),
+    "unknown joint": (
+        ["check", "grasp.json", "--wrench", "0", "1", "0", "--preload", "thumb=1"],
+        ["grasp.json", "preload", "thumb", "right, left"],
+    ),
+    "named twice": (
+        ["check", "grasp.json", "--wrench", "0", "1", "0", "--preload", "left=1", "left=2"],
+        ["--preload", "left", "twice"],
+    ),
+    "both preloads": (
+        ["check", "grasp.json", "--wrench", "0", "1", "0", "--preload", "left=1", "--no-preload"],
+        ["--no-preload"],
+    ),
+    "NaN wrench": (["check", "grasp.json", "--wrench", "0", "nan", "0"], ["wrench", "NaN"]),
+    "zero direction": (["max", "grasp.json", "--direction", "0", "0", "0"], ["direction", "zero"]),
+    "out of range": (
+        ["check", "pair.json", "--wrench", "0", "0", "0", "1", "0", "0"],
+        ["wrench", "balanced"],
+    ),
+    "eta": (["check", "grasp.json", "--wrench", "0", "1", "0", "--eta", "60"], ["eta", "60", "45"]),
+    "sectors": (["check", "grasp.json", "--wrench", "0", "1", "0", "--sectors", "100"], ["sectors", "100"]),
+    "torque limit": (
+        ["check", "grasp.json", "--wrench", "0", "1", "0", "--torque-limit", "thumb=1"],
+        ["torque limit", "thumb", "right, left"],
+    ),
+    "sweep joint": (
+        ["sweep", "grasp.json", "--joint", "thumb", "--to", "1", "--direction", "0", "1", "0"],
+        ["joint", "thumb", "right, left"],
+    ),
+    "picture format": (["map", "grasp.json", "-o", "map.bmp"], ["map.bmp", ".png"]),
+    "report format": (
+        ["check", "grasp.json", "--wrench", "0", "1", "0", "--report", "r.txt"],
+        ["r.txt", ".html"],
+    ),
+    "missing mesh": (
+        ["contacts", "barrett-bh8-280", "none.obj", "--configuration", "c.json"],
+        ["none.obj", "no such file"],
+    ),
+    "unknown hand": (
+        ["contacts", "claw", "flat.obj", "--configuration", "c.json"],
+        ["claw", "barrett-bh8-280"],
+    ),
+    "mesh with no triangles": (
+        ["contacts", "barrett-bh8-280", "empty.obj", "--configuration", "c.json"],
+        ["empty.obj", "triangle"],
+    ),
+    "missing configuration": (
+        ["close", "barrett-bh8-280", "empty.obj", "--pose", "none.json"],
+        ["none.json"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_bad_command_is_one_line(case: str, grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
+    data = planar()
+    data["contacts"] = [data["contacts"][0], data["contacts"][2]]  # opposing points: no moment about x
+    data["joints"], data["preload"] = [], {}
+    Path("pair.json").write_text(json.dumps(data))
+    Path("empty.obj").write_text("v 0 0 0\n")
+    Path("c.json").write_text(json.dumps({"schema": "handfast/configuration/1"}))
+    arguments, says = WRONG[case]
+    complains(capsys, arguments, says)
+
+
+@pytest.mark.parametrize("option", ["-o", "--report"])
+def test_nothing_is_written_over_without_force(option: str, grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
+    name = "map.json" if option == "-o" else "map.html"
+    Path(name).write_text("mine")
+    question = ["map", grasp, "--steps", "1", option, name, "--gap", "0.02"]
+    complains(capsys, question, [name, "exists already", "--force"])
+    assert Path(name).read_text() == "mine"
+    assert run(capsys, *question, "--force")[0] == 0
+    assert Path(name).read_text() != "mine"

@@ -1,0 +1,97 @@
+"""The program: what it lists, helps with and imports, progress, Ctrl-C."""
+
+from __future__ import annotations
+
+import io
+import json
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from benchmarks.grasps import random_case
+from handfast.cli import console
+from handfast.cli.app import COMMANDS, option_name
+from handfast.model.grasp_file import save_grasp
+from handfast.stability.queries import maximum
+from tests.support.problems import pinch
+from tests.support.program import ask, run
+
+
+def test_list(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = ask(capsys, "list")
+    assert {"grasps", "hands", "objects", "configurations"} <= set(listed)
+    assert "barrett-bh8-280" in listed["hands"]
+    assert all(text for kind in ("grasps", "hands", "objects") for text in listed[kind].values())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_shows_every_option(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, name, "--help")
+    assert (status, err) == (0, "")
+    others = {"close": ("hand", "object"), "verify": ("result",), "synthesize": ("task",), "grasp": ("task",)}
+    positional = others.get(name, ("grasp", "hand", "object"))
+    for field in fields(COMMANDS[name]):
+        if field.name not in positional:
+            assert option_name(field) in out
+
+
+def test_quick_commands_import_nothing_heavy() -> None:
+    code = (
+        "import sys; from handfast.cli import main; main(sys.argv[1:]);"
+        "heavy = {'mujoco', 'trimesh', 'matplotlib', 'numba', 'pyscipopt', 'scipy', 'gurobipy'} & set(sys.modules);"
+        "sys.exit(f'imported {heavy}' if heavy else 0)"
+    )
+    for arguments in (["--help"], ["list"], ["check", "--help"]):
+        done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_is_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "PATIENCE", 0.0)
+    for stream in (Terminal(), io.StringIO()):
+        monkeypatch.setattr(sys, "stderr", stream)
+        with console.watch("map") as watch:
+            watch.item(1, 4)
+        assert ("1 of 4" in stream.getvalue()) == isinstance(stream, Terminal)
+
+
+SLOW = {
+    "max": ["max", "hard.json", "--eta", "5.73", "--gap", "1e-14", "--direction"],
+    "map": ["map", "grasp.json", "--steps", "6000", "--gap", "1e-9"],
+}
+
+
+@pytest.mark.parametrize("name", SLOW)
+def test_interrupt_reports_the_bounds_so_far(name: str, grasp: str) -> None:
+    hard = random_case(15, 6)  # fifteen contacts, with uncertain normals: not closed in half a minute
+    save_grasp(hard.grasp, "hard.json")
+    maximum(pinch(), np.eye(6)[1])  # compiles what is not compiled yet, so that the signal meets a search
+    direction = [repr(v) for v in hard.direction.tolist()] if name == "max" else []
+    command = [sys.executable, "-m", "handfast.cli", *SLOW[name], *direction, "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            time.sleep(5.0)
+            assert process.poll() is None, process.communicate()
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=30)
+        finally:
+            process.kill()
+    assert process.returncode == 3, err
+    assert err == ""
+    answer = json.loads(out)
+    assert answer["stop"] == "interrupted"
+    if name == "map":
+        assert len(answer["with_preload"]["lower"]) == 6000
+        assert answer["with_preload"]["lower"][-1] is None
