@@ -69,6 +69,7 @@ MJCF_HANDS = [
     ("0 0 1 0 0 0 1 0 0 0 1", "0 0 1 0 0 0 1 0 1 1 0", "volume|flat|coplanar"),
     ('size="0.1 0.1 0.1"', 'size="0.1 0.1 1e200"', "sizes are|inertia"),
     ('size="0.1 0.1 0.1"', 'size="0.1 0.1 1e-14"', "sizes are|inertia"),
+    ('<body name="palm">', '<body name="palm"><geom type="box" size="0.1 0.1 1e308"/>', "sizes are"),
     ('joint1="b" joint2="a"', 'joint1="b" joint2="b"', "repeated|follows"),
     ("</equality>", '<joint joint1="a" joint2="b" polycoef="0 1 0 0 0"/></equality>', "follows itself"),
     ("</equality>", '<joint joint1="b" polycoef="0 1 0 0 0"/></equality>', "tied to two joints"),

@@ -88,7 +88,7 @@ def limit_of(r: Reduced, z: Array, upper: float) -> Supremum | None:
         return None
     scalar, rho = found
     value = r.p.stretch / scalar if r.goal is Goal.SMALLEST_PRELOAD else -scalar * r.p.stretch
-    first = r.p.stretch / path.scalar(z) if r.goal is Goal.SMALLEST_PRELOAD else -path.scalar(z) * r.p.stretch
+    first = r.p.stretch / path.r.scalar(z) if r.goal is Goal.SMALLEST_PRELOAD else -path.r.scalar(z) * r.p.stretch
     if not first * (1 - FLAT) <= value <= upper * (1 + SLACK):
         return None
     p, x = r.p, r.M @ rho
@@ -135,12 +135,6 @@ class _Path:
         singular = np.linalg.svd(J, compute_uv=False)
         unique = len(singular) == len(y) and singular[-1] > 1e-12 * singular[0]
         return path if unique else None
-
-    def scalar(self, z: Array) -> float:
-        """The goal's scalar at a point, or at unknowns of the system."""
-        m, a, _ = self.r.sizes
-        k = 3 * m + 2 * a
-        return float(self.r.C[k] @ z + self.r.off[k])
 
     def base(self, y: Array) -> tuple[Array, Array]:
         """Forces, and motions per motion's length."""
@@ -227,19 +221,19 @@ class _Path:
         eps, nu = self.eps, self.r.M.shape[1]
         if y is None:
             return None
-        values = [(eps, self.scalar(np.r_[np.zeros(nu), y[nu:]]))]
+        values = [(eps, self.r.scalar(np.r_[np.zeros(nu), y[nu:]]))]
         while eps > NEAREST:
             eps = max(SHRINK * eps, NEAREST)
             y = self.solved(y, eps)
             if y is None:
                 return None
-            values.append((eps, self.scalar(np.r_[np.zeros(nu), y[nu:]])))
+            values.append((eps, self.r.scalar(np.r_[np.zeros(nu), y[nu:]])))
         if len(values) < 2:  # the witness moves as far already
             nearer = self.solved(y, SHRINK * eps)
             if nearer is None:
                 return None
             y = nearer
-            values.append((SHRINK * eps, self.scalar(np.r_[np.zeros(nu), y[nu:]])))
+            values.append((SHRINK * eps, self.r.scalar(np.r_[np.zeros(nu), y[nu:]])))
         (e1, s1), (e2, s2) = values[-2:]
         last = s2 - e2 * (s1 - s2) / (e1 - e2)
         grows = s1 > s2 or abs(s1 - s2) <= CONVERGED * max(1.0, abs(s2))  # the scalar is made small

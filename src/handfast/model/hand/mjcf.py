@@ -10,6 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.files import LARGEST
 from handfast.core.quiet import quiet
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
 from handfast.model.mechanism import Mechanism
@@ -99,7 +100,7 @@ def _shapes(m: Any, body: int) -> list[Shape]:
     for g in range(m.body_geomadr[body], m.body_geomadr[body] + m.body_geomnum[body]):
         if not (m.geom_contype[g] or m.geom_conaffinity[g]):
             continue
-        size, kind = m.geom_size[g], kinds(m.geom_type[g])
+        size, kind = np.minimum(m.geom_size[g], LARGEST), kinds(m.geom_type[g])
         pose = transform(m.geom_pos[g], quaternion_matrix(m.geom_quat[g]))
         name = m.geom(g).name or f"{m.body(body).name}/{len(shapes)}"
         match kind:

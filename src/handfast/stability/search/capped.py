@@ -8,6 +8,7 @@ end to motions the limit is left out. The bound is then proved up to that motion
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +32,10 @@ class Capped:
     Attributes:
         other: the question without a cap; gap, gap_absolute, workers: of both searches.
         bounds: may its bound be the answer? Else it finds states only.
+        beyond: a point (n,) of the other question whose objective is a little below a value, sought without a cap
+            with so many nodes and seconds; None if none was found.
         search: None while it is not wanted.
+        better: point (n,) of the other question with more motion, better than the bound.
         due: nodes of the other search at which that is looked at next; before: its bounds the last times.
     """
 
@@ -40,7 +44,9 @@ class Capped:
     gap_absolute: float
     workers: int
     bounds: bool
+    beyond: Callable[[float, int, float], Array | None]
     search: Search | None = None
+    better: Array | None = None
     due: int = FIRST // 2
     before: tuple[float, ...] = ()
 
@@ -77,7 +83,21 @@ class Capped:
             if s.z is not None:
                 other.know(s.z)
         self.due *= 2
-        return self.search if self.closed and (still or self.any) else None
+        if not self.closed or not (still or self.any):
+            return None
+        if not self.contradicted(other.nodes, node_limit, time_limit):
+            return self.search
+        assert self.better is not None
+        other.know(self.better)
+        return None
+
+    def contradicted(self, nodes: int, node_limit: float, time_limit: float) -> bool:
+        """Does a state that moves more do better than the bound? Then it is none."""
+        s = self.search
+        if not self.any and self.bounds and s is not None and s.z is not None:
+            self.better = self.beyond(float(s.hi[0]), int(min(max(nodes, FIRST), node_limit)), time_limit)
+            self.bounds = self.better is None
+        return not self.bounds and self.better is not None
 
     def run(self, point: Array | None, node_limit: float, time_limit: float) -> Search:
         """Search on up to so many nodes, from an incumbent (n,) if there is one."""

@@ -12,7 +12,7 @@ import numpy as np
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
 from handfast.stability import witness
-from handfast.stability.goal import NEAR_END, Goal, interval
+from handfast.stability.goal import NEAR_END, Goal, Point, interval
 from handfast.stability.outcome import INF, Outcome
 from handfast.stability.problem import Problem
 from handfast.stability.search import arrays, exact
@@ -61,7 +61,11 @@ def search(
     r = reduced or reduce(p, goal, endless=endless, within=within)
     if goal is Goal.EXISTS and not (r.load.w_a.any() or r.load.f_a.any()):
         guess = [np.zeros(len(r.cost))]  # nothing acts: nothing moves
-    beside = Capped(r, *_gaps(r, goal, settings), settings.workers or default_jobs(), bounds=capped)
+
+    def beyond(value: float, nodes: int, seconds: float) -> Array | None:
+        return _beyond(r, value, replace(settings, node_limit=nodes, time_limit=seconds, verify=False))
+
+    beside = Capped(r, *_gaps(r, goal, settings), settings.workers or default_jobs(), bounds=capped, beyond=beyond)
     out = _search(p, goal, settings, on_step, r, beside, guess, before)
     if out.stop is Stop.NUMERICAL and before is not None:
         # Newton is tried where a leaf is made, not where it opens again: from the root, then
@@ -76,6 +80,10 @@ def search(
     if out.stop is Stop.NUMERICAL and out.nodes < settings.node_limit:
         left = max(settings.time_limit - (time.monotonic() - start), LEAST)
         out = _to_cap(beside, goal, replace(settings, time_limit=left), out)
+    if beside.better is not None and out.stop is not Stop.COMPLETE:
+        value, state = r.scale * r.scalar(beside.better), witness.as_witness(r, r.point(beside.better))
+        if state.valid and value < out.value:
+            out = replace(out, value=value, witness=state, point=beside.better)
     return replace(out, seconds=time.monotonic() - start)
 
 
@@ -158,6 +166,9 @@ def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> O
     try:
         nodes = min(max(found.nodes, FIRST), settings.node_limit - found.nodes)
         s = beside.run(found.point, nodes, settings.time_limit)
+        done = s.stop is Stop.COMPLETE
+        if done and beside.contradicted(int(nodes), settings.node_limit, settings.time_limit):
+            return replace(found, nodes=found.nodes + beside.nodes - spent)
     except KeyboardInterrupt:
         return replace(found, stop=Stop.INTERRUPTED)
     out = _outcome(s, goal, settings, start, found.nodes - spent)
@@ -210,8 +221,33 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
 def _just_below(p: Problem, best: float, settings: Settings) -> Witness | None:
     """A witness a little inside the largest magnitude -best, found anew."""
     s = -best * (1 - INSIDE * settings.gap)
-    less = replace(p, w0=p.w0 + s * p.direction, wrench=p.wrench + s * p.stretch * p.along)
-    return search(less, Goal.EXISTS, replace(settings, verify=False)).witness if s > 0 else None
+    return _state_at(p, s, replace(settings, verify=False)) if s > 0 else None
+
+
+def _state_at(p: Problem, s: float, settings: Settings) -> Witness | None:
+    """A witness that resists the scaled magnitude s."""
+    there = replace(p, w0=p.w0 + s * p.direction, wrench=p.wrench + s * p.stretch * p.along)
+    return search(there, Goal.EXISTS, settings).witness
+
+
+def _beyond(r: Reduced, value: float, settings: Settings) -> Array | None:
+    """A point (n,) whose objective, a magnitude's, is a little below a value; None if none was found.
+
+    Bounds up to a cap on motions are tried by it: what moves more may resist more.
+    """
+    p, little = r.p, INSIDE * settings.gap
+    if r.goal is Goal.LARGEST:
+        s = -value + little * abs(value)
+    elif r.goal is Goal.SMALLEST_PRELOAD and value > 0:
+        s = (1 + little) / value
+    else:
+        return None
+    found = _state_at(p, s, settings)
+    if found is None:
+        return None
+    if r.goal is Goal.SMALLEST_PRELOAD:
+        return r.z(Point(*p.scaled(found.state.scaled(1 / s)), 1 / s))
+    return r.z(Point(*p.scaled(found.state), s))
 
 
 def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, bool]:

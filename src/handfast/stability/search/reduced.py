@@ -170,6 +170,12 @@ class Reduced:
         sigma = float(y[3 * m + len(self.kept)]) if self.objective else 0.0
         return Point(x[:6], x[6:], c, f, coupling, sigma)
 
+    def scalar(self, z: Array) -> float:
+        """The scalar of the question, its objective if a magnitude is sought, at reduced unknowns z (n,)."""
+        return float(
+            self.C[3 * self.sizes[0] + 2 * self.sizes[1]] @ z + self.off[3 * self.sizes[0] + 2 * self.sizes[1]]
+        )
+
     def z(self, x: Point) -> Array:
         """The reduced unknowns nearest to a point of the model."""
         y = np.r_[x.c, x.f[self.kept]]

@@ -181,8 +181,7 @@ class Search:
         r, lane = self.reduced, self.lanes[0]
         if r.objective != arrays.SCALAR:
             return
-        scalar = 3 * r.sizes[0] + 2 * r.sizes[1]
-        value = float(r.C[scalar] @ z + r.off[scalar])
+        value = r.scalar(z)
         if not r.lo[0] - 1e-9 * abs(r.lo[0]) <= value < self.best:
             return
         lane.best[0], lane.z[:] = value, z
