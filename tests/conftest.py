@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
+
+for library in ("OPENBLAS", "MKL"):  # before numpy is imported, as the program does
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 PACKAGE = Path(__file__).parents[1] / "src" / "handfast"
 ENGINE = PACKAGE / "synthesis" / "search" / "kernel"

@@ -8,12 +8,14 @@ resisted. A range that neither shows is halved, down to the resolution, and what
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from handfast.core.answer import Stop
 from handfast.core.arrays import Array
 from handfast.stability import asked
 from handfast.stability.certify import arc as arcs
@@ -83,7 +85,8 @@ def resisted(p: Problem, goal: Goal, largest: float, upper: float, state: State,
     if goal is Goal.EXISTS:  # what is resisted at one magnitude is resisted at all
         return Interval(largest, INF, (), (), settings.gap, (), ())
     line = _Line(p, goal, settings)
-    line.cover(largest, state)
+    with suppress(KeyboardInterrupt):  # what was shown until then stays
+        line.cover(largest, state)
     said = line.known(largest, upper)
     return Interval(said.to, said.upper, said.holes, said.unproved, settings.gap, tuple(line.arcs), tuple(line.slips))
 
@@ -253,8 +256,11 @@ class _Line:
         return replace(self.settings, verify=False, gap=gap, time_limit=self._left)
 
     def _search(self, p: Problem, goal: Goal, settings: Settings, within: Range | None = None) -> Outcome:
-        """Without a cap: states beyond it count as well."""
-        return front.search(p, goal, settings, within=within, capped=False)
+        """Without a cap: states beyond it count as well. Raises KeyboardInterrupt, which `front.search` does not."""
+        found = front.search(p, goal, settings, within=within, capped=False)
+        if found.stop is Stop.INTERRUPTED:
+            raise KeyboardInterrupt
+        return found
 
     @property
     def _left(self) -> float:

@@ -18,7 +18,9 @@ import numpy as np
 
 from handfast.core.arrays import Array, Mask, frozen
 from handfast.model.grasp import Grasp, cross
+from handfast.stability.exact_sums import Sums, exact_sums
 
+LARGE = 1e4  # times the largest force: motions and forces from which on sums are taken without rounding
 VANISHING = 1e-100  # numbers below are scaled up before anything is squared
 
 
@@ -186,6 +188,31 @@ def idle_torque(grasp: Grasp, arms: Array, force: float, moment: float) -> Array
     return np.where(turns, np.minimum(force * arms, moment), force)
 
 
+def linear_sums(grasp: Grasp, w: Array, state: State, force: float) -> Sums:
+    """The linear equations at a state, in floating point where rounding cannot matter, else exact.
+
+    Large numbers that cancel hide what they are added to, and G and J are rounded: a locked motor and a coupling on
+    the same joints may carry 10^17 each way, two joints that move alike may turn as far against each other.
+
+    force: [N] the largest that acts.
+    """
+    mech, arms = grasp.mechanism, joint_arms(grasp)
+    lever = _actuator_arms(np.abs(mech.R), arms)
+    reach = np.abs(grasp.positions).max(initial=0.0)
+    tied = np.abs(mech.A * state.coupling[:, None]) / arms
+    motions = np.concatenate([np.abs(state.r[:3]), np.abs(state.r[3:]) * (reach + grasp.size), np.abs(state.q) * arms])
+    sizes = np.concatenate([motions, np.abs(state.f) / lever, tied.ravel()])
+    if max(sizes.max(initial=0.0) / force, reach / grasp.spacing) > LARGE:
+        return exact_sums(grasp, w, state.r, state.q, state.c, state.f, state.coupling)
+    return Sums(
+        object_balance(grasp, state.c, w),
+        joint_balance(grasp, state.c, state.f, state.coupling),
+        mech.A @ state.q,
+        relative_motion(grasp, state.r, state.q),
+        actuator_motion(grasp, state.q),
+    )
+
+
 @dataclass(frozen=True)
 class Residuals:
     """How far a state is from solving (1)-(8): relative to the forces and moments that act, so without units.
@@ -235,11 +262,11 @@ def residuals(
     lever = _actuator_arms(np.abs(R), arms)
     F = force_scale(w, state.c) if largest > 0 else float((np.abs(f_c) / lever)[f_c != 0].min(initial=np.inf))
     F = F if np.isfinite(F) else 1.0
-    d = relative_motion(grasp, state.r, state.q)
-    dt = _norms(d.reshape(-1, 3)[:, 1:])
+    sums = linear_sums(grasp, w, state, F)
+    d, dt = sums.d, _norms(sums.d.reshape(-1, 3)[:, 1:])
     c = state.c.reshape(-1, 3)
     middle = _middle(grasp.positions, state.c)
-    force, moment = _imbalance(object_balance(grasp, state.c, w), middle)
+    force, moment = _imbalance(sums.object, middle)
 
     loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
     # what locked gearings and couplings pass on has no part in it: where they depend on each other, it is arbitrary
@@ -248,16 +275,16 @@ def residuals(
     torque = np.maximum.reduce(
         [terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, arms, F, moments)]
     )
-    missing = np.abs(joint_balance(grasp, state.c, state.f, state.coupling))
+    missing = np.abs(sums.joints)
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
     sense = np.where(f_c < 0, -1.0, 1.0)
-    t = sense * actuator_motion(grasp, state.q) * lever
+    t = sense * sums.t * lever
     excess = sense * (state.f - f_c) / lever
     moves = commanded(grasp, f_c)
     actuator = np.where(moves, np.maximum.reduce([-t, -excess, np.minimum(np.abs(t), np.abs(excess))]), np.abs(t))
     dissipation = dissipation_defect(state.c, d, grasp.mu) / np.maximum(dt, F)[:, None]
-    slip = np.abs(A @ state.q)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
+    slip = np.abs(sums.couplings)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
     def worst(values: Array) -> float:
         return float(values.max(initial=0.0)) / F

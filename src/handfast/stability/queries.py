@@ -133,9 +133,9 @@ def largest(p: Problem, settings: Settings, on_step: OnStep | None = None, **hin
             p, goal, found = free, Goal.EXISTS, alone
     found = found or _search(p, goal, settings, on_step, **hints)
     if found.bound == INF and goal is not Goal.EXISTS and settings.method == "engine":
-        found = _without_end(p, goal, settings, on_step, found)
-    if found.witness is None and found.bound < INF and goal is Goal.LARGEST:
-        found = _base_alone(p, settings, found)
+        found = _without_end(p, goal, _left(settings, found), on_step, found)
+    if found.witness is None and found.bound < INF and goal is Goal.LARGEST and found.stop is not Stop.INTERRUPTED:
+        found = _base_alone(p, _left(settings, found), found)
 
     def answer(verdict: Verdict, witness: Witness | None, lower: float, upper: float, unbounded: bool) -> MaxAnswer:
         cost, backing = _cost(found), _verified(found)
@@ -246,14 +246,16 @@ def torques(
     finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
     found = _search(p, goal, finer, on_step)
     if found.bound == INF and settings.method == "engine":
-        found = _without_end(p, goal, finer, on_step, found)
-    if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
+        found = _without_end(p, goal, _left(finer, found), on_step, found)
+    if found.stop is Stop.INTERRUPTED:
+        pass
+    elif found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
         little = NEARLY_NONE * np.abs(p.command(np.ones(grasp.mechanism.a))) * asked.command
         found = _held(p, asked.with_preload(little), settings, found) or found
     elif found.witness is not None and settings.method == "engine":
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         for factor in 1 + settings.gap * np.array(MORE):
-            held = _held(p, grasp.with_preload(factor * found.witness.grasp.command), settings, found)
+            held = _held(p, grasp.with_preload(factor * found.witness.grasp.command), _left(settings, found), found)
             if held is not None:
                 found = held
                 break
@@ -293,6 +295,11 @@ def _search(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None, 
 
         return reference.search(p, goal, settings, on_step)
     return front.search(p, goal, settings, on_step, **hints)
+
+
+def _left(settings: Settings, found: Outcome) -> Settings:
+    """For what follows a search: the rest of the time, at least a quarter of all."""
+    return replace(settings, time_limit=max(settings.time_limit - found.seconds, settings.time_limit / 4))
 
 
 def _held(p: Problem, grasp: Grasp, settings: Settings, found: Outcome) -> Outcome | None:

@@ -19,8 +19,10 @@ from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
 from handfast.stability import model
 from handfast.stability.certify import verify
+from handfast.stability.certify.certificate import Columns, Row
 from handfast.stability.model import State
 from handfast.stability.queries import check, maximum, torques
+from handfast.stability.witness import Witness
 from tests.stability.test_limit import cup
 
 Y = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
@@ -176,3 +178,85 @@ def test_a_direction_that_is_next_to_nothing() -> None:
 def test_gravity_has_a_direction_and_no_size() -> None:
     usual = weight(1.0, [0.0, 0.0, 0.01], [0.0, -1.0, 0.0])
     np.testing.assert_allclose(weight(1.0, [0.0, 0.0, 0.01], [0.0, -1e200, 0.0]), usual, rtol=1e-12)
+
+
+def witnessed(answer: Any, path: Path, witness: Witness) -> handfast.stability.certify.replay.Verified:
+    """What `verify` says of a SLIPS whose file claims HOLDS with this witness."""
+
+    def change(data: dict[str, Any]) -> None:
+        s = witness.state
+        data["certificate"] = None
+        data["witness"] = {
+            "wrench": witness.wrench.tolist(),
+            "command": dict.fromkeys(witness.grasp.mechanism.actuators, 0.0),
+            **{name: getattr(s, name).tolist() for name in ("r", "q", "c", "f", "coupling")},
+        }
+        data["answer"].update({"verdict": "holds", "certified": False, "motion_cap": None} | witness.to_json())
+
+    return forged(answer, path, change)
+
+
+@pytest.mark.parametrize("size", [1e3, 1e15, 1e17, 1e30])
+def test_forces_that_cancel_hide_no_torque(tmp_path: Path, size: float) -> None:
+    """A locked motor and a coupling on q1 + q2 carry equal torques at both joints; the push makes 0.05 and 0.10 N m."""
+    finger = Grasp(
+        [Contact([0.03, 0.0, 0.0], [-1.0, 0.0, 0.0], 0.5)],
+        [GraspJoint(name, [0.0, 0.0, 1.0], [0.03, -y, 0.0], (0,)) for name, y in (("a", 0.05), ("b", 0.1))],
+        Mechanism(("m",), np.ones((1, 2)), np.ones((1, 2)), (False,)),
+    )
+    push = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    slips = check(finger, push)
+    assert slips.verdict is Verdict.SLIPS
+    state = State(push, np.zeros(2), np.array([1.0, 0.0, 0.0]), np.array([size]), np.array([-size]))
+    assert not witnessed(slips, tmp_path / "r.json", Witness(finger, push, state, 0.0, True)).ok
+
+
+def test_motions_that_cancel_make_no_motion(tmp_path: Path) -> None:
+    """Two equal slides and a locked motor on their sum: the jaw stands still, however far they move against each other.
+
+    Their columns of J are the same number, but its products with q are rounded, and so may be their sum.
+    """
+    e = 1 - 2.0**-53
+    jaw = Grasp(
+        [Contact([x, 0.0, 0.0], [-np.sign(x), 0.0, 0.0], 0.5) for x in (-0.03, 0.03)],
+        [GraspJoint(name, [-e, 0.0, 0.0], [0.0, 0.0, 0.0], (1,), "prismatic") for name in "ab"],
+        Mechanism(("m",), np.ones((1, 2)), np.zeros((0, 2)), (False,)),
+    )
+    across = np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
+    slips = check(jaw, across)
+    assert slips.verdict is Verdict.SLIPS
+    for k, size in enumerate(np.geomspace(1e20, 1e30, 11) * 1.2345):
+        q = np.array([size, -size])
+        moved = float((jaw.J @ q)[3]) or 1e11  # what rounding makes of nothing
+        q, moved = q * np.sign(moved), abs(moved)
+        r = np.array([-moved / 2, 0.0, 0.0, 0.0, 0.0, 0.0])
+        c = np.array([moved / 2, 0.0, 0.0, moved / 2, 0.0, 0.0])
+        state = State(r, q, c, (jaw.J.T @ c)[:1], np.zeros(0))
+        residuals = model.residuals(jaw, across, state)
+        assert residuals.normal > 0.1
+        assert not witnessed(slips, tmp_path / f"{k}.json", Witness(jaw, across, state, 0.0, True)).ok
+
+
+@pytest.mark.parametrize("torque", [1e-12, 1e-15, 1e-20])
+def test_what_a_witness_may_miss_bounds_no_magnitude(torque: float) -> None:
+    """10 N of a jaw hold 10 N across; a torque about the contacts' line that is only rounding bounds nothing."""
+    jaw = GraspJoint("jaw", [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], (0,), "prismatic")
+    squeezed = Grasp(pinch().contacts, [jaw], preload={"jaw": 10.0})
+    most = maximum(squeezed, np.array([0.0, 0.0, -1.0, torque, 0.0, 0.0]), force_limit=100.0)
+    assert most.lower == pytest.approx(10.0, rel=2e-3)
+    c = most.certificate
+    assert verify.verify(c).ok
+    scalar = Columns.of(c.question).scalar.start
+    root = {name: getattr(c, name)[:1] for name in ("parent", "part", "state", "left", "right")}
+    row = {"kind": int(Row.BOUND_UP), "index": scalar, "a": 0, "b": 0}
+    leaf = replace(
+        c,
+        scalar=(2e-6, c.scalar[1]),
+        leaves=np.array([0]),
+        start=np.array([0, 1]),
+        multiplier=np.array([1.0]),
+        references=np.zeros((0, squeezed.m + 1)),
+        **{name: np.array([value]) for name, value in row.items()},
+        **root,
+    )
+    assert not verify.verify(leaf).ok

@@ -18,6 +18,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.stability import model
 from handfast.stability.certify.certificate import Question
+from handfast.stability.exact_sums import Sums
 from handfast.stability.model import Residuals, State
 
 DEGREE = 12  # at most
@@ -104,8 +105,8 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     F = float(np.max([*least_norm(C), *least_norm(w[:, None, :3])]))
     if not F > 0:
         return Residuals(*[np.inf] * len(fields(Residuals)))
-    d = r @ g.G - joints @ g.J.T
-    D = d.reshape(k + 1, -1, 3)
+    sums = [model.linear_sums(g, load, control, F) for load, control in zip(w, arc.controls, strict=True)]
+    D = np.stack([x.d for x in sums]).reshape(k + 1, -1, 3)
     c_n, c_t, d_n, d_t, mu = C[:, :, 0], C[:, :, 1:], D[:, :, 0], D[:, :, 1:], g.mu
     least_n = c_n.min(axis=0)
     slow, fast = least_norm(d_t), np.sqrt((d_t**2).sum(axis=2)).max(axis=0)
@@ -137,7 +138,7 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     # (8), in the sense of the command, motions and forces in newtons
     lever = model.actuator_arms(g)
     sense = np.where(f_c < 0, -1.0, 1.0)
-    t = sense * (joints @ g.mechanism.R.T) * lever
+    t = sense * np.stack([x.t for x in sums]) * lever
     e = sense * (f - f_c) / lever
     resting = np.minimum(np.abs(t).max(axis=0), np.abs(e).max(axis=0))
     moving = np.maximum.reduce([-t.min(axis=0), -e.min(axis=0), resting])
@@ -145,9 +146,10 @@ def residuals(q: Question, arc: Arc) -> Residuals:
 
     A = g.mechanism.A
     arms = model.joint_arms(g)
-    slip = np.abs(joints @ A.T).max(axis=0)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
+    tied = np.abs(np.stack([x.couplings for x in sums])).max(axis=0)
+    slip = tied[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
-    forces, joint = _balances(q, w, c, f, coupling, F)
+    forces, joint = _balances(q, w, c, sums, F)
     return Residuals(
         object_balance=forces,
         joint_balance=joint,
@@ -159,10 +161,10 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     )
 
 
-def _balances(q: Question, w: Array, c: Array, f: Array, coupling: Array, F: float) -> tuple[float, float]:
+def _balances(q: Question, w: Array, c: Array, sums: list[Sums], F: float) -> tuple[float, float]:
     """(1) and (2), relative to the least that acts on the arc; controls as rows."""
     g = q.grasp
-    missing = c @ g.G.T + w
+    missing = np.stack([x.object for x in sums])
     C = c.reshape(len(c), -1, 3)
     middle, strays = _middle(g.positions, C)
     moment = missing[:, 3:] - np.cross(middle, missing[:, :3])
@@ -174,8 +176,8 @@ def _balances(q: Question, w: Array, c: Array, f: Array, coupling: Array, F: flo
     scale = np.max([*moments, load, F * g.spacing])
 
     loaded = C.any(axis=(0, 2))
-    J, R, A = np.where(np.repeat(loaded, 3)[:, None], g.J, 0.0), g.mechanism.R, g.mechanism.A
-    unbalanced = np.abs(c @ g.J - f @ R - coupling @ A).max(axis=0)
+    J, R = np.where(np.repeat(loaded, 3)[:, None], g.J, 0.0), g.mechanism.R
+    unbalanced = np.abs(np.stack([x.joints for x in sums])).max(axis=0)
     terms = np.abs(J.T) @ _least(c) + np.abs(R.T) @ np.abs(g.command)
     torque = np.maximum.reduce(
         [terms, F * np.sqrt((J * J).sum(axis=0)), model.idle_torque(g, model.joint_arms(g), F, scale)]

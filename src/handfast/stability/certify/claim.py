@@ -18,7 +18,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.stability.certify.certificate import HALF, Certificate, Columns, Question, Row, directions
-from handfast.stability.certify.leaf_rows import UNIT, equations, rows_of
+from handfast.stability.certify.leaf_rows import UNIT, equations, missed, rows_of
 from handfast.stability.model import joint_arms
 
 TINY = 1e-300  # above anything that underflow can lose
@@ -37,6 +37,7 @@ class Claim:
         columns: of x.
         lo, hi, reach: (n,) bounds, rounded outwards, and the larger of |lo|, |hi|.
         E, h: (p, n), (p,) equalities; without those that meet an unknown that nothing bounds.
+        slack, growth: (p,) what a witness may miss them by is slack + |scalar| growth.
         Z: (3m+a, n) relative motions d (3m), then mirrored actuator motions t (a).
         error: relative error that covers every sum of this size.
         unbounded: actuators whose force has no bound, for the complaint.
@@ -47,6 +48,8 @@ class Claim:
     hi: Array
     E: Array
     h: Array
+    slack: Array
+    growth: Array
     Z: Array
     error: float
     unbounded: tuple[str, ...]
@@ -92,7 +95,8 @@ class Claim:
         usable = ~(E[:, ~np.isfinite(hi)] != 0).any(axis=1)
         names = [*g.mechanism.actuators, *(f"coupling {i}" for i in range(len(A)))]
         unbounded = tuple(n for n, v in zip(names, z, strict=True) if not np.isfinite(v))
-        return cls(at, lo, hi, E[usable], h[usable], Z, error, unbounded)
+        slack, growth = (x[usable] for x in missed(q, len(h)))
+        return cls(at, lo, hi, E[usable], h[usable], slack, growth, Z, error, unbounded)
 
 
 def _work(q: Question, certificate: Certificate, r: Array, q_: Array) -> float:
@@ -140,9 +144,22 @@ def leaf_margins(certificate: Certificate, claim: Claim) -> Array:
     gap = rhs + v @ claim.h - most
     involved = rhs_size + np.abs(v) @ np.abs(claim.h) + np.abs(rho) @ reach
     gap -= 2 * (error @ reach + eps * involved + TINY)
+    gap -= np.abs(v) @ claim.slack * (1 + eps) + _grown(certificate, claim, np.abs(v) @ claim.growth * (1 + eps))
     # an unknown without bound may occur nowhere, not even by rounding
     gap[(size[:, :n][:, ~bounded] != 0).any(axis=1)] = -np.inf
     return np.asarray(gap / np.maximum(involved, TINY))
+
+
+def _grown(certificate: Certificate, claim: Claim, grows: Array) -> Array:
+    """(L,) what may be missed for the scalar's sake, less what the multiplier of its first end grows meanwhile."""
+    c, at = certificate, claim.columns
+    if c.scalar is None or not grows.any():
+        return np.zeros(len(grows))
+    lo, hi = c.scalar
+    down = (c.kind == Row.BOUND_DOWN) & (c.index == at.scalar.start)
+    leaf = np.repeat(np.arange(len(grows)), np.diff(c.start))
+    pushes = np.bincount(leaf, np.where(down, c.multiplier, 0.0), len(grows)) * (1 - claim.error)
+    return np.maximum(grows * abs(lo), grows * abs(hi) - pushes * (hi - lo))
 
 
 def equality_multipliers(rho0: Array, claim: Claim) -> Array:

@@ -28,13 +28,13 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from handfast.core.arrays import Array, Mask
+from handfast.core.rational import rational, rational_cross, rounded
 from handfast.model.grasp import Grasp
 from handfast.stability.certify.certificate import Certificate, Columns, ContactState, Integers, Question, Row
-from handfast.stability.certify.leaf_rows import UNIT, LeafRows, bounds, equations, rows_of
+from handfast.stability.certify.leaf_rows import UNIT, LeafRows, bounds, equations, missed, rows_of
 
-CHUNK = 256  # leaves whose systems are in memory at a time
+CHUNK, NUMBERS = 256, 1_000_000  # leaves, and numbers of their systems, in memory at a time
 SLIGHT = 1e-10  # relative: a contradiction no larger than this is one of rounding, in the question's own numbers
-MISSED = 1e-9  # relative: what a witness may miss the equilibrium by
 DUST = 1e-13  # relative: multipliers of equalities below this are taken for 0
 LEAST = 1e-4  # a small multiplier may change by this share of what an equality's may, relative to the rows' size
 TILT = 1e-16  # relative, of a diagonal: enough for an inverse to exist, which may be useless
@@ -46,7 +46,8 @@ class System:
     """What all leaves share.
 
     Attributes:
-        E, h: (p, n), (p,) equalities, E rounded; reach: (p,) what a witness may miss them by is `MISSED` of it.
+        E, h: (p, n), (p,) equalities, E rounded.
+        slack, growth: (p,) what a witness may miss them by is slack + |scalar| growth.
         Z: (3m+a, n) motions (d, t) over x, rounded.
         E_size, Z_size: sums of absolute values: |rounded - exact| <= error * size.
         scale: (n,) powers of two by which unknowns are scaled.
@@ -55,7 +56,8 @@ class System:
 
     E: Array
     h: Array
-    reach: Array
+    slack: Array
+    growth: Array
     E_size: Array
     Z: Array
     Z_size: Array
@@ -72,11 +74,7 @@ class System:
         largest = np.maximum(np.abs(E).max(axis=0, initial=0.0), np.abs(Z).max(axis=0, initial=0.0))
         scale: Array = np.exp2(-np.round(np.log2(np.where(largest > 0, largest, 1.0))))
         scale[at.c] = 1.0
-        load = question.loads[0]
-        force = max(np.linalg.norm(load[:3]), np.linalg.norm(load[3:]) / g.size)
-        reach = np.zeros(len(h))
-        reach[:6] = force * np.repeat([1.0, g.size], 3)
-        return cls(E * scale, h, reach, E_size * scale, Z * scale, Z_size * scale, scale, 64 * UNIT)
+        return cls(E * scale, h, *missed(question, len(h)), E_size * scale, Z * scale, Z_size * scale, scale, 64 * UNIT)
 
 
 def sizes(grasp: Grasp) -> tuple[Array, Array]:
@@ -128,8 +126,12 @@ def proved_margins(
     order = np.argsort(counts, kind="stable")  # leaves of like size together: little is wasted on padding
     order = order[new[order]]
     exact: Exact | None = None
-    for begin in range(0, len(order), CHUNK):
-        chosen = order[begin : begin + CHUNK]
+    size = (int(counts.max(initial=0)) + len(system.E)) * system.E.shape[1]
+    chunk = max(1, min(CHUNK, NUMBERS // size))
+    for begin in range(0, len(order), chunk):
+        if begin and time.monotonic() > until:
+            raise Late
+        chosen = order[begin : begin + chunk]
         some, case = c.some(chosen), cases[chosen]
         rows = rows_of(some, np.repeat(case[:, :, 0], counts[chosen], axis=0), lo, hi)
         leaves = Leaves.of(some, rows, system, case, np.arange(len(chosen)))
@@ -161,7 +163,8 @@ class Leaves:
         B: (L, K, n) rows of the leaf, then equalities; zero where a contact is open, whose force is zero.
         size: (L, K, n) sums of absolute values behind B.
         w: (L, K) multipliers. free: (L, K) bool, may have any sign. b: (L, K) right-hand sides; slack: (L, K) by
-            how much they may be missed.
+            how much they may be missed, growth: (L, K) by how much more for each unit of the scalar.
+        first: (L, K) bool: rows that the scalar is not below the first of its ends: ends (2,).
         unit: (L, K) powers of two that rows were divided by.
         index: (L, k) which rows of the certificate, -1 for padding; the last p of K are the equalities.
         closed: (L, n) bool: unknowns that are not known to be zero.
@@ -174,6 +177,9 @@ class Leaves:
     free: Mask
     b: Array
     slack: Array
+    growth: Array
+    first: Mask
+    ends: tuple[float, float]
     unit: Array
     index: Integers
     closed: Mask
@@ -216,22 +222,22 @@ class Leaves:
         size = np.concatenate([F_size, np.broadcast_to(system.E_size, shape)], axis=1) * closed[:, None]
         free = np.concatenate([there & rows.either[index], np.ones((len(chosen), p), bool)], axis=1)
         b = np.concatenate([np.where(there, rows.b[index], 0.0), np.broadcast_to(system.h, (len(chosen), p))], axis=1)
-        slack = np.concatenate(
-            [np.zeros((len(chosen), k)), np.broadcast_to(MISSED * system.reach, (len(chosen), p))], axis=1
+        none = np.zeros((len(chosen), k))
+        slack, growth = (
+            np.concatenate([none, np.broadcast_to(x, (len(chosen), p))], axis=1) for x in (system.slack, system.growth)
         )
+        down = there & (c.kind[index] == Row.BOUND_DOWN) & (c.index[index] == at.scalar.start)
+        first = np.concatenate([down, np.zeros((len(chosen), p), bool)], axis=1)
         w = np.concatenate([y, v], axis=1)
         # rows to a like size, so that a multiplier says how much its row counts
         most = np.abs(B).max(axis=2, initial=0.0)
         divisor: Array = np.exp2(np.round(np.log2(np.where(most > 0, most, 1.0))))
-        B, size, b, slack, w = (
-            B / divisor[..., None],
-            size / divisor[..., None],
-            b / divisor,
-            slack / divisor,
-            w * divisor,
-        )
+        B, size, w = B / divisor[..., None], size / divisor[..., None], w * divisor
+        b, slack, growth = b / divisor, slack / divisor, growth / divisor
+        ends = c.scalar or (0.0, 0.0)
         terms = 4 * (k + p + n + 3 * g.m)
-        return cls(B, size, w, free, b, slack, divisor, index, closed, system.error + terms * UNIT)
+        error = system.error + terms * UNIT
+        return cls(B, size, w, free, b, slack, growth, first, ends, divisor, index, closed, error)
 
     def margins(self) -> Array:
         """(L,) by enclosure, first with what counts only, then with all equalities; -inf where ranks are lost."""
@@ -256,8 +262,17 @@ class Leaves:
 
     def some(self, chosen: Integers) -> Leaves:
         """Of these leaves only."""
-        names = ("B", "size", "w", "free", "b", "slack", "unit", "index", "closed")
+        names = ("B", "size", "w", "free", "b", "slack", "growth", "first", "unit", "index", "closed")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+    def end(self, pushed: Mask) -> Array:
+        """(L,) the size of the scalar at which what may be missed counts.
+
+        It grows with the scalar. Where the multiplier of the scalar's first end grows faster (pushed), the first end
+        is the worst; else the farther one is.
+        """
+        lo, hi = np.abs(self.ends)
+        return np.where(pushed, lo, max(lo, hi))
 
     def _enclosed(self, used: Mask) -> Array:
         """(L,) a lower bound on w b for a w that cancels exactly, using some rows (L, K) only; relative.
@@ -293,7 +308,11 @@ class Leaves:
         change = np.einsum("lkn,ln->lk", PT, z) * (1 + 1e-9)
         terms = np.abs(w * self.b)
         value = (w * self.b).sum(axis=1) - (change * np.abs(self.b)).sum(axis=1) * (1 + 1e-9)
-        value -= ((np.abs(w) + change) * self.slack).sum(axis=1) * (1 + 1e-9)
+        most_w = np.abs(w) + change
+        grows = (most_w * self.growth).sum(axis=1) * (1 + 1e-9)
+        pushes = (np.where(self.first, w - change, 0.0) / self.unit).sum(axis=1) * (1 - 1e-9)
+        value -= (most_w * self.slack).sum(axis=1) * (1 + 1e-9)
+        value -= np.multiply(grows, self.end(pushes >= grows), out=np.zeros_like(grows), where=grows > 0)
         value -= self.error * terms.sum(axis=1)
         out = value / np.maximum(terms.sum(axis=1), 1e-300)
         kept = (self.free | (w >= change)).all(axis=1)
@@ -303,11 +322,6 @@ class Leaves:
 # --- in rational arithmetic -------------------------------------------------------------------------
 
 Sparse = dict[int, fmpq]  # an unknown's number, its coefficient
-
-
-def rational(x: float) -> fmpq:
-    """A floating-point number as it is."""
-    return fmpq(*float(x).as_integer_ratio())
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,14 +344,14 @@ class Exact:
             p = [rational(x) for x in contact.position]
             frame = [[rational(x) for x in column] for column in contact.frame.T]
             for k, direction in enumerate(frame, start=3 * i):
-                for row, x in enumerate([*direction, *_cross(p, direction)]):
+                for row, x in enumerate([*direction, *rational_cross(p, direction)]):
                     E[row][at.c.start + k] = Z[k][at.r.start + row] = x
             for j, joint in enumerate(g.joints):
                 if i not in joint.moves:
                     continue
                 speed = [rational(x) for x in joint.axis]
                 if joint.type != "prismatic":
-                    speed = _cross(speed, [x - rational(o) for x, o in zip(p, joint.origin, strict=True)])
+                    speed = rational_cross(speed, [x - rational(o) for x, o in zip(p, joint.origin, strict=True)])
                 for k, direction in enumerate(frame, start=3 * i):
                     x = _sum(a * b for a, b in zip(direction, speed, strict=True))
                     E[6 + j][at.c.start + k], Z[k][at.q.start + j] = x, -x
@@ -393,9 +407,17 @@ class Exact:
         b = [rational(x) * rational(unit) for x, unit in zip(leaves.b[k][used], leaves.unit[k][used], strict=True)]
         terms = [x * right for x, right in zip(y, b, strict=True)]
         size = _sum(abs(x) for x in terms)
-        slack = zip(y, leaves.slack[k][used], leaves.unit[k][used], strict=True)
-        missed = _sum(abs(x) * rational(s) * rational(unit) for x, s, unit in slack)
-        return float(_ratio(_sum(terms) - missed, size)) if size != 0 else -np.inf
+
+        def total_of(per_row: Array) -> fmpq:
+            parts = zip(y, per_row[k][used], leaves.unit[k][used], strict=True)
+            return _sum(abs(x) * rational(s) * rational(unit) for x, s, unit in parts)
+
+        grows = total_of(leaves.growth)
+        pushes = _sum(x for x, first in zip(y, leaves.first[k][used], strict=True) if first)
+        end = float(leaves.end(np.array(bool(pushes >= grows)))) if grows != 0 else 0.0
+        if size == 0 or not np.isfinite(end):
+            return -np.inf
+        return float(_ratio(_sum(terms) - total_of(leaves.slack) - grows * rational(end), size))
 
     def _row(self, rows: LeafRows, number: int, place: int, K: int) -> Sparse:
         """A row of a leaf's system over x: of the certificate, or the equality at a place of K."""
@@ -428,15 +450,10 @@ def _independent(A: Array) -> list[int]:
     return chosen
 
 
-def _cross(a: list[fmpq], b: list[fmpq]) -> list[fmpq]:
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-
-
 def _sum(terms: Iterable[fmpq]) -> fmpq:
     return sum(terms, fmpq(0))
 
 
 def _ratio(x: fmpq, y: fmpq) -> float:
     """x / y rounded; integers of any length."""
-    z = x / y
-    return int(z.p) / int(z.q)
+    return rounded(x / y)

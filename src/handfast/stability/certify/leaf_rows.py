@@ -24,6 +24,7 @@ from handfast.stability.certify.certificate import (
 )
 
 UNIT = 2.0**-53  # relative error of one rounded operation
+MISSED = 1e-9  # relative: what a witness may miss the equilibrium by
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,19 @@ def equations(question: Question, G: Array, J: Array) -> tuple[Array, Array, Arr
     Z = np.zeros((3 * g.m + len(R), at.n))
     Z[: 3 * g.m, at.r], Z[: 3 * g.m, at.q], Z[3 * g.m :, at.q] = G.T, -J, R  # (3)
     return E, h, Z
+
+
+def missed(question: Question, p: int) -> tuple[Array, Array]:
+    """(p,) each: what a witness may miss the equalities by is the first plus |scalar| times the second.
+
+    Loads in special positions are not proved to slip for their rounding: a jaw holds no torque about the line through
+    its two contacts, and a direction that was computed has one of 1e-17.
+    """
+    out = np.zeros((2, p))
+    for x, load in zip(out, question.loads, strict=True):
+        force = max(np.linalg.norm(load[:3]), np.linalg.norm(load[3:]) / question.grasp.size)
+        x[:6] = MISSED * force * np.repeat([1.0, question.grasp.size], 3)
+    return out[0], out[1]
 
 
 def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wider: float = WIDER) -> LeafRows:

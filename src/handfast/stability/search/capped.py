@@ -20,6 +20,7 @@ from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import INF, Search
 
 CAP = 2e4  # force scales
+FARTHER = 2e6, 2e8  # in turn, before it is said that no state exists up to a cap: those that move as far are tried
 FIRST = 4096  # nodes of the other search when it is helped first, then whenever it has twice as many
 STILL = 1e-6  # relative: a bound that has moved by less while the nodes became four times as many makes no progress
 SHARE = 0.25  # of the other search's nodes, where any state is sought and no bound shows whether there is progress
@@ -27,7 +28,7 @@ SHARE = 0.25  # of the other search's nodes, where any state is sought and no bo
 
 @dataclass(eq=False)
 class Capped:
-    """A search up to `CAP`, made when it is wanted first.
+    """A search up to a cap, made when it is wanted first.
 
     Attributes:
         other: the question without a cap; gap, gap_absolute, workers: of both searches.
@@ -35,6 +36,7 @@ class Capped:
         beyond: a point (n,) of the other question whose objective is a little below a value, sought without a cap
             with so many nodes and seconds; None if none was found.
         search: None while it is not wanted.
+        cap: on motions, in force scales.
         better: point (n,) of the other question with more motion, better than the bound.
         due: nodes of the other search at which that is looked at next; before: its bounds the last times.
     """
@@ -46,6 +48,7 @@ class Capped:
     bounds: bool
     beyond: Callable[[float, int, float], Array | None]
     search: Search | None = None
+    cap: float = CAP
     better: Array | None = None
     due: int = FIRST // 2
     before: tuple[float, ...] = ()
@@ -104,7 +107,7 @@ class Capped:
         r = self.other
         if self.search is None:
             within = (float(r.lo[0]), float(r.hi[0])) if r.objective else None
-            capped = reduce(r.p, r.goal, within=within, cap=CAP)
+            capped = reduce(r.p, r.goal, within=within, cap=self.cap)
             self.search = Search(capped, gap=self.gap, gap_absolute=self.gap_absolute, workers=self.workers)
         s = self.search
         if s.stop is not Stop.COMPLETE:

@@ -16,7 +16,7 @@ from handfast.stability.goal import NEAR_END, Goal, Point, interval
 from handfast.stability.outcome import INF, Outcome
 from handfast.stability.problem import Problem
 from handfast.stability.search import arrays, exact
-from handfast.stability.search.capped import FIRST, Capped
+from handfast.stability.search.capped import FARTHER, FIRST, Capped
 from handfast.stability.search.neighbour import Neighbour
 from handfast.stability.search.proof import Proof
 from handfast.stability.search.reduced import BOXES, Reduced, reduce
@@ -159,13 +159,23 @@ def _gaps(r: Reduced, goal: Goal, settings: Settings) -> tuple[float, float]:
 
 
 def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> Outcome:
-    """What was found, but with a bound for motions up to a cap, if as many nodes as were spent give one."""
+    """What was found, but with a bound for motions up to a cap, if as many nodes as were spent give one.
+
+    That there is no state is said only where there is none up to the largest of the caps.
+    """
     start, spent = time.monotonic(), beside.nodes
     if not beside.possible or not beside.bounds:
         return found
+    nodes = min(max(found.nodes, FIRST), settings.node_limit - found.nodes)
     try:
-        nodes = min(max(found.nodes, FIRST), settings.node_limit - found.nodes)
         s = beside.run(found.point, nodes, settings.time_limit)
+        farther = FARTHER if beside.any and s.stop is Stop.COMPLETE and s.z is None else ()
+        for cap in farther:
+            spent -= s.nodes
+            left = settings.time_limit - (time.monotonic() - start)
+            s = replace(beside, cap=cap, search=None).run(found.point, nodes, left)
+            if s.stop is not Stop.COMPLETE or s.z is not None:
+                break
         done = s.stop is Stop.COMPLETE
         if done and beside.contradicted(int(nodes), settings.node_limit, settings.time_limit):
             return replace(found, nodes=found.nodes + beside.nodes - spent)
@@ -205,7 +215,10 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
         bound = -INF  # unbounded, as far as the search goes
     proof, verified = None, False
     if bound > -INF:
-        proof, verified = _proved(s, settings, start)
+        try:
+            proof, verified = _proved(s, settings, start)
+        except KeyboardInterrupt:
+            stop = Stop.INTERRUPTED
         if proof is None:
             late = time.monotonic() - start > settings.time_limit
             stop, bound = (Stop.TIME if late else Stop.NUMERICAL) if stop is Stop.COMPLETE else stop, -INF

@@ -21,6 +21,7 @@ from handfast.stability.goal import STRONGEST, Goal, Load, Point, load, search_e
 from handfast.stability.problem import Problem
 from handfast.stability.search import arrays
 
+FARTHER = 1e6  # times the usual end of magnitudes, where nothing is resisted up to there
 HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy needs an end
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
@@ -198,8 +199,9 @@ def reduce(
     Args:
         p: the scaled problem.
         goal: what is sought.
-        endless: lambda of the smallest preload may be as large as it likes, so that small magnitudes count, too; so
-            may a largest magnitude, or commands that are sought.
+        endless: lambda of the smallest preload may be as large as it likes, so that small magnitudes count, too, and
+            magnitudes up to `FARTHER` than usual; a largest magnitude, or commands that are sought, as large as they
+            like.
         within: (lo, hi) bounds of what is made small (lambda, or -s), instead of those of a search; hi may be inf.
         cap: virtual motions beyond as many force scales are not searched.
     """
@@ -244,7 +246,8 @@ def reduce(
 
     plain: list[tuple[str, int, float, float]] = []  # what is bounded, which, and between what
     if goal is Goal.SMALLEST_PRELOAD:
-        plain.append(("scalar", 0, 1.0 / search_end(p), np.inf if endless else HIGHEST))
+        last = FARTHER if endless else 1.0
+        plain.append(("scalar", 0, 1.0 / (last * search_end(p)), np.inf if endless else HIGHEST))
     elif goal is Goal.LARGEST:
         plain.append(("scalar", 0, -np.inf if endless else -search_end(p), 0.0))
     elif objective:

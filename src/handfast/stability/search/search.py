@@ -25,7 +25,8 @@ from handfast.stability.search.machine import kernel
 from handfast.stability.search.reduced import Reduced
 
 CLOSING = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
-SLICE = 64  # nodes that a lane expands between two looks at the clock and at the other lane
+SLICE = 64  # nodes that a lane expands between two looks at the clock and at the other lane,
+BIG = 80  # fewer with more unknowns than this: a node takes time as their cube
 CHILDREN, SPARE = 4, 8  # of a node at most; rows that the kernel wants beyond
 SHARE = 16  # as many nodes must wait to be dealt, once more if one lane has UNEVEN times as many as the other
 UNEVEN = 4
@@ -378,9 +379,10 @@ class Search:
             return
         kernel()  # the first search compiles, or loads what was: no search's time
         start = time.monotonic()
+        most = max(1, int(SLICE * min(1.0, BIG / len(r.cost)) ** 3))
         while self.stop is None:
             left = (self.node_limit - self.nodes + 1) / len(self.lanes)
-            why = self._slice(int(min(SLICE, max(1, left))))
+            why = self._slice(int(min(most, max(1, left))))
             if arrays.FOUND in why or arrays.ENDLESS in why:
                 self.stop = Stop.COMPLETE
             elif not any(lane.waiting for lane in self.lanes):

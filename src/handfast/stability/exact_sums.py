@@ -1,0 +1,59 @@
+"""The linear equations of the model without rounding: for states whose numbers are so large that it would matter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from flint import fmpq
+
+from handfast.core.arrays import Array
+from handfast.core.rational import rational, rational_cross, rounded
+from handfast.model.grasp import Grasp
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """The linear equations at a state.
+
+    Attributes:
+        object: (6,) G c + w of (1). joints: (l,) of (2), with actuators and couplings. couplings: (k,) A q.
+        d: (3m,) of (3). t: (a,) R q of (8).
+    """
+
+    object: Array
+    joints: Array
+    couplings: Array
+    d: Array
+    t: Array
+
+
+def exact_sums(grasp: Grasp, w: Array, r: Array, q: Array, c: Array, f: Array, coupling: Array) -> Sums:
+    """Rational, from the positions, axes and contact frames as they are; each sum is rounded once, at its end.
+
+    The state as `model.State` has it.
+    """
+    r_, q_, c_, f_, lambda_, load = ([rational(x) for x in v] for v in (r, q, c, f, coupling, w))
+    R, A = ([[rational(x) for x in row] for row in a] for a in (grasp.mechanism.R, grasp.mechanism.A))
+    zero, l = fmpq(0), grasp.l
+    balance, torques, d = list(load), [zero] * l, []
+    for i, contact in enumerate(grasp.contacts):
+        p = [rational(x) for x in contact.position]
+        frame = [[rational(x) for x in column] for column in contact.frame.T]
+        point = [x + y for x, y in zip(r_[:3], rational_cross(r_[3:], p), strict=True)]
+        force = [sum((c_[3 * i + k] * frame[k][x] for k in range(3)), zero) for x in range(3)]
+        balance = [x + y for x, y in zip(balance, [*force, *rational_cross(p, force)], strict=True)]
+        for j, joint in enumerate(grasp.joints):
+            if i in joint.moves:
+                speed = [rational(x) for x in joint.axis]
+                if joint.type != "prismatic":
+                    speed = rational_cross(speed, [x - rational(o) for x, o in zip(p, joint.origin, strict=True)])
+                point = [x - q_[j] * v for x, v in zip(point, speed, strict=True)]
+                torques[j] += sum((x * v for x, v in zip(force, speed, strict=True)), zero)
+        d += [sum((x * v for x, v in zip(direction, point, strict=True)), zero) for direction in frame]
+    for rows, values in ((R, f_), (A, lambda_)):
+        for row, value in zip(rows, values, strict=True):
+            torques = [x - a * value for x, a in zip(torques, row, strict=True)]
+    t = [sum((a * x for a, x in zip(row, q_, strict=True)), zero) for row in R]
+    tied = [sum((a * x for a, x in zip(row, q_, strict=True)), zero) for row in A]
+    return Sums(*(np.array([rounded(x) for x in v], dtype=float) for v in (balance, torques, tied, d, t)))
