@@ -335,3 +335,19 @@ def test_lifting_against_the_weight(weight: float, points: int, mu: float) -> No
     assert answer.lower <= weight * (1 + 1e-12)
     assert answer.upper >= weight * (1 - 1e-12)
     assert answer.gap <= 1e-3
+
+
+def test_what_holds_beyond_the_usual_end_only_is_found() -> None:
+    """A push of which a millionth goes across beats the 1 N of a frictionless jaw from 10^6 N on."""
+    grasp = Grasp(
+        [Contact([0, 0, -0.02], [0, 0, 1], 0.0), Contact([0.03, 0, 0], [-1, 0, 0], 0.0)],
+        [GraspJoint("jaw", [-1, 0, 0], [0, 0, 0], (1,), "prismatic")],
+        preload={"jaw": 1.0},
+    )
+    direction = np.array([1e-6, 0, -1.0, 0, 0, 0])
+    assert queries.check(grasp, 1e4 * direction).verdict is Verdict.SLIPS
+    assert queries.check(grasp, 1e7 * direction).verdict is Verdict.HOLDS
+    most = queries.maximum(grasp, direction)
+    assert most.verdict is Verdict.HOLDS
+    assert most.lower >= 1e7
+    assert most.unbounded

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from benchmarks.grasps import random_case
 from benchmarks.no_cap import question
 from handfast.core.answer import Verdict
 from handfast.stability.queries import check, maximum
@@ -35,3 +37,15 @@ def test_a_capped_bound_that_nothing_beats_is_given_with_its_cap() -> None:
     assert answer.upper - answer.lower <= 1e-3 * answer.upper
     for factor in np.geomspace(1.0001, 3.0, 6):
         assert check(grasp, factor * answer.upper * direction).verdict is Verdict.SLIPS
+
+
+def test_what_a_maximum_holds_slips_in_no_check() -> None:
+    """The witness of this maximum moves 8e5 N; up to 7e4 N nothing holds it, and the search without a cap is lost."""
+    case = random_case(4, 8_800_435)
+    base = np.array([0.36844, -0.474608, 0.115529, -0.0037204, -0.0029699, -0.0033886])
+    most = maximum(case.grasp, case.direction, base=base)
+    assert most.lower == pytest.approx(6.713, rel=1e-3)
+    for share in (1.0, 1 - 1e-8, 1 - 1e-5):
+        there = check(case.grasp, base + share * most.lower * case.direction)
+        assert there.verdict is not Verdict.SLIPS
+    assert check(case.grasp, base + 0.999 * most.lower * case.direction).verdict is Verdict.HOLDS
