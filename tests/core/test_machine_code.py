@@ -21,7 +21,7 @@ DECLARED = """
 from pathlib import Path
 from typing import NamedTuple
 from handfast.core.groups import Flags, RealMatrix, Reals, Wholes
-from handfast.core.machine_code import Entry, Library
+from handfast.core.machine_code import EntryPoint, Library
 
 class Sample(NamedTuple):
     points: RealMatrix
@@ -33,7 +33,7 @@ class Sample(NamedTuple):
     negative: bool
 
 HERE = Path(__file__).parent
-LIBRARY = Library("toy", __name__, {"weigh": Entry("toy.kernel", (Sample, int, float, bool))}, SOURCES)
+LIBRARY = Library("toy", __name__, {"weigh": EntryPoint("toy.kernel", (Sample, int, float, bool))}, SOURCES)
 """
 KERNEL = """
 import numpy as np
@@ -130,3 +130,121 @@ def test_no_source_is_forgotten(toy: Toy, capfd: pytest.CaptureFixture[str]) -> 
     with pytest.raises(subprocess.CalledProcessError):
         toy(sources='(HERE / "library.py", HERE / "kernel.py")').compiled()
     assert "helper.py is compiled, too, but not among the library's sources" in capfd.readouterr().err
+
+
+# --- where code is kept, and what is loaded ---------------------------------------------------------------
+
+
+@pytest.fixture
+def elsewhere(toy: Toy, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tuple[Library, list[Path], list[int]]:
+    """A library as if it compiled, two empty folders in place of the usual ones, and how often it compiled."""
+    library, folders, made = toy(), [tmp_path / "package", tmp_path / "own"], []
+    monkeypatch.setattr(Library, "compiled", lambda self: made.append(1) or b"code")
+    monkeypatch.setattr(Library, "folders", lambda self: tuple(folders))
+    return library, folders, made
+
+
+Elsewhere = tuple[Library, list[Path], list[int]]
+
+
+def test_code_is_made_once_and_kept(elsewhere: Elsewhere) -> None:
+    library, folders, made = elsewhere
+    assert library.machine_code() == library.machine_code() == b"code"
+    assert made == [1]
+    assert [f.name for f in folders[0].iterdir()] == [library.file_name()]  # and no draft
+    assert not folders[1].exists()
+
+
+def test_where_the_package_cannot_be_written_the_user_keeps_it(elsewhere: Elsewhere) -> None:
+    library, folders, made = elsewhere
+    folders[0].write_text("a file where a folder would be")
+    assert library.machine_code() == library.machine_code() == b"code"
+    assert made == [1]
+    assert (folders[1] / library.file_name()).exists()
+
+
+@pytest.mark.parametrize("how", ["cut short", "one bit", "empty"])
+def test_a_damaged_file_is_made_anew(elsewhere: Elsewhere, how: str) -> None:
+    library, folders, made = elsewhere
+    library.machine_code()
+    file = folders[0] / library.file_name()
+    whole = file.read_bytes()
+    middle = len(whole) // 2
+    flipped = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
+    file.write_bytes({"cut short": whole[:middle], "one bit": flipped, "empty": b""}[how])
+    assert library.machine_code() == b"code"
+    assert made == [1, 1]
+    assert file.read_bytes() == whole
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes of files are POSIX's")
+@pytest.mark.parametrize("mode", [0o020, 0o002])
+@pytest.mark.parametrize("what", ["file", "folder"])
+def test_what_others_may_write_is_not_loaded(elsewhere: Elsewhere, what: str, mode: int) -> None:
+    library, folders, made = elsewhere
+    folders[0].mkdir()
+    file = folders[0] / library.file_name()
+    file.write_bytes(sealed(b"theirs"))
+    assert library.machine_code() == b"theirs"  # else this test shows nothing
+    place = file if what == "file" else file.parent
+    place.chmod(place.stat().st_mode | mode)
+    assert library.machine_code() == b"code"
+    assert made == [1]
+    kept = folders[0] if what == "file" else folders[1]  # nothing is written where it would not be read
+    assert (kept / library.file_name()).read_bytes() == sealed(b"code")
+    assert not (kept / library.file_name()).stat().st_mode & 0o022
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="owners of files are POSIX's")
+def test_only_the_user_and_root_are_trusted() -> None:
+    def status(mode: int, owner: int) -> os.stat_result:
+        return os.stat_result((mode, 0, 0, 1, owner, 0, 0, 0, 0, 0))
+
+    me = os.geteuid()
+    assert trusted(status(0o100644, me))
+    assert trusted(status(0o40755, 0))
+    assert not trusted(status(0o100644, me + 1))
+    assert not trusted(status(0o100664, me))
+    assert not trusted(status(0o40757, 0))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the variable is another")
+@pytest.mark.parametrize("value", ["", ".", "cache", "./cache", None])
+def test_a_cache_that_is_no_absolute_path_is_ignored(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, value: str | None
+) -> None:
+    library = toy()
+    monkeypatch.setenv("HOME", "/home/somebody")
+    if value is None:
+        monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    else:
+        monkeypatch.setenv("XDG_CACHE_HOME", value)
+    assert library.folders() == (library.home, Path("/home/somebody/.cache/handfast"))
+    monkeypatch.setenv("XDG_CACHE_HOME", "/var/cache/somebody")
+    assert library.folders()[1:] == (Path("/var/cache/somebody/handfast"),)
+    monkeypatch.setenv("XDG_CACHE_HOME", value or "")
+    monkeypatch.setenv("HOME", "here")
+    assert library.folders()[1:] == ()
+
+
+@pytest.mark.parametrize("what", ["kernel", "helper", "library", "compiler", "numba", "llvmlite", "processor"])
+def test_what_is_made_otherwise_is_other_code(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, what: str
+) -> None:
+    library = toy()
+    before = library.file_name()
+    assert library.file_name() == before
+    if what in ("kernel", "helper", "library"):
+        source = tmp_path / "toy" / f"{what}.py"
+        source.write_text(source.read_text() + "\n")
+    elif what == "compiler":
+        changed = tmp_path / "compiler.py"
+        changed.write_text("# another")
+        others = (path for path in machine_code.OWN_SOURCES if path.name != "compiler.py")
+        monkeypatch.setattr(machine_code, "OWN_SOURCES", (*others, changed))
+    elif what == "processor":
+        monkeypatch.setattr(machine_code, "_processor", lambda: ("another", ""))
+    else:
+        usual = machine_code.version
+        monkeypatch.setattr(machine_code, "version", lambda name: "0.0" if name == what else usual(name))
+    assert library.file_name() != before

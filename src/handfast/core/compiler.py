@@ -21,13 +21,13 @@ import numpy as np
 from numba import carray, cfunc, types
 from numba.extending import intrinsic
 
-from handfast.core.groups import LINE, Kind, kinds
-from handfast.core.machine_code import Entry, Library, target_machine
+from handfast.core.groups import LINE, FieldKind, kinds
+from handfast.core.machine_code import OWN_SOURCES, EntryPoint, Library, target_machine
 
 NUMBERS: dict[type, Any] = {int: types.int64, bool: types.int64, float: types.float64}
 # of C's library: what machine code may leave to be found in the process
-KNOWN = set("acos asin atan atan2 cos exp fabs floor ceil fmod hypot log pow rint sin sqrt tan".split())
-KNOWN |= {"memset", "memcpy", "memmove"}
+KNOWN = {"acos", "asin", "atan", "atan2", "ceil", "cos", "exp", "fabs", "floor", "fmod", "hypot", "log", "pow", "rint"}
+KNOWN |= {"sin", "sqrt", "tan", "memset", "memcpy", "memmove"}
 
 
 def main(module: str) -> None:
@@ -88,7 +88,7 @@ def _pointer(typing: Any, address: Any) -> Any:
     return types.voidptr(address), code
 
 
-def _wrapper(name: str, entry: Entry) -> Any:
+def _wrapper(name: str, entry: EntryPoint) -> Any:
     """A function of plain C arguments that gives an entry its groups: its text has a line for each argument."""
     known: dict[str, Any] = {"function": getattr(import_module(entry.module), name), "carray": carray}
     known |= {"pointer": _pointer} | {x.__name__: x for x in (np.int64, np.float64, np.bool_)}
@@ -112,7 +112,7 @@ def _wrapper(name: str, entry: Entry) -> Any:
     return known["wrapper"]
 
 
-def _field(k: int, kind: Kind, whole: str, real: str) -> str:
+def _field(k: int, kind: FieldKind, whole: str, real: str) -> str:
     """The expression that reads the k-th field of a group from its table."""
     if kind.dimensions == 0 and kind.dtype is np.float64:
         return f"{real}[{k}, 0]"
@@ -124,7 +124,7 @@ def _field(k: int, kind: Kind, whole: str, real: str) -> str:
 
 def _check_sources(library: Library) -> None:
     """Everything of the library's package that was imported to make its functions is among its sources."""
-    named = {path.resolve() for path in library.sources}
+    named = {path.resolve() for path in (*library.sources, *OWN_SOURCES)}
     for name, module in list(sys.modules.items()):
         if name in BEFORE or name.split(".")[0] != library.module.split(".")[0]:
             continue

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from typing import Annotated, Any, Generic, TypeVar, get_type_hints
 
 import numpy as np
@@ -22,23 +22,23 @@ WHOLE_VECTOR = 4  # numbers that the processor takes at once: arrays in one piec
 
 
 @dataclass(frozen=True)
-class Kind:
+class FieldKind:
     """What a field holds: numbers of one type in an array of so many dimensions, a plain number if there are none."""
 
     dtype: type
     dimensions: int
 
 
-Reals = Annotated[Array, Kind(np.float64, 1)]
-RealMatrix = Annotated[Array, Kind(np.float64, 2)]
-RealMatrices = Annotated[Array, Kind(np.float64, 3)]
-Wholes = Annotated[Indices, Kind(np.int64, 1)]
-WholeMatrix = Annotated[Indices, Kind(np.int64, 2)]
-WholeMatrices = Annotated[Indices, Kind(np.int64, 3)]
-Flags = Annotated[Mask, Kind(np.bool_, 1)]
-FlagMatrix = Annotated[Mask, Kind(np.bool_, 2)]
+Reals = Annotated[Array, FieldKind(np.float64, 1)]
+RealMatrix = Annotated[Array, FieldKind(np.float64, 2)]
+RealMatrices = Annotated[Array, FieldKind(np.float64, 3)]
+Wholes = Annotated[Indices, FieldKind(np.int64, 1)]
+WholeMatrix = Annotated[Indices, FieldKind(np.int64, 2)]
+WholeMatrices = Annotated[Indices, FieldKind(np.int64, 3)]
+Flags = Annotated[Mask, FieldKind(np.bool_, 1)]
+FlagMatrix = Annotated[Mask, FieldKind(np.bool_, 2)]
 
-_NUMBERS = {int: Kind(np.int64, 0), float: Kind(np.float64, 0), bool: Kind(np.bool_, 0)}
+_NUMBERS = {int: FieldKind(np.int64, 0), float: FieldKind(np.float64, 0), bool: FieldKind(np.bool_, 0)}
 _UNUSED = tuple((0,) * (LINE - 1 - dimensions) for dimensions in range(LINE))
 
 Shape = tuple[int, ...]
@@ -46,7 +46,7 @@ Group = TypeVar("Group", bound=tuple[Any, ...])
 
 
 @cache
-def kinds(group: type[tuple[Any, ...]]) -> dict[str, Kind]:
+def kinds(group: type[tuple[Any, ...]]) -> dict[str, FieldKind]:
     """What each field of a group holds, in their order.
 
     Raises:
@@ -54,7 +54,9 @@ def kinds(group: type[tuple[Any, ...]]) -> dict[str, Kind]:
     """
     out = {}
     for name, hint in get_type_hints(group, include_extras=True).items():
-        kind = _NUMBERS.get(hint) or next((x for x in getattr(hint, "__metadata__", ()) if isinstance(x, Kind)), None)
+        kind = _NUMBERS.get(hint) or next(
+            (x for x in getattr(hint, "__metadata__", ()) if isinstance(x, FieldKind)), None
+        )
         if kind is None:
             raise TypeError(f"{group.__name__}.{name} is {hint}, which compiled code does not take")
         out[name] = kind
@@ -67,55 +69,56 @@ def table(group: tuple[Any, ...]) -> Indices:
     Raises:
         TypeError: an array is not of the kind that the group declares, or not contiguous.
     """
-    lines = np.zeros((len(group), LINE), np.int64)
-    reals = lines.view(np.float64)
+    lines, reals = [], []
     for k, ((name, kind), x) in enumerate(zip(kinds(type(group)).items(), group, strict=True)):
         if kind.dimensions == 0:
-            (reals if kind.dtype is np.float64 else lines)[k, 0] = x
+            lines.append((0 if kind.dtype is np.float64 else int(x), 0, 0, 0))
+            if kind.dtype is np.float64:
+                reals.append((k, x))
             continue
         if x.dtype != kind.dtype or x.ndim != kind.dimensions or not x.flags.c_contiguous:
             wanted = f"contiguous {np.dtype(kind.dtype)} array of {kind.dimensions} dimensions"
             raise TypeError(f"{type(group).__name__}.{name} is {x.dtype} of shape {x.shape}, not a {wanted}")
-        lines[k] = (x.ctypes.data, *x.shape, *_UNUSED[kind.dimensions])
-    return lines
+        lines.append((x.ctypes.data, *x.shape, *_UNUSED[kind.dimensions]))
+    out = np.array(lines, np.int64)
+    for k, x in reals:
+        out.view(np.float64)[k, 0] = x
+    return out
+
+
+class Layout(Generic[Group]):
+    """Where the arrays of a group lie in one piece of memory."""
+
+    def __init__(self, group: type[Group], shapes: Mapping[str, Shape]) -> None:
+        """shapes: of all fields, in any order."""
+        self.group, self.table = group, np.zeros((len(kinds(group)), LINE), np.int64)  # its addresses are relative
+        self.fields: dict[str, tuple[type, int, int, Shape]] = {}  # type of the numbers, begin and end, shape
+        self.size = 0
+        for line, (name, kind) in zip(self.table, kinds(group).items(), strict=True):
+            shape = shapes[name]
+            if np.dtype(kind.dtype).itemsize != 8 or kind.dimensions != len(shape) or not shape:
+                raise TypeError(f"{group.__name__}.{name} of shape {shape} has no place in a block")
+            line[: 1 + len(shape)] = 8 * self.size, *shape
+            self.fields[name] = kind.dtype, self.size, self.size + math.prod(shape), shape
+            self.size += whole_vectors(math.prod(shape))
 
 
 class Block(Generic[Group]):
     """The arrays of a group in one piece of memory that nobody has written to yet, and their table."""
 
-    def __init__(self, group: type[Group], shapes: Mapping[str, Shape]) -> None:
-        """shapes: of all fields, in any order."""
-        self._group, self._shapes = group, tuple(shapes[name] for name in kinds(group))
-        places, self._begin, total = _places(group, self._shapes)
-        self._memory = np.empty(total)
-        self.table: Indices = places.copy()
-        self.table[:, 0] += self._memory.ctypes.data
+    def __init__(self, layout: Layout[Group]) -> None:
+        self.layout, self.memory = layout, np.empty(layout.size)
+        self.table: Indices = layout.table.copy()
+        self.table[:, 0] += self.memory.ctypes.data
 
     def arrays(self) -> Group:
         """The group, whose arrays keep the memory alive."""
-        each = zip(kinds(self._group).values(), self._begin, self._shapes, strict=True)
-        return self._group(*(self._array(*place) for place in each))
+        return self.layout.group(*map(self.array, self.layout.fields))
 
     def array(self, name: str) -> Any:
         """One array of the group."""
-        k = list(kinds(self._group)).index(name)
-        return self._array(kinds(self._group)[name], self._begin[k], self._shapes[k])
-
-    def _array(self, kind: Kind, begin: int, shape: Shape) -> Any:
-        return self._memory[begin : begin + math.prod(shape)].view(kind.dtype).reshape(shape)
-
-
-@lru_cache(maxsize=256)
-def _places(group: type[tuple[Any, ...]], shapes: tuple[Shape, ...]) -> tuple[Indices, tuple[int, ...], int]:
-    """The table relative to the beginning of the memory, where arrays begin, and how many numbers there are."""
-    out, begin, at = np.zeros((len(shapes), LINE), np.int64), [], 0
-    for line, (name, kind), shape in zip(out, kinds(group).items(), shapes, strict=True):
-        if np.dtype(kind.dtype).itemsize != 8 or kind.dimensions != len(shape) or not shape:
-            raise TypeError(f"{group.__name__}.{name} of shape {shape} has no place in a block")
-        line[: 1 + len(shape)] = 8 * at, *shape
-        begin.append(at)
-        at += whole_vectors(math.prod(shape))
-    return out, tuple(begin), at
+        dtype, begin, end, shape = self.layout.fields[name]
+        return self.memory[begin:end].view(dtype).reshape(shape)
 
 
 def whole_vectors(n: int) -> int:

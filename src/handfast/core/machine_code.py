@@ -37,7 +37,7 @@ _COMPILE = "import sys; sys.path[:] = sys.argv[2:]; from handfast.core.compiler 
 
 
 @dataclass(frozen=True)
-class Entry:
+class EntryPoint:
     """A function that Python may call.
 
     Attributes:
@@ -63,7 +63,7 @@ class Library:
 
     name: str
     module: str
-    entries: Mapping[str, Entry]
+    entries: Mapping[str, EntryPoint]
     sources: tuple[Path, ...]
 
     @cached_property
@@ -81,7 +81,7 @@ class Library:
             if code is not None:
                 return code
         log = logging.getLogger("handfast")
-        log.warning(f"compiling {self.name} for this processor, once: about half a minute")
+        log.warning(f"compiling the {self.name} engine for this processor, once: about a minute")
         code = self.compiled()
         for folder in self.folders():
             with suppress(OSError):  # not ours to write to

@@ -75,7 +75,7 @@ class Capped:
         if len(self.before) > 1 and (still or other.best == INF):
             s = self.run(other.z, min((SHARE if self.any else 1.0) * self.due, node_limit), time_limit)
             if s.z is not None:
-                other.know(s.z)
+                other.set_incumbent(s.z)
         self.due *= 2
         return self.search if self.closed and (still or self.any) else None
 
@@ -90,7 +90,7 @@ class Capped:
         if s.stop is not Stop.COMPLETE:
             s.node_limit, s.time_limit, s.stop = node_limit, time_limit, None
             if point is not None:
-                s.know(point)
+                s.set_incumbent(point)
             for _ in s:
                 pass
         return s
