@@ -1,30 +1,35 @@
-"""Wheels carry the engine's machine code for the processor that builds them: whoever installs one need not compile."""
+"""Wheels carry the engines' machine code for the processor that builds them: whoever installs one need not compile."""
 
 from __future__ import annotations
 
 import sys
 import tempfile
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
+LIBRARIES = ("handfast.stability.search.machine",)  # modules that declare one
 
-class Kernel(BuildHookInterface):
+
+class MachineCode(BuildHookInterface):
     """On another processor the first question compiles. What is made here is kept beside the sources, too: an editable
     installation, which is not built, finds it there."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         if version == "editable":
             return
-        sys.path.insert(0, str(Path(self.root) / "src"))
-        from handfast.stability.search import machine
+        sources = Path(self.root) / "src"
+        sys.path.insert(0, str(sources))
+        from handfast.core.machine_code import sealed
 
         self._folder = tempfile.TemporaryDirectory()
-        made = Path(self._folder.name) / machine.file_name()
-        made.write_bytes(machine.sealed(machine.machine_code()))
-        place = machine.HERE.relative_to(Path(self.root) / "src") / "__pycache__" / made.name
-        build_data["force_include"][str(made)] = place.as_posix()
+        for name in LIBRARIES:
+            library = import_module(name).LIBRARY
+            made = Path(self._folder.name) / library.file_name()
+            made.write_bytes(sealed(library.machine_code()))
+            build_data["force_include"][str(made)] = (library.home.relative_to(sources) / made.name).as_posix()
         build_data["pure_python"] = False
         build_data["infer_tag"] = True
 

@@ -52,9 +52,9 @@ def once(case: Case) -> dict[str, Any]:
         "search": searched,
         "judge": judged,
         "nodes": search.nodes,
-        "exchanges": int(search.stats[arrays.EXCHANGES]),
-        "newtons": int(search.stats[arrays.NEWTONS]),
-        "restarts": int(search.stats[arrays.RESTARTS]),
+        "exchanges": int(search.counts[arrays.EXCHANGES]),
+        "newtons": int(search.counts[arrays.NEWTONS]),
+        "restarts": int(search.counts[arrays.RESTARTS]),
         "unknowns": len(r.cost),
     }
 

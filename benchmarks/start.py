@@ -1,9 +1,10 @@
 """How long a new process takes to its first answer: `handfast check` without and with compiled code.
 
-    python -m benchmarks.start [CHECKOUT ...] [--cold 3] [--warm 9]
+    python -m benchmarks.start [CHECKOUT ...] [--cold 3] [--warm 9] [--install]
 
 Each checkout (this one alone by default) is copied, without what it has compiled, for each of `--cold` rounds: the
-first command compiles, `--warm` others follow, and as many imports. Checkouts take turns, so that other work on the
+first command compiles, `--warm` others follow, and as many imports. With --install it is installed by pip instead, so
+that the first command finds what the wheel carries. Checkouts take turns, so that other work on the
 machine hits all alike; ratios are to the first. Writes results/start.json and prints a Markdown table.
 """
 
@@ -38,21 +39,31 @@ def run(source: Path, code: str, *arguments: str) -> tuple[float, float]:
     return seconds, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
+def put(checkout: Path, folder: Path, install: bool) -> None:
+    """The package into a folder, as pip installs it or as its sources stand."""
+    if install:
+        pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-compile", "--target", str(folder)]
+        subprocess.run([*pip, str(checkout.resolve())], check=True)
+    else:
+        shutil.copytree(checkout / "src", folder, ignore=shutil.ignore_patterns("__pycache__"))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("checkouts", nargs="*", type=Path, default=[HERE])
     parser.add_argument("--cold", type=int, default=3)
     parser.add_argument("--warm", type=int, default=9)
+    parser.add_argument("--install", action="store_true", help="install by pip in place of copying the sources")
     given = parser.parse_args()
     names = [revision(checkout) for checkout in given.checkouts]
-    times: dict[str, list[list[tuple[float, float]]]] = {k: [[] for _ in names] for k in ("compile", "check", "import")}
+    times: dict[str, list[list[tuple[float, float]]]] = {k: [[] for _ in names] for k in ("first", "check", "import")}
     for turn in range(given.cold):
         with tempfile.TemporaryDirectory() as folder:
             copies = [Path(folder) / str(k) for k in range(len(names))]
             order = list(range(len(names)))[:: 1 if turn % 2 else -1]
             for k in order:
-                shutil.copytree(given.checkouts[k] / "src", copies[k], ignore=shutil.ignore_patterns("__pycache__"))
-                times["compile"][k].append(run(copies[k], COMMAND, *QUESTION))
+                put(given.checkouts[k], copies[k], given.install)
+                times["first"][k].append(run(copies[k], COMMAND, *QUESTION))
             for _ in range(given.warm):
                 for k in order:
                     times["check"][k].append(run(copies[k], COMMAND, *QUESTION))
@@ -62,7 +73,7 @@ def main() -> None:
         for what, some in times.items()
         for k in range(len(names))
     ]
-    RESULTS.write_text(json.dumps({"machine": describe(), "rows": rows}, indent=1) + "\n")
+    RESULTS.write_text(json.dumps({"machine": describe(), "installed": given.install, "rows": rows}, indent=1) + "\n")
     print("| | checkout | seconds, median | worst | processor time | ratio |\n|---|---|---:|---:|---:|---:|")
     for what, some in times.items():
         for k, name in enumerate(names):

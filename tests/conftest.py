@@ -27,7 +27,7 @@ KERNELS = (  # each in a process of its own: every kernel is compiled once, not 
 )
 
 
-STABILITY = "from handfast.stability.search.machine import kernel; kernel()"
+STABILITY = "from handfast.stability.search.machine import LIBRARY; LIBRARY.machine_code()"
 
 
 def pytest_configure(config: pytest.Config) -> None:

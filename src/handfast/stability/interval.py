@@ -28,7 +28,7 @@ from handfast.stability.outcome import INF, Outcome
 from handfast.stability.problem import Problem
 from handfast.stability.search import exact, front
 from handfast.stability.search.reduced import Reduced, reduce
-from handfast.stability.search.search import Lane
+from handfast.stability.search.search import SearchWorker
 from handfast.stability.settings import Settings
 from handfast.stability.witness import VALID
 
@@ -99,7 +99,7 @@ class _Line:
         self.arcs: list[Arc] = []
         self.slips: list[Certificate] = []
         self.r: Reduced = reduce(p, Goal.LARGEST)
-        self.lane = Lane.of(self.r)
+        self.worker = SearchWorker.of(self.r)
         self.question = asked.question(p, Goal.LARGEST)
         self.start = time.monotonic()
 
@@ -170,7 +170,7 @@ class _Line:
     def _at(self, s: float, start: Array) -> Array | None:
         """A point (n,) near another that solves the model at a magnitude."""
         r = replace(self.r, lo=np.r_[-s / self.p.stretch, self.r.lo[1:]])
-        return exact.solve(r, start, hold=True, lane=self.lane)
+        return exact.solve(r, start, hold=True, worker=self.worker)
 
     def _exact(self, s: float, state: State) -> Array:
         """The point (n,) of a state at a magnitude, solved again with what the magnitude is."""

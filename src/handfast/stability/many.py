@@ -27,8 +27,8 @@ from handfast.stability.answers import MaxAnswer
 from handfast.stability.goal import Goal
 from handfast.stability.problem import Problem
 from handfast.stability.queries import largest, max_goal, with_interval
-from handfast.stability.search.neighbour import Neighbour
 from handfast.stability.search.reduced import Reduced, reduce
+from handfast.stability.search.warm_start import WarmStart
 from handfast.stability.settings import Settings
 from handfast.stability.settings import default_jobs as default_jobs
 
@@ -131,7 +131,7 @@ def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None
     last: Case | None = None
     p: Problem | None = None
     reduced: Reduced | None = None
-    before: Neighbour | None = None
+    before: WarmStart | None = None
     for case in cases:
         if stopped and stopped.is_set():
             break
@@ -150,13 +150,13 @@ def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None
     return out
 
 
-def _left(answer: MaxAnswer, before: Neighbour | None) -> Neighbour | None:
+def _left(answer: MaxAnswer, before: WarmStart | None) -> WarmStart | None:
     """What an answer leaves to its neighbour."""
     if answer.point is None:
         return None
     points = (answer.point, before.points[0]) if before else (answer.point,)
     closed = answer.proof is not None and answer.stop is Stop.COMPLETE
-    return Neighbour(points, answer.unbounded, answer.proof.pool if closed and answer.proof else None)
+    return WarmStart(points, answer.unbounded, answer.proof.pool if closed and answer.proof else None)
 
 
 def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:

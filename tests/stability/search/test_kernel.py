@@ -16,15 +16,16 @@ import numpy as np
 import pytest
 from numba import njit
 
+from handfast.core.groups import Block
 from handfast.stability import problem
 from handfast.stability.certify.certificate import HALF, TURN, ActuatorState, ContactState, directions
 from handfast.stability.goal import Goal, load, search_end
 from handfast.stability.problem import Problem
 from handfast.stability.search import arrays, rows
-from handfast.stability.search.kernel import simplex
+from handfast.stability.search.kernel import simplex, tree
 from handfast.stability.search.kernel.values import row
 from handfast.stability.search.reduced import Reduced, reduce
-from handfast.stability.search.search import Search
+from handfast.stability.search.search import Search, new_pool
 from tests.support.problems import Solved, solved
 
 FREE, LOCKED, MOVES = ActuatorState
@@ -41,24 +42,12 @@ CONE = 1e-8  # the search itself allows more
 
 
 @njit
-def _solve(m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, cost, driven, state, ids, W, rhs, z, stats):
-    n = z.shape[0]
-    T, order, pivot, gradient = np.empty((n, n + 3)), np.empty(n, np.int64), np.empty(2 * n + 3), np.empty(6)
-    y, delta, enter, column = np.empty(n + 1), np.empty(n + 3), np.empty(n), np.empty(n)
-    c, d, age, normal = np.empty(CT.shape[1]), np.empty(DT.shape[1]), np.zeros(1, np.int64), np.empty(m)
-    points = np.zeros((1, n + 1))  # of other nodes: none, no balance of energy
-    trig, skip = np.empty((m, 4)), np.empty(m + a + lo.shape[0], np.bool_)
+def _solve(question, hi, node, work, counts, points):
     result = simplex.FAILED
     for attempt in range(simplex.ATTEMPTS):
-        for k in range(n):
-            ids[k] = ((rows.BOX_UP if cost[k] >= 0.0 else rows.BOX_DOWN) << rows.KIND) | (k << rows.INDEX)
-            rhs[k] = row(ids[k], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, points, W[k], gradient)
-        simplex.invert(W, T, order, pivot)
-        result = simplex.solve(
-            m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, False, cost, driven, state, trig, skip,
-            ids, W, rhs, T, order, y, z, c, d, enter, column, pivot, gradient, delta, stats, age, CONE, attempt,
-            points, -1, normal,
-        )  # fmt: skip
+        work.age[0] = 0
+        tree.rebuild(question, hi, points, work, 0, True)
+        result = simplex.solve(question, hi, node, work, counts, CONE, attempt, points.data, -1)
         if result != simplex.FAILED:
             break
     return result
@@ -69,19 +58,18 @@ def node_program(search: Search, node: Node, cost: np.ndarray) -> tuple[int, flo
     r = search.reduced
     m, n = len(r.p.mu), len(r.cost)
     parts = np.array(node, dtype=np.int64).reshape(-1, 3)
-    state = np.concatenate([parts[:m, 0], parts[:m, 1], parts[:m, 2], parts[m:, 0]])
-    stats, z = np.zeros(9, np.int64), np.zeros(n)
-    found = _solve(
-        *r.sizes, float(np.cos(r.p.eta)), float(np.sin(r.p.eta)), r.C, r.D, r.CT, r.DT, r.off, r.p.mu, r.lo, search.hi,
-        r.box, cost, r.driven, state, np.zeros(n + 1, np.int64), np.zeros((n, n)), np.zeros(n), z, stats,
-    )  # fmt: skip
-    return found, float(cost @ z), bool(stats[arrays.DROPS])
+    at_hand, work = (Block(layout).arrays() for layout in (r.workspace.node, r.workspace.working_set))
+    at_hand.state[:] = np.concatenate([parts[:m, 0], parts[:m, 1], parts[:m, 2], parts[m:, 0]])
+    counts = np.zeros(len(arrays.COUNTS), np.int64)
+    none, _ = new_pool(1, 3 * m + r.sizes[1], n)  # other nodes: there is no balance of energy
+    found = _solve(r.question._replace(cost=cost), search.hi, at_hand, work, counts, none)
+    return found, float(cost @ work.z), bool(counts[arrays.DROPS])
 
 
 @njit
-def _balance(m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data):
-    out = np.empty(box.shape[0])
-    rhs = row(rows.ENERGY << rows.KIND, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, np.empty(6))
+def _balance(question, hi, data):
+    out = np.empty(question.box.shape[0])
+    rhs = row(rows.ENERGY << rows.KIND, question, hi, data, out, np.empty(6))
     return out, rhs
 
 
@@ -101,10 +89,9 @@ def test_the_balance_of_energy_holds_for_exact_solutions(goal: Goal) -> None:
         z = search.z
         x = r.point(z)
         put_in = r.load.w_a @ x.r + (r.load.f_a + x.sigma * r.load.f_b) @ (r.p.R @ x.q)
-        at = *r.sizes, np.cos(s.eta), np.sin(s.eta), r.C, r.D, r.off, r.p.mu, r.lo, r.hi
         for noise in (0.0, 0.1, 10.0):
             data = np.append(z + noise * rng.normal(size=len(z)), x.sigma * (1 + noise))[None]
-            out, rhs = _balance(*at, r.box, data)
+            out, rhs = _balance(r.question, r.hi, data)
             assert out @ z - rhs >= -1e-9 * (1 + abs(put_in)), (seed, noise)
             if noise == 0.0:
                 assert out @ z - rhs == pytest.approx(put_in - (x.c[0::3] ** 2).sum(), abs=1e-9 * (1 + abs(put_in)))

@@ -96,7 +96,7 @@ def find(r: Reduced, start: Point, *, hold: bool = False) -> tuple[Witness, Poin
     hold: at the end of the search for a maximum.
     """
     for tol in MODE_TOLERANCES:
-        z = exact.solve(r, r.z(start), tol=tol, hold=hold)
+        z = exact.solve(r, r.z(start), tolerance=tol, hold=hold)
         if z is None:
             continue
         x = r.point(z)

@@ -1,19 +1,28 @@
-"""What Python and the compiled kernel have in common: the arrays of a search, and the numbers that stand in them.
+"""What Python and the compiled kernel have in common: the named groups of a search, and the numbers that stand in them.
 
-Arrays go to the kernel as tables of addresses and lengths, so that it is called like any C function: nothing of
-numba is needed once its machine code exists (`machine`).
+Sizes: m contacts, a actuators that may move, n unknowns, F base values that are forces, P plain base values (`rows`).
+Forces and motions are over the force scale, without unit. "Filled up" is with zeros, to whole vectors of the processor.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from functools import lru_cache
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
-import numpy as np
-
-from handfast.core.arrays import Array, Indices, Mask
+from handfast.core.arrays import Indices
+from handfast.core.groups import (
+    Block,
+    Flags,
+    Layout,
+    RealMatrices,
+    RealMatrix,
+    Reals,
+    Shape,
+    WholeMatrix,
+    Wholes,
+    whole_vectors,
+)
 
 # what became of a node
 WAITING, SPLIT, EMPTY, UNRESOLVED = 0, 1, 2, 3
@@ -21,115 +30,191 @@ WAITING, SPLIT, EMPTY, UNRESOLVED = 0, 1, 2, 3
 EXHAUSTED, ENOUGH, ROOM, FOUND, ENDLESS = 0, 1, 2, 3, 4
 # what is sought
 ANY, SCALAR, LARGEST_EFFORT, SUM_OF_EFFORTS = 0, 1, 2, 3
-# places in `stats`
-NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = STATS = 0, 1, 2, 3, 4, 5, 6, 7, 8
+# places in `WorkerState.counts`
+NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = COUNTS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
-KEPT = 64  # inverses of nodes that wait, those made last; in one more place, that of the node being split
-VECTOR = 4  # numbers that the processor takes at once
-
-KINDS = {"f": np.dtype(np.float64), "i": np.dtype(np.int64), "b": np.dtype(np.bool_)}
-LINE = 4  # numbers for an array in a table: its address and up to three lengths
-
-UNUSED = tuple((0,) * (LINE - 1 - ndim) for ndim in range(LINE))
-
-# kinds and dimensions of the arrays in the tables, in the order in which the kernel takes them; see `kernel.tree`
-QUESTION = "f2 f2 f2 f2 f1 f1 f1 f1 f1 b1"  # C, D, CT, DT, off, mu, lo, cost, box, driven
-LANE = "f1 f1 f1 i1 f2 i1"  # hi, best, best_z, stats, guess, heap
-POOL = "i2 i2 f2 f1 f1 i1 i1 i1"  # states, ids, data, key, bound, parent, part, status
-POINTS = "f1 f1"  # where Newton's method begins, and where it ends
-LEAVES = "i1 b1"  # their numbers, and whether their rays hold
-# room: owners and working sets that are kept,
-_KEPT = "i2 i2 f2 f3 f3"
-# state, child, skip, trig, amounts, normal of the node at hand,
-_NODE = "i1 i2 i1 f2 f1 f1"
-# its program: ids, order, age, rhs, W, T, y, z, c, d, enter_row, column, pivot, delta, gradient,
-_PROGRAM = "i1 i1 i1 f1 f2 f2 f1 f1 f1 f1 f1 f1 f1 f1 f1"
-# and Newton's method from its point: modes, motors, side, z, c, d, G, J, g, q, size, start, step, trial
-_EXACT = "i1 i1 i1 f1 f1 f1 f2 f2 f1 f1 f1 f1 f1 f1"
-WORK = f"{_KEPT} {_NODE} {_PROGRAM} {_EXACT}"
-EXACT = len(WORK.split()) - len(_EXACT.split())  # where Newton's begin
-ROW = EXACT - 5  # where enter_row, column, pivot, delta, gradient begin
-
-Shape = tuple[int, ...]
+KEPT = 64  # working sets of nodes that wait, those made last; in one more place, that of the node being split
+CHILDREN = 4  # of a node at most
 
 
-def vectors(n: int) -> int:
-    """So many numbers that whole vectors of the processor hold n of them."""
-    return n + -n % VECTOR
+class KernelQuestion(NamedTuple):
+    """What is asked, as the kernel takes it; see `Reduced`."""
+
+    m: int  # contacts
+    a: int  # actuators that may move
+    F: int  # base values that are forces
+    cos: float  # of the uncertainty of the normals, equation (17)
+    sin: float
+    dissipation: bool  # does the maximum dissipation principle (7) hold?
+    objective: int  # what is sought: `ANY` to `SUM_OF_EFFORTS`
+    capped: bool  # the box holds for motions up to a cap, and rays may cite it
+    C: RealMatrix  # (F, n) forces are C z + off
+    D: RealMatrix  # (motions, n) motions are D z
+    CT: RealMatrix  # (unknown forces, F filled up) C transposed, without the unknowns that are zero in it
+    DT: RealMatrix  # (unknown motions, motions filled up) D transposed, likewise
+    off: Reals  # (F filled up)
+    mu: Reals  # (m,) coefficients of friction
+    lo: Reals  # (P,) lower bounds of the plain base values
+    cost: Reals  # (n,) what is minimised, over z
+    box: Reals  # (n,) |z| where programs begin
+    driven: Flags  # (a,) whose command is sought
 
 
-def table(layout: str, arrays: Sequence[Array | Indices | Mask]) -> Indices:
-    """(k, LINE) where these arrays are and how long. The caller keeps them alive.
+class WorkerState(NamedTuple):
+    """What a worker changes besides the tree."""
 
-    Raises:
-        TypeError: an array is not of the kind that the layout names, or not contiguous.
-    """
-    lines = []
-    for x, kind in zip(arrays, layout.split(), strict=True):
-        if x.dtype != KINDS[kind[0]] or x.ndim != int(kind[1]) or not x.flags.c_contiguous:
-            raise TypeError(f"{x.dtype} array of shape {x.shape} where the kernel takes {kind}")
-        lines.append((x.ctypes.data, *x.shape, *UNUSED[x.ndim]))
-    return np.array(lines, np.int64)
+    hi: Reals  # (P,) upper bounds of the plain base values, of which the first is the cut
+    best: Reals  # (2,) smallest objective found, and the violation below which Newton's method is tried
+    best_z: Reals  # (n,) the incumbent
+    counts: Wholes  # (9,) see `COUNTS`
+    guesses: RealMatrix  # (., n) points to start Newton's method from, at the root
+    heap: Wholes  # the nodes that wait, smallest rank first
 
 
-class Block:
-    """Arrays in one piece of memory, and the table of them."""
+class Pool(NamedTuple):
+    """The tree, one row per node; a row without a parent, but for the first, is no node."""
 
-    def __init__(self, layout: str, shapes: tuple[Shape, ...]) -> None:
-        self._layout, self._shapes = layout, shapes
-        places, self._begin, total = _places(layout, shapes)
-        self._memory = np.empty(total)
-        self.table = places.copy()
-        self.table[:, 0] += self._memory.ctypes.data
-
-    def arrays(self) -> list[Any]:
-        """The arrays, which keep the memory alive."""
-        return [self._array(*place) for place in zip(self._layout.split(), self._begin, self._shapes, strict=True)]
-
-    def first(self) -> Any:
-        """The first of them."""
-        return self._array(self._layout[:2], self._begin[0], self._shapes[0])
-
-    def _array(self, kind: str, begin: int, shape: Shape) -> Any:
-        return self._memory[begin : begin + math.prod(shape)].view(KINDS[kind[0]]).reshape(shape)
+    states: WholeMatrix  # (., 3m + a) what its contacts are, left and right ends of their sectors, its actuators
+    ids: WholeMatrix  # (., n + 1) its working set, and the row that enters in the ray of an empty node
+    data: RealMatrix  # (., n + 1) its point and the cut then, while it waits or is split; empty: multipliers of `ids`
+    key: Reals  # rank: the smallest is split next
+    bound: Reals  # no solution in it has a smaller objective
+    parent: Wholes
+    part: Wholes  # of the parent that was split: contact i or m + actuator j
+    status: Wholes  # what became of it, `WAITING` to `UNRESOLVED`
 
 
-@lru_cache(maxsize=256)
-def _places(layout: str, shapes: tuple[Shape, ...]) -> tuple[Indices, tuple[int, ...], int]:
-    """The table relative to the beginning of the memory, where arrays begin, and how many numbers there are."""
-    out, begin, at = np.zeros((len(shapes), LINE), np.int64), [], 0
-    for line, kind, shape in zip(out, layout.split(), shapes, strict=True):
-        assert int(kind[1]) == len(shape)
-        assert kind[0] != "b"
-        line[0] = 8 * at
-        line[1 : 1 + len(shape)] = shape
-        begin.append(at)
-        at += vectors(math.prod(shape))
-    return out, tuple(begin), at
+class Kept(NamedTuple):
+    """Working sets to be gone on from, in `KEPT` + 1 places; see `WorkingSet`."""
+
+    owner: WholeMatrix  # (2, .) whose it is, and its age
+    ids: WholeMatrix  # (., n)
+    rhs: RealMatrix  # (., n)
+    matrix: RealMatrices  # (., n, n)
+    inverse: RealMatrices  # (., n, n filled up)
 
 
-def room(sizes: Shape) -> Block:
-    """Arrays that the kernel alone writes and reads.
+class NodeAtHand(NamedTuple):
+    """The node at hand."""
 
-    sizes: m, a, F, unknowns, forces and motions with what fills them up, plain base values.
-    """
-    out = Block(WORK, _shapes(*sizes))
-    out.first()[:] = -1  # no inverse is kept
-    return out
+    state: Wholes  # (3m + a,) see `Pool.states`
+    children: WholeMatrix  # (CHILDREN, 3) state and sector ends of the part that is split
+    skip: Wholes  # (m + a + P,) parts whose rows are left out
+    trig: RealMatrix  # (m, 4) cos and sin of each sector's left end, and of its right end
+    violation: Reals  # (2,) the sum of what the model is missed by, and 1 if it is missed anywhere
+    normal: Reals  # (m,) normal forces at the parent's point
+
+
+class WorkingSet(NamedTuple):
+    """n independent rows of a program that hold with equality, and room for exchanging one."""
+
+    ids: Wholes  # (n + 1,) their names; last, the row that enters in a ray
+    rhs: Reals  # (n,) right-hand sides
+    matrix: RealMatrix  # (n, n) coefficients
+    inverse: RealMatrix  # (n, n filled up)
+    age: Wholes  # (1,) exchanges since the inverse was made
+    order: Wholes  # (n,) room for the inverse
+    y: Reals  # (n + 1,) multipliers
+    z: Reals  # (n,) the point
+    c: Reals  # (F filled up) its forces
+    d: Reals  # (motions filled up) its motions
+    entering: Reals  # (n,) coefficients of the row that enters
+    column: Reals  # (n,) by how much the point moves
+    pivot: Reals  # (2n filled up) room for the inverse, and for a ray's sum and size
+    delta: Reals  # (n filled up) the entering row in terms of the working set
+    gradient: Reals  # (6,) a row over its base values: three forces, three motions
+
+
+class Refinement(NamedTuple):
+    """Room for Newton's method."""
+
+    start: Reals  # (n,) where it begins
+    z: Reals  # (n,) the exact solution
+    c: Reals  # (F filled up) its forces
+    d: Reals  # (motions filled up) its motions
+    modes: Wholes  # (m,) what contacts do
+    drives: Wholes  # (a,) what actuators do
+    side: Wholes  # (F - 3m - 2a,) plain forces at a bound: 1 the upper, -1 the lower
+    gradients: RealMatrix  # (4, 6) of one part's equations over its base values
+    jacobian: RealMatrix  # (4m + 2a + P, n) of all equations over z
+    residuals: Reals  # (4m + 2a + P,)
+    sizes: Reals  # (4m + 2a + P,) squared lengths of the gradients
+    rest: Reals  # (4m + 2a + P,) of their independent parts
+    step: Reals  # (n,)
+    trial: Reals  # (n,)
+    unit: Reals  # (n,)
+    first: Reals  # (n,) the solution in the modes that the start shows
+
+
+class ClosedLeaves(NamedTuple):
+    """Closed nodes whose rays are tried again."""
+
+    nodes: Wholes  # (k,)
+    closed: Flags  # (k,) do their rays hold?
 
 
 @lru_cache(maxsize=64)
-def _shapes(m: int, a: int, F: int, n: int, forces: int, motions: int, plain: int) -> tuple[Shape, ...]:
-    """Of `WORK`."""
-    N, most = vectors(n), 4 * m + 2 * a + plain
-    kept = (2, KEPT + 1), (KEPT + 1, n), (KEPT + 1, n), (KEPT + 1, n, n), (KEPT + 1, n, N)
-    node = (3 * m + a,), (4, 3), (m + a + plain,), (m, 4), (2,), (m,)
-    program: tuple[Shape, ...] = (
-        (n + 1,), (n,), (1,), (n,), (n, n), (n, N), (n + 1,), (n,), (forces,), (motions,),
-        (n,), (n,), (2 * N,), (N,), (6,),
-    )  # fmt: skip
-    exact = (
-        (m,), (a,), (F - 3 * m - 2 * a,), (n,), (forces,), (motions,), (4, 6), (most, n), (most,), (most,), (most,),
-        (n,), (n,), (n,),
-    )  # fmt: skip
-    return (*kept, *node, *program, *exact)
+def worker_layout(P: int, n: int, guesses: int, heap: int) -> Layout[WorkerState]:
+    """heap: how many nodes may wait."""
+    shapes: dict[str, Shape] = {"hi": (P,), "best": (2,), "best_z": (n,), "counts": (len(COUNTS),)}
+    return Layout(WorkerState, shapes | {"guesses": (guesses, n), "heap": (heap,)})
+
+
+@lru_cache(maxsize=64)
+def pool_layout(rows: int, width: int, n: int) -> Layout[Pool]:
+    """For so many nodes; width: of their states."""
+    shapes: dict[str, Shape] = {"states": (rows, width), "ids": (rows, n + 1), "data": (rows, n + 1)}
+    return Layout(Pool, shapes | dict.fromkeys(("key", "bound", "parent", "part", "status"), (rows,)))
+
+
+@dataclass(frozen=True)
+class WorkspaceLayout:
+    """Of what the kernel alone writes and reads."""
+
+    kept: Layout[Kept]
+    node: Layout[NodeAtHand]
+    working_set: Layout[WorkingSet]
+    refinement: Layout[Refinement]
+
+    @classmethod
+    @lru_cache(maxsize=64)
+    def of(cls, m: int, a: int, F: int, n: int, forces: int, motions: int, P: int) -> WorkspaceLayout:
+        """forces, motions: how many there are with what fills them up."""
+        N, most, places = whole_vectors(n), 4 * m + 2 * a + P, KEPT + 1
+        values: dict[str, Shape] = {"z": (n,), "c": (forces,), "d": (motions,)}
+        kept: dict[str, Shape] = {"owner": (2, places), "ids": (places, n), "rhs": (places, n)}
+        node: dict[str, Shape] = {"state": (3 * m + a,), "children": (CHILDREN, 3), "skip": (m + a + P,)}
+        rows: dict[str, Shape] = {"ids": (n + 1,), "rhs": (n,), "matrix": (n, n), "inverse": (n, N), "y": (n + 1,)}
+        room: dict[str, Shape] = {"age": (1,), "order": (n,), "pivot": (2 * N,), "delta": (N,), "gradient": (6,)}
+        modes: dict[str, Shape] = {"modes": (m,), "drives": (a,), "side": (F - 3 * m - 2 * a,)}
+        equations: dict[str, Shape] = {"gradients": (4, 6), "jacobian": (most, n)}
+        equations |= dict.fromkeys(("residuals", "sizes", "rest"), (most,))
+        vectors: dict[str, Shape] = dict.fromkeys(("start", "step", "trial", "unit", "first"), (n,))
+        return cls(
+            kept=Layout(Kept, kept | {"matrix": (places, n, n), "inverse": (places, n, N)}),
+            node=Layout(NodeAtHand, node | {"trig": (m, 4), "violation": (2,), "normal": (m,)}),
+            working_set=Layout(WorkingSet, values | rows | room | {"entering": (n,), "column": (n,)}),
+            refinement=Layout(Refinement, values | modes | equations | vectors),
+        )
+
+
+class Workspace:
+    """What the kernel alone writes and reads; made when it is wanted first."""
+
+    def __init__(self, layout: WorkspaceLayout) -> None:
+        self._layout = layout
+
+    @cached_property
+    def refinement(self) -> Block[Refinement]:
+        return Block(self._layout.refinement)
+
+    @cached_property
+    def working_set(self) -> Block[WorkingSet]:
+        return Block(self._layout.working_set)
+
+    @cached_property
+    def tables(self) -> tuple[Indices, ...]:
+        """Of all its groups, in the order in which the kernel takes them."""
+        self._kept, self._node = Block(self._layout.kept), Block(self._layout.node)
+        self._kept.array("owner")[:] = -1  # no working set is kept
+        return self._kept.table, self._node.table, self.working_set.table, self.refinement.table

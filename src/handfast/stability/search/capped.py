@@ -84,14 +84,14 @@ class Capped:
         if len(self.before) > 1 and (still or other.best == INF):
             s = self.run(other.z, min((SHARE if self.any else 1.0) * self.due, node_limit), time_limit)
             if s.z is not None:
-                other.know(s.z)
+                other.set_incumbent(s.z)
         self.due *= 2
         if not self.closed or not (still or self.any):
             return None
         if not self.contradicted(other.nodes, node_limit, time_limit):
             return self.search
         assert self.better is not None
-        other.know(self.better)
+        other.set_incumbent(self.better)
         return None
 
     def contradicted(self, nodes: int, node_limit: float, time_limit: float) -> bool:
@@ -113,7 +113,7 @@ class Capped:
         if s.stop is not Stop.COMPLETE:
             s.node_limit, s.time_limit, s.stop = node_limit, time_limit, None
             if point is not None:
-                s.know(point)
+                s.set_incumbent(point)
             for _ in s:
                 pass
         return s

@@ -17,10 +17,10 @@ from handfast.stability.outcome import INF, Outcome
 from handfast.stability.problem import Problem
 from handfast.stability.search import arrays, exact
 from handfast.stability.search.capped import FARTHER, FIRST, Capped
-from handfast.stability.search.neighbour import Neighbour
 from handfast.stability.search.proof import Proof
 from handfast.stability.search.reduced import BOXES, Reduced, reduce
 from handfast.stability.search.search import Search
+from handfast.stability.search.warm_start import WarmStart
 from handfast.stability.settings import OnStep, Progress, Settings, default_jobs
 from handfast.stability.witness import Witness
 
@@ -43,7 +43,7 @@ def search(
     *,
     reduced: Reduced | None = None,
     guess: Sequence[Array] = (),
-    before: Neighbour | None = None,
+    before: WarmStart | None = None,
     endless: bool = False,
     within: tuple[float, float] | None = None,
     capped: bool = True,
@@ -104,7 +104,7 @@ def _search(
     r: Reduced,
     beside: Capped | None = None,
     guess: Sequence[Array] = (),
-    before: Neighbour | None = None,
+    before: WarmStart | None = None,
 ) -> Outcome:
     """One search."""
     start = time.monotonic()
@@ -281,7 +281,7 @@ def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, 
             best = proof
         late = time.monotonic() - start > settings.time_limit
         done = ok and (not len(unproved) or r.cap < INF)
-        if done or late or not s.refine(unproved):
+        if done or late or not s.split_leaves(unproved):
             break
         for _state in s:
             pass

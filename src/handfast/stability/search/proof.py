@@ -14,9 +14,9 @@ from handfast.stability.certify import verify as checker
 from handfast.stability.certify.certificate import Certificate, Columns, Row
 from handfast.stability.goal import Goal
 from handfast.stability.search import arrays, rows
+from handfast.stability.search.arrays import Pool
 from handfast.stability.search.reduced import Reduced
 from handfast.stability.search.repair import repaired
-from handfast.stability.search.search import Pool
 
 MOST = 200  # leaves for which another ray is sought
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
+from handfast.core.groups import table, whole_vectors
 from handfast.stability.goal import STRONGEST, Goal, Load, Point, load, search_end
 from handfast.stability.problem import Problem
 from handfast.stability.search import arrays
@@ -54,7 +55,7 @@ def pseudo_inverse(A: Array) -> Array:
 
 def padded(x: Array) -> Array:
     """With zeros behind each row, for whole vectors of the processor."""
-    out = np.zeros((*x.shape[:-1], arrays.vectors(x.shape[-1])))
+    out = np.zeros((*x.shape[:-1], whole_vectors(x.shape[-1])))
     out[..., : x.shape[-1]] = x
     return out
 
@@ -134,25 +135,44 @@ class Reduced:
         return len(self.p.mu), len(self.active), len(self.C)
 
     @cached_property
+    def question(self) -> arrays.KernelQuestion:
+        """What the kernel takes."""
+        p, (m, a, F) = self.p, self.sizes
+        return arrays.KernelQuestion(
+            m=m,
+            a=a,
+            F=F,
+            cos=float(np.cos(p.eta)),
+            sin=float(np.sin(p.eta)),
+            dissipation=p.mdp,
+            objective=self.objective,
+            capped=self.cap < np.inf,
+            C=self.C,
+            D=self.D,
+            CT=self.CT,
+            DT=self.DT,
+            off=self.off,
+            mu=p.mu,
+            lo=self.lo,
+            cost=self.cost,
+            box=self.box,
+            driven=self.driven,
+        )
+
+    @cached_property
     def table(self) -> Indices:
-        """The question as the kernel takes it, see `arrays`."""
-        what = self.C, self.D, self.CT, self.DT, self.off, self.p.mu, self.lo, self.cost, self.box, self.driven
-        return arrays.table(arrays.QUESTION, what)
+        """Of the question, for the kernel."""
+        return table(self.question)
 
     def __getstate__(self) -> dict[str, Any]:
         """For another process: addresses mean nothing there."""
         return {name: value for name, value in self.__dict__.items() if name != "table"}
 
-    @cached_property
-    def numbers(self) -> tuple[Any, ...]:
-        """m, a, F, cos and sin of eta, whether the dissipation principle holds, what is sought, and is there a cap."""
-        p = self.p
-        return *self.sizes, float(np.cos(p.eta)), float(np.sin(p.eta)), p.mdp, self.objective, self.cap < np.inf
-
     @property
-    def room(self) -> tuple[int, ...]:
-        """The sizes of an `arrays.Room`."""
-        return *self.sizes, len(self.cost), self.CT.shape[1], self.DT.shape[1], len(self.lo)
+    def workspace(self) -> arrays.WorkspaceLayout:
+        """What the kernel needs beside the question."""
+        sizes = *self.sizes, len(self.cost), self.CT.shape[1], self.DT.shape[1], len(self.lo)
+        return arrays.WorkspaceLayout.of(*sizes)
 
     def point(self, z: Array) -> Point:
         """The model's scaled unknowns."""

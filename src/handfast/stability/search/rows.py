@@ -4,7 +4,7 @@ Every row is a . z >= b over the reduced unknowns z (`reduced`), of which the fi
 forces. It combines a few *base values*, affine in z: forces c = C z + off and motions d = D z.
 
     contact i    c[3i], c[3i+1], c[3i+2]: c_n, c_t1, c_t2    d[3i], d[3i+1], d[3i+2]: d_n, d_t1, d_t2
-    actuator j   c[3m+2j]: the excess f - f_c (if its command is sought: f), c[3m+2j+1]: effort left    d[3m+j]: t
+    actuator j   c[3m+2j]: the slack f - f_c (if its command is sought: f), c[3m+2j+1]: effort left    d[3m+j]: t
     plain k      with bounds lo[k], hi[k]: c from 3m + 2a on, the objective and limits of forces, F values in all;
                  then d from 3m + a on, motions; last, unbounded and only where they are used, the energy that the
                  disturbance and fixed commands put in, and that of commands per unit of the objective

@@ -1,7 +1,7 @@
 """A search as an iterator: allocates the tree, lets the compiled kernel run in slices, keeps the score.
 
-A slice is a fixed number of nodes. As soon as enough nodes wait they are dealt to two lanes, which are searched
-side by side, in two threads if there are as many cores. Within a slice neither lane knows of the other; after it
+A slice is a fixed number of nodes. As soon as enough nodes wait they are parted between two workers, which search
+side by side, in two threads if there are as many cores. Within a slice neither worker knows of the other; after it
 both have the better incumbent. So what comes out depends neither on the number of cores nor on their speed.
 """
 
@@ -13,22 +13,30 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array, Indices, Mask
-from handfast.stability.search import arrays, branch, rows
-from handfast.stability.search.arrays import Block
-from handfast.stability.search.machine import kernel
+from handfast.core.groups import Block, table
+from handfast.stability.search import arrays, cases, rows
+from handfast.stability.search.arrays import (
+    CHILDREN,
+    ClosedLeaves,
+    Pool,
+    WorkerState,
+    Workspace,
+    pool_layout,
+    worker_layout,
+)
+from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.reduced import Reduced
 
 CLOSING = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
-SLICE = 64  # nodes that a lane expands between two looks at the clock and at the other lane,
+SLICE = 64  # nodes that a worker expands between two looks at the clock and at the other worker,
 BIG = 80  # fewer with more unknowns than this: a node takes time as their cube
-CHILDREN, SPARE = 4, 8  # of a node at most; rows that the kernel wants beyond
-SHARE = 16  # as many nodes must wait to be dealt, once more if one lane has UNEVEN times as many as the other
+SPARE = 8  # rows of the tree that the kernel wants beyond what it may fill
+SHARE = 16  # as many nodes must wait to be parted, once more if one worker has UNEVEN times as many as the other
 UNEVEN = 4
 FEW, TROUBLE = 128, 0.2  # nodes from which on, and share of them for which programs that fail are too many
 ROOM = 2048  # nodes at first
@@ -37,7 +45,7 @@ INF = float("inf")
 
 @cache
 def helpers() -> ThreadPoolExecutor:
-    """The threads of second lanes, for all searches: starting one takes as long as a small search."""
+    """The threads of second workers, for all searches: starting one takes as long as a small search."""
     return ThreadPoolExecutor(thread_name_prefix="handfast")
 
 
@@ -45,96 +53,68 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=helpers.cache_clear)  # threads do not follow
 
 
-@dataclass(eq=False)
-class Pool:
-    """The tree's arrays, one row per node; see `kernel.tree`. A row without a parent, but for the first, is no node.
+def new_pool(rows: int, width: int, n: int) -> tuple[Pool, Indices]:
+    """Room for so many nodes of a tree, and the table of it; width: of their states."""
+    block = Block(pool_layout(rows, width, n))
+    pool = block.arrays()
+    pool.parent[:] = -1
+    return pool, block.table
 
-    table: where they are, for the kernel; None if nothing is to be expanded.
-    """
 
-    states: Indices
-    ids: Indices
-    data: Array
-    key: Array
-    bound: Array
-    parent: Indices
-    part: Indices
-    status: Indices
-    table: Indices | None = None
-
-    @classmethod
-    def of(cls, room: int, width: int, n: int) -> Pool:
-        rows = (room,)
-        shapes = (room, width), (room, n + 1), (room, n + 1), rows, rows, rows, rows, rows
-        block = Block(arrays.POOL, shapes)
-        states, ids, data, key, bound, parent, part, status = block.arrays()
-        parent[:] = -1
-        return cls(states, ids, data, key, bound, parent, part, status, block.table)
-
-    def arrays(self) -> tuple[Any, ...]:
-        return self.states, self.ids, self.data, self.key, self.bound, self.parent, self.part, self.status
-
-    def grown(self, room: int, used: int) -> Pool:
-        """With other room, the first `used` rows as they are."""
-        out = Pool.of(room, self.states.shape[1], self.ids.shape[1] - 1)
-        for old, new in zip(self.arrays(), out.arrays(), strict=True):
-            new[:used] = old[:used]
-        return out
+def grown(pool: Pool, rows: int, used: int) -> tuple[Pool, Indices]:
+    """The same tree with other room, the first `used` rows as they are."""
+    out, lines = new_pool(rows, pool.states.shape[1], pool.ids.shape[1] - 1)
+    for old, new in zip(pool, out, strict=True):
+        new[:used] = old[:used]
+    return out, lines
 
 
 @dataclass(eq=False)
-class Lane:
-    """What one thread changes besides the tree: its incumbent and cut, a heap of nodes that wait; see `kernel.tree`.
+class SearchWorker:
+    """What one thread changes besides the tree: its incumbent and cut, a heap of nodes that wait; and its workspace.
 
-    table: where the arrays are; room: `arrays.room`.
+    table: where the arrays of `state` are.
     """
 
-    hi: Array
-    best: Array
-    z: Array
-    stats: Indices
-    guess: Array
-    heap: Indices
+    state: WorkerState
     table: Indices
-    room: Block
+    workspace: Workspace
 
     @classmethod
-    def of(cls, r: Reduced, guess: Sequence[Array] | Array = (), heap: int = ROOM) -> Lane:
-        """That knows nothing yet; guess: points (n,) to start Newton's method from."""
-        n = len(r.cost)
-        shapes = r.hi.shape, (2,), (n,), (len(arrays.STATS),), (len(guess), n), (heap,)
-        block = Block(arrays.LANE, shapes)
-        hi, best, z, stats, points, waiting = block.arrays()
-        hi[:], best[:], stats[:] = r.hi, INF, 0
-        if len(guess):
-            points[:] = guess
-        return cls(hi, best, z, stats, points, waiting, block.table, arrays.room(r.room))
+    def of(cls, r: Reduced, guesses: Sequence[Array] | Array = (), heap: int = ROOM) -> SearchWorker:
+        """That knows nothing yet; guesses: points (n,) to start Newton's method from."""
+        block = Block(worker_layout(len(r.hi), len(r.cost), len(guesses), heap))
+        state = block.arrays()
+        state.hi[:], state.best[:], state.counts[:] = r.hi, INF, 0
+        if len(guesses):
+            state.guesses[:] = guesses
+        return cls(state, block.table, Workspace(r.workspace))
 
     @property
     def waiting(self) -> int:
-        return int(self.stats[arrays.HEAP])
+        return int(self.state.counts[arrays.HEAP])
 
-    def copy(self, r: Reduced) -> Lane:
+    def copy(self, r: Reduced) -> SearchWorker:
         """Another one of the same question that knows as much and has no nodes."""
-        out = Lane.of(r, self.guess, len(self.heap))
-        for old, new in ((self.hi, out.hi), (self.best, out.best), (self.z, out.z)):
-            new[:] = old
-        out.stats[:] = self.stats
-        out.stats[arrays.HEAP] = 0
+        out = SearchWorker.of(r, self.state.guesses, len(self.state.heap))
+        for name in ("hi", "best", "best_z", "counts"):
+            getattr(out.state, name)[:] = getattr(self.state, name)
+        out.state.counts[arrays.HEAP] = 0
         return out
 
     def give(self, nodes: Indices) -> None:
         """Let it have these nodes, in the order of their keys, instead of those it had."""
         self.reserve(len(nodes))
-        self.heap[: len(nodes)] = nodes
-        self.stats[arrays.HEAP] = len(nodes)
+        self.state.heap[: len(nodes)] = nodes
+        self.state.counts[arrays.HEAP] = len(nodes)
 
     def reserve(self, room: int) -> None:
         """Let as many nodes wait, or more."""
-        if room > len(self.heap):
+        if room > len(self.state.heap):
             heap = np.zeros(4 * room, np.int64)
-            heap[: len(self.heap)] = self.heap
-            self.heap, self.table[-1] = heap, arrays.table("i1", [heap])[0]
+            heap[: len(self.state.heap)] = self.state.heap
+            self.state = self.state._replace(heap=heap)
+            self.table = table(self.state)
 
 
 @dataclass(eq=False)
@@ -142,7 +122,7 @@ class Search:
     """Best-first search for a smallest objective (or any solution) over a reduced problem.
 
     Attributes:
-        workers: threads, at most one per lane.
+        workers: threads, of which a searcher takes one at most.
         best: the smallest objective found so far, inf if none; z: its point (n,).
         stop: None while it runs.
         used: rows of the pool, a few of which may be no nodes until `trim`.
@@ -159,52 +139,53 @@ class Search:
     z: Array | None = None
     stop: Stop | None = None
     used: int = 1
-    lanes: list[Lane] = field(default_factory=list)
+    searchers: list[SearchWorker] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         r = self.reduced
         (m, a, _), n = r.sizes, len(r.cost)
         self.hi = r.hi.copy()
-        self.pool = Pool.of(ROOM, 3 * m + a, n)
-        for x in self.pool.arrays():  # the root: all is undecided
+        self._pool_table: Indices | None  # of nodes that may be expanded
+        self.pool, self._pool_table = new_pool(ROOM, 3 * m + a, n)
+        for x in self.pool:  # the root: all is undecided
             x[0] = 0
         self.pool.parent[0] = -1
         self.pool.ids[0, :n] = self._corner
         self.pool.bound[0] = r.lo[0] if r.objective else 0.0
-        lane = Lane.of(r, self.guess)
-        lane.stats[arrays.USED] = lane.stats[arrays.HEAP] = 1
-        lane.heap[0] = 0
-        self.lanes.append(lane)
-        self._common = np.zeros_like(lane.stats)  # counted before there were two lanes
+        first = SearchWorker.of(r, self.guess)
+        first.state.counts[arrays.USED] = first.state.counts[arrays.HEAP] = 1
+        first.state.heap[0] = 0
+        self.searchers.append(first)
+        self._common = np.zeros_like(first.state.counts)  # counted before there were two searchers
 
-    def know(self, z: Array) -> None:
+    def set_incumbent(self, z: Array) -> None:
         """Begin with an exact solution (n,) as the incumbent."""
-        r, lane = self.reduced, self.lanes[0]
+        r, state = self.reduced, self.searchers[0].state
         if r.objective != arrays.SCALAR:
             return
         value = r.scalar(z)
         if not r.lo[0] - 1e-9 * abs(r.lo[0]) <= value < self.best:
             return
-        lane.best[0], lane.z[:] = value, z
-        lane.hi[0] = min(lane.hi[0], value - self.gap * abs(value) - self.gap_absolute)
-        self._compare()
+        state.best[0], state.best_z[:] = value, z
+        state.hi[0] = min(state.hi[0], value - self.gap * abs(value) - self.gap_absolute)
+        self._share_incumbent()
 
-    def follow(self, finished: Pool) -> None:
+    def warm_start(self, finished: Pool) -> None:
         """Begin with a finished, trimmed tree of the same grasp, balances of energy under the cut of this search."""
         used = len(finished.parent)
-        self.pool, self.used = finished.grown(used + ROOM, used), used
+        (self.pool, self._pool_table), self.used = grown(finished, used + ROOM, used), used
         self.pool.data[:used][finished.status == arrays.SPLIT, -1] = self.hi[0]
 
-    def refine(self, leaves: Indices) -> int:
+    def split_leaves(self, leaves: Indices) -> int:
         """Split these closed leaves of a trimmed tree, to be searched once more; returns how many could be split."""
         r, (m, _, _), n = self.reduced, self.reduced.sizes, len(self.reduced.cost)
-        lane = self.lanes[0].copy(r)
-        lane.stats[arrays.NODES] = self.nodes - 1  # of all lanes
-        self.lanes, self.stop, self._common = [lane], None, np.zeros_like(lane.stats)
-        self.pool = self.pool.grown(self.used + CHILDREN * len(leaves) + SPARE, self.used)
+        only = self.searchers[0].copy(r)
+        only.state.counts[arrays.NODES] = self.nodes - 1  # of all searchers
+        self.searchers, self.stop, self._common = [only], None, np.zeros_like(only.state.counts)
+        self.pool, self._pool_table = grown(self.pool, self.used + CHILDREN * len(leaves) + SPARE, self.used)
         pool, first, split = self.pool, self.used, 0
         for node in leaves:
-            part, children = branch.cases(pool.states[node], m, r.p.mdp, r.p.eta > 0)
+            part, children = cases.split(pool.states[node], m, r.p.mdp, r.p.eta > 0)
             if part < 0:
                 continue
             split += 1
@@ -216,17 +197,23 @@ class Search:
                 pool.states[k], pool.parent[k], pool.part[k] = states, node, part
                 pool.ids[k, :n], pool.data[k], pool.key[k] = self._corner, 0.0, 0.0
                 pool.bound[k], pool.status[k] = pool.bound[node], arrays.WAITING
-        lane.give(np.arange(first, self.used))
-        lane.stats[arrays.NODES] += self.used - first
+        only.give(np.arange(first, self.used))
+        only.state.counts[arrays.NODES] += self.used - first
         return split
+
+    def refute(self, leaves: ClosedLeaves) -> None:
+        """Try the rays of these leaves again, under the bounds of this search."""
+        first = self.searchers[0]
+        working_set = first.workspace.working_set.table
+        LIBRARY.functions.refuted(self.reduced.table, first.table, self._pool_table, table(leaves), working_set)
 
     def reopen(self, leaves: Indices) -> None:
         """Search these leaves of the tree."""
-        lane = self.lanes[0]
+        first = self.searchers[0]
         self.pool.status[leaves], self.pool.key[leaves] = arrays.WAITING, 0.0
         self.pool.bound[leaves] = self.reduced.lo[0]
-        lane.give(leaves)
-        lane.stats[arrays.NODES] = len(leaves) - 1
+        first.give(leaves)
+        first.state.counts[arrays.NODES] = len(leaves) - 1
 
     @property
     def _corner(self) -> Indices:
@@ -236,23 +223,24 @@ class Search:
         return out
 
     @property
-    def stats(self) -> Indices:
-        """What was counted, at the places that `arrays` names."""
-        out: Indices = np.sum([lane.stats for lane in self.lanes], axis=0) - (len(self.lanes) - 1) * self._common
+    def counts(self) -> Indices:
+        """What was counted, at the places that `arrays.COUNTS` names."""
+        each = [searcher.state.counts for searcher in self.searchers]
+        out: Indices = np.sum(each, axis=0) - (len(each) - 1) * self._common
         out[arrays.USED] = self.used
         return out
 
     @property
     def nodes(self) -> int:
         """Programs solved."""
-        count = sum(int(lane.stats[arrays.NODES]) for lane in self.lanes)
-        return count - (len(self.lanes) - 1) * int(self._common[arrays.NODES]) + 1
+        count = sum(int(searcher.state.counts[arrays.NODES]) for searcher in self.searchers)
+        return count - (len(self.searchers) - 1) * int(self._common[arrays.NODES]) + 1
 
     @property
     def trouble(self) -> float:
         """The share of programs that were started again, loosened or given up."""
-        stats = self.stats
-        return float(stats[arrays.RESTARTS] + stats[arrays.DROPS] + stats[arrays.FAILURES]) / self.nodes
+        counts = self.counts
+        return float(counts[arrays.RESTARTS] + counts[arrays.DROPS] + counts[arrays.FAILURES]) / self.nodes
 
     @property
     def healthy(self) -> bool:
@@ -284,12 +272,12 @@ class Search:
     def trim(self) -> None:
         """Give back the room that no node took; nothing can be expanded afterwards."""
         real = self._real()
-        pool, number = Pool(*(a[: self.used][real] for a in self.pool.arrays())), np.cumsum(real) - 1
+        pool, number = Pool._make(a[: self.used][real] for a in self.pool), np.cumsum(real) - 1
         pool.parent[1:] = number[pool.parent[1:]]
         named = (pool.ids >> rows.KIND == rows.ENERGY) & (pool.status == arrays.EMPTY)[:, None]  # after a node
         old = pool.ids[named] & rows.NODE
         pool.ids[named] += number[old] - old
-        self.pool, self.used = pool, len(pool.parent)
+        self.pool, self._pool_table, self.used = pool, None, len(pool.parent)
 
     def close(self) -> float:
         """Close all that waits by a cut below its bounds, as high as succeeds; returns it, -inf if none does.
@@ -297,7 +285,7 @@ class Search:
         The bounds of waiting nodes are those of their programs' points, good to `reduced.PREFERENCE` only, so
         that several cuts are tried.
         """
-        r, pool, lane = self.reduced, self.pool, self.lanes[0]
+        r, pool, first = self.reduced, self.pool, self.searchers[0]
         if not r.objective:
             return -INF
         bound = self.bound
@@ -308,67 +296,68 @@ class Search:
                 break
             pool.status[waiting] = arrays.WAITING
             pool.key[waiting] = 0.0
-            lane.give(waiting)  # nothing is split
-            self.hi[0] = lane.hi[0] = min(cut, self.hi[0])
-            self._run(lane, 10**9, close=True)
+            first.give(waiting)  # nothing is split
+            self.hi[0] = first.state.hi[0] = min(cut, self.hi[0])
+            self._run(first, 10**9, close=True)
             if not self.unresolved:
                 return float(self.hi[0])
         return -INF
 
-    def _run(self, lane: Lane, budget: int, close: bool = False) -> int:
-        r = self.reduced
-        tables = r.table, lane.table, self.pool.table, lane.room.table
-        return kernel().run(*r.numbers, self.gap, self.gap_absolute, budget, close, *tables)
+    def _run(self, searcher: SearchWorker, budget: int, close: bool = False) -> int:
+        tables = self.reduced.table, searcher.table, self._pool_table, *searcher.workspace.tables
+        why: int = LIBRARY.functions.run(*tables, self.gap, self.gap_absolute, budget, close)
+        return why
 
     def _slice(self, budget: int) -> list[int]:
-        """Every lane expands up to `budget` nodes; returns why each of them stopped.
+        """Every searcher expands up to `budget` nodes; returns why each of them stopped.
 
-        Lanes number their new nodes apart, behind all there are, so that rows may be left over between them.
+        They number their new nodes apart, behind all there are, so that rows may be left over between them.
         """
-        lanes = [lane for lane in self.lanes if lane.waiting]
-        if not lanes:
+        busy = [searcher for searcher in self.searchers if searcher.waiting]
+        if not busy:
             return []
         first, each = self.used, CHILDREN * budget
-        self.used += len(lanes) * each
+        self.used += len(busy) * each
         if self.used + SPARE > len(self.pool.key):
-            self.pool = self.pool.grown(2 * self.used + ROOM, first)
-        for k, lane in enumerate(lanes):
-            lane.stats[arrays.USED] = first + k * each
-            lane.reserve(lane.waiting + each)
+            self.pool, self._pool_table = grown(self.pool, 2 * self.used + ROOM, first)
+        for k, searcher in enumerate(busy):
+            searcher.state.counts[arrays.USED] = first + k * each
+            searcher.reserve(searcher.waiting + each)
         try:
-            if len(lanes) == 1 or self.workers == 1:
-                return [self._run(lane, budget) for lane in lanes]
-            other = helpers().submit(self._run, lanes[1], budget)
+            if len(busy) == 1 or self.workers == 1:
+                return [self._run(searcher, budget) for searcher in busy]
+            other = helpers().submit(self._run, busy[1], budget)
             try:
-                why = self._run(lanes[0], budget)
+                why = self._run(busy[0], budget)
             finally:  # Ctrl-C comes to this thread alone
                 last = other.result()
             return [why, last]
         finally:
-            self.used = int(lanes[-1].stats[arrays.USED])
-            self._compare()
+            self.used = int(busy[-1].state.counts[arrays.USED])
+            self._share_incumbent()
 
-    def _compare(self) -> None:
+    def _share_incumbent(self) -> None:
         """The better incumbent and its cut for both."""
-        lead = min(self.lanes, key=lambda lane: float(lane.best[0]))
+        states = [searcher.state for searcher in self.searchers]
+        lead = min(states, key=lambda state: float(state.best[0]))
         if lead.best[0] < self.best:
-            self.best, self.z = float(lead.best[0]), lead.z.copy()
-            self.hi[0] = min(lane.hi[0] for lane in self.lanes)
-            for lane in self.lanes:
-                lane.best[0], lane.hi[0] = self.best, self.hi[0]
+            self.best, self.z = float(lead.best[0]), lead.best_z.copy()
+            self.hi[0] = min(state.hi[0] for state in states)
+            for state in states:
+                state.best[0], state.hi[0] = self.best, self.hi[0]
 
-    def _deal(self) -> None:
-        """Let both lanes have every second node by rank, where that pays."""
-        count = [lane.waiting for lane in self.lanes]
+    def _partition(self) -> None:
+        """Let both searchers have every second node by rank, where that pays."""
+        count = [searcher.waiting for searcher in self.searchers]
         if sum(count) < SHARE or (len(count) == 2 and UNEVEN * min(count) >= max(count)):
             return
-        if len(self.lanes) == 1:
-            self._common = self.stats
-            self.lanes.append(self.lanes[0].copy(self.reduced))
-        nodes = np.concatenate([lane.heap[: lane.waiting] for lane in self.lanes])
+        if len(self.searchers) == 1:
+            self._common = self.counts
+            self.searchers.append(self.searchers[0].copy(self.reduced))
+        nodes = np.concatenate([searcher.state.heap[: searcher.waiting] for searcher in self.searchers])
         nodes = nodes[np.lexsort((nodes, self.pool.key[nodes]))]
-        for k, lane in enumerate(self.lanes):
-            lane.give(nodes[k::2])
+        for k, searcher in enumerate(self.searchers):
+            searcher.give(nodes[k::2])
 
     def __iter__(self) -> Iterator[Search]:
         """Yields itself after every slice of work; `stop` says how it ended."""
@@ -377,20 +366,20 @@ class Search:
             self.stop = Stop.COMPLETE
             self.pool.status[0] = arrays.EMPTY
             return
-        kernel()  # the first search compiles, or loads what was: no search's time
+        LIBRARY.functions  # noqa: B018  the first search compiles, or loads what was: no search's time
         start = time.monotonic()
         most = max(1, int(SLICE * min(1.0, BIG / len(r.cost)) ** 3))
         while self.stop is None:
-            left = (self.node_limit - self.nodes + 1) / len(self.lanes)
+            left = (self.node_limit - self.nodes + 1) / len(self.searchers)
             why = self._slice(int(min(most, max(1, left))))
             if arrays.FOUND in why or arrays.ENDLESS in why:
                 self.stop = Stop.COMPLETE
-            elif not any(lane.waiting for lane in self.lanes):
+            elif not any(searcher.waiting for searcher in self.searchers):
                 self.stop = Stop.NUMERICAL if self.unresolved else Stop.COMPLETE
             elif time.monotonic() - start > self.time_limit:
                 self.stop = Stop.TIME
             elif self.nodes > self.node_limit:
                 self.stop = Stop.NODES
             else:
-                self._deal()
+                self._partition()
             yield self

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.stability.search.arrays import EXACT, LANE, POINTS, QUESTION, ROW, WORK
-from handfast.stability.search.kernel.compiled import inner, larger, length, quick, views
+from handfast.core.compiled import inner, larger, length, quick
+from handfast.stability.search.arrays import ANY
 from handfast.stability.search.kernel.values import values
 
 CONVERGED = 1e-13  # scaled residual at which Newton stops
@@ -43,303 +43,338 @@ RELEASED = 5  # the same with f = 0
 
 
 @quick
-def least_step(J, g, E, q, step, size, unit):  # type: ignore[no-untyped-def]
-    """The shortest step with J step = -g, by pivoted Gram-Schmidt on the rows of J (E, n), which is overwritten.
+def least_step(room, count):  # type: ignore[no-untyped-def]
+    """The shortest step that makes the first `count` residuals zero, by pivoted Gram-Schmidt on their gradients.
 
-    Rows that depend on others to working precision are left out.
+    Jacobian and residuals are overwritten. Rows that depend on others to working precision are left out.
     """
-    n = J.shape[1]
+    jacobian, residuals, step, unit = room.jacobian, room.residuals, room.step, room.unit
+    n = step.shape[0]
     for j in range(n):
         step[j] = 0.0
-    for e in range(E):
+    for e in range(count):
         total = 0.0
         for j in range(n):
-            total += J[e, j] * J[e, j]
-        size[e] = total
-        q[e] = total
-    for _ in range(min(E, n)):
+            total += jacobian[e, j] * jacobian[e, j]
+        room.sizes[e] = total
+        room.rest[e] = total
+    for _ in range(min(count, n)):
         pick = -1
         best = RANK * RANK
-        for e in range(E):
-            if size[e] > 0.0 and q[e] / size[e] > best:
+        for e in range(count):
+            if room.sizes[e] > 0.0 and room.rest[e] / room.sizes[e] > best:
                 pick = e
-                best = q[e] / size[e]
+                best = room.rest[e] / room.sizes[e]
         if pick < 0:
             return
         scale = 0.0
         for j in range(n):
-            scale += J[pick, j] * J[pick, j]
+            scale += jacobian[pick, j] * jacobian[pick, j]
         scale = 1.0 / np.sqrt(scale)
-        y = -g[pick] * scale
+        y = -residuals[pick] * scale
         for j in range(n):
-            unit[j] = J[pick, j] * scale
+            unit[j] = jacobian[pick, j] * scale
             step[j] += y * unit[j]
-        size[pick] = 0.0
-        for e in range(E):
-            if size[e] == 0.0:
+        room.sizes[pick] = 0.0
+        for e in range(count):
+            if room.sizes[e] == 0.0:
                 continue
             along = 0.0
             for j in range(n):
-                along += unit[j] * J[e, j]
-            g[e] += along * y
+                along += unit[j] * jacobian[e, j]
+            residuals[e] += along * y
             left = 0.0
             for j in range(n):
-                J[e, j] -= along * unit[j]
-                left += J[e, j] * J[e, j]
-            q[e] = left
+                jacobian[e, j] -= along * unit[j]
+                left += jacobian[e, j] * jacobian[e, j]
+            room.rest[e] = left
 
 
 @inner
-def equations(m, a, cos, sin, C, D, mu, lo, hi, hold, touch, motor, side, c, d, G, J, g):  # type: ignore[no-untyped-def]
-    """Residuals into g, gradients over z into the rows of J; returns how many equations the modes ask for.
-
-    G (4, 6): room for the gradients of one part's equations over its base values.
-    """
-    n = J.shape[1]
-    parts = m + a + side.shape[0]
+def equations(question, hi, hold, room):  # type: ignore[no-untyped-def]
+    """Residuals and their gradients over z at the forces and motions of `room`; returns how many the modes ask for."""
+    m = question.m
+    a = question.a
+    n = room.z.shape[0]
     e = 0
-    for part in range(parts):
+    for part in range(m + a + room.side.shape[0]):
         for b in range(4):
             for k in range(6):
-                G[b, k] = 0.0
-        count = 0
-        first = 3 * part
-        width = 3
+                room.gradients[b, k] = 0.0
+        width = 1
         if part < m:
-            cn = c[first]
-            c1 = c[first + 1]
-            c2 = c[first + 2]
-            dn = d[first]
-            d1 = d[first + 1]
-            d2 = d[first + 2]
-            mode = touch[part]
-            speed = length(d1, d2)
-            force = length(c1, c2)
-            u1 = d1 / larger(speed, 1e-300)
-            u2 = d2 / larger(speed, 1e-300)
-            gap = cos * dn + sin * speed
-            count = 3
-            if mode <= GRAZE:
-                for b in range(3):
-                    g[e + b] = c[first + b]
-                    G[b, b] = 1.0
-            elif mode <= EDGE:
-                g[e] = cn + cos * dn
-                g[e + 1] = d1
-                g[e + 2] = d2
-                G[0, 0] = G[1, 4] = G[2, 5] = 1.0
-                G[0, 3] = cos
-            else:
-                g[e] = cn + gap
-                G[0, 0] = 1.0
-                G[0, 3] = cos
-                G[0, 4] = sin * u1
-                G[0, 5] = sin * u2
-                count = 1
-            if mode == SLIDE:
-                count = 3
-                w = mu[part] * cn
-                x1 = u1
-                x2 = u2
-                if speed <= STILL and force > 0.0:  # not yet sliding: friction keeps its direction
-                    x1 = -c1 / force
-                    x2 = -c2 / force
-                else:  # (7) divided by |d_t|
-                    G[1, 4] = w * u2 * u2 / larger(speed, 1e-300)
-                    G[1, 5] = G[2, 4] = -w * u1 * u2 / larger(speed, 1e-300)
-                    G[2, 5] = w * u1 * u1 / larger(speed, 1e-300)
-                g[e + 1] = c1 + w * x1
-                g[e + 2] = c2 + w * x2
-                G[1, 0] = mu[part] * x1
-                G[2, 0] = mu[part] * x2
-                G[1, 1] = G[2, 2] = 1.0
-            elif mode == GRAZE:
-                g[e + 3] = gap
-                G[3, 3] = cos
-                G[3, 4] = sin * u1
-                G[3, 5] = sin * u2
-                count = 4
-            elif mode in (EDGE, RIM):
-                g[e + count] = force - mu[part] * cn
-                G[count, 0] = -mu[part]
-                G[count, 1] = c1 / larger(force, 1e-300)
-                G[count, 2] = c2 / larger(force, 1e-300)
-                count += 1
+            force = 3 * part  # the first of the values that its equations combine
+            motion = 3 * part
+            width = 3
+            count = contact(part, question, e, room)
         elif part < m + a:
-            first = 3 * m + 2 * (part - m)
-            width = 1
-            mode = motor[part - m]
-            if mode in (HELD, BALANCED, HALTED):
-                g[e] = d[2 * m + part]
-                G[0, 3] = 1.0
-                count = 1
-            if mode in (TURNS, BALANCED, RELEASED):
-                g[e + count] = c[first]
-                G[count, 0] = 1.0
-                count += 1
+            force = 3 * m + 2 * (part - m)
+            motion = 2 * m + part
+            count = actuator(part - m, question, e, room)
         else:
-            k = part - m - a
-            first = 3 * m + 2 * a + k
-            width = 1
-            if side[k] != 0 or (k == 0 and hold):
-                G[0, 0] = 1.0
-                g[e] = c[first] - (hi[k] if side[k] > 0 else lo[k])
-                count = 1
+            force = 3 * m + 2 * a + (part - m - a)
+            motion = 2 * m + part
+            count = limit(part - m - a, question, hi, hold, e, room)
         for b in range(count):
             for j in range(n):
-                J[e + b, j] = 0.0
+                room.jacobian[e + b, j] = 0.0
             for k in range(width):
-                x = G[b, k]
+                x = room.gradients[b, k]
                 if x != 0.0:
                     for j in range(n):
-                        J[e + b, j] += x * C[first + k, j]
-                x = G[b, 3 + k]
+                        room.jacobian[e + b, j] += x * question.C[force + k, j]
+                x = room.gradients[b, 3 + k]
                 if x != 0.0:
-                    at = first + k if part < m else 2 * m + part
                     for j in range(n):
-                        J[e + b, j] += x * D[at, j]
+                        room.jacobian[e + b, j] += x * question.D[motion + k, j]
         e += count
     return e
 
 
 @inner
-def read(m, a, mdp, driven, c, d, tol, touch, motor):  # type: ignore[no-untyped-def]
-    """The modes that a point shows; motions and forces below `tol` count as none."""
-    for i in range(m):
-        k = 3 * i
-        if c[k] <= tol:
-            touch[i] = OPEN
-        elif not mdp:
-            touch[i] = LOOSE
-        else:
-            touch[i] = SLIDE if length(d[k + 1], d[k + 2]) > tol else STICK
-    for j in range(a):
-        turns = d[3 * m + j] > tol
-        if driven[j]:
-            motor[j] = DRIVEN if turns else HALTED
-        else:
-            motor[j] = TURNS if turns else HELD
+def contact(i, question, e, room):  # type: ignore[no-untyped-def]
+    """Residuals from e on, and gradients over base values, of a contact; returns how many."""
+    residuals, gradients = room.residuals, room.gradients
+    cos = question.cos
+    sin = question.sin
+    mu = question.mu[i]
+    first = 3 * i
+    cn = room.c[first]
+    c1 = room.c[first + 1]
+    c2 = room.c[first + 2]
+    dn = room.d[first]
+    d1 = room.d[first + 1]
+    d2 = room.d[first + 2]
+    mode = room.modes[i]
+    speed = length(d1, d2)
+    force = length(c1, c2)
+    u1 = d1 / larger(speed, 1e-300)
+    u2 = d2 / larger(speed, 1e-300)
+    gap = cos * dn + sin * speed
+    count = 3
+    if mode <= GRAZE:
+        for b in range(3):
+            residuals[e + b] = room.c[first + b]
+            gradients[b, b] = 1.0
+    elif mode <= EDGE:
+        residuals[e] = cn + cos * dn
+        residuals[e + 1] = d1
+        residuals[e + 2] = d2
+        gradients[0, 0] = gradients[1, 4] = gradients[2, 5] = 1.0
+        gradients[0, 3] = cos
+    else:
+        residuals[e] = cn + gap
+        gradients[0, 0] = 1.0
+        gradients[0, 3] = cos
+        gradients[0, 4] = sin * u1
+        gradients[0, 5] = sin * u2
+        count = 1
+    if mode == SLIDE:
+        count = 3
+        w = mu * cn
+        x1 = u1
+        x2 = u2
+        if speed <= STILL and force > 0.0:  # not yet sliding: friction keeps its direction
+            x1 = -c1 / force
+            x2 = -c2 / force
+        else:  # (7) divided by |d_t|
+            gradients[1, 4] = w * u2 * u2 / larger(speed, 1e-300)
+            gradients[1, 5] = gradients[2, 4] = -w * u1 * u2 / larger(speed, 1e-300)
+            gradients[2, 5] = w * u1 * u1 / larger(speed, 1e-300)
+        residuals[e + 1] = c1 + w * x1
+        residuals[e + 2] = c2 + w * x2
+        gradients[1, 0] = mu * x1
+        gradients[2, 0] = mu * x2
+        gradients[1, 1] = gradients[2, 2] = 1.0
+    elif mode == GRAZE:
+        residuals[e + 3] = gap
+        gradients[3, 3] = cos
+        gradients[3, 4] = sin * u1
+        gradients[3, 5] = sin * u2
+        count = 4
+    elif mode in (EDGE, RIM):
+        residuals[e + count] = force - mu * cn
+        gradients[count, 0] = -mu
+        gradients[count, 1] = c1 / larger(force, 1e-300)
+        gradients[count, 2] = c2 / larger(force, 1e-300)
+        count += 1
+    return count
 
 
 @inner
-def repair(m, a, cos, sin, mdp, mu, lo, hi, objective, c, d, slack, across, touch, motor, side):  # type: ignore[no-untyped-def]
-    """Change modes where an inequality is violated; True if any was."""
-    changed = False
+def actuator(j, question, e, room):  # type: ignore[no-untyped-def]
+    """The same of an actuator."""
+    mode = room.drives[j]
+    count = 0
+    if mode in (HELD, BALANCED, HALTED):
+        room.residuals[e] = room.d[3 * question.m + j]
+        room.gradients[0, 3] = 1.0
+        count = 1
+    if mode in (TURNS, BALANCED, RELEASED):
+        room.residuals[e + count] = room.c[3 * question.m + 2 * j]
+        room.gradients[count, 0] = 1.0
+        count += 1
+    return count
+
+
+@inner
+def limit(k, question, hi, hold, e, room):  # type: ignore[no-untyped-def]
+    """The same of a plain force that is at a bound; hold: so is the first, at its lower one."""
+    if room.side[k] == 0 and not (k == 0 and hold):
+        return 0
+    bound = hi[k] if room.side[k] > 0 else question.lo[k]
+    room.residuals[e] = room.c[3 * question.m + 2 * question.a + k] - bound
+    room.gradients[0, 0] = 1.0
+    return 1
+
+
+@inner
+def read(question, tolerance, room):  # type: ignore[no-untyped-def]
+    """The modes that the point of `room` shows; motions and forces below the tolerance count as none."""
+    m = question.m
     for i in range(m):
         k = 3 * i
-        speed = length(d[k + 1], d[k + 2])
-        gap = cos * d[k] + sin * speed
-        excess = length(c[k + 1], c[k + 2]) - mu[i] * c[k]
-        mode = touch[i]
-        new = mode
-        if mode == OPEN and gap < -slack:
-            closed = (SLIDE if speed > STILL else STICK) if mdp else LOOSE
-            new = closed if across else GRAZE
-        elif mode > GRAZE and c[k] < -slack:
-            new = OPEN
-        elif mode == STICK and excess > slack:
-            new = SLIDE if across else EDGE
-        elif mode == LOOSE and excess > slack:
-            new = RIM
-        if new != mode:
-            touch[i] = new
+        if room.c[k] <= tolerance:
+            room.modes[i] = OPEN
+        elif not question.dissipation:
+            room.modes[i] = LOOSE
+        else:
+            room.modes[i] = SLIDE if length(room.d[k + 1], room.d[k + 2]) > tolerance else STICK
+    for j in range(question.a):
+        turns = room.d[3 * m + j] > tolerance
+        if question.driven[j]:
+            room.drives[j] = DRIVEN if turns else HALTED
+        else:
+            room.drives[j] = TURNS if turns else HELD
+
+
+@inner
+def repair(question, hi, slack, across, room):  # type: ignore[no-untyped-def]
+    """Change modes where an inequality is violated; True if any was."""
+    m = question.m
+    first = 3 * m + 2 * question.a
+    changed = False
+    for i in range(m):
+        new = other_contact(i, question, slack, across, room)
+        if new != room.modes[i]:
+            room.modes[i] = new
             changed = True
-    for j in range(a):
-        t = d[3 * m + j]
-        e = c[3 * m + 2 * j]
-        mode = motor[j]
+    for j in range(question.a):
+        t = room.d[3 * m + j]
+        force = room.c[3 * m + 2 * j]
+        mode = room.drives[j]
         new = mode
         if mode == TURNS and t < -slack:
             new = HELD if across else BALANCED
-        elif mode == HELD and e < -slack:
+        elif mode == HELD and force < -slack:
             new = TURNS if across else BALANCED
         elif mode == DRIVEN and t < -slack:
             new = HALTED
-        elif mode == DRIVEN and e < -slack:
+        elif mode == DRIVEN and force < -slack:
             new = RELEASED
         if new != mode:
-            motor[j] = new
+            room.drives[j] = new
             changed = True
-    for k in range(objective, side.shape[0]):  # limits of forces
-        x = c[3 * m + 2 * a + k]
-        new = 1 if x > hi[k] + slack else (-1 if x < lo[k] - slack else 0)
-        if new != 0 and side[k] == 0:
-            side[k] = new
+    for k in range(0 if question.objective == ANY else 1, room.side.shape[0]):  # limits of forces, not the objective's
+        x = room.c[first + k]
+        new = 1 if x > hi[k] + slack else (-1 if x < question.lo[k] - slack else 0)
+        if new != 0 and room.side[k] == 0:
+            room.side[k] = new
             changed = True
     return changed
 
 
 @inner
-def polish(  # type: ignore[no-untyped-def]
-    m, a, cos, sin, mdp, objective, C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start,
-    z, c, d, touch, motor, side, G, J, g, q, size, step, trial, unit, first,
-):  # fmt: skip
-    """An exact solution near `start` into z (n,) and its base values into c and d; False if none was found.
+def other_contact(i, question, slack, across, room):  # type: ignore[no-untyped-def]
+    """The mode that a contact should have."""
+    c = room.c
+    d = room.d
+    k = 3 * i
+    speed = length(d[k + 1], d[k + 2])
+    gap = question.cos * d[k] + question.sin * speed
+    beyond = length(c[k + 1], c[k + 2]) - question.mu[i] * c[k]  # of the cone
+    mode = room.modes[i]
+    if mode == OPEN and gap < -slack:
+        closed = (SLIDE if speed > STILL else STICK) if question.dissipation else LOOSE
+        return closed if across else GRAZE
+    if mode > GRAZE and c[k] < -slack:
+        return OPEN
+    if mode == STICK and beyond > slack:
+        return SLIDE if across else EDGE
+    if mode == LOOSE and beyond > slack:
+        return RIM
+    return mode
 
-    hold: keep the objective at its lower bound. tol: below which motions and forces of the start are none.
-    """
-    n = z.shape[0]
-    for attempt in range(2):
-        for j in range(n):
-            z[j] = start[j]
-        values(CT, DT, off, z, c, d)
-        read(m, a, mdp, driven, c, d, tol, touch, motor)
-        for k in range(side.shape[0]):
-            side[k] = 0
-        for j in range(n if attempt == 1 else 0):
-            z[j] = first[j]
-        for repairs in range(REPAIRS):
-            error = np.inf
+
+@inner
+def solve_modes(question, hi, hold, room):  # type: ignore[no-untyped-def]
+    """Newton's method in the modes of `room` from its z; returns the residual, and the largest force it compares to."""
+    n = room.z.shape[0]
+    error = np.inf
+    force = 1.0
+    halvings = 0
+    for j in range(n):
+        room.trial[j] = room.z[j]
+    for _ in range(ITERATIONS):
+        values(question, room.trial, room.c, room.d)
+        count = equations(question, hi, hold, room)
+        worst = 0.0
+        force = 1.0
+        for e in range(count):
+            worst = larger(worst, abs(room.residuals[e]))
+        for i in range(question.m):
+            force = larger(force, abs(room.c[3 * i]))
+        if worst < error:
+            error = worst
             halvings = 0
             for j in range(n):
-                trial[j] = z[j]
-            for _ in range(ITERATIONS):
-                values(CT, DT, off, trial, c, d)
-                E = equations(m, a, cos, sin, C, D, mu, lo, hi, hold, touch, motor, side, c, d, G, J, g)
-                worst = 0.0
-                force = 1.0
-                for e in range(E):
-                    worst = larger(worst, abs(g[e]))
-                for i in range(m):
-                    force = larger(force, abs(c[3 * i]))
-                if worst < error:
-                    error = worst
-                    halvings = 0
-                    for j in range(n):
-                        z[j] = trial[j]
-                    if error <= CONVERGED * force:
-                        break
-                    least_step(J, g, E, q, step, size, unit)
-                else:
-                    halvings += 1
-                    if halvings == HALVINGS or error <= GOOD * force:
-                        break
-                    for j in range(n):
-                        step[j] *= 0.5
-                for j in range(n):
-                    trial[j] = z[j] + step[j]
+                room.z[j] = room.trial[j]
+            if error <= CONVERGED * force:
+                break
+            least_step(room, count)
+        else:
+            halvings += 1
+            if halvings == HALVINGS or error <= GOOD * force:
+                break
+            for j in range(n):
+                room.step[j] *= 0.5
+        for j in range(n):
+            room.trial[j] = room.z[j] + room.step[j]
+    return error, force
+
+
+@inner
+def refine(question, hi, room, tolerance, hold):  # type: ignore[no-untyped-def]
+    """An exact solution near `room.start`, its forces and motions into room.z, c and d; False if none was found.
+
+    hi: upper bounds of the plain base values. tolerance: below which motions and forces of the start are none. hold:
+    keep the objective at its lower bound.
+    """
+    n = room.z.shape[0]
+    for attempt in range(2):
+        for j in range(n):
+            room.z[j] = room.start[j]
+        values(question, room.z, room.c, room.d)
+        read(question, tolerance, room)
+        for k in range(room.side.shape[0]):
+            room.side[k] = 0
+        for j in range(n if attempt == 1 else 0):
+            room.z[j] = room.first[j]
+        for repairs in range(REPAIRS):
+            error, force = solve_modes(question, hi, hold, room)
             if not error <= GOOD * force:
                 if repairs == 0:
                     return False
                 break
             for j in range(n if repairs == 0 else 0):
-                first[j] = z[j]  # where the other way begins, too
-            values(CT, DT, off, z, c, d)
-            slack = SLACK * force
-            across = attempt == 1
-            if not repair(m, a, cos, sin, mdp, mu, lo, hi, objective, c, d, slack, across, touch, motor, side):
+                room.first[j] = room.z[j]  # where the other way begins, too
+            values(question, room.z, room.c, room.d)
+            if not repair(question, hi, SLACK * force, attempt == 1, room):
                 return True
     return False
 
 
-def polished(m, a, cos, sin, mdp, objective, hold, tol, question, lane, points, work):  # type: ignore[no-untyped-def]
-    """`polish` from a given point: an exact solution near `start` into z; was one found?"""
-    C, D, CT, DT, off, mu, lo, _, _, driven = views(question, QUESTION)
-    hi = views(lane, LANE)[0]
-    start, z = views(points, POINTS)
-    enter_row, _, _, delta, _ = views(work, WORK)[ROW:EXACT]
-    modes, motors, side, _, c, d, G, J, g, q, size, _, step, trial = views(work, WORK)[EXACT:]
-    return polish(
-        m, a, cos, sin, mdp, objective, C, D, CT, DT, off, mu, lo, hi, driven, hold != 0, tol, start,
-        z, c, d, modes, motors, side, G, J, g, q, size, step, trial, enter_row, delta,
-    )  # fmt: skip
+@inner
+def refined(question, worker, room, tolerance, hold):  # type: ignore[no-untyped-def]
+    """`refine` for Python: 1 if a solution was found."""
+    return 1 if refine(question, worker.hi, room, tolerance, hold) else 0

@@ -1,21 +1,21 @@
-"""Best-first search over contact and actuator states, compiled: programs by `simplex`, splits by
-`branch`, incumbents by `newton`.
+"""Best-first search over contact and actuator states, compiled: programs by `simplex`, splits by `split`, incumbents by
+`newton`.
 
 A node is what every contact and actuator is (undecided, open, closed, stick, slide in a sector; free, locked,
-moves) and the working set that solved its program. Expanding a node solves it once more (the bound on the
+moves) and the working set that solved its program. Expanding a node solves it once more (the cut on the
 objective may have moved), splits it where its point violates the model most, and solves all children from
 its working set. The inverses of the nodes made last are kept: most are split before theirs is lost. Nodes are
 closed by a ray alone, which is kept too: the certificate is the tree and its rays.
-
-The state of a node is one row of integers: m contacts, m left sector ends, m right ends, the actuators.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from handfast.core.compiled import inner, larger, smaller
 from handfast.stability.search.arrays import (
     ANY,
+    CHILDREN,
     EMPTY,
     ENDLESS,
     ENOUGH,
@@ -25,12 +25,9 @@ from handfast.stability.search.arrays import (
     HEAP,
     HITS,
     KEPT,
-    LANE,
     LARGEST_EFFORT,
     NEWTONS,
     NODES,
-    POOL,
-    QUESTION,
     RESTARTS,
     ROOM,
     SCALAR,
@@ -39,10 +36,10 @@ from handfast.stability.search.arrays import (
     UNRESOLVED,
     USED,
     WAITING,
-    WORK,
 )
-from handfast.stability.search.kernel import branch, newton, simplex
-from handfast.stability.search.kernel.compiled import inner, larger, smaller, views
+from handfast.stability.search.kernel.newton import refine
+from handfast.stability.search.kernel.simplex import ATTEMPTS, FAILED, INFEASIBLE, OPTIMAL, invert, solve
+from handfast.stability.search.kernel.split import CONE, FINER, FINEST, select, split
 from handfast.stability.search.kernel.values import row, values
 from handfast.stability.search.rows import BOX_DOWN, BOX_UP, INDEX, KIND
 
@@ -50,22 +47,303 @@ FIRST = 8  # Newton is tried on the first programs, where nothing is violated, a
 LESS, MORE = 0.5, 1.1  # less than this share of where it was tried last, a limit that grows with every node
 LITTLE = 1e-3
 WEIGHT = 1e-3  # of the violation in a node's rank
+AS_READ, FREED, AT_END = 0, 1, 2  # how Newton's method is tried: as a point says, or once more with the objective free,
+# or at the end of the search, where a solution lies beyond it
 
 
 @inner
-def corner(cost, i):  # type: ignore[no-untyped-def]
+def run(  # type: ignore[no-untyped-def]
+    question, worker, pool, kept, node, work, room, gap, gap_absolute, budget, close
+):
+    """Expand up to `budget` nodes; the arrays of worker and pool are the search's state and change in place.
+
+    kept, node, work, room: what the kernel alone uses, see `Workspace`. gap, gap_absolute: by how much the next
+    incumbent is to be better. close: only close what waits, by the cut in force (no splitting, no Newton).
+    Returns why it stopped, EXHAUSTED to ENDLESS.
+    """
+    most = pool.key.shape[0] - CHILDREN - 1
+    cone = larger(smaller(CONE, FINER * gap), FINEST)
+    expanded = 0
+    while worker.counts[HEAP] > 0:
+        if expanded >= budget:
+            return ENOUGH
+        if worker.counts[USED] >= most:
+            return ROOM
+        if question.objective != ANY and not close and worker.hi[0] < question.lo[0]:
+            return ENDLESS
+        this = pop(worker, pool)
+        expanded += 1
+        result = bound(question, worker, pool, kept, node, work, this, this, True, cone)
+        if result == INFEASIBLE:
+            continue
+        if close:
+            pool.status[this] = UNRESOLVED
+        elif expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, this, result, cone):
+            return FOUND
+    return EXHAUSTED
+
+
+@inner
+def expand(  # type: ignore[no-untyped-def]
+    question, worker, pool, kept, node, work, room, gap, gap_absolute, this, result, cone
+):
+    """Split a node whose program was solved with this result; True if any solution is sought and one was found."""
+    n = question.cost.shape[0]
+    pick = select(question, node, work.c, work.d, cone)
+    value = objective(question, work.c)
+    if this == 0:
+        guesses = worker.guesses.shape[0]
+        if improve(question, worker, work, room, gap, gap_absolute, value, -guesses, attempts(worker, node)):
+            return True
+    if pick < 0:
+        pool.status[this] = UNRESOLVED
+        pool.bound[this] = value
+        return False
+    pool.status[this] = SPLIT
+    pool.data[this, n] = worker.hi[0] if question.objective != ANY else 0.0
+    for i in range(n):
+        pool.data[this, i] = work.z[i]
+    for i in range(question.m):  # for the children
+        node.normal[i] = work.c[3 * i]
+    count = split(question, node, work.c, work.d, pick)
+    if result == OPTIMAL:
+        keep(kept, KEPT, this, work)
+    for k in range(count):
+        child = make_child(question, worker, pool, node, this, pick, k)
+        solved = bound(question, worker, pool, kept, node, work, child, this, result == OPTIMAL, cone)
+        if solved == INFEASIBLE:
+            continue
+        select(question, node, work.c, work.d, cone)
+        value = objective(question, work.c)
+        if improve(question, worker, work, room, gap, gap_absolute, value, 0, attempts(worker, node)):
+            return True
+        pool.status[child] = WAITING
+        for i in range(n):
+            pool.ids[child, i] = work.ids[i]
+            pool.data[child, i] = work.z[i]
+        pool.bound[child] = larger(value, pool.bound[this])  # the parent's holds too: no rounding lets a bound fall
+        pool.key[child] = value + WEIGHT * node.violation[0]
+        push(worker, pool, child)
+        if solved == OPTIMAL:
+            keep(kept, child % KEPT, child, work)
+    return False
+
+
+@inner
+def make_child(question, worker, pool, node, this, pick, k):  # type: ignore[no-untyped-def]
+    """The k-th child of a node, which is split at the part `pick`, as a new row of the tree; returns its number."""
+    m = question.m
+    child = worker.counts[USED]
+    worker.counts[USED] += 1
+    worker.counts[NODES] += 1
+    for i in range(3 * m + question.a):
+        pool.states[child, i] = pool.states[this, i]
+    pool.parent[child] = this
+    pool.part[child] = pick
+    if pick < m:
+        pool.states[child, pick] = node.children[k, 0]
+        pool.states[child, m + pick] = node.children[k, 1]
+        pool.states[child, 2 * m + pick] = node.children[k, 2]
+    else:
+        pool.states[child, 2 * m + pick] = node.children[k, 0]
+    return child
+
+
+@inner
+def bound(question, worker, pool, kept, node, work, this, start, warm, cone):  # type: ignore[no-untyped-def]
+    """Solve the program of node `this` from the working set of node `start`, itself or its parent.
+
+    Infeasible, it is closed by its ray. If all attempts fail, the point is that of `start`: it is split from there.
+    warm: is that working set worth starting from?
+    """
+    n = question.cost.shape[0]
+    energetic = question.lo.shape[0] > 0 and question.lo[question.lo.shape[0] - 1] == -np.inf
+    balance = pool.parent[this] if energetic else -1
+    for i in range(3 * question.m + question.a):
+        node.state[i] = pool.states[this, i]
+    if balance >= 0 and this == start:  # normal forces at the parent's point, which a child has from its parent
+        for i in range(question.m):
+            node.normal[i] = question.off[3 * i]
+            for j in range(n):
+                node.normal[i] += question.C[3 * i, j] * pool.data[balance, j]
+    place = start % KEPT if this == start else KEPT
+    result = FAILED
+    for attempt in range(0 if warm else 1, ATTEMPTS):
+        ready = True
+        if attempt == 0 and kept.owner[0, place] == start:
+            take(kept, place, work)
+        else:
+            worker.counts[RESTARTS] += attempt > 0
+            ready = rebuild(question, worker.hi, pool, work, start, attempt > 0)
+        if ready:
+            result = solve(question, worker.hi, node, work, worker.counts, cone, attempt, pool.data, balance)
+        if result != FAILED:
+            break
+    if result == INFEASIBLE:
+        pool.status[this] = EMPTY
+        for i in range(n + 1):
+            pool.ids[this, i] = work.ids[i]
+            pool.data[this, i] = work.y[i]
+    elif result == FAILED:
+        worker.counts[FAILURES] += 1
+        for i in range(n):
+            work.z[i] = pool.data[start, i]
+            work.ids[i] = corner(question, i)
+        values(question, work.z, work.c, work.d)
+    return result
+
+
+@inner
+def corner(question, i):  # type: ignore[no-untyped-def]
     """The i-th row of the box's corner that the cost points to: where a program starts that has no working set."""
-    return ((BOX_UP if cost[i] >= 0.0 else BOX_DOWN) << KIND) | (i << INDEX)
+    return ((BOX_UP if question.cost[i] >= 0.0 else BOX_DOWN) << KIND) | (i << INDEX)
 
 
 @inner
-def push(heap, key, stats, node):  # type: ignore[no-untyped-def]
-    """Into the heap of waiting nodes, smallest key first."""
-    k = stats[HEAP]
-    stats[HEAP] += 1
+def rebuild(question, hi, pool, work, start, afresh):  # type: ignore[no-untyped-def]
+    """The working set of a node from its names, or from the corner of the box; False if it is singular."""
+    work.age[0] = 0
+    for i in range(question.cost.shape[0]):
+        work.ids[i] = corner(question, i) if afresh else pool.ids[start, i]
+        work.rhs[i] = row(work.ids[i], question, hi, pool.data, work.matrix[i], work.gradient)
+    return invert(work)
+
+
+@inner
+def keep(kept, place, owner, work):  # type: ignore[no-untyped-def]
+    """Keep a working set, for a node to be gone on from."""
+    kept.owner[0, place] = owner
+    kept.owner[1, place] = work.age[0]
+    for i in range(work.rhs.shape[0]):
+        kept.ids[place, i] = work.ids[i]
+        kept.rhs[place, i] = work.rhs[i]
+        for j in range(work.rhs.shape[0]):
+            kept.matrix[place, i, j] = work.matrix[i, j]
+        for j in range(work.inverse.shape[1]):
+            kept.inverse[place, i, j] = work.inverse[i, j]
+
+
+@inner
+def take(kept, place, work):  # type: ignore[no-untyped-def]
+    """Go on from a working set that was kept."""
+    work.age[0] = kept.owner[1, place]
+    for i in range(work.rhs.shape[0]):
+        work.ids[i] = kept.ids[place, i]
+        work.rhs[i] = kept.rhs[place, i]
+        for j in range(work.rhs.shape[0]):
+            work.matrix[i, j] = kept.matrix[place, i, j]
+        for j in range(work.inverse.shape[1]):
+            work.inverse[i, j] = kept.inverse[place, i, j]
+
+
+@inner
+def attempts(worker, node):  # type: ignore[no-untyped-def]
+    """How often Newton's method is to be tried from a node's point, by its violation."""
+    count = 0
+    if node.violation[1] == 0.0:
+        count = 4
+    elif worker.counts[NODES] <= FIRST or node.violation[0] < worker.best[1]:
+        count = 1
+    worker.best[1] = LESS * larger(node.violation[0], LITTLE) if count > 0 else MORE * worker.best[1]
+    return count
+
+
+@inner
+def improve(question, worker, work, room, gap, gap_absolute, value, first, tries):  # type: ignore[no-untyped-def]
+    """Newton's method from guesses (those with numbers below 0, from `first` on) and then, `tries` times with ever
+    larger tolerances, from the point of `work`. True if any solution is sought and one was found.
+
+    value: the objective at that point.
+    """
+    n = question.cost.shape[0]
+    end = question.lo[0] if question.objective == SCALAR else 0.0
+    trying = first
+    tolerance = 1e-6
+    hold = False
+    how = AS_READ
+    while trying < tries:
+        if how == AS_READ:
+            hold = question.objective == SCALAR and trying >= 0 and value <= end + 1e-6 * abs(end)
+            for j in range(n):
+                room.start[j] = worker.guesses[trying - first, j] if trying < 0 else work.z[j]
+        worker.counts[NEWTONS] += 1
+        hit = refine(question, worker.hi, room, tolerance, hold)
+        if how == AS_READ and hold and not hit:
+            how = FREED
+            hold = False
+            continue
+        if hit and question.objective == SCALAR and not hold and objective(question, room.c) < end and how != AT_END:
+            how = AT_END
+            hold = True
+            for j in range(n):
+                room.start[j] = room.z[j]
+            continue
+        if hit and is_better(question, worker, room, gap, gap_absolute) and question.objective == ANY:
+            return True
+        how = AS_READ
+        if trying >= 0:
+            tolerance = 1e-8 if trying == 2 else tolerance * 100.0
+        trying += 1
+    return False
+
+
+@inner
+def is_better(question, worker, room, gap, gap_absolute):  # type: ignore[no-untyped-def]
+    """Is an exact solution better than the incumbent? It takes its place then, and the cut moves."""
+    found = achieved(question, room)
+    if question.objective == SCALAR and not found >= question.lo[0] - 1e-9 * abs(question.lo[0]):
+        return False
+    if question.objective != ANY and worker.best[0] == np.inf and found > worker.hi[0]:
+        return False  # Newton's method does not know the scalar's other end
+    if not found < worker.best[0]:
+        return False
+    worker.counts[HITS] += 1
+    worker.best[0] = found
+    for j in range(room.z.shape[0]):
+        worker.best_z[j] = room.z[j]
+    if question.objective != ANY:
+        worker.hi[0] = smaller(worker.hi[0], found - gap * abs(found) - gap_absolute)
+    return True
+
+
+@inner
+def objective(question, c):  # type: ignore[no-untyped-def]
+    """Of a point with these forces, 0 if any solution is sought."""
+    return c[3 * question.m + 2 * question.a] if question.objective != ANY else 0.0
+
+
+@inner
+def achieved(question, room):  # type: ignore[no-untyped-def]
+    """What an exact solution achieves: its scalar, or the effort of the driven actuators that turn."""
+    m = question.m
+    a = question.a
+    if question.objective == SCALAR:
+        return room.c[3 * m + 2 * a]
+    total = 0.0
+    effort = question.F
+    for j in range(a):
+        effort -= 1 if question.driven[j] else 0
+    for j in range(a):
+        if question.driven[j]:
+            if room.d[3 * m + j] > 1e-12:
+                left = room.c[3 * m + 2 * j + 1]
+                if question.objective == LARGEST_EFFORT:
+                    total = larger(total, room.c[3 * m + 2 * a] - left)
+                elif question.objective == SUM_OF_EFFORTS:
+                    total += room.c[effort] - left
+            effort += 1
+    return total
+
+
+@inner
+def push(worker, pool, node):  # type: ignore[no-untyped-def]
+    """Into the heap of waiting nodes, smallest rank first."""
+    heap = worker.heap
+    k = worker.counts[HEAP]
+    worker.counts[HEAP] += 1
     while k > 0:
         up = (k - 1) // 2
-        if key[heap[up]] <= key[node]:
+        if pool.key[heap[up]] <= pool.key[node]:
             break
         heap[k] = heap[up]
         k = up
@@ -73,248 +351,21 @@ def push(heap, key, stats, node):  # type: ignore[no-untyped-def]
 
 
 @inner
-def pop(heap, key, stats):  # type: ignore[no-untyped-def]
-    """The waiting node with the smallest key."""
+def pop(worker, pool):  # type: ignore[no-untyped-def]
+    """The waiting node with the smallest rank."""
+    heap = worker.heap
     first = heap[0]
-    stats[HEAP] -= 1
-    n = stats[HEAP]
+    worker.counts[HEAP] -= 1
+    n = worker.counts[HEAP]
     last = heap[n]
     k = 0
     while 2 * k + 1 < n:
         low = 2 * k + 1
-        if low + 1 < n and key[heap[low + 1]] < key[heap[low]]:
+        if low + 1 < n and pool.key[heap[low + 1]] < pool.key[heap[low]]:
             low += 1
-        if key[last] <= key[heap[low]]:
+        if pool.key[last] <= pool.key[heap[low]]:
             break
         heap[k] = heap[low]
         k = low
     heap[k] = last
     return first
-
-
-@inner
-def copy(ids, rhs, W, T, to_ids, to_rhs, to_W, to_T):  # type: ignore[no-untyped-def]
-    """A working set, to be gone on from."""
-    n = rhs.shape[0]
-    for i in range(n):
-        to_ids[i] = ids[i]
-        to_rhs[i] = rhs[i]
-        for j in range(n):
-            to_W[i, j] = W[i, j]
-        for j in range(T.shape[1]):
-            to_T[i, j] = T[i, j]
-
-
-@inner
-def achieved(m, a, F, objective, driven, c, d):  # type: ignore[no-untyped-def]
-    """What an exact solution achieves: its scalar, or the effort of the driven actuators that turn."""
-    if objective == SCALAR:
-        return c[3 * m + 2 * a]
-    total = 0.0
-    effort = F
-    for j in range(a):
-        effort -= 1 if driven[j] else 0
-    for j in range(a):
-        if driven[j]:
-            if d[3 * m + j] > 1e-12:
-                left = c[3 * m + 2 * j + 1]
-                if objective == LARGEST_EFFORT:
-                    total = larger(total, c[3 * m + 2 * a] - left)
-                elif objective == SUM_OF_EFFORTS:
-                    total += c[effort] - left
-            effort += 1
-    return total
-
-
-def run(  # type: ignore[no-untyped-def]
-    m, a, F, cos, sin, mdp, objective, capped, gap, gap_absolute, budget, close, question, lane, pool, work
-):
-    """Expand up to `budget` nodes; the arrays of lane and pool are the search's state and change in place.
-
-    question: C, D, CT, DT, off, mu, lo, cost, box, driven of `reduced`.
-    lane: hi, best, best_z, stats, guess, heap. best (2,): the smallest objective found, from which the cut
-    hi[0] follows, and the violation below which Newton is tried. guess (g, n): points to start Newton from.
-    pool: states, ids, data, key, bound, parent, part, status. Node k has its state in states[k] (3m + a), its
-    working set in ids[k] (n + 1), and in data[k] (n + 1) its point while it waits, its ray's multipliers once it is
-    empty.
-    work: see `arrays.room`.
-    capped: the box holds for motions up to a cap, and rays may cite it.
-    close: only close what waits, by the cut in force (no splitting, no Newton). Returns why it stopped.
-    """
-    C, D, CT, DT, off, mu, lo, cost, box, driven = views(question, QUESTION)
-    hi, best, best_z, stats, guess, heap = views(lane, LANE)
-    states, ids, data, key, bound, parent, part, status = views(pool, POOL)
-    (
-        owner, kept_ids, kept_rhs, kept_W, kept_T,
-        state, child, skip, trig, amounts, normal,
-        w_ids, order, age, rhs, W, T, y, z, c, d, enter_row, column, pivot, delta, gradient,
-        modes, motors, side, exact_z, exact_c, exact_d, G, J, g, q, size, start, step, trial,
-    ) = views(work, WORK)  # fmt: skip
-    n = cost.shape[0]
-    scalar = 3 * m + 2 * a
-    room = key.shape[0] - 5
-    cone = larger(smaller(branch.CONE, branch.FINER * gap), branch.FINEST)
-    energetic = lo.shape[0] > 0 and lo[lo.shape[0] - 1] == -np.inf
-    first = 0 if objective == ANY else 1  # of the plain values, the first that limits something
-    expanded = 0
-    guesses = guess.shape[0]
-    while stats[HEAP] > 0:
-        if expanded >= budget:
-            return ENOUGH
-        if stats[USED] >= room:
-            return ROOM
-        if objective != ANY and not close and hi[0] < lo[0]:
-            return ENDLESS
-        node = pop(heap, key, stats)
-        expanded += 1
-        children = 0
-        pick = -1
-        warm = True  # is the node's working set worth starting from?
-        k = 0
-        while k <= children:
-            # 0: the node itself from its own working set; k: its k-th child from the node's
-            this = node
-            if k > 0:
-                this = stats[USED]
-                stats[USED] += 1
-                stats[NODES] += 1
-                for i in range(3 * m + a):
-                    states[this, i] = states[node, i]
-                parent[this] = node
-                part[this] = pick
-                if pick < m:
-                    states[this, pick] = child[k - 1, 0]
-                    states[this, m + pick] = child[k - 1, 1]
-                    states[this, 2 * m + pick] = child[k - 1, 2]
-                else:
-                    states[this, 2 * m + pick] = child[k - 1, 0]
-            for i in range(3 * m + a):
-                state[i] = states[this, i]
-            balance = parent[this] if energetic else -1
-            for i in range(m if balance >= 0 and k == 0 else 0):  # normal forces at the parent's point
-                normal[i] = off[3 * i]
-                for j in range(n):
-                    normal[i] += C[3 * i, j] * data[balance, j]
-            result = simplex.FAILED
-            for attempt in range(0 if warm or k == 0 else 1, simplex.ATTEMPTS):
-                ready = True
-                slot = node % KEPT if k == 0 else KEPT
-                if attempt == 0 and owner[0, slot] == node:
-                    age[0] = owner[1, slot]
-                    copy(kept_ids[slot], kept_rhs[slot], kept_W[slot], kept_T[slot], w_ids, rhs, W, T)
-                else:
-                    age[0] = 0
-                    stats[RESTARTS] += attempt > 0
-                    for i in range(n):
-                        w_ids[i] = ids[node, i]
-                        if attempt > 0:
-                            w_ids[i] = corner(cost, i)
-                        rhs[i] = row(w_ids[i], m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, W[i], gradient)
-                    ready = simplex.invert(W, T, order, pivot)
-                if ready:
-                    result = simplex.solve(
-                        m, a, F, cos, sin, C, D, CT, DT, off, mu, lo, hi, box, capped != 0, cost, driven, state,
-                        trig, skip, w_ids, W, rhs, T, order, y, z, c, d, enter_row, column, pivot, gradient, delta,
-                        stats, age, cone, attempt, data, balance, normal,
-                    )  # fmt: skip
-                if result != simplex.FAILED:
-                    break
-            if result == simplex.INFEASIBLE:
-                status[this] = EMPTY
-                for i in range(n + 1):
-                    ids[this, i] = w_ids[i]
-                    data[this, i] = y[i]
-                if k == 0:
-                    break
-                k += 1
-                continue
-            if result == simplex.FAILED:
-                stats[FAILURES] += 1
-                for i in range(n):  # keep the point it had, or its parent's: it is split from there
-                    z[i] = data[node, i]
-                    w_ids[i] = corner(cost, i)
-                values(CT, DT, off, z, c, d)
-            if k == 0 and close:
-                status[this] = UNRESOLVED
-                break
-            target = branch.select(m, a, cos, sin, mdp, mu, driven, state, c, d, cone, amounts)
-            value = c[scalar] if objective != ANY else 0.0
-
-            tries = 0
-            if k > 0 or node == 0:
-                if amounts[1] == 0.0:
-                    tries = 4
-                elif stats[NODES] <= FIRST or amounts[0] < best[1]:
-                    tries = 1
-                best[1] = LESS * larger(amounts[0], LITTLE) if tries > 0 else MORE * best[1]
-            trying = -guesses if node == 0 and k == 0 else 0
-            hold = False
-            past = 0  # starts beyond the end of the search, to be tried again right at it
-            tol = 1e-6
-            while trying < tries:
-                if past == 0:
-                    hold = objective == SCALAR and trying >= 0 and value <= lo[0] + 1e-6 * abs(lo[0])
-                    for j in range(n):
-                        start[j] = guess[guesses + trying, j] if trying < 0 else z[j]
-                stats[NEWTONS] += 1
-                hit = newton.polish(
-                    m, a, cos, sin, mdp, first, C, D, CT, DT, off, mu, lo, hi, driven, hold, tol, start,
-                    exact_z, exact_c, exact_d, modes, motors, side, G, J, g, q, size, step, trial, enter_row, delta,
-                )  # fmt: skip
-                if past == 0 and hold and not hit:
-                    past = 1
-                    hold = False
-                    continue
-                if hit and objective == SCALAR and not hold and exact_c[scalar] < lo[0] and past < 2:
-                    past = 2
-                    hold = True
-                    for j in range(n):
-                        start[j] = exact_z[j]
-                    continue
-                if hit:
-                    found = achieved(m, a, F, objective, driven, exact_c, exact_d)
-                    allowed = objective != SCALAR or found >= lo[0] - 1e-9 * abs(lo[0])
-                    if best[0] == np.inf and found > hi[0]:  # Newton's method does not know the scalar's other end
-                        allowed = objective == ANY
-                    if found < best[0] and allowed:
-                        stats[HITS] += 1
-                        best[0] = found
-                        for j in range(n):
-                            best_z[j] = exact_z[j]
-                        if objective == ANY:
-                            return FOUND
-                        hi[0] = smaller(hi[0], found - gap * abs(found) - gap_absolute)
-                past = 0
-                if trying >= 0:
-                    tol = 1e-8 if trying == 2 else tol * 100.0
-                trying += 1
-
-            if k == 0:
-                if target < 0:
-                    status[node] = UNRESOLVED
-                    bound[node] = value
-                    break
-                status[node] = SPLIT
-                data[node, n] = hi[0] if objective != ANY else 0.0
-                warm = result == simplex.OPTIMAL
-                for i in range(m):  # for the children
-                    normal[i] = c[3 * i]
-                for i in range(n):
-                    data[node, i] = z[i]
-                pick = target
-                children = branch.split(m, state, c, d, pick, child)
-            else:
-                status[this] = WAITING
-                for i in range(n):
-                    ids[this, i] = w_ids[i]
-                    data[this, i] = z[i]
-                bound[this] = larger(value, bound[node])  # the parent's holds too: no rounding lets a bound fall
-                key[this] = value + WEIGHT * amounts[0]
-                push(heap, key, stats, this)
-            if result == simplex.OPTIMAL:
-                slot = this % KEPT if k > 0 else KEPT
-                owner[0, slot] = this
-                owner[1, slot] = age[0]
-                copy(w_ids, rhs, W, T, kept_ids[slot], kept_rhs[slot], kept_W[slot], kept_T[slot])
-            k += 1
-    return EXHAUSTED

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.stability.search.kernel.compiled import quick
+from handfast.core.compiled import quick
 from handfast.stability.search.rows import (
     ANGLE,
     BOX_UP,
@@ -36,40 +36,81 @@ from handfast.stability.search.rows import (
 
 
 @quick
-def row(id, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, g):  # type: ignore[no-untyped-def]
-    """Coefficients of a named row into `out` (n,), over its base values into g (6,); returns b of out . z >= b.
+def row(id, question, hi, data, out, gradient):  # type: ignore[no-untyped-def]
+    """Coefficients of a named row into `out` (n,), over its base values into `gradient` (6,).
 
-    C (forces, n), D (motions, n): the base values' coefficients, off: the forces' constants. sin, cos: of the
-    uncertainty of the normals, equation (17). data: points of the nodes, and above which objective they were made.
+    hi: upper bounds of the plain base values; data: `Pool.data`. Returns b of out . z >= b.
     """
     kind = id >> KIND
     i = (id >> INDEX) & 255
+    m = question.m
     n = out.shape[0]
     for j in range(n):
         out[j] = 0.0
     if kind == ENERGY:
-        at = id & NODE
-        last = D.shape[0] - 1
-        rhs = 0.0
-        for j in range(n):
-            out[j] = D[last - 1, j] + data[at, n] * D[last, j]
-        for k in range(0, 3 * m, 3):
-            cn = off[k]
-            for j in range(n):
-                cn += C[k, j] * data[at, j]
-            rhs += cn * (2.0 * off[k] - cn)
-            for j in range(n):
-                out[j] -= 2.0 * cn * C[k, j]
-        return rhs
+        return energy_row(id & NODE, question, data, out)
     if kind >= BOX_UP:
         out[i] = 1.0 if kind == BOX_UP else -1.0
-        return -box[i]
+        return -question.box[i]
     for k in range(6):
-        g[k] = 0.0
+        gradient[k] = 0.0
     rhs = 0.0
+    if kind < T_UP:
+        contact_row(id, kind, question, gradient)
+        force = 3 * i  # the first of the values that it combines
+        motion = 3 * i
+    elif kind <= S_UP:
+        actuator_row(kind, gradient)
+        force = 3 * m + 2 * i
+        motion = 3 * m + i
+    else:
+        force = 3 * m + 2 * question.a + i
+        motion = 3 * m + question.a + force - question.F
+        gradient[0 if force < question.F else 3] = 1.0 if kind == PLAIN_UP else -1.0
+        rhs = question.lo[i] if kind == PLAIN_UP else -hi[i]
+    for k in range(3):
+        x = gradient[k]
+        if x != 0.0:
+            rhs -= x * question.off[force + k]
+            for j in range(n):
+                out[j] += x * question.C[force + k, j]
+        x = gradient[3 + k]
+        if x != 0.0:
+            for j in range(n):
+                out[j] += x * question.D[motion + k, j]
+    return rhs
+
+
+@quick
+def energy_row(node, question, data, out):  # type: ignore[no-untyped-def]
+    """The tangent of the balance of energy at the point of a node into `out` (n,); returns b."""
+    C = question.C
+    D = question.D
+    off = question.off
+    n = out.shape[0]
+    last = D.shape[0] - 1
+    rhs = 0.0
+    for j in range(n):
+        out[j] = D[last - 1, j] + data[node, n] * D[last, j]
+    for k in range(0, 3 * question.m, 3):
+        cn = off[k]
+        for j in range(n):
+            cn += C[k, j] * data[node, j]
+        rhs += cn * (2.0 * off[k] - cn)
+        for j in range(n):
+            out[j] -= 2.0 * cn * C[k, j]
+    return rhs
+
+
+@quick
+def contact_row(id, kind, question, g):  # type: ignore[no-untyped-def]
+    """A contact's row over its forces and motions into g (6,)."""
+    mu = question.mu[(id >> INDEX) & 255]
+    cos = question.cos
+    sin = question.sin
     xa = ya = xb = yb = 0.0
     h = 1.0
-    if kind < T_UP and (sin > 0.0 or (kind >= TANGENT and kind < STILL)):
+    if sin > 0.0 or (kind >= TANGENT and kind < STILL):
         turn = 2 * np.pi / TURN
         left = ((id >> ANGLE) & (2 * TURN - 1)) * turn
         right = (id & (2 * TURN - 1)) * turn
@@ -78,14 +119,12 @@ def row(id, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, g):  # typ
         xb = np.cos(right)
         yb = np.sin(right)
         h = 1.0 + xa * xb + ya * yb
-    force = 3 * i  # the first of the values that it combines
-    motion = 3 * i
     if kind == CN_UP:
         g[0] = 1.0
     elif kind == CN_DOWN:
         g[0] = -1.0
-    elif kind == GAP_UP:
-        g[0] = 1.0
+    elif kind in (GAP_UP, DN_UP):
+        g[0] = 1.0 if kind == GAP_UP else 0.0
         g[3] = cos
         g[4] = -sin * (1.0 + WIDER) * (xa + xb) / h
         g[5] = -sin * (1.0 + WIDER) * (ya + yb) / h
@@ -94,24 +133,20 @@ def row(id, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, g):  # typ
         g[3] = -cos
         g[4] = sin * (1.0 - WIDER) * xa
         g[5] = sin * (1.0 - WIDER) * ya
-    elif kind == DN_UP:
-        g[3] = cos
-        g[4] = -sin * (1.0 + WIDER) * (xa + xb) / h
-        g[5] = -sin * (1.0 + WIDER) * (ya + yb) / h
     elif kind == TANGENT:
-        g[0] = mu[i] * (1.0 + WIDER)
+        g[0] = mu * (1.0 + WIDER)
         g[1] = -xa
         g[2] = -ya
     elif kind == CHORD:
-        g[0] = -mu[i] * (0.5 * h - WIDER)
+        g[0] = -mu * (0.5 * h - WIDER)
         g[1] = 0.5 * (xa + xb)
         g[2] = 0.5 * (ya + yb)
     elif kind == C_LEFT:
-        g[0] = mu[i] * WIDER
+        g[0] = mu * WIDER
         g[1] = -ya
         g[2] = xa
     elif kind == C_RIGHT:
-        g[0] = mu[i] * WIDER
+        g[0] = mu * WIDER
         g[1] = yb
         g[2] = -xb
     elif kind == D_LEFT:
@@ -120,37 +155,19 @@ def row(id, m, a, F, cos, sin, C, D, off, mu, lo, hi, box, data, out, g):  # typ
     elif kind == D_RIGHT:
         g[4] = -yb
         g[5] = xb
-    elif kind < T_UP:
-        s = 1.0 if (kind - STILL) % 2 == 0 else -1.0
-        if kind < STILL + 2:
-            g[4] = s
-        else:
-            g[5] = s
-    elif kind <= S_UP:
-        force = 3 * m + 2 * i
-        motion = 3 * m + i
-        if kind <= T_DOWN:
-            g[3] = 1.0 if kind == T_UP else -1.0
-        elif kind <= E_DOWN:
-            g[0] = 1.0 if kind == E_UP else -1.0
-        else:
-            g[1] = 1.0
     else:
-        force = 3 * m + 2 * a + i
-        motion = 3 * m + a + force - F
-        g[0 if force < F else 3] = 1.0 if kind == PLAIN_UP else -1.0
-        rhs = lo[i] if kind == PLAIN_UP else -hi[i]
-    for k in range(3):
-        x = g[k]
-        if x != 0.0:
-            rhs -= x * off[force + k]
-            for j in range(n):
-                out[j] += x * C[force + k, j]
-        x = g[3 + k]
-        if x != 0.0:
-            for j in range(n):
-                out[j] += x * D[motion + k, j]
-    return rhs
+        g[4 if kind < STILL + 2 else 5] = 1.0 if (kind - STILL) % 2 == 0 else -1.0
+
+
+@quick
+def actuator_row(kind, g):  # type: ignore[no-untyped-def]
+    """An actuator's row over its force above the command, its effort left and its motion into g (6,)."""
+    if kind <= T_DOWN:
+        g[3] = 1.0 if kind == T_UP else -1.0
+    elif kind <= E_DOWN:
+        g[0] = 1.0 if kind == E_UP else -1.0
+    else:
+        g[1] = 1.0
 
 
 @quick
@@ -171,11 +188,11 @@ def blend(x, first, rows, out):  # type: ignore[no-untyped-def]
 
 
 @quick
-def values(CT, DT, off, z, c, d):  # type: ignore[no-untyped-def]
+def values(question, z, c, d):  # type: ignore[no-untyped-def]
     """The base values of a point z, forces into c, motions into d."""
     for k in range(c.shape[0]):
-        c[k] = off[k]
+        c[k] = question.off[k]
     for k in range(d.shape[0]):
         d[k] = 0.0
-    blend(z, 0, DT, d)
-    blend(z, DT.shape[0], CT, c)
+    blend(z, 0, question.DT, d)
+    blend(z, question.DT.shape[0], question.CT, c)

@@ -15,7 +15,7 @@ from handfast.stability.search.rows import CLOSED, FREE, LOCKED, MOVES, OPEN, SL
 NARROW = 64  # sectors that are no wider than this, in grid steps, stay as they are
 
 
-def cases(state: Indices, m: int, mdp: bool, robust: bool) -> tuple[int, list[Indices]]:
+def split(state: Indices, m: int, mdp: bool, robust: bool) -> tuple[int, list[Indices]]:
     """The part of a node's state (3m + a,) to be split, and its children's states; -1 and none if all is decided.
 
     robust: open contacts have sectors, too.

@@ -15,15 +15,14 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.stability.search import exact
-from handfast.stability.search.arrays import LEAVES, SPLIT, table
-from handfast.stability.search.machine import kernel
-from handfast.stability.search.search import Pool, Search
+from handfast.stability.search.arrays import SPLIT, ClosedLeaves, Pool
+from handfast.stability.search.search import Search
 
 TOLERANCES = 1e-6, 1e-4  # motions and forces of a starting point below this count as none
 
 
 @dataclass(frozen=True, eq=False)
-class Neighbour:
+class WarmStart:
     """The questions answered last, of the same grasp and in the same scales.
 
     Attributes:
@@ -38,18 +37,16 @@ class Neighbour:
 
     def start(self, s: Search) -> None:
         """Let a search begin with what is known."""
-        r, lane = s.reduced, s.lanes[0]
+        r, worker = s.reduced, s.searchers[0]
         ahead = [2 * self.points[0] - self.points[1]] if len(self.points) > 1 else []
-        for point, tol in itertools.product((*ahead, self.points[0]), TOLERANCES):
-            z = exact.solve(r, point, tol=tol, hold=self.unbounded, lane=lane)
+        for point, tolerance in itertools.product((*ahead, self.points[0]), TOLERANCES):
+            z = exact.solve(r, point, tolerance=tolerance, hold=self.unbounded, worker=worker)
             if z is not None:
-                s.know(z)
+                s.set_incumbent(z)
                 break
         if s.z is None or self.tree is None:
             return
-        s.follow(self.tree)
-        pool, leaves = s.pool, np.flatnonzero(self.tree.status != SPLIT)
-        closed = np.empty(len(leaves), np.bool_)
-        tables = r.table, lane.table, pool.table, table(LEAVES, (leaves, closed)), lane.room.table
-        kernel().refuted(*r.numbers[:5], *tables)
-        s.reopen(leaves[~closed])
+        s.warm_start(self.tree)
+        leaves = ClosedLeaves(nodes := np.flatnonzero(self.tree.status != SPLIT), np.empty(len(nodes), np.bool_))
+        s.refute(leaves)
+        s.reopen(leaves.nodes[~leaves.closed])

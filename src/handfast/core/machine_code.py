@@ -1,0 +1,184 @@
+"""Machine code of compiled functions: made once for a processor, kept in a file, loaded without numba.
+
+A `Library` names its functions, what they take, and the files that they are made of. `compiler.py` makes one object
+file of them. The file's name says for which processor, by which compiler and of which sources it was made, so that a
+stale one is never found; its end is the digest of the rest, so that a damaged one is made anew; and none is loaded
+that another user could have put there. To load it takes some hundredths of a second; to import numba, and to let it
+find what it compiled before, takes more than one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from handfast.core.trusted import trusted
+
+CORE = Path(__file__).parent
+OWN_SOURCES = tuple(CORE / name for name in ("compiled.py", "compiler.py", "groups.py", "machine_code.py"))
+_TABLE = np.ctypeslib.ndpointer(np.int64, ndim=2, flags="C_CONTIGUOUS")
+_TYPES: dict[type, Any] = {int: ctypes.c_int64, bool: ctypes.c_int64, float: ctypes.c_double}
+_COMPILE = "import sys; sys.path[:] = sys.argv[2:]; from handfast.core.compiler import main; main(sys.argv[1])"
+
+
+@dataclass(frozen=True)
+class EntryPoint:
+    """A function that Python may call.
+
+    Attributes:
+        module: the module it is in; its name is the entry's.
+        takes: of each argument `int`, `float`, `bool`, or a named group (`groups.py`). It returns a whole number.
+    """
+
+    module: str
+    takes: tuple[type, ...]
+
+
+@dataclass(frozen=True)
+class Library:
+    """Functions that are compiled together.
+
+    Attributes:
+        name: that its files begin with.
+        module: where it is declared, as `LIBRARY`.
+        entries: what Python may call.
+        sources: all files of this package that its functions are made of, but for `OWN_SOURCES`; of which the first is
+            in the folder beside whose files the code is kept. Compiling fails if one is missing here.
+    """
+
+    name: str
+    module: str
+    entries: Mapping[str, EntryPoint]
+    sources: tuple[Path, ...]
+
+    @cached_property
+    def functions(self) -> Any:
+        """The entries as attributes, compiled if this processor has not seen them yet, which takes a while and says so.
+
+        They take numbers, and tables in place of groups (`groups.table`), and let other threads run meanwhile.
+        """
+        return loaded(self.machine_code(), {name: entry.takes for name, entry in self.entries.items()})
+
+    def machine_code(self) -> bytes:
+        """The object file for this processor: as it is kept, or compiled and kept."""
+        for folder in self.folders():
+            code = _kept(folder / self.file_name())
+            if code is not None:
+                return code
+        log = logging.getLogger("handfast")
+        log.warning(f"compiling the {self.name} engine for this processor, once: about a minute")
+        code = self.compiled()
+        for folder in self.folders():
+            with suppress(OSError):  # not ours to write to
+                if _keep(code, folder / self.file_name()):
+                    return code
+        where = " or ".join(str(folder) for folder in self.folders())
+        log.warning(f"its code is not kept: no folder that only you can write to at {where}")
+        return code
+
+    def compiled(self) -> bytes:
+        """The object file, made in a process of its own, where numba is told to leave optimising to `compiler.py`.
+
+        Settings of numba that stand in the environment or in the current folder do not count.
+
+        Raises:
+            subprocess.CalledProcessError: the compiler failed; why is on standard error.
+        """
+        environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+        command = [sys.executable, "-c", _COMPILE, self.module, *(os.path.abspath(p) for p in sys.path)]
+        environment["NUMBA_OPT"] = "0"
+        return subprocess.run(command, env=environment, cwd=CORE, stdout=subprocess.PIPE, check=True).stdout
+
+    def file_name(self) -> str:
+        """Of the machine code that this processor wants."""
+        out = hashlib.sha256()
+        for text in (version("numba"), version("llvmlite"), llvm.get_process_triple(), *_processor()):
+            out.update(text.encode() + b"\0")
+        for path in sorted({*self.sources, *OWN_SOURCES}):
+            out.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+        return f"kernel-{self.name}-{out.hexdigest()[:16]}.o"
+
+    @property
+    def home(self) -> Path:
+        """Where the package keeps the code: with what Python compiles of it."""
+        return self.sources[0].parent / "__pycache__"
+
+    def folders(self) -> tuple[Path, ...]:
+        """Where machine code is kept: with the package, or if that is not ours to write to, with the user."""
+        variable, usual = ("LOCALAPPDATA", "AppData/Local") if sys.platform == "win32" else ("XDG_CACHE_HOME", ".cache")
+        user = Path(os.environ.get(variable, ""))
+        if not user.is_absolute():  # the XDG specification: to be ignored. What the current folder holds is anybody's
+            user = Path(os.path.expanduser("~")) / usual
+        return tuple(folder for folder in (self.home, user / "handfast") if folder.is_absolute())
+
+
+def loaded(code: bytes, entries: Mapping[str, tuple[type, ...]]) -> Any:
+    """The functions of an object file as attributes; entries: what each of them takes."""
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    out = SimpleNamespace(_engine=engine)  # it owns the code
+    for name, takes in entries.items():
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(_TYPES.get(kind, _TABLE) for kind in takes))
+        setattr(out, name, prototype(engine.get_function_address(name)))
+    return out
+
+
+def target_machine() -> Any:
+    """Of this processor; a new one each time, as an engine owns its own."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(*_processor(), opt=3, jit=True)
+
+
+def _processor() -> tuple[str, str]:
+    """The processor's name and what it can do."""
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+def sealed(code: bytes) -> bytes:
+    """Machine code as it stands in its file: with its digest behind it."""
+    return code + hashlib.sha256(code).digest()
+
+
+def _kept(path: Path) -> bytes | None:
+    """The machine code in a file; None if there is none, it is damaged, or others could have written it."""
+    try:
+        with path.open("rb") as file:
+            if not (trusted(os.fstat(file.fileno())) and trusted(path.parent.stat())):
+                return None
+            whole = file.read()
+    except OSError:
+        return None
+    code = whole[: -hashlib.sha256().digest_size]
+    return code if sealed(code) == whole else None
+
+
+def _keep(code: bytes, path: Path) -> bool:
+    """Write a file at once, whoever else may be writing it; False in a folder from which it would not be loaded."""
+    path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+    if not trusted(path.parent.stat()):
+        return False
+    draft = path.with_suffix(f".{os.getpid()}")
+    with suppress(FileNotFoundError):
+        draft.unlink()
+    with open(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "wb") as file:
+        file.write(sealed(code))
+    os.replace(draft, path)
+    return True

@@ -1,0 +1,177 @@
+"""Which part of a node is split, and into what, compiled.
+
+Every contact or actuator whose state is open to question has a violation in the node's point: by how much the
+model is missed there. The sum of all ranks the node; the one to be split is chosen by energy, so that a small
+misfit of a fast contact that carries much counts for more than a large one of a contact that hardly carries.
+
+The state of a node is one row of integers: m contacts, m left sector ends, m right ends, the actuators.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from handfast.core.compiled import inner, larger, length, smaller
+from handfast.stability.search.rows import CLOSED, FREE, LOCKED, MOVES, OPEN, SLIDE, STICK, TURN, UNDECIDED
+
+VIOLATION = 0.1  # of the tolerance of cones: a smaller violation of a complementarity is none
+NARROW = 64  # sectors narrower than this, in grid steps, are not split,
+LEAST = 4.0  # or in proportion where the tolerance of cones is finer, but none narrower than this
+COARSE = TURN // 256  # and where nothing is violated, so that Newton's method should have succeeded, none below this
+CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes,
+FINER = 1e-3  # or by this share of a smaller gap,
+FINEST = 2e-9  # but not by less: rows are met to 1e-9
+DECIDE = 1e9  # added to the energy that an undecided part misses: it is split before any sector
+
+
+@inner
+def select(question, node, c, d, cone):  # type: ignore[no-untyped-def]
+    """Where to split, by the point's forces c and motions d: contact i or m + actuator j; -1 if all is decided.
+
+    Of what is violated, an undecided part comes first, then where the balance of energy misses most:
+    c_n (c_n + d_n) of (4), |c_t| |d_t| + c_t . d_t and (mu c_n - |c_t|) |d_t| of (7), t (f - f_c) of (8). Where
+    nothing is violated, an undecided part or the widest sector. node.violation says whether anything is.
+    """
+    m = question.m
+    none = VIOLATION * cone
+    narrow = larger(NARROW * cone / CONE, LEAST)
+    most = -1.0
+    pick = -1
+    total = 0.0
+    spare = 0.0
+    fallback = -1
+    for i in range(m):
+        state = node.state[i]
+        width = node.state[2 * m + i] - node.state[m + i]
+        if state == STICK or (state == SLIDE and width <= narrow):
+            continue
+        amount, missing, rank = contact(i, question, node, c, d, cone, narrow)
+        total += larger(amount, 0.0)
+        if state == UNDECIDED:
+            missing += DECIDE
+        if amount > none and missing > most:
+            most = missing
+            pick = i
+        if rank > spare:
+            spare = rank
+            fallback = i
+    for j in range(question.a):
+        if node.state[3 * m + j] != FREE:
+            continue
+        k = 3 * m + 2 * j
+        t = d[3 * m + j]
+        slack = larger(larger(-c[k], -c[k + 1]), 0.0) if question.driven[j] else c[k]  # complementary to t
+        amount = smaller(t, slack)
+        total += larger(amount, 0.0)
+        if amount > none and DECIDE + t * slack > most:
+            most = DECIDE + t * slack
+            pick = m + j
+        if spare < 2.5:
+            spare = 2.5
+            fallback = m + j
+    node.violation[0] = total
+    node.violation[1] = 1.0 if pick >= 0 else 0.0
+    return pick if pick >= 0 else fallback
+
+
+@inner
+def contact(i, question, node, c, d, cone, narrow):  # type: ignore[no-untyped-def]
+    """By how much contact i misses the model, by how much energy, and its rank where nothing is missed."""
+    m = question.m
+    state = node.state[i]
+    width = node.state[2 * m + i] - node.state[m + i]
+    k = 3 * i
+    cn = c[k]
+    d1 = d[k + 1]
+    d2 = d[k + 2]
+    speed = length(d1, d2)
+    gap = question.cos * d[k] + question.sin * speed
+    amount = 0.0
+    missing = 0.0
+    rank = 0.0
+    if state == OPEN:
+        if question.sin > 0.0 and (width == 0 or width > narrow):
+            amount = -gap
+            missing = gap * gap
+        return amount, missing, rank
+    if state == UNDECIDED:
+        amount = larger(smaller(cn, cn + gap), -(cn + gap))
+        rank = 3.0
+    else:
+        amount = abs(cn + gap)
+        rank = 2.0 if question.dissipation else 0.0
+        if state == SLIDE:
+            rank = width / TURN if width > COARSE else 0.0
+    missing = cn * larger(cn + gap, 0.0) - gap * larger(-cn - gap, 0.0)
+    if question.dissipation:
+        w = question.mu[i] * cn
+        x = c[k + 1] * speed + w * d1
+        y = c[k + 2] * speed + w * d2
+        size = length(c[k + 1], c[k + 2])
+        missing += size * speed + c[k + 1] * d1 + c[k + 2] * d2 + larger(w - size - cone, 0.0) * speed
+        if amount < VIOLATION * cone and cn > 1e-9:  # (4) holds: what about (7)?
+            amount = length(x, y) / larger(speed, 1.0) - cone
+            if state == UNDECIDED:
+                amount *= 0.5
+    return amount, missing, rank
+
+
+@inner
+def split(question, node, c, d, pick):  # type: ignore[no-untyped-def]
+    """States and sector ends of the part `pick` in the children into node.children; returns how many they are."""
+    m = question.m
+    child = node.children
+    for k in range(4):
+        for b in range(3):
+            child[k, b] = 0
+    if pick >= m:
+        child[0, 0] = LOCKED
+        child[1, 0] = MOVES
+        return 2
+    state = node.state[pick]
+    if state == UNDECIDED:
+        child[0, 0] = CLOSED
+        child[1, 0] = OPEN
+        return 2
+    left = node.state[m + pick]
+    width = node.state[2 * m + pick] - left
+    along = direction(state, c, d, pick)
+    if width == 0:  # stick, or one of three sectors, the middle of one at -d_t
+        count = 0
+        if state == CLOSED:
+            child[0, 0] = STICK
+            count = 1
+        third = TURN // 3
+        for s in range(3):
+            begin = (along + third // 2 + s * third) % TURN
+            child[count, 0] = SLIDE if state == CLOSED else OPEN
+            child[count, 1] = begin
+            child[count, 2] = begin + (third if s < 2 else TURN - 2 * third)
+            count += 1
+        return count
+    ahead = (along - left) % TURN
+    if ahead > (width + TURN) // 2:
+        ahead = 0  # behind the sector's start
+    step = int(smaller(larger(ahead / width, 0.15), 0.85) * width)
+    cut = left + (step if step > 0 else 1)
+    child[0, 0] = state
+    child[0, 1] = left
+    child[0, 2] = cut
+    child[1, 0] = state
+    child[1, 1] = cut
+    child[1, 2] = left + width
+    return 2
+
+
+@inner
+def direction(state, c, d, pick):  # type: ignore[no-untyped-def]
+    """Against the motion of a contact; where it slides or rests, between that and its friction."""
+    k = 3 * pick
+    speed = larger(length(d[k + 1], d[k + 2]), 1e-12)
+    force = larger(length(c[k + 1], c[k + 2]), 1e-12)
+    x = -d[k + 1] / speed
+    y = -d[k + 2] / speed
+    if (state == SLIDE) or (state == CLOSED and speed < 1e-9):
+        x += c[k + 1] / force
+        y += c[k + 2] / force
+    return int(np.rint(np.arctan2(y, x) * TURN / (2 * np.pi))) % TURN

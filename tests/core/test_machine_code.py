@@ -1,0 +1,250 @@
+"""Machine code of a small library: made, found, kept, made anew; what may not be compiled, and what is not loaded."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from handfast.core import machine_code
+from handfast.core.groups import table
+from handfast.core.machine_code import Library, sealed
+from handfast.core.trusted import trusted
+
+DECLARED = """
+from pathlib import Path
+from typing import NamedTuple
+from handfast.core.groups import Flags, RealMatrix, Reals, Wholes
+from handfast.core.machine_code import EntryPoint, Library
+
+class Sample(NamedTuple):
+    points: RealMatrix
+    weights: Reals
+    places: Wholes
+    used: Flags
+    scale: float
+    many: int
+    negative: bool
+
+HERE = Path(__file__).parent
+LIBRARY = Library("toy", __name__, {"weigh": EntryPoint("toy.kernel", (Sample, int, float, bool))}, SOURCES)
+"""
+KERNEL = """
+import numpy as np
+from handfast.core.compiled import inner
+from toy.helper import turned
+
+@inner
+def weigh(sample, power, shift, flip):
+    total = 0.0
+    for i in range(sample.many):
+        if sample.used[i]:
+            x = sample.points[sample.places[i], 1] + shift
+            total += sample.weights[i] * power * x
+    sample.weights[0] = turned(total * sample.scale)
+    if flip != sample.negative:
+        sample.weights[0] = -sample.weights[0]
+    return sample.points.shape[0]
+"""
+HELPER = """
+import numpy as np
+from handfast.core.compiled import inner
+
+@inner
+def turned(x):
+    return np.arctan2(x, 1.0)
+"""
+ALL = '(HERE / "library.py", HERE / "kernel.py", HERE / "helper.py")'
+Toy = Callable[..., Library]
+
+
+@pytest.fixture
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toy:
+    """A library in a package of its own."""
+
+    def make(kernel: str = KERNEL, sources: str = ALL) -> Library:
+        folder = tmp_path / "toy"
+        folder.mkdir(exist_ok=True)
+        for name, text in (("library", DECLARED.replace("SOURCES", sources)), ("kernel", kernel), ("helper", HELPER)):
+            (folder / f"{name}.py").write_text(text)
+        (folder / "__init__.py").touch()
+        monkeypatch.syspath_prepend(str(tmp_path))
+        for name in ("toy", "toy.library"):
+            sys.modules.pop(name, None)
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+        return importlib.import_module("toy.library").LIBRARY
+
+    return make
+
+
+def test_a_library_computes_what_its_functions_say(toy: Toy, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # settings of numba do not count
+    library = toy()
+    Sample = library.entries["weigh"].takes[0]
+    points, weights = np.arange(12.0).reshape(4, 3), np.array([1.0, 2.0, 3.0])
+    used, places = np.array([True, False, True]), np.array([3, 0, 1])
+    sample = Sample(points, weights, places, used, 0.25, 3, True)
+    lines = table(sample)
+    expected = -np.arctan2(0.25 * 2 * (1 * 12.0 + 3 * 6.0), 1.0)
+    assert library.functions.weigh(lines, 2, 2.0, False) == 4
+    assert weights[0] == pytest.approx(expected, rel=1e-14)
+    weights[0] = 1.0
+    library.functions.weigh(lines, 2, 2.0, True)
+    assert weights[0] == pytest.approx(-expected, rel=1e-14)
+
+
+def test_its_answer_needs_no_numba(toy: Toy, tmp_path: Path) -> None:
+    assert toy().functions.weigh
+    code = "import sys; from toy.library import LIBRARY; LIBRARY.functions.weigh; print('numba' in sys.modules)"
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    run = [sys.executable, "-c", code]
+    done = subprocess.run(run, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("sample.weights[:] = np.ones(len(sample.weights)) * shift", "NRT_MemInfo_alloc"),
+        ("if shift > 1e6: raise ValueError('too far')", "PyErr_Clear"),
+    ],
+)
+def test_functions_neither_allocate_nor_raise(
+    toy: Toy, capfd: pytest.CaptureFixture[str], line: str, wanted: str
+) -> None:
+    library = toy(KERNEL.replace("total = 0.0\n", f"{line}\n    total = 0.0\n"))
+    with pytest.raises(subprocess.CalledProcessError, match="non-zero exit status 1"):
+        library.compiled()
+    said = capfd.readouterr().err
+    assert "toy: kernels must not allocate or raise, but want" in said
+    assert wanted in said
+
+
+def test_no_source_is_forgotten(toy: Toy, capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(subprocess.CalledProcessError):
+        toy(sources='(HERE / "library.py", HERE / "kernel.py")').compiled()
+    assert "helper.py is compiled, too, but not among the library's sources" in capfd.readouterr().err
+
+
+# --- where code is kept, and what is loaded ---------------------------------------------------------------
+
+
+@pytest.fixture
+def elsewhere(toy: Toy, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tuple[Library, list[Path], list[int]]:
+    """A library as if it compiled, two empty folders in place of the usual ones, and how often it compiled."""
+    library, folders, made = toy(), [tmp_path / "package", tmp_path / "own"], []
+    monkeypatch.setattr(Library, "compiled", lambda self: made.append(1) or b"code")
+    monkeypatch.setattr(Library, "folders", lambda self: tuple(folders))
+    return library, folders, made
+
+
+Elsewhere = tuple[Library, list[Path], list[int]]
+
+
+def test_code_is_made_once_and_kept(elsewhere: Elsewhere) -> None:
+    library, folders, made = elsewhere
+    assert library.machine_code() == library.machine_code() == b"code"
+    assert made == [1]
+    assert [f.name for f in folders[0].iterdir()] == [library.file_name()]  # and no draft
+    assert not folders[1].exists()
+
+
+def test_where_the_package_cannot_be_written_the_user_keeps_it(elsewhere: Elsewhere) -> None:
+    library, folders, made = elsewhere
+    folders[0].write_text("a file where a folder would be")
+    assert library.machine_code() == library.machine_code() == b"code"
+    assert made == [1]
+    assert (folders[1] / library.file_name()).exists()
+
+
+@pytest.mark.parametrize("how", ["cut short", "one bit", "empty"])
+def test_a_damaged_file_is_made_anew(elsewhere: Elsewhere, how: str) -> None:
+    library, folders, made = elsewhere
+    library.machine_code()
+    file = folders[0] / library.file_name()
+    whole = file.read_bytes()
+    middle = len(whole) // 2
+    flipped = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
+    file.write_bytes({"cut short": whole[:middle], "one bit": flipped, "empty": b""}[how])
+    assert library.machine_code() == b"code"
+    assert made == [1, 1]
+    assert file.read_bytes() == whole
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes of files are POSIX's")
+@pytest.mark.parametrize("mode", [0o020, 0o002])
+@pytest.mark.parametrize("what", ["file", "folder"])
+def test_what_others_may_write_is_not_loaded(elsewhere: Elsewhere, what: str, mode: int) -> None:
+    library, folders, made = elsewhere
+    folders[0].mkdir()
+    file = folders[0] / library.file_name()
+    file.write_bytes(sealed(b"theirs"))
+    assert library.machine_code() == b"theirs"  # else this test shows nothing
+    place = file if what == "file" else file.parent
+    place.chmod(place.stat().st_mode | mode)
+    assert library.machine_code() == b"code"
+    assert made == [1]
+    kept = folders[0] if what == "file" else folders[1]  # nothing is written where it would not be read
+    assert (kept / library.file_name()).read_bytes() == sealed(b"code")
+    assert not (kept / library.file_name()).stat().st_mode & 0o022
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="owners of files are POSIX's")
+def test_only_the_user_and_root_are_trusted() -> None:
+    def status(mode: int, owner: int) -> os.stat_result:
+        return os.stat_result((mode, 0, 0, 1, owner, 0, 0, 0, 0, 0))
+
+    me = os.geteuid()
+    assert trusted(status(0o100644, me))
+    assert trusted(status(0o40755, 0))
+    assert not trusted(status(0o100644, me + 1))
+    assert not trusted(status(0o100664, me))
+    assert not trusted(status(0o40757, 0))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the variable is another")
+@pytest.mark.parametrize("value", ["", ".", "cache", "./cache", None])
+def test_a_cache_that_is_no_absolute_path_is_ignored(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, value: str | None
+) -> None:
+    library = toy()
+    monkeypatch.setenv("HOME", "/home/somebody")
+    if value is None:
+        monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    else:
+        monkeypatch.setenv("XDG_CACHE_HOME", value)
+    assert library.folders() == (library.home, Path("/home/somebody/.cache/handfast"))
+    monkeypatch.setenv("XDG_CACHE_HOME", "/var/cache/somebody")
+    assert library.folders()[1:] == (Path("/var/cache/somebody/handfast"),)
+    monkeypatch.setenv("XDG_CACHE_HOME", value or "")
+    monkeypatch.setenv("HOME", "here")
+    assert library.folders()[1:] == ()
+
+
+@pytest.mark.parametrize("what", ["kernel", "helper", "library", "compiler", "numba", "llvmlite", "processor"])
+def test_what_is_made_otherwise_is_other_code(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, what: str
+) -> None:
+    library = toy()
+    before = library.file_name()
+    assert library.file_name() == before
+    if what in ("kernel", "helper", "library"):
+        source = tmp_path / "toy" / f"{what}.py"
+        source.write_text(source.read_text() + "\n")
+    elif what == "compiler":
+        changed = tmp_path / "compiler.py"
+        changed.write_text("# another")
+        others = (path for path in machine_code.OWN_SOURCES if path.name != "compiler.py")
+        monkeypatch.setattr(machine_code, "OWN_SOURCES", (*others, changed))
+    elif what == "processor":
+        monkeypatch.setattr(machine_code, "_processor", lambda: ("another", ""))
+    else:
+        usual = machine_code.version
+        monkeypatch.setattr(machine_code, "version", lambda name: "0.0" if name == what else usual(name))
+    assert library.file_name() != before
