@@ -14,7 +14,8 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
 from handfast.core.errors import InputError
-from handfast.core.workers import serve
+from handfast.core.parallel import START, default_jobs
+from handfast.core.parallel import end_with as serve
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.closing.attempt import Attempts, Fate, Held, Runner
@@ -22,7 +23,6 @@ from handfast.planning.closing.distinct import difference, most_different
 from handfast.planning.closing.palm_poses import STANDARD, Sampling, palm_of
 from handfast.planning.question import refuse_another
 from handfast.stability.loads import Loads
-from handfast.stability.many import START, default_jobs
 from handfast.stability.settings import Settings
 
 WAIT = 0.2  # [s] between looks at the clock

@@ -7,10 +7,10 @@ import os
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from handfast.core.workers import serve
+from handfast.core.parallel import START
+from handfast.core.parallel import end_with as serve
 from handfast.planning.tasks.climb import Unit, Worker
 from handfast.stability.hold import HoldAnswer
-from handfast.stability.many import START
 from handfast.synthesis.search.starts import Certified
 
 WAIT = 0.1  # [s] between looks at a result: Ctrl-C is heard in between

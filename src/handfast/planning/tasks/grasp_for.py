@@ -18,6 +18,7 @@ import numpy as np
 from handfast.core.answer import Reach, Stop
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
+from handfast.core.parallel import default_jobs
 from handfast.geometry.collision import Collisions
 from handfast.geometry.dexterity import dexterity
 from handfast.geometry.scene import Scene
@@ -31,7 +32,6 @@ from handfast.planning.tasks.proved import Grasps, ProvedGrasp, rank
 from handfast.planning.tasks.search_file import Find, Search
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
-from handfast.stability.many import default_jobs
 from handfast.stability.settings import Settings
 from handfast.stability.statics import spare_friction
 from handfast.synthesis.answers import Synthesis
