@@ -39,8 +39,8 @@ from handfast import (
 )
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
-from handfast.planning.tasks.judge import requests
-from handfast.planning.tasks.proved import Grasps
+from handfast.planning.evaluation.evaluator import requests
+from handfast.planning.results.grasps import Grasps
 
 RESULTS = Path(__file__).parent / "results" / "grasp_tasks.json"
 

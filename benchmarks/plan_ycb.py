@@ -35,8 +35,8 @@ from handfast.model.body import Body
 from handfast.model.hand import Coupling, Hand
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.planning.closing.attempt import Fate
-from handfast.planning.closing.plan import Plan, plan
+from handfast.planning.evaluation.attempt import Fate
+from handfast.planning.plan_grasps import Plan, plan
 from handfast.stability.loads import Loads
 
 HERE = Path(__file__).parent

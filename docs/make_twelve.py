@@ -32,9 +32,9 @@ from handfast.core.files import write_bytes
 from handfast.model.configuration import Configuration, save_configuration
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import save_grasp
-from handfast.planning.closing.attempt import Held
-from handfast.planning.closing.palm_poses import Sampling
-from handfast.planning.closing.plan import Plan, plan
+from handfast.planning.candidates.palm_poses import Sampling
+from handfast.planning.evaluation.attempt import Held
+from handfast.planning.plan_grasps import Plan, plan
 from handfast.report.drawing import View
 from handfast.report.plot import picture, scene_meshes
 

@@ -50,8 +50,8 @@ from handfast.model import decompose
 from handfast.model.grasp_file import to_dict
 from handfast.model.hand.coupling import leader_ranges
 from handfast.model.hand_regions import load_hand_regions
-from handfast.planning.tasks.grasp_for import grasp_for
-from handfast.planning.tasks.search_file import Search, load_search, save_search
+from handfast.planning.grasp_for import grasp_for
+from handfast.planning.results.search_file import Search, load_search, save_search
 from handfast.saved import load as load_answer
 from handfast.saved import verify
 from handfast.stability.certify.certificate_file import question_to_dict, save_certificate

@@ -30,10 +30,10 @@ from handfast import (
 from handfast.cli import main
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
-from handfast.planning.tasks.gradient import Gradients
-from handfast.planning.tasks.judge import NEAR, Allowed, Judge, Reason, Steps, requests
-from handfast.planning.tasks.proved import BETTER, Grasps, rank
-from handfast.planning.tasks.unused import Unused
+from handfast.planning.evaluation.evaluator import NEAR, Allowed, Judge, Reason, Steps, requests
+from handfast.planning.evaluation.gradient import Gradients
+from handfast.planning.filters.unused import Unused
+from handfast.planning.results.grasps import BETTER, Grasps, rank
 from handfast.stability.loads import Loads
 from handfast.synthesis.placed import whole
 from handfast.synthesis.problem import Problem

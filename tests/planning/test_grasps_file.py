@@ -18,12 +18,12 @@ import pytest
 from handfast import InputError, Task, grasp_for, load_body, load_grasp, load_task, verify
 from handfast.cli import main
 from handfast.cli.question_tables import grasp_digest
-from handfast.planning.tasks import grasps_file
-from handfast.planning.tasks.asked import Asked
-from handfast.planning.tasks.follows import Follows, contacts_at, grasp_at
-from handfast.planning.tasks.grasps_file import asked_digest
-from handfast.planning.tasks.proved import Grasps
-from handfast.planning.tasks.replay import ReplayedGrasps, difference
+from handfast.planning.requirements import Asked
+from handfast.planning.results import grasps_file
+from handfast.planning.results.derived import Follows, contacts_at, grasp_at
+from handfast.planning.results.grasps import Grasps
+from handfast.planning.results.grasps_file import asked_digest
+from handfast.planning.results.verify_grasps import ReplayedGrasps, difference
 from handfast.stability.loads import Loads
 from handfast.synthesis.answers import Solution
 from handfast.synthesis.embedded import digest, task_to_dict
@@ -129,7 +129,7 @@ def test_it_needs_neither_engine_nor_search(saved: Data, tmp_path: Path) -> None
     code = (
         "import sys, handfast; done = handfast.verify(sys.argv[1]); assert done.ok, done.reason;"
         "names = ('numba', 'mujoco', 'pyscipopt', 'gurobipy', 'highspy', 'handfast.stability.search',"
-        " 'handfast.synthesis.search.kernel', 'handfast.planning.tasks.climb');"
+        " 'handfast.synthesis.search.kernel', 'handfast.planning.evaluation.local_search');"
         "sys.exit(' '.join(n for n in names if n in sys.modules) or 0)"
     )
     command = [sys.executable, "-c", code, str(tmp_path / "g.json")]

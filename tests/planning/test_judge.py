@@ -14,7 +14,7 @@ from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape, transform
-from handfast.planning.tasks.judge import DEEP, Allowed, Candidate, Judge, Reason, Steps
+from handfast.planning.evaluation.evaluator import DEEP, Allowed, Candidate, Judge, Reason, Steps
 from handfast.stability.loads import Loads
 from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.starts import Certified

@@ -30,13 +30,13 @@ from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.shape import Shape
-from handfast.planning.closing import palm_poses
-from handfast.planning.closing.attempt import Attempts, Fate, driven
-from handfast.planning.closing.distinct import difference, most_different
-from handfast.planning.closing.palm_poses import STANDARD, Sampling, Surface, fingertips, palm_of, sweeps
-from handfast.planning.closing.plan import Plan, plan
+from handfast.planning.candidates import palm_poses
+from handfast.planning.candidates.palm_poses import STANDARD, Sampling, Surface, fingertips, palm_of, sweeps
+from handfast.planning.evaluation.attempt import Attempts, Fate, driven
+from handfast.planning.filters.balance import balances
+from handfast.planning.plan_grasps import Plan, plan
+from handfast.planning.ranking.distinct import difference, most_different
 from handfast.stability.loads import Loads
-from handfast.stability.statics import balances
 
 HAND = load_hand("barrett-bh8-280")
 

@@ -20,13 +20,13 @@ from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.hand_regions import HandRegions
 from handfast.model.shape import Shape
-from handfast.planning.regions.balance import imbalance, margin
-from handfast.planning.regions.candidates import Candidate, Dropped, find_candidates, region_sets
-from handfast.planning.regions.hand_shapes import HandShapes, _aligned
-from handfast.planning.regions.idle import placed, postures
-from handfast.planning.regions.propose import Proposals, propose
-from handfast.planning.regions.quick_look import QuickLook
-from handfast.planning.regions.surface_regions import find_places
+from handfast.planning.candidates.hand_shapes import HandShapes, _aligned
+from handfast.planning.candidates.places import find_places
+from handfast.planning.candidates.region_candidates import Candidate, Dropped, find_candidates, region_sets
+from handfast.planning.filters.non_contacting import placed, postures
+from handfast.planning.filters.quick_look import QuickLook
+from handfast.planning.filters.squeeze import imbalance, margin
+from handfast.planning.propose_tasks import Proposals, propose
 
 BARRETT = load_hand("barrett-bh8-280")
 
@@ -303,7 +303,7 @@ def test_the_command(
     tmp_path: Path, found: Proposals, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as m:
-        m.setattr("handfast.planning.regions.propose.propose", lambda *_, **__: found)
+        m.setattr("handfast.planning.propose_tasks.propose", lambda *_, **__: found)
         ask = Propose(hand="barrett-bh8-280", object="slab", count=2, output=tmp_path / "out", json=True)
         assert ask.run() == 0
     said = json.loads(capsys.readouterr().out)

@@ -20,7 +20,7 @@ from handfast.cli.grasp import Grasp
 from handfast.cli.plan import PlanGrasps
 from handfast.core.errors import InputError
 from handfast.core.parallel import START
-from handfast.planning.tasks.search_file import load_search
+from handfast.planning.results.search_file import load_search
 from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.starts import Certified, Starts
 

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from handfast import Contact, Grasp, InputError, Settings, Stop, Verdict, check, load_body
 from handfast.model.body import Body
 from handfast.model.shape import Shape
+from handfast.planning.filters.balance import CIRCUMSCRIBED, imbalance, spare_friction
 from handfast.stability.hold import hold, moderate
 from handfast.stability.loads import Loads
 from handfast.stability.loads_file import load_loads
 from handfast.stability.queries import torques
-from handfast.stability.statics import CIRCUMSCRIBED, imbalance, spare_friction
 from tests.support.problems import X, Y, Z, nest, pinch, table
 
 ZERO = np.zeros(3)

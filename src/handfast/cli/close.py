@@ -49,7 +49,7 @@ class Close(SceneOptions, Command):
         from handfast.geometry.scene import Scene
         from handfast.model.configuration import Configuration, save_configuration
         from handfast.model.grasp_file import save_grasp
-        from handfast.planning.close import close
+        from handfast.planning.closing import close
         from handfast.report import words
 
         check_writable(self.output, self.force, (".json",))

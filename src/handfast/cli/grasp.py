@@ -17,8 +17,8 @@ from handfast.cli.options import Assignments, Command, assigned, check_folder, c
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.planning.tasks.proved import Grasps
-    from handfast.planning.tasks.search_file import Search
+    from handfast.planning.results.grasps import Grasps
+    from handfast.planning.results.search_file import Search
 
 FILES = ("grasps.json", "grasp-{}.json", "configuration-{}.json")
 SEARCH = "search.json"
@@ -73,9 +73,9 @@ class Grasp(LoadsOptions, Command):
     def run(self) -> int:
         from handfast.cli import grasp_tables
         from handfast.model.body import load_body
-        from handfast.planning.tasks.grasp_for import grasp_for
-        from handfast.planning.tasks.judge import Allowed
-        from handfast.planning.tasks.search_file import load_search
+        from handfast.planning.evaluation.evaluator import Allowed
+        from handfast.planning.grasp_for import grasp_for
+        from handfast.planning.results.search_file import load_search
 
         task = load_solvable(self.task)
         if self.count < 1:
@@ -137,7 +137,7 @@ class Grasp(LoadsOptions, Command):
         if answer is not None:
             self._save(answer)
         if answer is not None or time.monotonic() > self._noted + PAUSE:
-            from handfast.planning.tasks.search_file import save_search
+            from handfast.planning.results.search_file import save_search
 
             save_search(search, self.output / SEARCH)
             self._noted = time.monotonic()

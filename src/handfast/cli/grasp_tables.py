@@ -14,15 +14,15 @@ from handfast.cli.question_tables import show_grasps_question
 from handfast.cli.synthesis_tables import STYLE, WHY
 from handfast.cli.table import table
 from handfast.core.answer import Reach
-from handfast.planning.tasks.judge import Reason
+from handfast.planning.evaluation.evaluator import Reason
 from handfast.report import words
 from handfast.report.words import num
 
 if TYPE_CHECKING:
-    from handfast.planning.tasks.grasp_for import Progress
-    from handfast.planning.tasks.grasps_file import SavedGrasps
-    from handfast.planning.tasks.proved import Grasps
-    from handfast.planning.tasks.replay import ReplayedGrasps
+    from handfast.planning.grasp_for import Progress
+    from handfast.planning.results.grasps import Grasps
+    from handfast.planning.results.grasps_file import SavedGrasps
+    from handfast.planning.results.verify_grasps import ReplayedGrasps
 
 
 def progress_text(p: Progress) -> str:

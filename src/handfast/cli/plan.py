@@ -17,7 +17,7 @@ from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.body import Body
-    from handfast.planning.closing.plan import Plan
+    from handfast.planning.plan_grasps import Plan
     from handfast.stability.loads import Loads
 
 
@@ -66,8 +66,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     def run(self) -> int:
         import numpy as np
 
-        from handfast.planning.closing.folder import Folder
-        from handfast.planning.closing.plan import plan
+        from handfast.planning.plan_grasps import plan
+        from handfast.planning.results.plan_folder import Folder
 
         self._check_folder()
         hand, body = self.load_scene()

@@ -12,7 +12,7 @@ from handfast.cli import console
 from handfast.cli.options import Command, check_folder
 
 if TYPE_CHECKING:
-    from handfast.planning.regions.propose import Proposals
+    from handfast.planning.propose_tasks import Proposals
 
 
 @dataclass(kw_only=True)
@@ -51,7 +51,7 @@ class Propose(Command):
         from handfast.model.body import load_body
         from handfast.model.hand.load import load_hand
         from handfast.model.hand_regions import load_hand_regions
-        from handfast.planning.regions.propose import propose
+        from handfast.planning.propose_tasks import propose
 
         check_folder(self.output)
         hand, body = load_hand(self.hand), load_body(self.object)

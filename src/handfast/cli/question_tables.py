@@ -18,7 +18,7 @@ from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
-    from handfast.planning.tasks.grasps_file import SavedGrasps
+    from handfast.planning.results.grasps_file import SavedGrasps
     from handfast.synthesis.task import Task
 
 DIGITS = 16  # of a SHA-256 that are shown

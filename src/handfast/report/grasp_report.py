@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handfast.planning.tasks.proved import Grasps
+from handfast.planning.results.grasps import Grasps
 from handfast.report import Entry, words, write_report
 from handfast.report.drawing import scene_meshes
 from handfast.report.words import num

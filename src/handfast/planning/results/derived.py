@@ -14,8 +14,8 @@ from handfast.geometry.contacts import grasp_of
 from handfast.geometry.dexterity import Dexterity, dexterity
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Contact, Grasp
+from handfast.planning.filters.balance import spare_friction
 from handfast.stability.loads import Loads
-from handfast.stability.statics import spare_friction
 from handfast.synthesis.answers import Solution
 from handfast.synthesis.curvatures import relative_curvatures
 

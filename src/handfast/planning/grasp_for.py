@@ -23,17 +23,17 @@ from handfast.geometry.collision import Collisions
 from handfast.geometry.dexterity import dexterity
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
+from handfast.planning.evaluation.crew import Crew
+from handfast.planning.evaluation.evaluator import NEAR, Allowed, Judge, Reason, requests
+from handfast.planning.evaluation.local_search import Unit, Worker
+from handfast.planning.filters.balance import spare_friction
 from handfast.planning.question import fingerprint, refuse_another
-from handfast.planning.tasks.asked import Asked
-from handfast.planning.tasks.climb import Unit, Worker
-from handfast.planning.tasks.crew import Crew
-from handfast.planning.tasks.judge import NEAR, Allowed, Judge, Reason, requests
-from handfast.planning.tasks.proved import Grasps, ProvedGrasp, rank
-from handfast.planning.tasks.search_file import Find, Search
+from handfast.planning.requirements import Asked
+from handfast.planning.results.grasps import Grasps, ProvedGrasp, rank
+from handfast.planning.results.search_file import Find, Search
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
 from handfast.stability.settings import Settings
-from handfast.stability.statics import spare_friction
 from handfast.synthesis.answers import Synthesis
 from handfast.synthesis.certify.verify_existence import verify_existence
 from handfast.synthesis.curvatures import relative_curvatures

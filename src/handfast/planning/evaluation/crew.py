@@ -9,7 +9,7 @@ from typing import Any
 
 from handfast.core.parallel import START
 from handfast.core.parallel import end_with as serve
-from handfast.planning.tasks.climb import Unit, Worker
+from handfast.planning.evaluation.local_search import Unit, Worker
 from handfast.stability.hold import HoldAnswer
 from handfast.synthesis.search.starts import Certified
 

@@ -12,11 +12,11 @@ from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
 from handfast.model.body import Body
 from handfast.model.hand_regions import HandRegion, HandRegions
-from handfast.planning.regions.balance import imbalance, margin
-from handfast.planning.regions.hand_shapes import HandShapes, Match
-from handfast.planning.regions.idle import placed, postures
-from handfast.planning.regions.quick_look import QuickLook
-from handfast.planning.regions.surface_regions import ERROR, Place, find_places
+from handfast.planning.candidates.hand_shapes import HandShapes, Match
+from handfast.planning.candidates.places import ERROR, Place, find_places
+from handfast.planning.filters.non_contacting import placed, postures
+from handfast.planning.filters.quick_look import QuickLook
+from handfast.planning.filters.squeeze import imbalance, margin
 
 Kind = Literal["pinch", "tripod", "power"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -39,10 +39,10 @@ class Candidate:
 
     Attributes:
         regions, places: k of each.
-        margin: of the balance of forces, see `handfast.planning.regions.balance.margin`.
+        margin: of the balance of forces, see `handfast.planning.filters.squeeze.margin`.
         off_centre: [m] from the centre of mass to the middle of the places.
         score: the margin, less the share of the object's half size by which it is off centre.
-        misfit: of the hand shape that comes nearest, see `handfast.planning.regions.hand_shapes.Match`.
+        misfit: of the hand shape that comes nearest, see `handfast.planning.candidates.hand_shapes.Match`.
         pose: (4, 4) of the object in the hand's base frame there.
         cut: [m] how deep links that are not to touch are in the object, or links in each other, there.
     """

@@ -19,8 +19,8 @@ from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate, write_text
 from handfast.model.configuration import Configuration, load_configuration, save_configuration
 from handfast.model.grasp_file import load_grasp, save_grasp
-from handfast.planning.closing.attempt import Attempts, Fate, Held
-from handfast.planning.closing.plan import Plan
+from handfast.planning.evaluation.attempt import Attempts, Fate, Held
+from handfast.planning.plan_grasps import Plan
 from handfast.planning.question import refuse_another
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.queries import check

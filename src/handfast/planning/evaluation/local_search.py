@@ -19,9 +19,9 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
 from handfast.core.parallel import START
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.tasks.judge import Candidate, Judge, Reason, Steps
-from handfast.planning.tasks.polish import Polish
-from handfast.planning.tasks.search_file import Find
+from handfast.planning.evaluation.evaluator import Candidate, Judge, Reason, Steps
+from handfast.planning.evaluation.refinement import Polish
+from handfast.planning.results.search_file import Find
 from handfast.stability.hold import HoldAnswer, hold, moderate
 from handfast.stability.queries import check
 from handfast.stability.settings import Settings

@@ -17,9 +17,9 @@ from handfast.geometry.dexterity import Dexterity
 from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
-from handfast.planning.tasks.asked import Asked
-from handfast.planning.tasks.follows import Follows
-from handfast.planning.tasks.judge import Reason
+from handfast.planning.evaluation.evaluator import Reason
+from handfast.planning.requirements import Asked
+from handfast.planning.results.derived import Follows
 from handfast.stability.answers import finite
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
@@ -171,7 +171,7 @@ class Grasps:
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.
         """
-        from handfast.planning.tasks import grasps_file
+        from handfast.planning.results import grasps_file
 
         grasps_file.save_grasps(self, path, force=force)
 

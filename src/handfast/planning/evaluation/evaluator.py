@@ -18,11 +18,11 @@ from handfast.core.arrays import Array
 from handfast.geometry.collision import Clearances, Collisions, Push, Requested
 from handfast.geometry.curvature import rim_depth
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.tasks.follows import contacts_at, grasp_at
-from handfast.planning.tasks.gradient import Gradients
-from handfast.planning.tasks.unused import Unused
+from handfast.planning.evaluation.gradient import Gradients
+from handfast.planning.filters.balance import BALANCED, CIRCUMSCRIBED, imbalance
+from handfast.planning.filters.unused import Unused
+from handfast.planning.results.derived import contacts_at, grasp_at
 from handfast.stability.loads import Loads
-from handfast.stability.statics import BALANCED, CIRCUMSCRIBED, imbalance
 from handfast.synthesis.answers import Solution
 from handfast.synthesis.curvatures import relative_curvatures
 from handfast.synthesis.problem import Problem

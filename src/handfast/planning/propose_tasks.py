@@ -24,9 +24,9 @@ from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegions
-from handfast.planning.regions.candidates import Candidate, Dropped, Kind, find_candidates
-from handfast.planning.regions.idle import placed, postures
-from handfast.planning.regions.quick_look import QuickLook
+from handfast.planning.candidates.region_candidates import Candidate, Dropped, Kind, find_candidates
+from handfast.planning.filters.non_contacting import placed, postures
+from handfast.planning.filters.quick_look import QuickLook
 from handfast.synthesis.answers import Solution, Synthesis
 from handfast.synthesis.queries import synthesize
 from handfast.synthesis.task import PoseBounds, Task, Touch
@@ -51,7 +51,7 @@ class Proposal:
         task: regions of the hand and of the object, and bounds on the object's pose.
         answer: of `synthesize`, FOUND.
         names: of the hand regions, in the order of the task's contacts.
-        score: see `handfast.planning.regions.candidates.Candidate`, like margin and off_centre.
+        score: see `handfast.planning.candidates.region_candidates.Candidate`, like margin and off_centre.
         margin: of the balance of forces at the middles of the object regions, up to 1.
         off_centre: [m] from the centre of mass to the middle of the object regions.
         clearance: [m] least signed distance between hand and object, and between links, at the configuration found;

@@ -17,14 +17,14 @@ from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
-from handfast.planning.close import Closed, close
-from handfast.planning.closing import palm_poses
-from handfast.planning.closing.palm_poses import STANDARD, Palm, Sampling, Surface
+from handfast.planning.candidates import palm_poses
+from handfast.planning.candidates.palm_poses import STANDARD, Palm, Sampling, Surface
+from handfast.planning.closing import Closed, close
+from handfast.planning.filters.balance import balances
 from handfast.planning.question import fingerprint
 from handfast.stability.hold import STRONG, HoldAnswer, hold
 from handfast.stability.loads import Loads
 from handfast.stability.settings import Settings
-from handfast.stability.statics import balances
 
 PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
 PUSHES = 4  # of the object by a finger, at most

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.planning.closing.attempt import Held
+from handfast.planning.evaluation.attempt import Held
 
 SHIFT = 0.010  # [m] of the palm
 TURN = np.radians(15)  # [rad] of the palm

@@ -18,9 +18,9 @@ from handfast.core.errors import InputError
 from handfast.core.files import SAME
 from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
-from handfast.planning.tasks.asked import Asked
-from handfast.planning.tasks.follows import Follows, contacts_at, grasp_at
-from handfast.planning.tasks.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict, motors_to_dict
+from handfast.planning.requirements import Asked
+from handfast.planning.results.derived import Follows, contacts_at, grasp_at
+from handfast.planning.results.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict, motors_to_dict
 from handfast.stability import asked as questions
 from handfast.stability.answers import CheckAnswer
 from handfast.stability.certify import replay as stability

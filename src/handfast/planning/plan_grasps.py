@@ -18,10 +18,10 @@ from handfast.core.parallel import START, default_jobs
 from handfast.core.parallel import end_with as serve
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
-from handfast.planning.closing.attempt import Attempts, Fate, Held, Runner
-from handfast.planning.closing.distinct import difference, most_different
-from handfast.planning.closing.palm_poses import STANDARD, Sampling, palm_of
+from handfast.planning.candidates.palm_poses import STANDARD, Sampling, palm_of
+from handfast.planning.evaluation.attempt import Attempts, Fate, Held, Runner
 from handfast.planning.question import refuse_another
+from handfast.planning.ranking.distinct import difference, most_different
 from handfast.stability.loads import Loads
 from handfast.stability.settings import Settings
 

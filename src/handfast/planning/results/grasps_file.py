@@ -25,7 +25,7 @@ from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import ActuatorEntry
 from handfast.model.hand.hand import Hand, coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.planning.tasks.asked import Asked
+from handfast.planning.requirements import Asked
 from handfast.stability.certify.certificate_file import Six
 from handfast.stability.loads import Loads, Weight
 from handfast.stability.model import State
@@ -36,7 +36,7 @@ from handfast.synthesis.result_file import solution_of
 from handfast.synthesis.task import Task
 
 if TYPE_CHECKING:
-    from handfast.planning.tasks.proved import Grasps, ProvedGrasp
+    from handfast.planning.results.grasps import Grasps, ProvedGrasp
 
 SCHEMA, FIRST = "handfast/grasps/2", "handfast/grasps/1"
 Sense = Annotated[int, Field(ge=-1, le=1)]

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate, write_text
-from handfast.planning.tasks.judge import Reason
+from handfast.planning.evaluation.evaluator import Reason
 from handfast.synthesis.certify.existence import Existence, existence_to_dict
 from handfast.synthesis.result_file import solution_of
 from handfast.synthesis.task import Task

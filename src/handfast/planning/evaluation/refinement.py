@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array, Mask
-from handfast.planning.tasks.judge import Candidate, Judge, Steps
+from handfast.planning.evaluation.evaluator import Candidate, Judge, Steps
 
 ROUNDS = 12
 LENGTHS = (0.02, 0.06, 0.15)  # of the steps, in the measure of `distance`
