@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from handfast.planning.grasp_for import grasp_for as grasp_for
     from handfast.planning.plan_grasps import plan as plan
     from handfast.planning.propose_tasks import propose as propose
+    from handfast.planning.requirements import Limits as Limits
     from handfast.saved import verify as verify
     from handfast.stability.hold import hold as hold
     from handfast.stability.loads import Loads as Loads
@@ -77,6 +78,7 @@ _HOME = {
     "plan": "planning.plan_grasps",
     "propose": "planning.propose_tasks",
     "grasp_for": "planning.grasp_for",
+    "Limits": "planning.requirements",
     "verify": "saved",
     "hold": "stability.hold",
     "Loads": "stability.loads",

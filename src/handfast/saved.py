@@ -39,7 +39,7 @@ def verify(
     Raises:
         InputError: the file cannot be read, or is none of these.
     """
-    from handfast.planning.results import replay as grasps
+    from handfast.planning.results import verify_grasps as grasps
     from handfast.planning.results.grasps_file import SavedGrasps
     from handfast.stability.certify import replay as stability
     from handfast.synthesis.answers import Synthesis

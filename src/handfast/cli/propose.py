@@ -90,10 +90,10 @@ class Propose(Command):
                 measured = f"{p.score:.2f}", f"{1e3 * p.off_centre:.0f} mm", f"{1e3 * p.clearance + 0.0:.1f} mm"
                 grid.add_row(p.task.name, ", ".join(p.names), *measured)
             out.print(grid)
-        if found.dropped:
+        if found.tally.rejected:
             grid = table("dropped", "number", "for example")
-            for d in found.dropped:
-                grid.add_row(d.reason, str(d.count), d.example)
+            for reason, some in found.tally.rejected.items():
+                grid.add_row(str(reason), str(some.count), some.example)
             out.print(grid)
         for path in written:
             out.print(f"Written: {path}", soft_wrap=True)

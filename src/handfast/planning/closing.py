@@ -60,9 +60,9 @@ def close(
     """Close the hand from q0 on an object that does not move.
 
     Every closing joint advances, revolute ones at 1 rad/s and prismatic ones at 0.1 m/s. When a link
-    touches the object, the joints between it and the base stop; those further out go on. A coupled joint
-    moves at its ratio with its leader. If the leader is stopped by a contact of a link between the two,
-    the coupled joint goes on alone if `breakaway`, and stops if not. Fingers that meet each other or the
+    touches the object, the joints between it and the base stop; those further out go on. A mimic joint
+    moves at its ratio with its driver. If the driver is stopped by a contact of a link between the two,
+    the mimic joint goes on alone if `breakaway`, and stops if not. Fingers that meet each other or the
     palm stop too; links that are neighbours or that overlap at the start are allowed to. Deterministic:
     links end between 0 and 0.02 mm from what they touch, up to what the start already had.
 
@@ -83,7 +83,7 @@ def close(
     if np.shape(q0) != (hand.l,) or not np.isfinite(q0).all():
         raise InputError(f"needs {hand.l} finite joint values, in the order of the hand's joints", field="q0")
     scene = scene or Scene(hand, body)
-    links, meetings = scene.clearances(np.asarray(q0, dtype=float), pose, REACH)
+    links, between = scene.clearances(np.asarray(q0, dtype=float), pose, REACH)
     worst = int(links.argmin())
     if links[worst] < -OVERLAP:
         raise InputError(
@@ -91,9 +91,9 @@ def close(
             "open it or move the object",
             field="q0",
         )
-    motion = _Motion(hand, q0, (links, meetings), hand.breakaway if breakaway is None else breakaway)
-    watched = np.flatnonzero(meetings > GAP)  # those that meet already are allowed to
-    motion.arrive(links, meetings, scene.self_pairs, watched)
+    motion = _Motion(hand, q0, (links, between), hand.breakaway if breakaway is None else breakaway)
+    watched = np.flatnonzero(between > GAP)  # those that meet already are allowed to
+    motion.arrive(links, between, scene.self_pairs, watched)
     while motion.rate.any():
         motion.advance(scene, pose, watched)
     contacts = find_contacts(hand, motion.q, body, pose, threshold, scene=scene)
@@ -108,17 +108,17 @@ class _Motion:
         self.chains = [hand.moved_by(i) for i in range(len(hand.links))]
         self.moved = np.array([[j in chain for j in range(hand.l)] for chain in self.chains])  # (n_links, l)
         self.speed = np.array([SLIDE if j.type == "prismatic" else 1.0 for j in hand.joints])
-        self.leader = {c.joint: c for c in hand.couplings if c.leader >= 0}
+        self.couplings = {c.joint: c for c in hand.couplings if c.leader >= 0}
         self.stopped: dict[str, str] = {}
         self.touching: list[str] = []
         self._still: set[int] = set()  # stopped joints
-        self._clutched: set[int] = set()  # coupled joints that go on alone
+        self._clutched: set[int] = set()  # mimic joints that go on alone
         self.closes = [j for j in range(hand.l) if hand.closing[j]]
         if not self.closes:
             raise InputError("no joint of the hand closes; give a closing sense", field="closing")
         self.rate = self._rates()
 
-    def arrive(self, links: Array, meetings: Array, pairs: list[tuple[int, int]], watched: Indices) -> None:
+    def arrive(self, links: Array, between: Array, pairs: list[tuple[int, int]], watched: Indices) -> None:
         """Stop what has reached something, and what hangs on that; then set the rates anew."""
         for i in np.flatnonzero(links <= GAP):
             name = self.hand.links[i].name
@@ -126,7 +126,7 @@ class _Motion:
                 self.touching.append(name)
                 self._stop(self.chains[i], f"{name} touches")
         for k in watched:
-            if meetings[k] <= GAP:
+            if between[k] <= GAP:
                 first, second = pairs[k]
                 a, b = (self.hand.links[i].name for i in (first, second))
                 self._stop(self._apart(first, second), f"{a} meets {b}")
@@ -136,7 +136,7 @@ class _Motion:
     def advance(self, scene: Scene, pose: Array, watched: Indices) -> None:
         """One step: as far as the distances allow, to the first touch or limit at the latest."""
         start = self.q
-        links, meetings = self.seen
+        links, between = self.seen
         pairs = scene.self_pairs
         fast = self._link_speeds(scene)
         moves = fast > 0
@@ -144,31 +144,31 @@ class _Motion:
         meet = fast[first] + fast[second]
         apart = self.moved[first[watched]] ^ self.moved[second[watched]]  # joints that move one against the other
         live = watched[(apart & (self.rate != 0)).any(axis=1)]
-        free = np.concatenate([(links - GAP)[moves] / fast[moves], (meetings - GAP)[live] / meet[live]])
+        free = np.concatenate([(links - GAP)[moves] / fast[moves], (between - GAP)[live] / meet[live]])
         step = min(max(LEAST, free.min(initial=np.inf)), self._time_to_limit())
 
         def ahead(t: float) -> tuple[float, Array, Array]:
             d, m = scene.clearances(start + t * self.rate, pose, REACH)
             return min([np.inf, *d[moves], *m[live]]), d, m
 
-        least, links, meetings = ahead(step)
+        least, links, between = ahead(step)
         if least < 0:
             before, after = 0.0, step
             while not 0 <= least <= GAP and after - before > ROUNDING:
                 step = (before + after) / 2
-                least, links, meetings = ahead(step)
+                least, links, between = ahead(step)
                 before, after = (step, after) if least > GAP else (before, step)
             if least < 0:  # it was touching from the start of the step
                 step = before
-                least, links, meetings = ahead(step)
+                least, links, between = ahead(step)
         self.q = start + step * self.rate
         lower, upper = self.hand.limits.T
         inside = self.rate != 0
         self.q[inside] = np.clip(self.q, np.minimum(lower, start), np.maximum(upper, start))[inside]
-        self.seen = links, meetings
+        self.seen = links, between
         stop_at = links.copy()
         stop_at[~moves] = np.inf
-        self.arrive(stop_at, meetings, pairs, live)
+        self.arrive(stop_at, between, pairs, live)
 
     def _apart(self, first: int, second: int) -> set[int]:
         """Joints that move one of two links against the other."""
@@ -203,7 +203,7 @@ class _Motion:
         changed = True
         while changed:
             changed = False
-            for j, c in self.leader.items():
+            for j, c in self.couplings.items():
                 if j in self._clutched or (j in self._still) == (c.leader in self._still):
                     continue
                 changed = True
@@ -215,10 +215,10 @@ class _Motion:
                     self._stop({follower}, f"follows {self.hand.joints[stopped].name}")
         rate = np.zeros(self.hand.l)
         for j in self.closes:
-            if j not in self._still and (j not in self.leader or j in self._clutched):
+            if j not in self._still and (j not in self.couplings or j in self._clutched):
                 rate[j] = self.hand.closing[j] * self.speed[j]
-        for _ in self.leader:
-            for j, c in self.leader.items():
+        for _ in self.couplings:
+            for j, c in self.couplings.items():
                 if j not in self._still and j not in self._clutched:
                     rate[j] = c.ratio * rate[c.leader]
         return rate

@@ -8,7 +8,6 @@ be possible all the same.
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,11 +23,14 @@ from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegions
-from handfast.planning.candidates.region_candidates import Candidate, Dropped, Kind, find_candidates
+from handfast.planning.candidates.region_candidates import Kind, RegionCandidate, find_candidates
 from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
+from handfast.planning.rejection import RejectionReason, Tally
 from handfast.synthesis.answers import Solution, Synthesis
+from handfast.synthesis.problem import Problem
 from handfast.synthesis.queries import synthesize
+from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.task import PoseBounds, Task, Touch
 from handfast.synthesis.task_file import save_task
 
@@ -51,7 +53,7 @@ class Proposal:
         task: regions of the hand and of the object, and bounds on the object's pose.
         answer: of `synthesize`, FOUND.
         names: of the hand regions, in the order of the task's contacts.
-        score: see `handfast.planning.candidates.region_candidates.Candidate`, like margin and off_centre.
+        score: see `RegionCandidate`, like margin and off_centre.
         margin: of the balance of forces at the middles of the object regions, up to 1.
         off_centre: [m] from the centre of mass to the middle of the object regions.
         clearance: [m] least signed distance between hand and object, and between links, at the configuration found;
@@ -93,7 +95,7 @@ class Proposals:
         hand, object: names.
         kind: of grasp.
         proposals: certified ones only, at most as many as were asked for.
-        dropped: the others by reason.
+        tally: what became of the others.
         tried: candidates that were put to synthesis.
         seconds: wall time.
     """
@@ -102,7 +104,7 @@ class Proposals:
     object: str
     kind: Kind
     proposals: tuple[Proposal, ...]
-    dropped: tuple[Dropped, ...]
+    tally: Tally
     tried: int
     seconds: float
 
@@ -115,7 +117,7 @@ class Proposals:
             "tried": self.tried,
             "seconds": self.seconds,
             "proposals": [p.to_json() for p in self.proposals],
-            "dropped": [{"reason": d.reason, "count": d.count, "example": d.example} for d in self.dropped],
+            "dropped": self.tally.examples(),
         }
 
     def save(self, folder: str | Path, *, force: bool = False) -> list[Path]:
@@ -172,24 +174,22 @@ def propose(
     regions = regions or regions_of(hand)
     mu = body.friction if friction is None else friction
     trial = _Trial(hand, body, object, seed, timeout)
-    candidates, dropped = find_candidates(trial.look, regions, body, kind, mu, seed=seed, short=SHORT * count)
+    candidates, tally = find_candidates(trial.look, regions, body, kind, mu, seed=seed, short=SHORT * count)
     candidates = candidates[: PER_PROPOSAL * count]
     for n, candidate in enumerate(candidates):
         if sum(p.clear for p in trial.found) == count:
-            rest = len(candidates) - n
-            dropped.append(Dropped("not tried", rest, "enough were found before"))
+            tally.add(RejectionReason.NOT_TRIED, len(candidates) - n, "enough were found before")
             break
         trial.run(candidate)
         if on_step:
             on_step(f"{n + 1} of at most {len(candidates)} candidates, {len(trial.found)} certified")
-    ranked = sorted(trial.found, key=lambda p: (not p.clear, -p.score))
-    if len(ranked) > count:
-        dropped.append(Dropped("certified, but behind the best", len(ranked) - count, ""))
+    best = sorted(trial.found, key=lambda p: (not p.clear, -p.score))
+    tally.add(RejectionReason.CERTIFIED_BEHIND, len(best) - min(len(best), count))
+    tally.add_all(trial.tally)
     named = tuple(
-        replace(p, task=replace(p.task, name=f"{body.name}-{kind}-{k}")) for k, p in enumerate(ranked[:count], 1)
+        replace(p, task=replace(p.task, name=f"{body.name}-{kind}-{k}")) for k, p in enumerate(best[:count], 1)
     )
-    seconds = time.monotonic() - clock
-    return Proposals(hand.name, body.name, kind, named, (*dropped, *trial.dropped), trial.tried, seconds)
+    return Proposals(hand.name, body.name, kind, named, tally, trial.tried, time.monotonic() - clock)
 
 
 class _Trial:
@@ -199,16 +199,10 @@ class _Trial:
         self.hand, self.object, self.seed, self.timeout = hand, object, seed, timeout
         self.look = QuickLook(Scene(hand, body))
         self.found: list[Proposal] = []
-        self.tried = 0
-        self._reasons: Counter[str] = Counter()
-        self._examples: dict[str, str] = {}
+        self.tried, self.tally = 0, Tally()
 
-    @property
-    def dropped(self) -> list[Dropped]:
-        return [Dropped(reason, n, self._examples[reason]) for reason, n in self._reasons.items()]
-
-    def run(self, candidate: Candidate) -> None:
-        """Solve, and keep or drop."""
+    def run(self, candidate: RegionCandidate) -> None:
+        """Solve, and keep or reject."""
         names = tuple(r.name for r in candidate.regions)
         touches = tuple(
             Touch(r.link, r.region, p.patch) for r, p in zip(candidate.regions, candidate.places, strict=True)
@@ -218,21 +212,19 @@ class _Trial:
         task = self._about(task, candidate.pose)
         answer = synthesize(task, seed=self.seed, timeout=self.timeout)
         if answer.verdict is not Reach.FOUND:
-            return self._drop(f"not reachable: {answer.verdict.upper()}", ", ".join(names))
+            reason = RejectionReason.UNREACHABLE if answer.verdict is Reach.NONE else RejectionReason.UNREACHED
+            self.tally.add(reason, 1, ", ".join(names))
+            return
         c, (solution,) = candidate, answer.solutions
         error = max(p.error for p in c.places)
         clearance = self.look.clearance(solution.q, solution.pose)
         self.found.append(Proposal(task, answer, names, c.score, c.margin, c.off_centre, clearance, error))
-        return None
 
     def _about(self, task: Task, pose: Array) -> Task:
         """The task with bounds about the clearest of some configurations; as it is if none is found quickly.
 
         They are sought near a pose of the object first, then anywhere.
         """
-        from handfast.synthesis.problem import Problem
-        from handfast.synthesis.search.starts import Starts
-
         links = [t.link for t in task.touches]
         best: tuple[float, Task] | None = None
         for asked in (_bounded(task, pose, NEAR, {}), task):
@@ -246,10 +238,6 @@ class _Trial:
                 if best and best[0] > ENOUGH:
                     return best[1]
         return best[1] if best else task
-
-    def _drop(self, reason: str, example: str) -> None:
-        self._reasons[reason] += 1
-        self._examples.setdefault(reason, example)
 
 
 def _bounded(task: Task, pose: Array, window: tuple[float, float], limits: dict[str, float]) -> Task:

@@ -6,7 +6,7 @@ closes. All of this is a heuristic; what becomes of a start is judged afterwards
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ class Sampling:
             so that the fingertips close against the normal of another point of the surface: for flat sides.
         central: share of the starts whose surface point is drawn towards the centre of mass by a random part of
             the way: for long objects.
+        approach: (3,) direction in which the palm approaches, hand's base frame; None for what `palm_of` guesses.
     """
 
     cone: float = np.radians(40)
@@ -52,6 +53,7 @@ class Sampling:
     back: float = 0.02
     aligned: float = 0.5
     central: float = 0.5
+    approach: tuple[float, ...] | None = field(default=None, repr=False)  # a palm shows it
 
 
 STANDARD = Sampling()
@@ -82,7 +84,7 @@ class Start:
     approach: Array
 
 
-class Surface:
+class SurfaceSampler:
     """Points on an object's mesh, equally likely everywhere on its surface. Object frame."""
 
     def __init__(self, body: Body) -> None:
@@ -146,11 +148,11 @@ def fingertips(hand: Hand) -> list[int]:
 
 
 def _within(hand: Hand, q: Array) -> Array:
-    """q (l,) with the coupled joints where their leaders put them, within the limits."""
+    """q (l,) with the mimic joints where their drivers put them, within the limits."""
     return np.clip(coupled(hand, q), *hand.limits.T)
 
 
-def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: Surface, how: Sampling) -> Start:
+def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampler, how: Sampling) -> Start:
     """A random start, the hand's centre on a point of the object's surface: the hand is to be pushed up from afar."""
     share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
     q = palm.opened + share * (palm.closed - palm.opened)
@@ -226,7 +228,9 @@ def _turned(source: Array, target: Array, roll: float) -> Array:
     return _frame(target) @ turn @ _frame(source).T
 
 
-def _squarely(rng: np.random.Generator, hand: Hand, palm: Palm, surface: Surface, q: Array, normal: Array) -> Array:
+def _squarely(
+    rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampler, q: Array, normal: Array
+) -> Array:
     """(3, 3) the approach against a normal, rolled so that the widest-apart fingertips face another normal."""
     tips = _middles(hand, q, fingertips(hand))
     frame = _frame(palm.axis)

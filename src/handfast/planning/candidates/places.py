@@ -65,7 +65,7 @@ def find_places(
             raise InputError(f"is {value:g}; a positive number [m] is needed", field=name)
     if count < 1:
         raise InputError(f"is {count}; a number from 1 on is needed", field="count")
-    surface = _Surface.of(body)
+    surface = _MeshSurface.of(body)
     spread = surface.spread(count, np.random.default_rng(seed))
     across = (surface.opposite(point, normal) for point, normal in spread)
     found = [surface.place(point, normal, radius, error) for point, normal in [*spread, *filter(None, across)]]
@@ -73,7 +73,7 @@ def find_places(
 
 
 @dataclass(frozen=True, eq=False)
-class _Surface:
+class _MeshSurface:
     """A mesh ready to be met by rays: corners (k, 3, 3), outward unit normals (k, 3), areas (k,)."""
 
     body: Body
@@ -82,7 +82,7 @@ class _Surface:
     areas: Array
 
     @classmethod
-    def of(cls, body: Body) -> _Surface:
+    def of(cls, body: Body) -> _MeshSurface:
         corners = np.asarray(body.vertices, dtype=float)[body.faces]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.linalg.norm(normal, axis=1)

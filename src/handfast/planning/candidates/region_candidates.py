@@ -8,15 +8,17 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from handfast.core.arrays import Array, Indices
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.body import Body
 from handfast.model.hand_regions import HandRegion, HandRegions
+from handfast.model.region import Cap
 from handfast.planning.candidates.hand_shapes import HandShapes, Match
+from handfast.planning.candidates.place_sets import Reachable, balanced_sets
 from handfast.planning.candidates.places import ERROR, Place, find_places
 from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
-from handfast.planning.filters.squeeze import imbalance, margin
+from handfast.planning.rejection import RejectionReason, Tally
 
 Kind = Literal["pinch", "tripod", "power"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -24,7 +26,6 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 SHAPES = 3000  # hand shapes that are drawn
 PLACES = 60  # spread over the object
 PATCH = 1.2, 0.15  # half a patch's side, as a share of a fingertip's size and of the object's, whichever is less
-MANY = 150_000  # sets of four and more places that are looked at
 FARTHEST = {"pinch": 2.0, "tripod": 2.0, "power": 4.0}  # misfit beyond which a set of places is out of reach
 LOOKED_AT = 8  # matches of a set of places at which it is seen what the hand cuts into
 SHALLOW = 3e-3  # [m] a cut up to this may vanish when the contacts are brought about
@@ -34,12 +35,12 @@ FINGERS_AROUND = 2  # in a power grasp, beside the palm
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class RegionCandidate:
     """Regions of the hand and the places that they are to touch, in the same order.
 
     Attributes:
         regions, places: k of each.
-        margin: of the balance of forces, see `handfast.planning.filters.squeeze.margin`.
+        margin: of the balance of forces, see `handfast.planning.filters.balance.squeeze_margin`.
         off_centre: [m] from the centre of mass to the middle of the places.
         score: the margin, less the share of the object's half size by which it is off centre.
         misfit: of the hand shape that comes nearest, see `handfast.planning.candidates.hand_shapes.Match`.
@@ -57,21 +58,6 @@ class Candidate:
     cut: float
 
 
-@dataclass(frozen=True)
-class Dropped:
-    """Candidates that were dropped for one reason.
-
-    Attributes:
-        reason: in a few words.
-        count: how many.
-        example: of one of them, with figures; '' if there is nothing more to say.
-    """
-
-    reason: str
-    count: int
-    example: str = ""
-
-
 def find_candidates(
     look: QuickLook,
     regions: HandRegions,
@@ -82,8 +68,8 @@ def find_candidates(
     seed: int = 0,
     short: int = 80,
     spread: int = PLACES,
-) -> tuple[list[Candidate], list[Dropped]]:
-    """Candidates with balanced forces that look reachable, most promising first; and what was dropped on the way.
+) -> tuple[list[RegionCandidate], Tally]:
+    """Candidates with balanced forces that look reachable, most promising first; and what was rejected on the way.
 
     Args:
         look: at the hand and the object.
@@ -109,10 +95,11 @@ def find_candidates(
     radius = min(PATCH[0] * float(np.median([extent(r) for r in own])), PATCH[1] * size)
     places, unfit = find_places(body, radius, count=spread, seed=seed)
     opening = max(shapes.opening(chosen) for chosen in wholes) + SLACK
-    chosen_places, dropped = _balanced(body, places, len(sets[0]), friction, opening, radius, seed, short)
-    if unfit:
-        dropped.insert(0, Dropped("no fit", unfit, f"no patch within {1e3 * ERROR:g} mm of the surface"))
-    found: list[Candidate] = []
+    tally = Tally()
+    tally.add(RejectionReason.NO_PATCH, unfit, f"no patch within {1e3 * ERROR:g} mm of the surface")
+    reach = Reachable(opening, radius, short, seed)
+    chosen_places = balanced_sets(body, places, len(sets[0]), friction, reach, tally)
+    found: list[RegionCandidate] = []
     far: list[float] = []
     for row, steady in chosen_places:
         where = tuple(places[i] for i in row)
@@ -129,11 +116,11 @@ def find_candidates(
         off = float(np.linalg.norm(points.mean(axis=0) - body.center_of_mass))
         score = steady - off / (size / 2)
         chosen = tuple(own[i] for i in best.order)
-        found.append(Candidate(chosen, where, steady, off, score, best.misfit, best.pose, cut))
+        found.append(RegionCandidate(chosen, where, steady, off, score, best.misfit, best.pose, cut))
     if far:
         example = f"the best of {SHAPES} hand shapes misfits by {min(far):.1f}; up to {FARTHEST[kind]:g} is tried"
-        dropped.append(Dropped("out of reach of the hand shapes drawn", len(far), example))
-    return sorted(found, key=lambda c: c.score - DEEP * max(c.cut, SHALLOW) - UNFIT * c.misfit, reverse=True), dropped
+        tally.add(RejectionReason.OUT_OF_REACH, len(far), example)
+    return sorted(found, key=lambda c: c.score - DEEP * max(c.cut, SHALLOW) - UNFIT * c.misfit, reverse=True), tally
 
 
 def _cut(look: QuickLook, links: list[str], match: Match) -> float:
@@ -172,82 +159,8 @@ def region_sets(regions: HandRegions, kind: Kind) -> list[tuple[HandRegion, ...]
 
 def extent(region: HandRegion) -> float:
     """[m] half of the width of a region, roughly."""
-    from handfast.model.region import Cap
-
     r = region.region
     if isinstance(r, Cap):
         return r.radius * float(np.sin(min(r.half_angle, np.pi / 2)))
     across = [np.linalg.norm(r.at(*a) - r.at(*b)) for a, b in (((0, 0.5), (1, 0.5)), ((0.5, 0), (0.5, 1)))]
     return float(min(across)) / 2
-
-
-def _balanced(
-    body: Body, places: tuple[Place, ...], k: int, friction: float, opening: float, radius: float, seed: int, short: int
-) -> tuple[list[tuple[Indices, float]], list[Dropped]]:
-    """Different sets of k places at which forces balance and that the hand opens wide enough for, with margins."""
-    dropped: list[Dropped] = []
-    if len(places) < k:
-        return [], [Dropped("too few places", 1, f"{len(places)} places on the surface; {k} are needed")]
-    points, inward = np.array([p.point for p in places]), -np.array([p.normal for p in places])
-    rows = _sets(points, inward, k, friction, seed)
-    rest = imbalance(points[rows], inward[rows])
-    steady = rest < friction
-    if (~steady).any():
-        least = rest[~steady].min()
-        about = f"the best one is out of balance by {least:.2f} of the pushing force" if np.isfinite(least) else ""
-        dropped.append(Dropped("forces do not balance", int((~steady).sum()), about))
-    rows, rest = rows[steady], rest[steady]
-    pairs = np.triu_indices(k, 1)
-    width = np.linalg.norm(points[rows[:, pairs[0]]] - points[rows[:, pairs[1]]], axis=2).max(axis=1, initial=0.0)
-    wide = width > opening
-    if wide.any():
-        figures = f"{1e3 * width[wide].min():.0f} mm and more; the hand opens to about {1e3 * opening:.0f} mm"
-        dropped.append(Dropped("wider than the hand opens", int(wide.sum()), figures))
-    rows, rest = rows[~wide], rest[~wide]
-    size = float(np.ptp(body.vertices, axis=0).max())
-    off = np.linalg.norm(points[rows].mean(axis=1) - body.center_of_mass, axis=1)
-    small = np.array([p.size[1] for p in places])[rows].min(axis=1, initial=np.inf) / radius
-    order = np.argsort(rest / friction + off / (size / 2) - 0.3 * small, kind="stable")
-    kept: list[tuple[Indices, float]] = []
-    alike = unsteady = 0
-    for row in rows[order]:
-        if any(_alike(points[row], points[other], radius) for other, _ in kept):
-            alike += 1
-            continue
-        m = margin(points[row], inward[row], friction)
-        if m <= 0:
-            unsteady += 1
-            continue
-        kept.append((row, m))
-        if len(kept) == short:
-            break
-    if unsteady:
-        dropped.append(Dropped("forces leave the friction cones", unsteady))
-    if alike:
-        dropped.append(Dropped("alike", alike, f"all places within {1e3 * radius:.0f} mm of a better one's"))
-    left = len(rows) - len(kept) - alike - unsteady
-    if left:
-        dropped.append(Dropped("behind the best", left, f"{short} are looked at closely"))
-    return kept, dropped
-
-
-def _sets(points: Array, inward: Array, k: int, friction: float, seed: int) -> Indices:
-    """(m, k) sets of places, ascending: all pairs or triples, or a sample of larger ones grown from good triples."""
-    n = len(points)
-    if k <= 3:
-        return np.array(list(combinations(range(n), k)), dtype=int).reshape(-1, k)
-    triples = np.array(list(combinations(range(n), 3)), dtype=int)
-    rest = imbalance(points[triples], inward[triples])
-    triples = triples[np.argsort(rest, kind="stable")[: MANY // 50]]
-    random = np.random.default_rng([seed, k])
-    grown = np.repeat(triples, 50, axis=0)
-    for _ in range(k - 3):
-        grown = np.column_stack([grown, random.integers(n, size=len(grown))])
-    grown = np.sort(grown, axis=1)
-    return np.unique(grown[(np.diff(grown, axis=1) > 0).all(axis=1)], axis=0)
-
-
-def _alike(a: Array, b: Array, radius: float) -> bool:
-    """Whether every place of one set is within a radius of one of the other."""
-    apart = np.linalg.norm(a[:, None] - b[None], axis=2)
-    return bool(max(apart.min(axis=0).max(), apart.min(axis=1).max()) < radius)

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from enum import StrEnum
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.geometry.collision import always_meeting
 from handfast.geometry.contacts import THRESHOLD, contact_grasp
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.palm_poses import STANDARD, Palm, Sampling, Surface
+from handfast.planning.candidates.palm_poses import STANDARD, Palm, Sampling, Start, SurfaceSampler
 from handfast.planning.closing import Closed, close
+from handfast.planning.evaluation.holding import held
 from handfast.planning.filters.balance import balances
+from handfast.planning.filters.quick_look import QuickLook
+from handfast.planning.gathering import UnitResult
 from handfast.planning.question import fingerprint
-from handfast.stability.hold import STRONG, HoldAnswer, hold
+from handfast.planning.rejection import RejectionReason, Tally, of_verdict
+from handfast.planning.requirements import Limits
+from handfast.stability.hold import STRONG, HoldAnswer
 from handfast.stability.loads import Loads
 from handfast.stability.settings import Settings
 
@@ -32,24 +33,22 @@ NODES = 250_000  # of a query of one contact; a node's cost grows with the cube 
 PATIENCE = 30.0  # [s] for all queries about a grasp: a fuse, the nodes end them much earlier
 
 
-class Fate(StrEnum):
-    """What became of an attempt; all but the first are reasons to drop it."""
-
-    KEPT = "kept"
-    PAST = "passed the object by"
-    INSIDE = "started with the hand in the object or in itself"
-    MISSES = "would miss, as a few steps of closing show (heuristic)"
-    FEW = "touches with fewer than two fingers or a finger and the palm"
-    PENETRATES = "penetrates by more than 1 mm"
-    UNBALANCED = "no contact forces balance a load (shown)"
-    SLIPS = "no preload resists a load (shown)"
-    UNDECIDED = "no preload was found"
-    STRONG = "needs larger commands than allowed"
-    ALIKE = "like one that was kept"
+REASONS = (
+    RejectionReason.PAST,
+    RejectionReason.INSIDE,
+    RejectionReason.MISSES,
+    RejectionReason.FEW,
+    RejectionReason.PENETRATES,
+    RejectionReason.UNBALANCED,
+    RejectionReason.SLIPS,
+    RejectionReason.UNDECIDED,
+    RejectionReason.STRONG,
+    RejectionReason.ALIKE,
+)
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class PlannedGrasp:
     """A hand around an object that holds its loads.
 
     Attributes:
@@ -71,13 +70,12 @@ class Held:
 
 @dataclass(frozen=True, eq=False)
 class Attempts:
-    """All that attempts share. `run(i)` depends on i and the seed alone, not on the attempts before it.
+    """All that attempts share.
 
     Attributes:
-        loads: what is to be held. command_limit: largest command [N m, N]; None for `STRENGTH`.
-        torque_limits, force_limit, eta: as in `hold`.
+        loads: what is to be held. limits: within which; no `command_limit` is `STRONG` times the largest load, no
+            `settings` a number of nodes, so that the outcome does not hang on the machine.
         sampling: of the starts.
-        settings: of each query; by default a number of nodes, so that the outcome does not hang on the machine.
     """
 
     hand: Hand
@@ -85,85 +83,88 @@ class Attempts:
     palm: Palm
     loads: Loads
     seed: int
-    command_limit: float | None = None
-    torque_limits: Mapping[str, float] | None = None
-    force_limit: float | None = None
-    eta: float = 0.0
-    settings: Settings | None = None
+    limits: Limits = Limits()  # noqa: RUF009
     sampling: Sampling = STANDARD
 
     @property
     def question(self) -> str:
         """The fingerprint of all this."""
-        names = ("palm", "command_limit", "torque_limits", "force_limit", "eta", "sampling", "settings")
-        others = {name: getattr(self, name) for name in names}
+        names = ("command_limit", "torque_limits", "force_limit", "eta", "settings")
+        others = {name: getattr(self.limits, name) for name in names} | {"palm": self.palm, "sampling": self.sampling}
         return fingerprint(self.hand, self.body, self.loads, self.seed, **others)
 
-    def settings_for(self, grasp: Grasp) -> Settings:
-        """Of a query about a grasp."""
-        return self.settings or Settings(node_limit=NODES / grasp.m**3)
 
-    def begin(self) -> Runner:
-        """A runner, with what cannot travel between processes."""
-        return Runner(self)
+def settings_for(grasp: Grasp) -> Settings:
+    """Of a query about a grasp, where none were stated."""
+    return Settings(node_limit=NODES / grasp.m**3)
 
 
 class Runner:
-    """Attempts in one process: the compiled scene and what is worth keeping between attempts."""
+    """Runs attempts; each depends on its number and the seed alone, not on those before it.
+
+    It has the compiled scene and what is worth keeping between attempts.
+    """
 
     def __init__(self, asked: Attempts) -> None:
         self.asked = asked
         self.scene = Scene(asked.hand, asked.body)
-        self.surface = Surface(asked.body)
-        apart = set(self.scene.self_pairs) - set(always_meeting(self.scene))
-        self.watched = np.array([pair in apart for pair in self.scene.self_pairs], dtype=bool)
+        self.surface = SurfaceSampler(asked.body)
+        self.clearance = QuickLook(self.scene)
 
-    def run(self, index: int) -> tuple[Fate, Held | None]:
+    def run(self, number: int) -> UnitResult[PlannedGrasp]:
         """The attempt of a number: what became of it, and the grasp if it holds."""
-        a = self.asked
-        rng = np.random.default_rng([a.seed, index])
+        a, tally = self.asked, Tally()
+        rng = np.random.default_rng([a.seed, number])
         start = palm_poses.draw(rng, a.hand, a.palm, self.surface, a.sampling)
-        pose = palm_poses.pushed(self.scene, start, rng.exponential(a.sampling.back))
+        placed = self.placed(start, rng.exponential(a.sampling.back))
+        found = placed if isinstance(placed, RejectionReason) else self.evaluated(*placed, number)
+        if isinstance(found, RejectionReason):
+            tally.add(found)
+            return UnitResult(tally, ())
+        tally.add(None)
+        return UnitResult(tally, (found,))
+
+    def placed(self, start: Start, back: float) -> tuple[Closed, Array] | RejectionReason:
+        """The hand pushed up to the object and closed, and the object's pose; or why that gives no grasp."""
+        pose = palm_poses.pushed(self.scene, start, back)
         if pose is None:
-            return Fate.PAST, None
-        if max(self._depths(start.q, pose)) > PENETRATION:
-            return Fate.INSIDE, None
+            return RejectionReason.PAST
+        if max(self.clearance.depths(start.q, pose)) > PENETRATION:
+            return RejectionReason.INSIDE
         near = palm_poses.sweeps(self.scene, start.q, pose)
-        if len({self._finger(a.hand.link_names[i]) for i in np.flatnonzero(near)}) < 2:
-            return Fate.MISSES, None
+        if len({self._finger(self.asked.hand.link_names[i]) for i in np.flatnonzero(near)}) < 2:
+            return RejectionReason.MISSES
         try:
             closed, pose = self._closed(start.q, pose)
         except InputError:  # it started deeper in the object than closing allows
-            return Fate.INSIDE, None
+            return RejectionReason.INSIDE
+        return closed, pose
+
+    def evaluated(self, closed: Closed, pose: Array, number: int) -> PlannedGrasp | RejectionReason:
+        """The grasp of a closed hand with a preload that holds all loads, or why it is rejected."""
+        a = self.asked
         if len({self._finger(c.link) for c in closed.contacts}) < 2:
-            return Fate.FEW, None
-        inside, itself = self._depths(closed.q, pose)
+            return RejectionReason.FEW
+        inside, itself = self.clearance.depths(closed.q, pose)
         inside = max(inside, closed.penetration)
         if max(inside, itself) > PENETRATION:
-            return Fate.PENETRATES, None
+            return RejectionReason.PENETRATES
         grasp = contact_grasp(a.hand, closed.q, a.body, pose, scene=self.scene)
-        if not all(balances(grasp, w) for w in a.loads.wrenches):
-            return Fate.UNBALANCED, None
-        drivers = driven(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
-        if not drivers:
-            return Fate.UNDECIDED, None
-        answer = hold(
-            grasp,
-            a.loads,
-            actuators=drivers,
-            least=False,
-            torque_limits=a.torque_limits,
-            force_limit=a.force_limit,
-            eta=a.eta,
-            settings=a.settings_for(grasp),
-            timeout=PATIENCE,
-        )
-        if answer.verdict is not Verdict.HOLDS:
-            return Fate.SLIPS if answer.verdict is Verdict.SLIPS else Fate.UNDECIDED, None
-        if self._strength(grasp.with_preload(answer.preload)) > 1:
-            return Fate.STRONG, None
+        if not balances(grasp, a.loads.wrenches):
+            return RejectionReason.UNBALANCED
+        actuators = squeezing(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
+        if not actuators:
+            return RejectionReason.UNDECIDED
+        how = {"actuators": actuators, "least": False, "timeout": PATIENCE}
+        answer = held(grasp, a.loads, a.limits, settings_for(grasp), **how)
+        reason = of_verdict(answer.verdict)
+        if reason:
+            return reason
         grasp = grasp.with_preload(answer.preload)
-        return Fate.KEPT, Held(closed.q, pose, grasp, answer, inside, itself, index)
+        if self._strength(grasp) > 1:
+            return RejectionReason.STRONG
+        checks = tuple(replace(c, steps=(), proof=None) for c in answer.checks)  # grasps travel between processes
+        return PlannedGrasp(closed.q, pose, grasp, replace(answer, checks=checks), inside, itself, number)
 
     def _closed(self, q: Array, pose: Array) -> tuple[Closed, Array]:
         """The hand closed, and where the object then is.
@@ -189,32 +190,27 @@ class Runner:
         hand = self.asked.hand
         if not why.startswith("follows "):
             return None
-        j, leader = hand.joint(name), hand.joint(why.removeprefix("follows "))
+        j, driver = hand.joint(name), hand.joint(why.removeprefix("follows "))
         chains = (hand.moved_by(i) for i in range(len(hand.links)))
-        return None if any(j in c and leader in c for c in chains) else j
+        return None if any(j in c and driver in c for c in chains) else j
 
     def _strength(self, grasp: Grasp) -> float:
         """The largest command, as a share of what is allowed: a force for sliding joints and tendons, else a torque."""
         a, mechanism = self.asked, grasp.mechanism
-        if a.command_limit is not None:
-            return float(np.abs(grasp.command).max(initial=0.0)) / a.command_limit
+        if a.limits.command_limit is not None:
+            return float(np.abs(grasp.command).max(initial=0.0)) / a.limits.command_limit
         w = a.loads.wrenches
         load = float((np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size).max())
         turns = np.array([joint.type == "revolute" for joint in grasp.joints])
         torque = (mechanism.R[:, turns] != 0).any(axis=1) & ~np.array(mechanism.tendon, dtype=bool)
         return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRONG * load)
 
-    def _depths(self, q: Array, pose: Array) -> tuple[float, float]:
-        """Largest overlap [m] of hand and object, and of two links, 0 if none."""
-        links, meetings = self.scene.clearances(q, pose)
-        return max(0.0, -links.min()), max(0.0, -meetings[self.watched].min(initial=0.0))
-
     def _finger(self, link: str) -> int:
         """Fingers are told apart by the joint next to the base; -1 is the palm."""
         return (self.asked.hand.moved_by(self.asked.hand.link(link)) or (-1,))[0]
 
 
-def driven(grasp: Grasp, stopped: set[str]) -> tuple[str, ...]:
+def squeezing(grasp: Grasp, stopped: set[str]) -> tuple[str, ...]:
     """The actuators of joints that a touch stopped, or that are coupled to one: those whose command squeezes."""
     touched = np.array([j.name in stopped for j in grasp.joints])
     for _ in grasp.mechanism.A:  # a coupled joint may itself be coupled further

@@ -19,11 +19,11 @@ class Gradients:
 
     def __init__(self, problem: Problem) -> None:
         self.problem, hand = problem, problem.task.hand
-        follows = led(hand)
-        self._joint = np.zeros((hand.l, problem.n))  # dq/dx: leaders and what they lead
-        for column, leader in enumerate(problem.free):
-            for j, (first, ratio, _) in follows.items():
-                if first == leader:
+        drivers = led(hand)
+        self._joint = np.zeros((hand.l, problem.n))  # dq/dx: drivers and the joints that mimic them
+        for column, driver in enumerate(problem.free):
+            for j, (first, ratio, _) in drivers.items():
+                if first == driver:
                     self._joint[j, column] = ratio * problem.lengths[column]
         self._pose = len(problem.free)
 

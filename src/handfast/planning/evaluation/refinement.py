@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array, Mask
-from handfast.planning.evaluation.evaluator import Candidate, Judge, Steps
+from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
+from handfast.planning.evaluation.steps import Steps
 
 ROUNDS = 12
 LENGTHS = (0.02, 0.06, 0.15)  # of the steps, in the measure of `distance`
@@ -17,12 +18,12 @@ ENOUGH = 0.15  # of the range between a joint's limits, or of a patch's side: mo
 SHALLOW = 1e-3  # [m] of overlap, or share of friction short, that weighs as much as `ENOUGH` of room
 
 
-class Polish:
+class Refinement:
     """Improves candidates that nothing forbids."""
 
-    def __init__(self, judge: Judge, steps: Steps) -> None:
-        self.judge, self.steps = judge, steps
-        problem = judge.problem
+    def __init__(self, evaluator: Evaluator, steps: Steps) -> None:
+        self.evaluator, self.steps = evaluator, steps
+        problem = evaluator.problem
         self.width = problem.flat.upper - problem.flat.lower
         self.bounded: Mask = np.array(
             [
@@ -31,13 +32,13 @@ class Polish:
             ]
         )
 
-    def polished(self, c: Candidate) -> Candidate:
+    def refined(self, c: GraspCandidate) -> GraspCandidate:
         """The best candidate on the way, which may be the first."""
         now, fails = c, 0
         for round_ in range(ROUNDS):
             inwards = self.inwards(now) if round_ % 2 == 0 else None
             new = self.steps.anywhere(now, LENGTHS) if inwards is None else self.steps.along(now, inwards, LENGTHS)
-            found = [k for k in (self.judge.candidate(x) for x in new) if k and k.possible]
+            found = [k for k in (self.evaluator.candidate(x) for x in new) if k and k.possible]
             best = max(found, key=self.quality, default=now)
             if self.quality(best) > self.quality(now) + 1e-3:
                 now, fails = best, 0
@@ -47,20 +48,20 @@ class Polish:
                     break
         return now
 
-    def quality(self, c: Candidate) -> float:
+    def quality(self, c: GraspCandidate) -> float:
         """Room to the limits, up to enough of it, less overlap and friction that is missing at a smaller share."""
         overlap = min(c.clearances.least_to_object, c.clearances.least_between, 0.0)
         return min(float(self.room(c).min(initial=ENOUGH)), ENOUGH) / ENOUGH + overlap / SHALLOW - c.cost
 
-    def room(self, c: Candidate) -> Array:
+    def room(self, c: GraspCandidate) -> Array:
         """Distance of each bounded coordinate to its nearer bound, as a share of its range."""
-        flat, x = self.judge.problem.flat, c.certified.x
+        flat, x = self.evaluator.problem.flat, c.certified.x
         room = np.minimum(x - flat.lower, flat.upper - x)[self.bounded]
         return np.asarray(room / self.width[self.bounded])
 
-    def inwards(self, c: Candidate) -> Array | None:
+    def inwards(self, c: GraspCandidate) -> Array | None:
         """(n,) away from the bounds that are near, in coordinates times the weights of `Walks`; None if none is."""
-        flat, x = self.judge.problem.flat, c.certified.x
+        flat, x = self.evaluator.problem.flat, c.certified.x
         g = np.zeros(len(x))
         short = np.maximum(0.0, ENOUGH - self.room(c))
         middle = (flat.lower + flat.upper)[self.bounded] / 2

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.planning.evaluation.attempt import Held
+from handfast.planning.evaluation.attempt import PlannedGrasp
 
 SHIFT = 0.010  # [m] of the palm
 TURN = np.radians(15)  # [rad] of the palm
@@ -16,7 +16,7 @@ SLIDE = 0.1  # [m] of a prismatic joint counts like 1 rad
 POINT = 0.010  # [m] between a contact and the nearest of the other grasp
 
 
-def difference(a: Held, b: Held, prismatic: Array | None = None) -> float:
+def difference(a: PlannedGrasp, b: PlannedGrasp, prismatic: Array | None = None) -> float:
     """How far two grasps of a hand on an object differ; alike below 1.
 
     The largest of four: the palm's shift over 10 mm, its turn over 15 degrees, the largest joint difference over
@@ -37,7 +37,7 @@ def difference(a: Held, b: Held, prismatic: Array | None = None) -> float:
     return max(shift / SHIFT, turn / TURN, float(bend.max(initial=0.0)) / BEND, points / POINT)
 
 
-def most_different(grasps: Sequence[Held], count: int, prismatic: Array | None = None) -> list[Held]:
+def most_different(grasps: Sequence[PlannedGrasp], count: int, prismatic: Array | None = None) -> list[PlannedGrasp]:
     """`count` grasps far from each other: the first, then always the one farthest from those chosen. In that order."""
     left = list(grasps)
     chosen = left[:1]

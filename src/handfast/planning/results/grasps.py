@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,19 +14,23 @@ from handfast.core.answer import Reach, Stop, header
 from handfast.core.arrays import Array
 from handfast.geometry.collision import Clearances
 from handfast.geometry.dexterity import Dexterity
+from handfast.model import grasp_file
 from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
-from handfast.planning.evaluation.evaluator import Reason
-from handfast.planning.requirements import Asked
-from handfast.planning.results.derived import Follows
+from handfast.planning.evaluation.derived import Derived
+from handfast.planning.ranking.rank import rank
+from handfast.planning.rejection import Tally
+from handfast.planning.requirements import Requirements
+from handfast.planning.results import grasps_file
+from handfast.planning.results.grasps_file import ObjectEntry, SavedGrasp, SavedGrasps
+from handfast.planning.results.search_file import REASONS, SavedSearch
+from handfast.planning.results.verify_grasps import ReplayedGrasp, ReplayedGrasps, verify, verify_grasp
 from handfast.stability.answers import finite
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
 from handfast.synthesis.answers import Solution, Synthesis
 from handfast.synthesis.task import Task
-
-BETTER = {"command": -1, "spare_friction": 1, "clearance": 1, "from_limits": 1, "manipulability": 1}
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +39,14 @@ class ProvedGrasp:
 
     Attributes:
         solution: the configuration of synthesis with its proof.
-        q: (l,) all joints [rad, m], unused fingers placed.
+        q: (l,) all joints [rad, m], those of non-contacting fingers placed.
         grasp: at the certified contacts, object frame, with the preload in force.
         answer: the preload and a witness for each load.
+        requirements: friction, actuators and limits, as asked.
         clearances: to the object and of the hand to itself.
         curvatures: (b,) [1/m] relative curvature at the contacts, negative where they curve into each other.
         dexterity: manipulability and distance to the joint limits.
-        spare_friction: share of the friction without which forces could still balance every load.
+        friction_margin: share of the friction without which forces could still balance every load.
         repaired: was it improved from a start that did not hold?
         score: mean rank share among the grasps of one answer, 1 for one that is best in everything.
     """
@@ -50,10 +55,11 @@ class ProvedGrasp:
     q: Array
     grasp: Grasp
     answer: HoldAnswer
+    requirements: Requirements
     clearances: Clearances
     curvatures: Array
     dexterity: Dexterity
-    spare_friction: float
+    friction_margin: float
     repaired: bool
     score: float = 0.0
 
@@ -73,7 +79,7 @@ class ProvedGrasp:
         c, d = self.clearances, self.dexterity
         return {
             "command": self.command,
-            "spare_friction": self.spare_friction,
+            "friction_margin": self.friction_margin,
             "clearance": min(c.least_to_object, c.least_between),
             "from_limits": d.least_from_limits,
             "manipulability": d.manipulability,
@@ -87,10 +93,10 @@ class ProvedGrasp:
         return Configuration.of(task.hand, self.q, self.pose, preload=self.grasp.preload or None, **named)
 
     @property
-    def follows(self) -> Follows:
+    def derived(self) -> Derived:
         """What is said of it that its proofs, preload and loads alone give: a replay computes it again."""
         preload = self.answer.preload or {}
-        return Follows(self.configuration, preload, self.spare_friction, self.curvatures, self.dexterity)
+        return Derived(self.configuration, preload, self.friction_margin, self.curvatures, self.dexterity)
 
     @property
     def noted(self) -> dict[str, Any]:
@@ -103,9 +109,22 @@ class ProvedGrasp:
             "clearances": self.clearances.to_json(),
         }
 
+    @property
+    def saved(self) -> SavedGrasp:
+        """As a file holds it."""
+        checks = zip(self.answer.loads.names, self.answer.checks, strict=True)
+        witnesses = {name: a.witness.state for name, a in checks if a.witness}
+        said = grasp_file.to_dict(self.grasp)
+        joints = self.solution.task.hand.values(self.q)
+        return SavedGrasp(self.solution, joints, self.grasp, said, witnesses, self.derived.to_json())
+
+    def verify(self) -> ReplayedGrasp:
+        """Everything that is proved of it, checked again without any search, see `verify_grasps`."""
+        return verify_grasp(self.saved, self.answer.loads, self.requirements)
+
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints for it."""
-        return self.noted | self.follows.to_json()
+        return self.noted | self.derived.to_json()
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +137,11 @@ class Grasps:
             UNDECIDED.
         stop: why the search ended. seconds: wall time after start-up.
         grasps: best first.
-        fates: what became of the certified random starts; the sum is their number.
-        judged: configurations that were looked at, steps included. starts, unproved: of the local search.
+        tally: what became of the certified random starts.
+        evaluated: configurations that were looked at, steps included. starts, unproved: of the local search.
         synthesis: the answer behind NONE, or behind an UNDECIDED where no start was ever certified.
-        asked: friction, actuators and limits, as asked.
+        requirements: friction, actuators and limits, as asked.
+        search: how far it has come, to go on from.
     """
 
     task: Task = field(repr=False)
@@ -133,17 +153,13 @@ class Grasps:
     stop: Stop
     seconds: float
     grasps: tuple[ProvedGrasp, ...]
-    fates: Mapping[Reason, int]
-    judged: int
+    tally: Tally
+    evaluated: int
     starts: int
     unproved: int
     synthesis: Synthesis | None = field(default=None, repr=False)
-    asked: Asked = field(kw_only=True, repr=False)
-
-    @property
-    def fates_total(self) -> int:
-        """Certified starts that were judged."""
-        return sum(self.fates.values())
+    requirements: Requirements = field(kw_only=True, repr=False)
+    search: SavedSearch = field(kw_only=True, repr=False)
 
     @property
     def nodes(self) -> int:
@@ -161,9 +177,23 @@ class Grasps:
             "seed": self.seed,
             "starts": self.starts,
             "unproved": self.unproved,
-            "judged": self.judged,
-            "fates": {r.name.lower(): n for r, n in self.fates.items()},
+            "judged": self.evaluated,
+            "fates": self.tally.to_json("holds", REASONS),
         }
+
+    @property
+    def saved(self) -> SavedGrasps:
+        """As a `handfast/grasps/2` file holds it."""
+        mass, center = self.body.mass, np.asarray(self.body.center_of_mass, dtype=float).tolist()
+        thing = ObjectEntry(name=self.body.name, mass=None if mass is None else float(mass), center_of_mass=center)
+        record = {k: v for k, v in self.noted.items() if k not in ("schema", "query", "verdict")}
+        record |= {"count": self.count, "grasps": [g.noted for g in self.grasps]}
+        saved = [g.saved for g in self.grasps]
+        return SavedGrasps.of(self.task, thing, self.loads, self.requirements, self.verdict, saved, record)
+
+    def verify(self) -> ReplayedGrasps:
+        """Everything that is proved of the grasps, checked again without any search, see `verify_grasps`."""
+        return verify(self.saved)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a `handfast/grasps/2` file, for `handfast verify`.
@@ -171,24 +201,11 @@ class Grasps:
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.
         """
-        from handfast.planning.results import grasps_file
-
-        grasps_file.save_grasps(self, path, force=force)
+        grasps_file.save_grasps(self.saved, path, force=force)
 
 
-def rank(grasps: Sequence[ProvedGrasp]) -> list[float]:
-    """A score for each of some grasps: its mean rank share over the terms, 1 best, equal ones alike.
-
-    Every term counts the same, in ranks rather than amounts, so that no unit has to be weighed against
-    another: the largest command (smaller is better), the spare friction, the clearance, the distance to the
-    joint limits and the manipulability (larger is better).
-    """
-    if len(grasps) < 2:
-        return [1.0] * len(grasps)
-    shares = []
-    for name, sense in BETTER.items():
-        x = sense * np.array([g.terms[name] for g in grasps])
-        worse = (x[None] < x[:, None]).sum(axis=1)
-        better = (x[None] > x[:, None]).sum(axis=1)
-        shares.append((worse + (len(x) - 1 - worse - better) / 2) / (len(x) - 1))
-    return np.mean(shares, axis=0).tolist()
+def ranked(grasps: Sequence[ProvedGrasp]) -> tuple[ProvedGrasp, ...]:
+    """Best first, with their scores."""
+    scores = rank([g.terms for g in grasps])
+    scored = [replace(g, score=s) for g, s in zip(grasps, scores, strict=True)]
+    return tuple(sorted(scored, key=lambda g: -g.score))

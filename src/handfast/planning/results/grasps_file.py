@@ -9,9 +9,10 @@ scores. `checksum` is that of all the rest; it tells of damage, not of forgery.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -25,7 +26,7 @@ from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import ActuatorEntry
 from handfast.model.hand.hand import Hand, coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.planning.requirements import Asked
+from handfast.planning.requirements import Requirements
 from handfast.stability.certify.certificate_file import Six
 from handfast.stability.loads import Loads, Weight
 from handfast.stability.model import State
@@ -34,9 +35,6 @@ from handfast.synthesis.certify.existence import existence_to_dict
 from handfast.synthesis.embedded import digest, refuse_broken, sealed, task_from_dict, task_to_dict
 from handfast.synthesis.result_file import solution_of
 from handfast.synthesis.task import Task
-
-if TYPE_CHECKING:
-    from handfast.planning.results.grasps import Grasps, ProvedGrasp
 
 SCHEMA, FIRST = "handfast/grasps/2", "handfast/grasps/1"
 Sense = Annotated[int, Field(ge=-1, le=1)]
@@ -68,7 +66,7 @@ class ObjectEntry(Strict):
     center_of_mass: Vector
 
 
-class QuestionEntry(Strict):
+class GraspsQuestionEntry(Strict):
     """`eta` in radians."""
 
     object: ObjectEntry
@@ -81,7 +79,7 @@ class QuestionEntry(Strict):
     command_limit: Finite | None
 
 
-class StateEntry(Strict):
+class LoadWitnessEntry(Strict):
     """As `State`."""
 
     r: Six
@@ -97,11 +95,11 @@ class GraspEntry(Strict):
     existence: dict[str, Any]
     joints: dict[str, Finite]
     grasp: dict[str, Any]
-    witnesses: dict[str, StateEntry]
+    witnesses: dict[str, LoadWitnessEntry]
 
 
-class AnswerEntry(Strict):
-    """`question`: SHA-256 of what it answers, see `asked_digest`. `grasps`: what follows from each (`Follows`)."""
+class GraspsAnswerEntry(Strict):
+    """`question`: SHA-256 of what it answers, see `asked_digest`. `grasps`: what follows from each (`Derived`)."""
 
     format: Literal["handfast/answer/1"] = Field(alias="schema")
     query: Literal["grasp"]
@@ -118,8 +116,8 @@ class GraspsFile(Strict):
     checksum: str
     task: dict[str, Any]
     motors: MotorsEntry
-    question: QuestionEntry
-    answer: AnswerEntry
+    question: GraspsQuestionEntry
+    answer: GraspsAnswerEntry
     record: dict[str, Any]
     grasps: list[GraspEntry]
 
@@ -156,63 +154,76 @@ class SavedGrasps:
     Attributes:
         task: its hand has the file's motors and closing senses.
         object: name, mass and centre of mass.
-        loads, asked: the question.
+        loads, requirements: the question.
         grasps: best first.
         answer: what is said of them all.
         record: what the search noted; nothing of it is proved.
-        checksum: of the file. question: SHA-256 of task, motors and question as they stand in it.
+        question: SHA-256 of task, motors and question as they stand in the file.
     """
 
     task: Task
     object: ObjectEntry
     loads: Loads
-    asked: Asked
+    requirements: Requirements
     grasps: tuple[SavedGrasp, ...]
-    answer: AnswerEntry
+    answer: GraspsAnswerEntry
     record: dict[str, Any]
-    checksum: str
     question: str
+
+    @classmethod
+    def of(
+        cls,
+        task: Task,
+        object: ObjectEntry,
+        loads: Loads,
+        requirements: Requirements,
+        verdict: Reach,
+        grasps: Sequence[SavedGrasp],
+        record: dict[str, Any],
+    ) -> SavedGrasps:
+        """An answer as a file would hold it."""
+        question = asked_digest(_primary(task, object, loads, requirements))
+        answer = GraspsAnswerEntry(
+            schema="handfast/answer/1",
+            query="grasp",
+            question=question,
+            verdict=verdict,
+            loads=loads.by_name,
+            grasps=[g.answer for g in grasps],
+        )
+        return cls(task, object, loads, requirements, tuple(grasps), answer, record, question)
 
 
 # --- writing ----------------------------------------------------------------------------------------
 
 
-def to_dict(answer: Grasps) -> dict[str, Any]:
-    """The answer as a `handfast/grasps/2` object; numbers come back exactly."""
-    asked, body = answer.asked, answer.body
-    record = {k: v for k, v in answer.noted.items() if k not in ("schema", "query", "verdict")}
-    primary = {
-        "task": task_to_dict(answer.task),
-        "motors": motors_to_dict(answer.task.hand),
-        "question": {
-            "object": {
-                "name": body.name,
-                "mass": None if body.mass is None else float(body.mass),
-                "center_of_mass": np.asarray(body.center_of_mass, dtype=float).tolist(),
-            },
-            "loads": loads_to_dict(answer.loads),
-            "friction": float(asked.friction),
-            "actuators": list(asked.actuators),
-            "eta": float(asked.eta),
-            "torque_limits": {n: float(v) for n, v in asked.torque_limits.items()},
-            "force_limit": None if asked.force_limit is None else float(asked.force_limit),
-            "command_limit": None if asked.command_limit is None else float(asked.command_limit),
-        },
-    }
+def to_dict(saved: SavedGrasps) -> dict[str, Any]:
+    """A `handfast/grasps/2` object; numbers come back exactly."""
     data = {
         "schema": SCHEMA,
-        "answer": {
-            "schema": "handfast/answer/1",
-            "query": "grasp",
-            "question": asked_digest(primary),
-            "verdict": str(answer.verdict),
-            "loads": answer.loads.by_name,
-            "grasps": [g.follows.to_json() for g in answer.grasps],
-        },
-        "record": record | {"count": answer.count, "grasps": [g.noted for g in answer.grasps]},
-        "grasps": [_entry(g) for g in answer.grasps],
+        "answer": saved.answer.model_dump(by_alias=True, mode="json"),
+        "record": saved.record,
+        "grasps": [_entry(g) for g in saved.grasps],
     }
-    return sealed(primary | data)
+    return sealed(_primary(saved.task, saved.object, saved.loads, saved.requirements) | data)
+
+
+def _primary(task: Task, thing: ObjectEntry, loads: Loads, r: Requirements) -> dict[str, Any]:
+    """What is asked."""
+    return {
+        "task": task_to_dict(task),
+        "motors": motors_to_dict(task.hand),
+        "question": {
+            "object": thing.model_dump(mode="json"),
+            "loads": loads_to_dict(loads),
+            "friction": float(r.friction),
+            "actuators": list(r.actuators),
+            "eta": float(r.eta),
+            "torque_limits": {n: float(v) for n, v in (r.torque_limits or {}).items()},
+            "force_limit": None if r.force_limit is None else float(r.force_limit),
+            "command_limit": None if r.command_limit is None else float(r.command_limit),
+        },
+    }
 
 
 def asked_digest(data: dict[str, Any]) -> str:
@@ -242,19 +253,19 @@ def loads_to_dict(loads: Loads) -> dict[str, Any]:
     }
 
 
-def _entry(g: ProvedGrasp) -> dict[str, Any]:
-    states = {n: a.witness.state for n, a in zip(g.answer.loads.names, g.answer.checks, strict=True) if a.witness}
+def _entry(g: SavedGrasp) -> dict[str, Any]:
+    states = {n: {k: getattr(s, k).tolist() for k in LoadWitnessEntry.model_fields} for n, s in g.witnesses.items()}
     return {
         "existence": existence_to_dict(g.solution.existence),
-        "joints": g.solution.task.hand.values(g.q),
-        "grasp": grasp_file.to_dict(g.grasp),
-        "witnesses": {n: {k: getattr(s, k).tolist() for k in StateEntry.model_fields} for n, s in states.items()},
+        "joints": g.joints,
+        "grasp": g.said,
+        "witnesses": states,
     }
 
 
-def save_grasps(answer: Grasps, path: str | Path, *, force: bool = False) -> None:
+def save_grasps(saved: SavedGrasps, path: str | Path, *, force: bool = False) -> None:
     """Write the file. Raises `InputError` if it exists and `force` is not set."""
-    write_text(path, json.dumps(to_dict(answer), allow_nan=False) + "\n", force=force)
+    write_text(path, json.dumps(to_dict(saved), allow_nan=False) + "\n", force=force)
 
 
 # --- reading ----------------------------------------------------------------------------------------
@@ -275,12 +286,19 @@ def from_dict(data: Any) -> SavedGrasps:
     q, said = entry.question, entry.answer
     if len(said.grasps) != len(entry.grasps):
         raise InputError(f"has {len(said.grasps)} entries for {len(entry.grasps)} grasps", field="answer.grasps")
-    asked = Asked(q.friction, tuple(q.actuators), q.eta, q.torque_limits, q.force_limit, q.command_limit)
+    requirements = Requirements(
+        friction=q.friction,
+        actuators=tuple(q.actuators),
+        eta=q.eta,
+        torque_limits=q.torque_limits,
+        force_limit=q.force_limit,
+        command_limit=q.command_limit,
+    )
     grasps = tuple(
         _grasp(task, e, answer, f"grasps[{i}]")
         for i, (e, answer) in enumerate(zip(entry.grasps, said.grasps, strict=True))
     )
-    return SavedGrasps(task, q.object, _loads(q), asked, grasps, said, entry.record, entry.checksum, asked_digest(data))
+    return SavedGrasps(task, q.object, _loads(q), requirements, grasps, said, entry.record, asked_digest(data))
 
 
 def _driven(hand: Hand, motors: MotorsEntry) -> Hand:
@@ -303,7 +321,7 @@ def _driven(hand: Hand, motors: MotorsEntry) -> Hand:
     return replace(hand, mechanism=mechanism, closing=np.array([motors.closing[j] for j in names]))
 
 
-def _loads(q: QuestionEntry) -> Loads:
+def _loads(q: GraspsQuestionEntry) -> Loads:
     """The loads with their wrenches, those of weights computed from the object's."""
     wrenches: list[Array] = []
     weights: list[Weight | None] = []

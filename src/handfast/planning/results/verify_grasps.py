@@ -1,8 +1,8 @@
-"""Replays saved grasps: existence, what follows from it, and every load under the preload.
+"""Checks grasps again: existence, what follows from it, and every load under the preload.
 
 Nothing of the search is needed: the independent checker for the proofs of existence, the hand's kinematics and the
-question for the grasp that they make, the equations of the model for the witnesses. All that the file says of the
-grasps is computed again from these and compared; what cannot be stands in its `record`, of which nothing is claimed.
+question for the grasp that they make, the equations of the model for the witnesses. All that is said of the grasps is
+computed again from these and compared; what cannot be stands in a file's `record`, of which nothing is claimed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from handfast.core.answer import Checked, Reach, Stop, Verdict
 from handfast.core.arrays import Array
@@ -18,13 +18,14 @@ from handfast.core.errors import InputError
 from handfast.core.files import SAME
 from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
-from handfast.planning.requirements import Asked
-from handfast.planning.results.derived import Follows, contacts_at, grasp_at
+from handfast.planning.evaluation.derived import Derived, contacts_at, grasp_at
+from handfast.planning.requirements import Requirements
 from handfast.planning.results.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict, motors_to_dict
 from handfast.stability import asked as questions
 from handfast.stability.answers import CheckAnswer
 from handfast.stability.certify import replay as stability
 from handfast.stability.certify.certificate import Question
+from handfast.stability.loads import Loads
 from handfast.stability.model import State
 from handfast.stability.witness import Witness
 from handfast.synthesis.answers import Solution
@@ -35,8 +36,33 @@ LONG = 60  # characters of a value that are shown
 SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is
 
 
-class Refused(Exception):
+class NotProved(Exception):
     """Why a grasp is not proved."""
+
+
+REPLAYED = "existence, joints, contacts, mechanism, preload, every load's equilibrium, and what follows from these"
+NOT_REPLAYED = "clearances, scores, lower bounds and the course of the search"
+
+
+@dataclass(frozen=True)
+class ReplayedGrasp(Checked):
+    """A grasp that was checked.
+
+    Attributes:
+        residuals: of the witness of each load.
+        seconds: wall time.
+        reason: why it is not proved: one line; '' if it is.
+        replayed, not_replayed: what of it was checked, and what cannot be.
+    """
+
+    residuals: tuple[float, ...]
+    seconds: float
+    reason: str
+    replayed: ClassVar[str] = REPLAYED
+    not_replayed: ClassVar[str] = NOT_REPLAYED
+
+    def to_json(self) -> dict[str, Any]:
+        return self._json({"witnesses": len(self.residuals), "residual": max(self.residuals, default=0.0)})
 
 
 @dataclass(frozen=True)
@@ -49,6 +75,7 @@ class ReplayedGrasps(Checked):
         loads: how many witnesses were replayed. residual: the worst of them.
         seconds: wall time.
         reason: why not all is proved: one line; '' if it is.
+        replayed, not_replayed: what of each grasp was checked, and what cannot be.
     """
 
     question: dict[str, Any]
@@ -57,6 +84,8 @@ class ReplayedGrasps(Checked):
     residual: float
     seconds: float
     reason: str
+    replayed: ClassVar[str] = REPLAYED
+    not_replayed: ClassVar[str] = NOT_REPLAYED
 
     def to_json(self) -> dict[str, Any]:
         return self._json(
@@ -70,18 +99,24 @@ class ReplayedGrasps(Checked):
 
 
 def verify(saved: SavedGrasps) -> ReplayedGrasps:
-    """Does every grasp exist, is it what the file says of it, and does it hold every load under its preload?"""
+    """Does every grasp exist, is it what is said of it, and does it hold every load under its preload?"""
     start = time.monotonic()
-    reasons, residuals = [], [0.0]
-    for g in saved.grasps:
-        try:
-            residuals += _replayed(g, saved)
-            reasons.append("")
-        except (Refused, InputError) as fault:
-            reasons.append(str(fault))
+    done = [verify_grasp(g, saved.loads, saved.requirements) for g in saved.grasps]
+    residuals = [r for d in done for r in d.residuals]
+    reasons = tuple(d.reason for d in done)
     wrong = [f"grasp {i}: {r}" for i, r in enumerate(reasons, start=1) if r] or [_answer_fault(saved)]
-    seconds = time.monotonic() - start
-    return ReplayedGrasps(question_of(saved), tuple(reasons), len(residuals) - 1, max(residuals), seconds, wrong[0])
+    worst, seconds = max(residuals, default=0.0), time.monotonic() - start
+    return ReplayedGrasps(question_of(saved), reasons, len(residuals), worst, seconds, wrong[0])
+
+
+def verify_grasp(g: SavedGrasp, loads: Loads, requirements: Requirements) -> ReplayedGrasp:
+    """Does one grasp exist, is it what is said of it, and does it hold every load under its preload?"""
+    start = time.monotonic()
+    try:
+        residuals, reason = tuple(_replayed(g, loads, requirements)), ""
+    except (NotProved, InputError) as fault:
+        residuals, reason = (), str(fault)
+    return ReplayedGrasp(residuals, time.monotonic() - start, reason)
 
 
 def question_of(saved: SavedGrasps) -> dict[str, Any]:
@@ -91,7 +126,7 @@ def question_of(saved: SavedGrasps) -> dict[str, Any]:
     couplings, motors and closing senses; of an object the regions to touch, mass and centre of mass; of a task hand,
     limits, regions and bounds.
     """
-    task, thing, asked = task_to_dict(saved.task), saved.object, saved.asked
+    task, thing, asked = task_to_dict(saved.task), saved.object, saved.requirements
     joints = [{key: value for key, value in j.items() if key != "limits"} for j in task["hand"]["joints"]]
     hand = {key: task["hand"][key] for key in ("links", "couplings")} | {"joints": joints}
     hand |= {"motors": motors_to_dict(saved.task.hand)}
@@ -107,7 +142,7 @@ def question_of(saved: SavedGrasps) -> dict[str, Any]:
         "friction": asked.friction,
         "actuators": list(asked.actuators),
         "eta": asked.eta,
-        "torque_limits": dict(asked.torque_limits),
+        "torque_limits": dict(asked.torque_limits or {}),
         "force_limit": asked.force_limit,
         "command_limit": asked.command_limit,
         "mdp": True,
@@ -128,49 +163,49 @@ def _answer_fault(saved: SavedGrasps) -> str:
     return difference(saved.loads.by_name, answer.loads, "answer.loads", small=0.0)
 
 
-def _replayed(g: SavedGrasp, saved: SavedGrasps) -> list[float]:
-    """The residual of each load's witness; `Refused` or `InputError` if something of the grasp is not proved."""
+def _replayed(g: SavedGrasp, loads: Loads, requirements: Requirements) -> list[float]:
+    """The residual of each load's witness; `NotProved` or `InputError` if something of the grasp is not proved."""
     report = g.solution.verify()
     if not report.ok:
-        raise Refused(report.reasons[0])
-    _refuse(joints_misfit(g.solution, g.joints))
-    bare = grasp_at(g.solution, g.q, contacts_at(g.solution, saved.asked.friction))
-    _refuse(difference(grasp_file.to_dict(bare) | {"preload": g.said.get("preload")}, g.said, "grasp"))
-    grasp, driven = bare.with_preload(g.grasp.preload), saved.asked.driven(bare)
-    _refuse(difference(grasp.preload, g.said["preload"], "grasp.preload", small=0.0))
-    _refuse(_commands_fault(grasp, driven, saved.asked))
+        raise NotProved(report.reasons[0])
+    _require(joints_misfit(g.solution, g.joints))
+    bare = grasp_at(g.solution, g.q, contacts_at(g.solution, requirements.friction))
+    _require(difference(grasp_file.to_dict(bare) | {"preload": g.said.get("preload")}, g.said, "grasp"))
+    grasp, driven = bare.with_preload(g.grasp.preload), requirements.driven(bare)
+    _require(difference(grasp.preload, g.said["preload"], "grasp.preload", small=0.0))
+    _require(_commands_fault(grasp, driven, requirements))
     preload = {name: grasp.preload.get(name, 0.0) for name in driven}
-    _refuse(difference(preload, g.answer.get("preload"), "answer.preload", small=0.0))
-    _refuse(difference(Follows.of(g.solution, g.q, grasp, preload, saved.loads).to_json(), g.answer, "answer"))
-    if g.witnesses.keys() != set(saved.loads.names):
-        raise Refused(f"has witnesses for {len(g.witnesses)} loads, not for each of {', '.join(saved.loads.names)}")
+    _require(difference(preload, g.answer.get("preload"), "answer.preload", small=0.0))
+    _require(difference(Derived.of(g.solution, g.q, grasp, preload, loads).to_json(), g.answer, "answer"))
+    if g.witnesses.keys() != set(loads.names):
+        raise NotProved(f"has witnesses for {len(g.witnesses)} loads, not for each of {', '.join(loads.names)}")
     residuals = []
-    for name, wrench in zip(saved.loads.names, saved.loads.wrenches, strict=True):
+    for name, wrench in zip(loads.names, loads.wrenches, strict=True):
         try:
-            residuals.append(_held(grasp, wrench, g.witnesses[name], saved.asked))
-        except (Refused, InputError) as fault:
-            raise Refused(f"{name}: {fault}") from None
+            residuals.append(_held(grasp, wrench, g.witnesses[name], requirements))
+        except (NotProved, InputError) as fault:
+            raise NotProved(f"{name}: {fault}") from None
     return residuals
 
 
-def _held(grasp: Grasp, wrench: Array, state: State, asked: Asked) -> float:
-    """The residual of a state that holds a load; `Refused` if it does not."""
+def _held(grasp: Grasp, wrench: Array, state: State, asked: Requirements) -> float:
+    """The residual of a state that holds a load; `NotProved` if it does not."""
     sizes = {"r": 6, "q": grasp.l, "c": 3 * grasp.m, "f": grasp.mechanism.a, "coupling": len(grasp.mechanism.A)}
     for key, size in sizes.items():
         if len(getattr(state, key)) != size:
-            raise Refused(f"its witness has {len(getattr(state, key))} numbers for {key}, needs {size}")
+            raise NotProved(f"its witness has {len(getattr(state, key))} numbers for {key}, needs {size}")
     question = Question(
-        grasp, wrench=wrench, eta=asked.eta, torque_limits=asked.torque_limits, force_limit=asked.force_limit
+        grasp, wrench=wrench, eta=asked.eta, torque_limits=asked.torque_limits or {}, force_limit=asked.force_limit
     )
     witness = Witness(grasp, wrench, state, asked.eta, mdp=True)
     posed = questions.posed(question)
     done = stability.verify(CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), witness, None, posed=posed))
     if not done.ok or done.witness is None:
-        raise Refused(done.reason)
+        raise NotProved(done.reason)
     return done.witness.residual
 
 
-def _commands_fault(grasp: Grasp, driven: list[str], asked: Asked) -> str:
+def _commands_fault(grasp: Grasp, driven: list[str], asked: Requirements) -> str:
     """Which command was not allowed; '' if all were."""
     for name, value in grasp.preload.items():
         if name not in driven:
@@ -180,9 +215,9 @@ def _commands_fault(grasp: Grasp, driven: list[str], asked: Asked) -> str:
     return ""
 
 
-def _refuse(reason: str) -> None:
+def _require(reason: str) -> None:
     if reason:
-        raise Refused(reason)
+        raise NotProved(reason)
 
 
 def joints_misfit(solution: Solution, joints: dict[str, float]) -> str:
@@ -195,8 +230,8 @@ def joints_misfit(solution: Solution, joints: dict[str, float]) -> str:
         if not joint.lower - CLOSE <= value <= joint.upper + CLOSE:
             return f"{joint.name} is beyond its limits"
     for c in hand.couplings:
-        leader = joints[hand.joints[c.leader].name] if c.leader >= 0 else 0.0
-        if abs(joints[hand.joints[c.joint].name] - c.ratio * leader - c.offset) > CLOSE:
+        driver = joints[hand.joints[c.leader].name] if c.leader >= 0 else 0.0
+        if abs(joints[hand.joints[c.joint].name] - c.ratio * driver - c.offset) > CLOSE:
             return f"{hand.joints[c.joint].name} does not follow its coupling"
     return ""
 

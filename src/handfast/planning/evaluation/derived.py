@@ -14,7 +14,7 @@ from handfast.geometry.contacts import grasp_of
 from handfast.geometry.dexterity import Dexterity, dexterity
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.filters.balance import spare_friction
+from handfast.planning.filters.balance import friction_margin
 from handfast.stability.loads import Loads
 from handfast.synthesis.answers import Solution
 from handfast.synthesis.curvatures import relative_curvatures
@@ -35,32 +35,32 @@ def grasp_at(solution: Solution, q: Array, contacts: Sequence[Contact]) -> Grasp
 
 
 @dataclass(frozen=True, eq=False)
-class Follows:
+class Derived:
     """What is said of a grasp beside its proofs, computed from the configuration, the preload and the loads alone.
 
     Attributes:
         configuration: as a file, with the preload.
         preload: actuator -> command [N m or N], 0 is locked.
-        spare_friction: share of the friction without which forces could still balance every load.
+        friction_margin: share of the friction without which forces could still balance every load.
         curvatures: (b,) [1/m] relative curvature at the contacts, negative where they curve into each other.
         dexterity: manipulability and distance to the joint limits.
     """
 
     configuration: Configuration
     preload: Mapping[str, float]
-    spare_friction: float
+    friction_margin: float
     curvatures: Array
     dexterity: Dexterity
 
     @classmethod
-    def of(cls, solution: Solution, q: Array, grasp: Grasp, preload: Mapping[str, float], loads: Loads) -> Follows:
+    def of(cls, solution: Solution, q: Array, grasp: Grasp, preload: Mapping[str, float], loads: Loads) -> Derived:
         """Of a grasp (`grasp_at`, with its preload) at joints q (l,)."""
         task = solution.task
         named = {"hand": task.hand.source or task.hand.name, "object": task.object}
         return cls(
             Configuration.of(task.hand, q, solution.pose, preload=grasp.preload or None, **named),
             preload,
-            spare_friction(grasp, loads.wrenches),
+            friction_margin(grasp, loads.wrenches),
             relative_curvatures(solution),
             dexterity(task.hand, q, [t.link for t in task.touches], solution.points, grasp),
         )
@@ -75,7 +75,7 @@ class Follows:
             "preload": dict(self.preload),
             "upper": self.command,
             "configuration": self.configuration.model_dump(by_alias=True, exclude_none=True, mode="json"),
-            "spare_friction": self.spare_friction,
+            "spare_friction": self.friction_margin,
             "curvatures": self.curvatures.tolist(),
             "dexterity": self.dexterity.to_json(),
         }
