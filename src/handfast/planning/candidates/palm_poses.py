@@ -1,7 +1,7 @@
 """Where a hand may start: palm poses around an object and pre-shapes, drawn at random and pushed up to the object.
 
 Nothing here knows a particular hand: which way a hand reaches follows from where its fingertips go when it
-closes. All of this is a heuristic; what becomes of a start is judged afterwards.
+closes. All of this is a heuristic; what becomes of a start is evaluated afterwards.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -83,7 +83,7 @@ class Attempts:
     palm: Palm
     loads: Loads
     seed: int
-    limits: Limits = Limits()  # noqa: RUF009
+    limits: Limits = field(default_factory=Limits)
     sampling: Sampling = STANDARD
 
     @property

@@ -21,8 +21,10 @@ FILES = "grasp-{}.json", "configuration-{}.json"
 
 
 class GraspFolder(SearchFolder[Grasps]):
-    """Attributes:
-    written: files of the grasps.
+    """The files of the best grasps so far, and of the search.
+
+    Attributes:
+        written: the files of the grasps.
     """
 
     holds = "grasps"
