@@ -39,8 +39,9 @@ from handfast import (
 )
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
-from handfast.planning.tasks.judge import requests
-from handfast.planning.tasks.proved import Grasps
+from handfast.planning.evaluation.evaluator import requests
+from handfast.planning.journal import Journal
+from handfast.planning.results.grasps import Grasps
 
 RESULTS = Path(__file__).parent / "results" / "grasp_tasks.json"
 
@@ -66,7 +67,7 @@ def run(name: str, seed: int, options: argparse.Namespace) -> dict[str, Any]:
         seed=seed,
         timeout=options.timeout,
         jobs=options.jobs,
-        on_step=lambda p: first.append((time.monotonic(), p.found)),
+        journal=Journal(lambda so_far: first.append((time.monotonic(), len(so_far.grasps)))),
     )
     warm = time.monotonic() - begin - answer.seconds  # compilation and loading
     earliest = next((t - begin - warm for t, n in first if n), None)
@@ -79,10 +80,10 @@ def run(name: str, seed: int, options: argparse.Namespace) -> dict[str, Any]:
         "first": earliest,
         "seconds": answer.seconds,
         "stop": str(answer.stop),
-        "judged": answer.judged,
-        "fates": {r.name.lower(): n for r, n in answer.fates.items()},
+        "judged": answer.evaluated,
+        "fates": answer.noted["fates"],
         "command": [g.command for g in answer.grasps],
-        "spare_friction": [g.spare_friction for g in answer.grasps],
+        "spare_friction": [g.friction_margin for g in answer.grasps],
         "from_limits": [g.terms["from_limits"] for g in answer.grasps],
     } | checked(answer)
 

@@ -373,7 +373,7 @@ def attempt(rig: Rig, body: Body, rng: np.random.Generator) -> tuple[Grasp, Arra
     from scipy.spatial.transform import Rotation
 
     from handfast.geometry.contacts import contact_grasp
-    from handfast.planning.close import close
+    from handfast.planning.closing import close
 
     turn = Rotation.random(rng=rng)
     if rng.random() < 0.6:  # faces along the hand's axes, so that they meet flat

@@ -18,8 +18,9 @@ import numpy as np
 
 from benchmarks.grasps import random_case
 from benchmarks.machine import describe
+from handfast.core.parallel import default_jobs
 from handfast.model.grasp_file import load_grasp
-from handfast.stability.many import Case, Options, default_jobs, max_many, maxima
+from handfast.stability.many import Case, Options, max_many, maxima
 from handfast.stability.queries import maximum
 
 RESULTS = Path(__file__).parent / "results" / "maps.json"

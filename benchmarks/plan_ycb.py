@@ -35,8 +35,9 @@ from handfast.model.body import Body
 from handfast.model.hand import Coupling, Hand
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.planning.closing.attempt import Fate
-from handfast.planning.closing.plan import Plan, plan
+from handfast.planning.plan_grasps import plan
+from handfast.planning.rejection import RejectionReason
+from handfast.planning.results.planned import Plan
 from handfast.stability.loads import Loads
 
 HERE = Path(__file__).parent
@@ -73,7 +74,7 @@ def measured(hand: Hand, body: Body, planned: Plan) -> list[dict[str, Any]]:
     watched = np.array([pair not in always_meeting(scene) for pair in scene.self_pairs])
     rows = []
     for g in planned.grasps:
-        links, meetings = scene.clearances(g.q, g.pose)
+        links, between = scene.clearances(g.q, g.pose)
         contacts = find_contacts(hand, g.q, body, g.pose, scene=scene)
         rows.append(
             {
@@ -82,7 +83,7 @@ def measured(hand: Hand, body: Body, planned: Plan) -> list[dict[str, Any]]:
                 "links": sorted({c.link for c in contacts}),
                 "preload": {n: round(v, 5) for n, v in g.grasp.preload.items()},
                 "penetration_mm": round(1e3 * max(0.0, -links.min(), *(c.depth for c in contacts)), 5),
-                "self_penetration_mm": round(1e3 * max(0.0, -meetings[watched].min(initial=0.0)), 5),
+                "self_penetration_mm": round(1e3 * max(0.0, -between[watched].min(initial=0.0)), 5),
                 "worst_residual": max(a.witness.residuals.worst for a in g.answer.checks if a.witness),
             }
         )
@@ -104,7 +105,7 @@ def run(shared: Path, hand_name: str, thing: str) -> dict[str, Any]:
         "seconds": round(planned.seconds, 1),
         "processor_seconds": round(used, 1),
         "tried": planned.tried,
-        "fates": {f.name.lower(): n for f, n in planned.fates.items()},
+        "fates": planned.to_json()["fates"],
         "penetration_mm": max((r["penetration_mm"] for r in rows), default=None),
         "self_penetration_mm": max((r["self_penetration_mm"] for r in rows), default=None),
         "contacts": sorted(r["contacts"] for r in rows),
@@ -122,7 +123,7 @@ def one_side(shared: Path, record: dict[str, Any]) -> dict[str, Any]:
     planned = plan(
         hand, body, count=tried, attempts=tried, seed=SEED, timeout=TIMEOUT, loads=Loads.gravity(body, ["-z"])
     )
-    holding = planned.fates[Fate.KEPT] + planned.fates[Fate.ALIKE]
+    holding = planned.tally.passed + planned.tally[RejectionReason.ALIKE]
     return {"starts": planned.tried, "one": holding, "six": record["fates"]["kept"] + record["fates"]["alike"]}
 
 

@@ -21,8 +21,8 @@ from handfast.geometry.guess_regions import regions_of
 from handfast.geometry.scene import Scene
 from handfast.model.body import load_body
 from handfast.model.hand.load import load_hand
-from handfast.planning.regions.propose import Proposals, propose
-from handfast.planning.tasks.judge import requests
+from handfast.planning.evaluation.evaluator import requests
+from handfast.planning.propose_tasks import Proposals, propose
 
 RESULTS = Path(__file__).parent / "results" / "propose.json"
 SHARED = Path(__file__).parents[2] / "shared"

@@ -41,7 +41,7 @@ from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.model.hand import Hand
-from handfast.planning.close import Closed
+from handfast.planning.closing import Closed
 from handfast.report import Entry, write_report
 from handfast.report.plot import Mesh, draw_grasp, picture, scene_meshes
 from handfast.stability.queries import CheckAnswer

@@ -20,7 +20,7 @@ from matplotlib.image import imread
 from handfast import Loads, Settings, force_map, grasp_for, load_body, load_task
 from handfast.core.arrays import Array
 from handfast.core.files import write_bytes
-from handfast.planning.tasks.proved import ProvedGrasp
+from handfast.planning.results.grasps import ProvedGrasp
 from handfast.report.drawing import AMBER, BLUE, Mesh, solids
 from handfast.report.plot import draw_map, picture, scene_meshes
 from handfast.stability.witness import Witness

@@ -32,9 +32,11 @@ from handfast.core.files import write_bytes
 from handfast.model.configuration import Configuration, save_configuration
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import save_grasp
-from handfast.planning.closing.attempt import Held
-from handfast.planning.closing.palm_poses import Sampling
-from handfast.planning.closing.plan import Plan, plan
+from handfast.planning.candidates.palm_poses import Sampling
+from handfast.planning.evaluation.attempt import PlannedGrasp
+from handfast.planning.plan_grasps import plan
+from handfast.planning.requirements import Limits
+from handfast.planning.results.planned import Plan
 from handfast.report.drawing import View
 from handfast.report.plot import picture, scene_meshes
 
@@ -66,28 +68,27 @@ DATA = ROOT / "src" / "handfast" / "data"
 IMAGE = ROOT / "docs" / "img" / "twelve.png"
 
 
-def suits(held: Held, contacts: int) -> bool:
+def suits(held: PlannedGrasp, contacts: int) -> bool:
     """As many contacts as wanted, on all three fingers, and at least two actuators that squeeze."""
     fingers = {c.link.split("_")[1] for c in held.grasp.contacts if c.link.startswith("finger")}
     return held.grasp.m == contacts and len(fingers) == 3 and len(held.grasp.preload) >= 2
 
 
-def chosen(planned: Plan, contacts: int) -> Held | None:
+def chosen(planned: Plan, contacts: int) -> PlannedGrasp | None:
     """The suitable grasp with the smallest largest command; the first of equals."""
     fitting = [g for g in planned.grasps if suits(g, contacts)]
     return min(fitting, key=lambda g: g.answer.upper, default=None)
 
 
-def made(name: str, contacts: int) -> tuple[Held, Configuration]:
+def made(name: str, contacts: int) -> tuple[PlannedGrasp, Configuration]:
     """The grasp of an object, planned, and its configuration file.
 
     Raises:
         LookupError: none suits.
     """
     hand, body = load_hand(HAND), load_body(name)
-    planned = plan(
-        hand, body, count=ATTEMPTS, attempts=ATTEMPTS, seed=SEED, timeout=3600, settings=SETTINGS, sampling=SAMPLING
-    )
+    effort = {"count": ATTEMPTS, "attempts": ATTEMPTS, "timeout": 3600}
+    planned = plan(hand, body, seed=SEED, limits=Limits(settings=SETTINGS), sampling=SAMPLING, **effort)
     counts = sorted(g.grasp.m for g in planned.grasps)
     print(f"{name}: {len(counts)} of {planned.tried} in {planned.seconds:.0f} s, contacts {counts}", file=sys.stderr)
     held = chosen(planned, contacts)

@@ -50,8 +50,8 @@ from handfast.model import decompose
 from handfast.model.grasp_file import to_dict
 from handfast.model.hand.coupling import leader_ranges
 from handfast.model.hand_regions import load_hand_regions
-from handfast.planning.tasks.grasp_for import grasp_for
-from handfast.planning.tasks.search_file import Search, load_search, save_search
+from handfast.planning.grasp_for import grasp_for
+from handfast.planning.results.search_file import load_search, save_search
 from handfast.saved import load as load_answer
 from handfast.saved import verify
 from handfast.stability.certify.certificate_file import question_to_dict, save_certificate
@@ -119,7 +119,6 @@ def samples(folder: Path) -> dict[str, list[Path]]:
     out["synthesis"] = [folder / "found.synthesis.json", folder / "open.synthesis.json"]
     synthesize(task, count=2, timeout=30).save(out["synthesis"][0])
     synthesize(load_task("scalpel-handling"), count=99, timeout=0.5).save(out["synthesis"][1])
-    found: list[Search] = []
     body = load_body("scalpel")
     grasps = grasp_for(
         load_task("scalpel-incision"),
@@ -127,11 +126,10 @@ def samples(folder: Path) -> dict[str, list[Path]]:
         Loads.gravity(body, ["-z"]),
         jobs=1,
         timeout=None,
-        on_find=lambda search, _: found.append(search),
     )
     out["grasps"], out["search"] = [folder / "grasps.json"], [folder / "search.json"]
     grasps.save(out["grasps"][0])
-    save_search(found[-1], out["search"][0])
+    save_search(grasps.search, out["search"][0])
     import trimesh
 
     solids = {"box": trimesh.creation.box((0.1, 0.2, 0.3)), "ball": trimesh.creation.icosphere(1, 0.05)}

@@ -27,7 +27,7 @@ from handfast.model.body import Body, load_body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp_file import to_dict
 from handfast.model.hand import Hand, load_hand
-from handfast.planning.close import close
+from handfast.planning.closing import close
 
 DATA = Path(__file__).parents[1] / "src" / "handfast" / "data"
 HAND = "barrett-bh8-280"

@@ -29,10 +29,11 @@ if TYPE_CHECKING:
     from handfast.model.mechanism import Mechanism as Mechanism
     from handfast.model.region import Bezier as Bezier
     from handfast.model.region import Cap as Cap
-    from handfast.planning.close import close as close
-    from handfast.planning.closing.plan import plan as plan
-    from handfast.planning.regions.propose import propose as propose
-    from handfast.planning.tasks.grasp_for import grasp_for as grasp_for
+    from handfast.planning.closing import close as close
+    from handfast.planning.grasp_for import grasp_for as grasp_for
+    from handfast.planning.plan_grasps import plan as plan
+    from handfast.planning.propose_tasks import propose as propose
+    from handfast.planning.requirements import Limits as Limits
     from handfast.saved import verify as verify
     from handfast.stability.hold import hold as hold
     from handfast.stability.loads import Loads as Loads
@@ -73,10 +74,11 @@ _HOME = {
     "Mechanism": "model.mechanism",
     "Bezier": "model.region",
     "Cap": "model.region",
-    "close": "planning.close",
-    "plan": "planning.closing.plan",
-    "propose": "planning.regions.propose",
-    "grasp_for": "planning.tasks.grasp_for",
+    "close": "planning.closing",
+    "plan": "planning.plan_grasps",
+    "propose": "planning.propose_tasks",
+    "grasp_for": "planning.grasp_for",
+    "Limits": "planning.requirements",
     "verify": "saved",
     "hold": "stability.hold",
     "Loads": "stability.loads",

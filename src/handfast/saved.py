@@ -9,8 +9,8 @@ from handfast.core.errors import InputError
 from handfast.core.files import read_json
 
 if TYPE_CHECKING:
-    from handfast.planning.tasks.grasps_file import SavedGrasps
-    from handfast.planning.tasks.replay import ReplayedGrasps
+    from handfast.planning.results.grasps_file import SavedGrasps
+    from handfast.planning.results.verify_grasps import ReplayedGrasps
     from handfast.stability.answers import Answer
     from handfast.stability.certify.certificate import Certificate
     from handfast.stability.certify.replay import Verified
@@ -39,8 +39,8 @@ def verify(
     Raises:
         InputError: the file cannot be read, or is none of these.
     """
-    from handfast.planning.tasks import replay as grasps
-    from handfast.planning.tasks.grasps_file import SavedGrasps
+    from handfast.planning.results import verify_grasps as grasps
+    from handfast.planning.results.grasps_file import SavedGrasps
     from handfast.stability.certify import replay as stability
     from handfast.synthesis.answers import Synthesis
     from handfast.synthesis.certify import replay as synthesis
@@ -62,7 +62,7 @@ def load(path: str | Path) -> Any:
 
             return result_file.from_dict(data)
         if schema in ("handfast/grasps/1", "handfast/grasps/2"):
-            from handfast.planning.tasks import grasps_file
+            from handfast.planning.results import grasps_file
 
             return grasps_file.from_dict(data)
         if schema not in SCHEMAS:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
-from handfast.geometry.collision import Collisions, Push, Requested, always_meeting, samples
+from handfast.geometry.collision import Collisions, Requested, SeparationVector, always_meeting, samples
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.hand import Hand, Joint, Link, load_hand
@@ -68,7 +68,7 @@ def test_a_fingertip_that_just_touches_is_free() -> None:
     assert found.free(depth=0, at_contacts=1e-6)
     np.testing.assert_allclose(found.at_contacts, 0, atol=1e-7)
     assert found.least_to_object == found.cutoff
-    assert check.pushes(NONE, HERE, [asked(0, 0, 0)], margin=5e-3) == []
+    assert check.separations(NONE, HERE, [asked(0, 0, 0)], margin=5e-3) == []
 
 
 @pytest.mark.parametrize("depth", [-3e-3, 2e-4, 2e-3])
@@ -89,7 +89,7 @@ def test_a_contact_does_not_hide_what_is_pressed_in_beside_it() -> None:
     assert found.at_contacts[0] == pytest.approx(-2e-3, abs=1e-6)
     # beside the disc the corner at y = 4 mm is 2 mm - SLOPE * 3 mm deep; samples are 5/3 mm apart
     assert -1.72e-3 <= found.least_to_object <= -1.72e-3 + SLOPE * 3e-3
-    (push,) = check.pushes(NONE, HERE, [asked(0, 0, -1e-3)])
+    (push,) = check.separations(NONE, HERE, [asked(0, 0, -1e-3)])
     assert push.distance == found.least_to_object
     # off the floor if a corner of the finger is found, along the finger's face if a point of the floor is
     assert np.cos(np.arctan(SLOPE)) - 1e-6 <= push.direction[2] <= 1 + 1e-9
@@ -101,7 +101,7 @@ def test_a_disc_that_holds_the_whole_overlap_leaves_nothing() -> None:
     found = check.clearances(NONE, HERE, [asked(0, 0, -1e-3)])
     assert found.at_contacts[0] == pytest.approx(-2e-3, abs=1e-6)
     assert found.least_to_object == found.cutoff
-    assert check.pushes(NONE, HERE, [asked(0, 0, -1e-3)]) == []
+    assert check.separations(NONE, HERE, [asked(0, 0, -1e-3)]) == []
 
 
 def test_the_object_pressed_into_a_flat_hand_is_seen_as_well() -> None:
@@ -109,7 +109,7 @@ def test_the_object_pressed_into_a_flat_hand_is_seen_as_well() -> None:
     check = over(fixture(FLOOR), tilted(2e-3))
     found = check.clearances(NONE, HERE, [asked(0, 0, -1e-3, down=1)])
     assert -1.72e-3 <= found.least_to_object <= -1.72e-3 + SLOPE * 3e-3
-    (push,) = check.pushes(NONE, HERE, [asked(0, 0, -1e-3, down=1)])
+    (push,) = check.separations(NONE, HERE, [asked(0, 0, -1e-3, down=1)])
     assert np.cos(np.arctan(SLOPE)) - 1e-6 <= -push.direction[2] <= 1 + 1e-9
 
 
@@ -182,7 +182,7 @@ def test_a_push_says_how_the_distance_changes(sah: Collisions, seed: int) -> Non
     hand, h = sah.scene.hand, 1e-5
     q, pose = placed(hand, seed)
     dq = np.random.default_rng(seed).normal(size=hand.l)
-    pushes = sah.pushes(q, pose, margin=0.03)
+    pushes = sah.separations(q, pose, margin=0.03)
     assert [p.distance for p in pushes] == sorted(p.distance for p in pushes)
     before, after = (sah.scene.clearances(q + s * h * dq, pose, 0.1) for s in (-1, 1))
     for push in nearest_of_links(pushes):
@@ -210,14 +210,14 @@ def test_a_contact_only_ever_excuses(sah: Collisions, seed: int) -> None:
     for n, inside in zip(near.values(), after.at_contacts, strict=True):
         assert inside == pytest.approx(n.distance, abs=1e-9)
     np.testing.assert_allclose(after.between, before.between, atol=1e-12)
-    for push in sah.pushes(q, pose, requested, margin=0):
+    for push in sah.separations(q, pose, requested, margin=0):
         assert push.distance < 0
         np.testing.assert_allclose(np.linalg.norm(push.direction), 1, atol=1e-9)
 
 
-def nearest_of_links(pushes: list[Push]) -> list[Push]:
+def nearest_of_links(pushes: list[SeparationVector]) -> list[SeparationVector]:
     """The nearest pair of solids of each pair of links, whose distance is that of the links."""
-    first: dict[tuple[int, int | None], Push] = {}
+    first: dict[tuple[int, int | None], SeparationVector] = {}
     for push in pushes:
         first.setdefault((push.link_a, push.link_b), push)
     return list(first.values())
@@ -265,7 +265,7 @@ def test_links_that_overlap_whatever_the_joints_do_are_left_out_and_named() -> N
     assert crossed.nearest_pair == ("inner", "side")
     judged = Collisions(scene, left_out=()).clearances(np.array([0.0, 0.0, 1.0]), transform([0, 0, -1]))
     assert judged.reasons() == ("base meets outer by 5 mm",)
-    assert {(p.link_a, p.link_b) for p in check.pushes(np.zeros(3), transform([0, 0, -1]))} == {(1, 3), (2, 3)}
+    assert {(p.link_a, p.link_b) for p in check.separations(np.zeros(3), transform([0, 0, -1]))} == {(1, 3), (2, 3)}
 
 
 def test_links_that_a_task_fixes_in_each_other_are_not_excused() -> None:
@@ -317,7 +317,7 @@ def test_refusals() -> None:
     with pytest.raises(InputError, match="object_pose: is not a rigid motion"):
         check.clearances(NONE, 2 * HERE)
     with pytest.raises(InputError, match=r"margin: is 0.05; beyond the cutoff"):
-        check.pushes(NONE, HERE, margin=0.05)
+        check.separations(NONE, HERE, margin=0.05)
     with pytest.raises(InputError, match="radius: is 0"):
         over(fixture(Shape("sphere", 0.01)), radius=0.0)
     with pytest.raises(InputError, match="normal: is zero"):

@@ -1,4 +1,4 @@
-"""Contacts with answers worked out by hand, hidden faces, and the grasp that contacts make."""
+"""Contacts with answers worked out by hand, and hidden faces."""
 
 from __future__ import annotations
 
@@ -8,39 +8,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
-from handfast.geometry.contacts import _merged, contact_grasp, deepest, find_contacts, grasp_of
+from handfast.geometry.contacts import _merged, contact_grasp, deepest, find_contacts
 from handfast.geometry.patch import few, outline, overlap
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.grasp import Contact
-from handfast.model.hand import Hand, Joint, Link, load_hand
-from handfast.model.mechanism import Mechanism
+from handfast.model.hand import Hand, Link, load_hand
 from handfast.model.shape import SIZES, Shape, quaternion_matrix, transform
+from tests.support.contact_cases import (
+    NO_MOTION,
+    contacts_of,
+    jointless,
+    random_pose,
+)
 from tests.support.places import SHARED
-
-NO_MOTION = Mechanism((), np.zeros((0, 0)), np.zeros((0, 0)), ())
-
-
-def fixture(*shapes: Shape) -> Hand:
-    """A hand without joints: one link per shape."""
-    links = [Link("base", -1, np.eye(4))]
-    links += [Link(s.name or f"part_{i}", 0, np.eye(4), (), (s,)) for i, s in enumerate(shapes)]
-    return Hand("fixture", tuple(links), (), NO_MOTION, (), np.zeros(0))
-
-
-def touch(hand: Hand, *pieces: Shape, at: object = (0, 0, 0), **options: object) -> tuple:
-    return find_contacts(hand, np.zeros(hand.l), Body.of(pieces), transform(at), **options)
-
-
-def random_pose(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return transform(rng.normal(size=3), quaternion_matrix(rng.normal(size=4)))
 
 
 def test_box_between_two_planes() -> None:
     left = Shape("box", (0.2, 0.02, 0.2), transform([0, 0.03, 0]), name="left")
     right = Shape("box", (0.2, 0.02, 0.2), transform([0, -0.03, 0]), name="right")
-    found = touch(fixture(left, right), Shape("box", (0.06, 0.04, 0.10)))
+    found = contacts_of(jointless(left, right), Shape("box", (0.06, 0.04, 0.10)))
     assert [c.link for c in found] == ["left"] * 4 + ["right"] * 4
     corners = np.array([[x, z] for x in (-0.03, 0.03) for z in (-0.05, 0.05)])
     for side, half in ((1, found[:4]), (-1, found[4:])):
@@ -52,7 +39,7 @@ def test_box_between_two_planes() -> None:
 @pytest.mark.parametrize("gap", [3e-4, 1e-5, 1e-8, 0.0, -1e-8, -1e-5, -1e-4])
 def test_gap_and_depth_have_the_right_sign(gap: float) -> None:
     wall = Shape("box", (0.1, 0.1, 0.02), transform([0, 0, -0.01]), name="wall")
-    (c,) = touch(fixture(wall), Shape("sphere", 0.03), at=[0.01, 0, 0.03 + gap])
+    (c,) = contacts_of(jointless(wall), Shape("sphere", 0.03), at=[0.01, 0, 0.03 + gap])
     assert c.depth == pytest.approx(-gap, abs=1e-10)
     np.testing.assert_allclose(c.position, [0, 0, -0.03 - gap / 2], atol=1e-9)  # midway between the surfaces
     np.testing.assert_allclose(c.normal, [0, 0, 1], atol=1e-6)
@@ -66,7 +53,7 @@ def test_sphere_in_a_v() -> None:
         R = np.column_stack([np.cross([0, 1, 0], n), [0, 1, 0], n])
         walls.append(Shape("box", (0.4, 0.1, 0.02), transform(-0.01 * n, R), name=f"wall{side}"))
     r = 0.05
-    found = touch(fixture(*walls), Shape("sphere", r), at=[0, 0, r / np.sin(half)])
+    found = contacts_of(jointless(*walls), Shape("sphere", r), at=[0, 0, r / np.sin(half)])
     assert [c.link for c in found] == ["wall1", "wall-1"]
     for side, c in zip((1, -1), found, strict=True):
         np.testing.assert_allclose(c.normal, [-side * np.cos(half), 0, np.sin(half)], atol=1e-6)
@@ -76,13 +63,13 @@ def test_sphere_in_a_v() -> None:
 def test_capsule_on_a_wall_touches_at_its_two_ends() -> None:
     lying = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     finger = Shape("capsule", (0.01, 0.06), transform([0, 0, 0.01], lying), name="finger")
-    found = touch(fixture(finger), Shape("box", (0.2, 0.2, 0.02)), at=[0, 0, -0.01])
+    found = contacts_of(jointless(finger), Shape("box", (0.2, 0.2, 0.02)), at=[0, 0, -0.01])
     np.testing.assert_allclose([c.position for c in found], [[-0.03, 0, 0.01], [0.03, 0, 0.01]], atol=1e-9)
     np.testing.assert_allclose([c.normal for c in found], [[0, 0, -1]] * 2, atol=1e-9)
-    short = touch(fixture(finger), Shape("box", (0.04, 0.2, 0.02)), at=[0, 0, -0.01])
+    short = contacts_of(jointless(finger), Shape("box", (0.04, 0.2, 0.02)), at=[0, 0, -0.01])
     np.testing.assert_allclose([c.position[0] for c in short], [-0.02, 0.02], atol=1e-9)  # the wall ends first
     tilted = Shape("capsule", (0.01, 0.06), transform([0, 0, 0.01], lying @ quaternion_matrix([1, 0, 0.05, 0])))
-    assert len(touch(fixture(tilted), Shape("box", (0.2, 0.2, 0.02)), at=[0, 0, -0.01 - 0.00299])) == 1
+    assert len(contacts_of(jointless(tilted), Shape("box", (0.2, 0.2, 0.02)), at=[0, 0, -0.01 - 0.00299])) == 1
 
 
 def test_edge_across_an_edge_is_one_point() -> None:
@@ -92,7 +79,7 @@ def test_edge_across_an_edge_is_one_point() -> None:
         transform([0, 0, 0], quaternion_matrix([np.cos(np.pi / 8), 0, np.sin(np.pi / 8), 0])),
     )
     other = transform([0, 0, np.sqrt(2) * 0.04 + 1e-5], quaternion_matrix([np.cos(np.pi / 8), np.sin(np.pi / 8), 0, 0]))
-    found = find_contacts(fixture(roof), np.zeros(0), Body.of([Shape("box", (0.2, 0.04, 0.04))]), other)
+    found = find_contacts(jointless(roof), np.zeros(0), Body.of([Shape("box", (0.2, 0.04, 0.04))]), other)
     (c,) = found
     np.testing.assert_allclose(other[:3, :3] @ c.normal, [0, 0, 1], atol=1e-7)
     np.testing.assert_allclose((other @ [*c.position, 1])[:3], [0, 0, np.sqrt(2) * 0.02 + 5e-6], atol=1e-8)
@@ -106,12 +93,12 @@ def test_a_seam_between_pieces_gives_no_sideways_normal() -> None:
     )
     for x in np.linspace(-2e-4, 2e-4, 9):
         tip = Shape("box", (0.01, 0.01, 0.01), transform([x - 0.005, 0, 0.0549]), name="tip")
-        found = touch(fixture(tip), *two)
+        found = contacts_of(jointless(tip), *two)
         assert found
         for c in found:
             np.testing.assert_allclose(c.normal, [0, 0, -1], atol=1e-6)
     ball = Shape("sphere", 0.01, transform([0, 0, 0.0599]), name="tip")
-    (c,) = touch(fixture(ball), *two)
+    (c,) = contacts_of(jointless(ball), *two)
     np.testing.assert_allclose(c.normal, [0, 0, -1], atol=1e-2)
 
 
@@ -119,7 +106,7 @@ def test_a_box_in_a_concave_corner_keeps_both_faces() -> None:
     floor = Shape("box", (0.2, 0.1, 0.02), transform([0.09, 0, -0.01]))
     wall = Shape("box", (0.02, 0.1, 0.2), transform([-0.01, 0, 0.1]))
     block = Shape("box", (0.03, 0.04, 0.05), transform([0.015, 0, 0.025]), name="block")
-    found = touch(fixture(block), floor, wall)
+    found = contacts_of(jointless(block), floor, wall)
     normals = sorted(tuple(c.normal.round(6) + 0.0) for c in found)
     assert normals == [(-1, 0, 0)] * 4 + [(0, 0, -1)] * 4
 
@@ -127,9 +114,9 @@ def test_a_box_in_a_concave_corner_keeps_both_faces() -> None:
 def test_the_same_patch_from_overlapping_pieces_counts_once() -> None:
     pieces = (Shape("box", (0.1, 0.1, 0.1)), Shape("box", (0.1, 0.1, 0.08), transform([0, 0, 0.01])))
     ball = Shape("sphere", 0.01, transform([0.02, 0, 0.06]), name="tip")
-    assert len(touch(fixture(ball), *pieces)) == 1
+    assert len(contacts_of(jointless(ball), *pieces)) == 1
     plate = Shape("box", (0.03, 0.03, 0.01), transform([0, 0, 0.055]), name="plate")
-    assert len(touch(fixture(plate), *pieces)) == 4
+    assert len(contacts_of(jointless(plate), *pieces)) == 4
 
 
 @given(seed=st.integers(0, 2**31))
@@ -139,9 +126,9 @@ def test_contacts_do_not_depend_on_where_the_pair_stands(seed: int) -> None:
     wall = Shape("box", (0.08, 0.06, 0.02), transform([0.01, 0.0, -0.01]), name="wall")
     ball = Shape("sphere", 0.01, transform([0.0, 0.0, 0.06]), name="ball")
     body = Body.of([Shape("box", (0.04, 0.1, 0.05), transform([0, 0, 0.025]))])
-    here = find_contacts(fixture(wall, ball), np.zeros(0), body, np.eye(4))
+    here = find_contacts(jointless(wall, ball), np.zeros(0), body, np.eye(4))
     T = random_pose(seed)
-    there = find_contacts(fixture(wall.placed(T), ball.placed(T)), np.zeros(0), body, T)
+    there = find_contacts(jointless(wall.placed(T), ball.placed(T)), np.zeros(0), body, T)
     assert len(here) == len(there) == 5
     for link in ("wall", "ball"):
         a, b = ([c for c in found if c.link == link] for found in (here, there))
@@ -151,7 +138,7 @@ def test_contacts_do_not_depend_on_where_the_pair_stands(seed: int) -> None:
 
 
 def test_refusals() -> None:
-    hand = fixture(Shape("sphere", 0.01, name="tip"))
+    hand = jointless(Shape("sphere", 0.01, name="tip"))
     body = Body.of([Shape("sphere", 0.01)])
     with pytest.raises(InputError, match=r"no link is within 0.5 mm of the object; nearest: tip at 80 mm"):
         contact_grasp(hand, np.zeros(0), body, transform([0.1, 0, 0]))
@@ -163,61 +150,6 @@ def test_refusals() -> None:
         find_contacts(hand, np.zeros(0), body, np.eye(4), threshold=0)
     with pytest.raises(InputError, match=r"mechanism: is 'motor'; 'hand' or 'direct'"):
         contact_grasp(hand, np.zeros(0), body, np.eye(4), mechanism="motor")  # type: ignore[arg-type]
-
-
-def pinch(sign: float = 1.0) -> Hand:
-    """Two fingers that pinch along y; the second one's joint runs backwards if `sign` is -1."""
-    solid = Shape("sphere", 0.01, transform([0.05, 0, 0]))
-    axes = (np.array([0, 0, -1.0]), sign * np.array([0, 0, 1.0]))
-    limits = ((0, 1), (0, 1) if sign > 0 else (-1, 0))
-    joints = [Joint(n, "revolute", a, np.zeros(3), *r) for n, a, r in zip("ab", axes, limits, strict=True)]
-    joints.append(Joint("idle", "revolute", np.array([1.0, 0, 0]), np.zeros(3), 0, 1))
-    links = (
-        Link("palm", -1, np.eye(4)),
-        Link("left", 0, transform([0, 0.03, 0]), (0,), (solid,)),
-        Link("right", 0, transform([0, -0.03, 0]), (1,), (solid,)),
-        Link("spare", 0, transform([-1, 0, 0]), (2,), (solid,)),
-    )
-    R = np.array([[2.0, 0, 0], [0, 3.0, 0], [0, 0, 1.0]])
-    mechanism = Mechanism(("ma", "mb", "mi"), R, np.zeros((0, 3)), (False,) * 3)
-    return Hand("pinch", links, tuple(joints), mechanism, (), np.array([1, sign, 1]))
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_grasp_joints_close_positively(sign: float) -> None:
-    pose = transform([0.05, 0, 0], quaternion_matrix([np.cos(0.4), 0, 0, np.sin(0.4)]))
-    body = Body.of([Shape("cylinder", (0.02, 0.1))], friction=0.8)
-    grasp = contact_grasp(pinch(sign), np.zeros(3), body, pose, preload={"mb": 0.2})
-    assert [c.link for c in grasp.contacts] == ["left", "right"]
-    assert [j.name for j in grasp.joints] == ["a", "b"]  # the idle finger touches nothing
-    assert [j.moves for j in grasp.joints] == [(0,), (1,)]
-    np.testing.assert_allclose(grasp.mechanism.R, np.diag([2.0, 3.0]))
-    assert grasp.mu.tolist() == [0.8, 0.8]
-    assert grasp.preload == {"mb": 0.2}
-    # J q: closing moves each fingertip 50 mm/rad along its normal, into the object
-    np.testing.assert_allclose(grasp.J[[0, 3]], np.diag([0.05, 0.05]), atol=1e-9)
-
-
-def test_coupled_joints_and_locks() -> None:
-    hand = load_hand("barrett-bh8-280")
-    q = hand.configuration({"finger_3_prox": 0.9})
-    tip = next(s for s in hand.links[hand.link("finger_3_dist")].shapes if s.kind == "sphere")
-    T = hand.link_poses(q)[hand.link("finger_3_dist")]
-    wall = Body.of([Shape("box", (0.1, 0.02, 0.1))])
-    pose = transform((T @ tip.pose)[:3, 3] + [0, 0.018, 0])
-    grasp = contact_grasp(hand, q, wall, pose)
-    assert [j.name for j in grasp.joints] == ["finger_3_prox", "finger_3_dist"]
-    assert grasp.mechanism.actuators == ("finger_3_prox",)
-    np.testing.assert_allclose(grasp.mechanism.A, [[-1 / 3, 1]])
-    locked = contact_grasp(hand, q, wall, pose, lock=["finger_3_dist"])
-    np.testing.assert_allclose(locked.mechanism.A, [[-1 / 3, 1], [0, 1]])
-    direct = contact_grasp(hand, q, wall, pose, mechanism="direct", preload={"finger_3_prox": 0.1})
-    assert direct.mechanism.actuators == ("finger_3_prox", "finger_3_dist")
-    assert direct.mechanism.A.shape == (0, 2)
-    with pytest.raises(InputError, match=r"lock: unknown joint 'x'; known: finger_1_spread"):
-        contact_grasp(hand, q, wall, pose, lock=["x"])
-    with pytest.raises(InputError, match=r"unknown actuator 'finger_3_dist'; known: finger_3_prox"):
-        contact_grasp(hand, q, wall, pose, preload={"finger_3_dist": 0.1})
 
 
 def test_the_bundled_fingertip_meets_a_wall_in_one_point() -> None:
@@ -269,7 +201,7 @@ def test_distances_carry_their_own_proof() -> None:
     apart = 0
     for _ in range(250):
         a, b = (random_shape(rng, kind) for kind in rng.choice(list(SIZES), 2))
-        (near,) = Scene(fixture(a), Body.of([b])).nearest(np.zeros(0), np.eye(4), 1.0)
+        (near,) = Scene(jointless(a), Body.of([b])).nearest(np.zeros(0), np.eye(4), 1.0)
         if near.distance < -0.01:
             continue  # so deep is no contact
         between = -extent(b, -near.normal) - extent(a, near.normal)
@@ -303,7 +235,7 @@ def test_no_contact_lies_on_a_hidden_face_of_the_mustard_bottle() -> None:
         towards /= np.linalg.norm(towards)
         start = body.center_of_mass + 0.3 * towards
         tip = Shape("sphere", 0.008, name="tip")
-        scene = Scene(fixture(tip), body)
+        scene = Scene(jointless(tip), body)
         reach = scene.distance(np.zeros(0), transform(-start), cutoff=1.0).min()
         if reach > 0.25:
             continue
@@ -312,7 +244,7 @@ def test_no_contact_lies_on_a_hidden_face_of_the_mustard_bottle() -> None:
             start = start - towards * (d - 1e-5)
             if d < 3e-5:
                 break
-        found = find_contacts(fixture(tip), np.zeros(0), body, transform(-start))
+        found = find_contacts(jointless(tip), np.zeros(0), body, transform(-start))
         for c in found:
             outside = c.position - 1e-3 * c.normal
             assert max(p.depth(outside)[0] for p in body.pieces) < 0
@@ -347,7 +279,7 @@ def test_points_whose_normals_differ_by_more_than_ten_degrees_are_not_merged(deg
     """A ball of 1 mm in a groove: the points are nearer to each other than 2 mm, so the normals alone decide."""
     a, r = np.radians(degrees), 1e-3
     ball = Shape("sphere", r, transform([0, 0, r / np.cos(a / 2)]), name="tip")
-    found = touch(fixture(ball), *v_groove(a), friction=0.3)
+    found = contacts_of(jointless(ball), *v_groove(a), friction=0.3)
     assert [c.link for c in found] == ["tip"] * count
     assert {c.friction for c in found} == {0.3}
     sides = (0.0,) if count == 1 else (-1.0, 1.0)
@@ -386,7 +318,7 @@ def test_a_face_just_under_another_is_hidden_though_the_gap_is_larger(covers: st
     hand = Hand(
         "two", (Link("base", -1, np.eye(4)), Link("tip", 0, np.eye(4), (), tip)), (), NO_MOTION, (), np.zeros(0)
     )
-    found = touch(hand, *((lower, sheet) if covers == "object" else (lower,)))
+    found = contacts_of(hand, *((lower, sheet) if covers == "object" else (lower,)))
     assert len(found) == 4
     for c in found:
         assert c.position[2] == pytest.approx(sum(ends) / 2, abs=1e-8)
@@ -400,7 +332,7 @@ def test_a_face_may_be_hidden_by_any_of_the_other_pieces() -> None:
     away = Shape("box", (0.02, 0.02, 0.02), transform([0.1, 0, 0]))
     ball = Shape("sphere", 0.01, transform([0, 0, 0.01]), name="tip")
     for pieces in ((low, high, away), (high, away, low), (away, low, high), (low, away, high)):
-        (c,) = touch(fixture(ball), *pieces)
+        (c,) = contacts_of(jointless(ball), *pieces)
         assert c.depth == pytest.approx(0.0, abs=1e-8)
         assert c.position[2] == pytest.approx(0.0, abs=1e-8)
 
@@ -410,78 +342,6 @@ def test_where_every_nearest_point_is_hidden_the_deepest_counts() -> None:
     boxes = [Shape("box", (0.05, 0.1, 0.1), transform([x, 0, 0])) for x in (-0.024, 0.024)]  # they share 2 mm
     ball = Shape("sphere", 1e-3, transform([0.2e-3, 0, 0]), name="tip")
     for pieces in (boxes, boxes[::-1]):
-        (c,) = touch(fixture(ball), *pieces)
+        (c,) = contacts_of(jointless(ball), *pieces)
         assert c.depth == pytest.approx(2.2e-3, abs=1e-6)
         np.testing.assert_allclose(c.normal, [1, 0, 0], atol=1e-6)
-
-
-def linked(R: np.ndarray, A: np.ndarray, closing: tuple[float, ...], tendon: bool = False) -> Hand:
-    """A finger of three joints about z, of which the first alone moves the touching link; a palm; a slide besides."""
-    ball = Shape("sphere", 0.01, transform([0.05, 0, 0]))
-    axis, zero = np.array([0, 0, 1.0]), np.zeros(3)
-    joints = [Joint(name, "revolute", axis, zero, -1, 1) for name in "abc"]
-    joints.append(Joint("s", "prismatic", np.array([0, 1.0, 0]), zero, -1, 1))
-    links = (
-        Link("palm", -1, np.eye(4), (), (Shape("sphere", 0.01, transform([-0.05, 0, 0])),)),
-        Link("one", 0, np.eye(4), (0,), (ball,)),
-        Link("two", 1, transform([0, 0, 1]), (1,)),
-        Link("three", 2, np.eye(4), (2,)),
-        Link("sled", 0, transform([0, 0, 0.2]), (3,), (ball,)),
-    )
-    names = tuple(f"m{i}" for i in range(len(R)))
-    return Hand("linked", links, tuple(joints), Mechanism(names, R, A, (tendon,) * len(R)), (), np.array(closing))
-
-
-def on(link: str) -> list[Contact]:
-    return [Contact(np.zeros(3), np.array([1.0, 0, 0]), 0.5, link)]
-
-
-def test_joints_that_share_an_actuator_or_a_coupling_come_along() -> None:
-    """a and b by an actuator, b and c by a coupling; the slide has nothing to do with them."""
-    R = np.array([[1.0, 0.5, 0, 0], [0, 0, 0, 2.0]])
-    hand = linked(R, np.array([[0, -0.25, 1.0, 0]]), (1, 1, 1, 1))
-    grasp = grasp_of(hand, np.zeros(4), on("one"), np.eye(4))
-    assert [j.name for j in grasp.joints] == ["a", "b", "c"]
-    assert [j.moves for j in grasp.joints] == [(0,), (), ()]
-    assert grasp.mechanism.actuators == ("m0",)
-    np.testing.assert_array_equal(grasp.mechanism.R, [[1, 0.5, 0]])
-    np.testing.assert_array_equal(grasp.mechanism.A, [[0, -0.25, 1]])
-    assert grasp.name == "linked"
-    alone = grasp_of(hand, np.zeros(4), on("sled"), np.eye(4), name="mine")
-    assert [(j.name, j.type) for j in alone.joints] == [("s", "prismatic")]
-    assert alone.mechanism.A.shape == (0, 1)
-    assert alone.name == "mine"
-    palm = grasp_of(hand, np.zeros(4), on("palm"), np.eye(4))
-    assert (palm.joints, palm.mechanism.actuators) == ((), ())
-
-
-@pytest.mark.parametrize(
-    ("gain", "closing", "tendon", "turned", "expected"),
-    [
-        (0.5, 1, False, 1, 0.5),
-        (-0.5, 1, False, 1, 0.5),  # the actuator is turned round: positive forces close
-        (0.5, -1, False, -1, 0.5),  # the joint is, and the actuator with it
-        (-0.5, -1, False, -1, 0.5),
-        (-0.5, 0, False, 1, -0.5),  # what does not close stays as it is
-        (0.5, 0, False, 1, 0.5),
-        (-0.5, 1, True, 1, -0.5),  # a tendon cannot push
-        (0.5, -1, True, -1, -0.5),
-    ],
-)
-def test_joints_and_actuators_close_by_positive_values(
-    gain: float, closing: float, tendon: bool, turned: float, expected: float
-) -> None:
-    R = np.array([[0.0, 0, 0, gain]])
-    hand = linked(R, np.zeros((0, 4)), (0, 0, 0, closing), tendon)
-    grasp = grasp_of(hand, np.zeros(4), on("sled"), np.eye(4))
-    np.testing.assert_array_equal(grasp.joints[0].axis, [0, turned, 0])
-    np.testing.assert_array_equal(grasp.mechanism.R, [[expected]])
-    assert grasp.mechanism.tendon == (tendon,)
-
-
-def test_a_grasp_is_named_after_hand_and_object_and_has_the_friction_asked_for() -> None:
-    pose, body = transform([0.05, 0, 0]), Body.of([Shape("cylinder", (0.02, 0.1))], friction=0.8, name="can")
-    grasp = contact_grasp(pinch(), np.zeros(3), body, pose, friction=0.25)
-    assert grasp.name == "pinch on can"
-    assert grasp.mu.tolist() == [0.25, 0.25]
-    assert contact_grasp(pinch(), np.zeros(3), body, pose, name="mine").name == "mine"

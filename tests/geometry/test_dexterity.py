@@ -25,7 +25,7 @@ from handfast.model.hand import Hand, Joint, Link, load_hand
 from handfast.model.hand.hand import Coupling, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape, quaternion_matrix, transform
-from handfast.planning.close import close
+from handfast.planning.closing import close
 
 L1, L2 = 0.05, 0.03
 

@@ -394,7 +394,7 @@ def test_hull_is_closed_outward_and_contains_its_points(seed: int) -> None:
 
 def test_slow_libraries_are_imported_late() -> None:
     code = (
-        "import sys, handfast.model.hand, handfast.model.body, handfast.geometry.contacts, handfast.planning.close;"
+        "import sys, handfast.model.hand, handfast.model.body, handfast.geometry.contacts, handfast.planning.closing;"
         "handfast.model.hand.load_hand('schunk-sah');"
         "print([m for m in ('mujoco', 'trimesh', 'pydantic', 'coacd') if m in sys.modules])"
     )

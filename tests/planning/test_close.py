@@ -15,7 +15,7 @@ from handfast.model.hand import Coupling, Hand, Joint, Link, load_hand
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape, transform
-from handfast.planning.close import GAP, close
+from handfast.planning.closing import GAP, close
 from tests.support.places import SHARED
 
 R = 0.005  # finger radius

@@ -30,10 +30,13 @@ from handfast import (
 from handfast.cli import main
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
-from handfast.planning.tasks.gradient import Gradients
-from handfast.planning.tasks.judge import NEAR, Allowed, Judge, Reason, Steps, requests
-from handfast.planning.tasks.proved import BETTER, Grasps, rank
-from handfast.planning.tasks.unused import Unused
+from handfast.planning.evaluation.evaluator import NEAR, Allowed, Evaluator, requests
+from handfast.planning.evaluation.gradient import Gradients
+from handfast.planning.evaluation.steps import Steps
+from handfast.planning.filters.non_contacting import NonContactingFingers
+from handfast.planning.journal import Journal
+from handfast.planning.ranking.rank import BETTER, rank
+from handfast.planning.results.grasps import Grasps
 from handfast.stability.loads import Loads
 from handfast.synthesis.placed import whole
 from handfast.synthesis.problem import Problem
@@ -80,16 +83,18 @@ def test_contacts_lie_on_the_object(found: Grasps) -> None:
                 assert min(np.linalg.norm(c.position - s.position) for s in seen if s.link == c.link) < 4e-3
 
 
-def test_every_start_has_one_fate(found: Grasps) -> None:
-    assert set(found.fates) == set(Reason)
-    assert found.fates[Reason.HOLDS] >= len(found.grasps)
-    assert found.fates_total <= found.starts
-    assert found.judged >= found.fates_total
+def test_every_start_is_counted_once(found: Grasps) -> None:
+    assert found.tally.passed >= len(found.grasps)
+    assert found.tally.total <= found.starts
+    assert found.evaluated >= found.tally.total
+    said = found.to_json()["fates"]
+    assert list(said) == ["holds", "object", "itself", "curved", "unbalanced", "slips", "undecided", "alike"]
+    assert sum(said.values()) == found.tally.total
 
 
 def test_the_same_seed_finds_the_same_on_two_cores(found: Grasps) -> None:
     again = grasp_for(load_task(NAME), count=2, timeout=120, jobs=2)
-    assert again.fates == found.fates
+    assert again.tally == found.tally
     for a, b in zip(found.grasps, again.grasps, strict=True):
         np.testing.assert_array_equal(a.q, b.q)
         np.testing.assert_array_equal(a.pose, b.pose)
@@ -101,8 +106,8 @@ def test_ranks(found: Grasps) -> None:
     assert scores == sorted(scores, reverse=True)
     a, b = found.grasps
     best = replace(a, answer=replace(a.answer, upper=0.5 * min(g.command for g in found.grasps)))
-    assert rank([a, a]) == [0.5, 0.5]
-    shares = rank([best, b])
+    assert rank([a.terms, a.terms]) == [0.5, 0.5]
+    shares = rank([best.terms, b.terms])
     assert sum(shares) == pytest.approx(1.0)
     wins = sum(s * (best.terms[t] - b.terms[t]) > 0 for t, s in BETTER.items())
     assert shares[0] == pytest.approx(wins / len(BETTER))
@@ -124,7 +129,7 @@ def test_an_interruption_keeps_what_was_found() -> None:
     def stop(_: object) -> None:
         raise KeyboardInterrupt
 
-    answer = grasp_for(load_task(NAME), count=50, jobs=1, on_step=stop)
+    answer = grasp_for(load_task(NAME), count=50, jobs=1, journal=Journal(stop))
     assert answer.stop is Stop.INTERRUPTED
     assert 0 < len(answer.grasps) < 50
     assert all(g.solution.verify().ok for g in answer.grasps)
@@ -134,7 +139,7 @@ def test_what_cannot_balance_is_never_returned() -> None:
     """Without friction a scalpel in four contacts cannot be held from six sides."""
     answer = grasp_for(load_task(NAME), friction=0.0, timeout=3, jobs=1)
     assert answer.verdict is Reach.UNDECIDED
-    assert answer.fates[Reason.HOLDS] == 0
+    assert answer.tally.passed == 0
 
 
 @pytest.mark.parametrize(
@@ -165,17 +170,19 @@ def test_a_task_without_an_object_needs_one() -> None:
 
 
 @pytest.fixture(scope="module")
-def bench() -> tuple[Judge, Walks, list[Any]]:
+def bench() -> tuple[Evaluator, Walks, list[Any]]:
     task, body = load_task("teapot-service"), load_body("teapot")
     problem = Problem.of(task)
-    judge = Judge(problem, Collisions(Scene(task.hand, body), cutoff=NEAR), Loads.gravity(body, "-y"), 0.5, Allowed())
+    evaluator = Evaluator(
+        problem, Collisions(Scene(task.hand, body), cutoff=NEAR), Loads.gravity(body, "-y"), 0.5, Allowed()
+    )
     starts = Starts(problem, 0)
-    return judge, Walks(starts), starts.run(12)
+    return evaluator, Walks(starts), starts.run(12)
 
 
-def test_gradients_are_those_of_differences(bench: tuple[Judge, Walks, list[Any]]) -> None:
-    judge, _, found = bench
-    problem, task = judge.problem, judge.task
+def test_gradients_are_those_of_differences(bench: tuple[Evaluator, Walks, list[Any]]) -> None:
+    evaluator, _, found = bench
+    problem, task = evaluator.problem, evaluator.task
     gradients, x, h = Gradients(problem), found[0].x, 1e-6
     local, link = np.array([0.03, -0.02, 0.05]), task.hand.link("thumb_distal")
     first = len(problem.free)
@@ -203,14 +210,14 @@ def test_gradients_are_those_of_differences(bench: tuple[Judge, Walks, list[Any]
             np.testing.assert_allclose(J[:, i], (point(x + e) - point(x - e)) / (2 * h), atol=1e-7)
 
 
-def test_steps_away_take_apart_what_penetrates(bench: tuple[Judge, Walks, list[Any]]) -> None:
-    judge, walks, found = bench
-    steps = Steps(judge, walks, np.random.default_rng(0))
-    deep = [c for c in map(judge.candidate, found) if c and not c.clearances.free(1e-3, 1e-3, 1e-3)]
+def test_steps_away_take_apart_what_penetrates(bench: tuple[Evaluator, Walks, list[Any]]) -> None:
+    evaluator, walks, found = bench
+    steps = Steps(evaluator, walks, np.random.default_rng(0))
+    deep = [c for c in map(evaluator.candidate, found) if c and not c.clearances.free(1e-3, 1e-3, 1e-3)]
     assert len(deep) >= 5
     better = 0
     for c in deep:
-        new = [judge.candidate(k) for k in steps.away(c, (0.01, 0.03))]
+        new = [evaluator.candidate(k) for k in steps.away(c, (0.01, 0.03))]
         before = np.minimum(c.clearances.to_object, 0).sum() + np.minimum(c.clearances.between, 0).sum()
         after = [
             np.minimum(k.clearances.to_object, 0).sum() + np.minimum(k.clearances.between, 0).sum() for k in new if k
@@ -219,34 +226,34 @@ def test_steps_away_take_apart_what_penetrates(bench: tuple[Judge, Walks, list[A
     assert better >= 0.7 * len(deep)
 
 
-def test_a_step_of_nothing_costs_the_same(bench: tuple[Judge, Walks, list[Any]]) -> None:
-    judge, _, found = bench
-    c = judge.candidate(found[0])
+def test_a_step_of_nothing_costs_the_same(bench: tuple[Evaluator, Walks, list[Any]]) -> None:
+    evaluator, _, found = bench
+    c = evaluator.candidate(found[0])
     assert c is not None
-    assert judge.candidate(found[0], below=c.cost) is None
-    again = judge.candidate(found[0], below=c.cost + 1e-9)
+    assert evaluator.candidate(found[0], below=c.cost) is None
+    again = evaluator.candidate(found[0], below=c.cost + 1e-9)
     assert again is not None
     assert again.cost == c.cost
 
 
-def test_unused_fingers_move_out_of_the_way() -> None:
+def test_non_contacting_fingers_move_out_of_the_way() -> None:
     """A bent ring finger moves no contact; where synthesis leaves it, it is often in the pot or in another finger."""
     narrow, body = load_task("teapot-service"), load_body("teapot")
     bent = {f"ring_{part}": (0.6, 1.3) for part in ("proximal", "middle", "distal")}
     limits = {n: (lo, hi) for n, (lo, hi) in zip(narrow.hand.joint_names, narrow.hand.limits.tolist(), strict=True)}
     task = Task.of(load_hand("schunk-sah"), narrow.touches, limits=limits | bent, pose=narrow.pose, object="teapot")
     hand = task.hand
-    unused = Unused(task, Collisions(Scene(hand, body), cutoff=NEAR))
-    assert [{hand.joint_names[j].split("_")[0] for j in finger.joints} for finger in unused.fingers] == [{"ring"}]
+    fingers = NonContactingFingers(task, Collisions(Scene(hand, body), cutoff=NEAR))
+    assert [{hand.joint_names[j].split("_")[0] for j in finger.joints} for finger in fingers.fingers] == [{"ring"}]
     problem = Problem.of(task)
-    judge = Judge(problem, unused.collisions, Loads.gravity(body, "-y"), 0.5, Allowed())
+    evaluator = Evaluator(problem, fingers.collisions, Loads.gravity(body, "-y"), 0.5, Allowed())
     helped = 0
     for certified in Starts(problem, 0).run(16):
-        c = judge.candidate(certified)
+        c = evaluator.candidate(certified)
         assert c is not None
         assert (task.hand.limits[:, 0] - 1e-9 <= c.q).all()
         assert (c.q <= task.hand.limits[:, 1] + 1e-9).all()
-        before = unused.collisions.clearances(c.solution.q, c.solution.pose, requests(c.solution))
+        before = fingers.collisions.clearances(c.solution.q, c.solution.pose, requests(c.solution))
         ring = [i for i, name in enumerate(before.links) if name.startswith("ring")]
         assert min(c.clearances.to_object[ring].min(), 0) >= min(before.to_object[ring].min(), 0) - 1e-12 or (
             c.clearances.least_between > before.least_between
@@ -263,6 +270,7 @@ def test_the_file_proves_it_all(found: Grasps, tmp_path: Path) -> None:
     found.save(file)
     done = verify(file)
     assert done.ok, done.reason
+    assert found.verify().to_json() | {"seconds": 0} == done.to_json() | {"seconds": 0}
     assert done.to_json()["witnesses"] == 12
     with pytest.raises(InputError, match="exists already"):
         found.save(file)

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from handfast import (
     Verdict,
@@ -28,15 +26,16 @@ from handfast.core.errors import InputError
 from handfast.geometry.collision import always_meeting
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
-from handfast.model.grasp import Contact, Grasp
 from handfast.model.shape import Shape
-from handfast.planning.closing import palm_poses
-from handfast.planning.closing.attempt import Attempts, Fate, driven
-from handfast.planning.closing.distinct import difference, most_different
-from handfast.planning.closing.palm_poses import STANDARD, Sampling, Surface, fingertips, palm_of, sweeps
-from handfast.planning.closing.plan import Plan, plan
+from handfast.planning.candidates import palm_poses
+from handfast.planning.candidates.palm_poses import STANDARD, Sampling, SurfaceSampler, fingertips, palm_of, sweeps
+from handfast.planning.evaluation.attempt import REASONS, Attempts, Runner, squeezing
+from handfast.planning.plan_grasps import plan
+from handfast.planning.ranking.distinct import difference, most_different
+from handfast.planning.rejection import RejectionReason
+from handfast.planning.requirements import Limits
+from handfast.planning.results.planned import Plan
 from handfast.stability.loads import Loads
-from handfast.stability.statics import balances
 
 HAND = load_hand("barrett-bh8-280")
 
@@ -83,11 +82,12 @@ def test_six_directions_of_gravity_unless_told_otherwise(planned: Plan) -> None:
 
 
 def test_every_start_is_accounted_for(planned: Plan) -> None:
-    assert list(planned.fates) == list(Fate)
-    assert planned.fates[Fate.KEPT] == 2
+    assert planned.tally.passed == 2
+    assert set(planned.tally.rejected) <= set(REASONS)
     assert planned.tried == planned.grasps[-1].index + 1
     entry = planned.to_json()
     assert sum(entry["fates"].values()) == entry["tried"] == planned.tried
+    assert list(entry["fates"]) == ["kept", *(reason.name.lower() for reason in REASONS)]
     assert entry["verdict"] == "holds"
 
 
@@ -124,8 +124,8 @@ def test_time_ends_the_search() -> None:
 
 
 def test_a_command_limit_drops_what_needs_more() -> None:
-    found = plan(HAND, ball(), count=1, attempts=5, seed=5, jobs=1, command_limit=1e-6)
-    assert found.fates[Fate.STRONG] > 0
+    found = plan(HAND, ball(), count=1, attempts=5, seed=5, jobs=1, limits=Limits(command_limit=1e-6))
+    assert found.tally[RejectionReason.STRONG] > 0
     assert all(g.answer.upper <= 1e-6 for g in found.grasps)
 
 
@@ -142,8 +142,8 @@ def test_loads_of_ones_own_need_no_mass() -> None:
         ({"count": 0}, "count.*positive"),
         ({"timeout": 0}, "timeout.*positive"),
         ({"attempts": -1}, "attempts.*positive"),
-        ({"approach": [0, 0, 0]}, "direction in which the palm"),
-        ({"command_limit": 0.0}, "command_limit.*positive"),
+        ({"sampling": Sampling(approach=(0, 0, 0))}, "direction in which the palm"),
+        ({"limits": Limits(command_limit=0.0)}, "command_limit.*positive"),
     ],
 )
 def test_bad_input_is_one_clear_line(given: dict[str, object], match: str) -> None:
@@ -177,7 +177,7 @@ def test_a_hand_that_does_not_close_is_refused() -> None:
 
 
 def test_coupled_joints_follow_in_every_start() -> None:
-    palm, surface = palm_of(HAND), Surface(ball())
+    palm, surface = palm_of(HAND), SurfaceSampler(ball())
     lower, upper = HAND.limits.T
     for seed in range(20):
         start = palm_poses.draw(np.random.default_rng(seed), HAND, palm, surface, STANDARD)
@@ -190,7 +190,7 @@ def test_coupled_joints_follow_in_every_start() -> None:
 
 def test_a_push_ends_at_the_object_and_the_step_back_frees_it() -> None:
     body = ball()
-    scene, palm, surface = Scene(HAND, body), palm_of(HAND), Surface(body)
+    scene, palm, surface = Scene(HAND, body), palm_of(HAND), SurfaceSampler(body)
     for seed in range(5):
         start = palm_poses.draw(np.random.default_rng(seed), HAND, palm, surface, STANDARD)
         pose = palm_poses.pushed(scene, start, 0.0)
@@ -203,7 +203,7 @@ def test_a_push_ends_at_the_object_and_the_step_back_frees_it() -> None:
 
 def test_a_hand_that_passes_the_object_is_told() -> None:
     body = ball(0.01)
-    start = palm_poses.draw(np.random.default_rng(0), HAND, palm_of(HAND), Surface(body), ANGLED)
+    start = palm_poses.draw(np.random.default_rng(0), HAND, palm_of(HAND), SurfaceSampler(body), ANGLED)
     aside = np.cross(start.approach, [1.0, 0, 0])
     start.pose[:3, 3] += aside / np.linalg.norm(aside)
     assert palm_poses.pushed(Scene(HAND, body), start, 0.0) is None
@@ -211,7 +211,7 @@ def test_a_hand_that_passes_the_object_is_told() -> None:
 
 def test_a_square_start_closes_across_two_sides() -> None:
     hand, body = load_hand("parallel-gripper"), Body.of([Shape("box", (0.04, 0.05, 0.3))], mass=0.1)
-    palm, surface = palm_of(hand), Surface(body)
+    palm, surface = palm_of(hand), SurfaceSampler(body)
     for seed in range(10):
         start = palm_poses.draw(np.random.default_rng(seed), hand, palm, surface, SQUARE)
         np.testing.assert_allclose(start.approach, palm.axis)
@@ -232,7 +232,7 @@ def test_a_look_ahead_sees_what_the_fingers_pass() -> None:
 def test_a_gripper_pushes_the_object_to_its_middle() -> None:
     hand = load_hand("parallel-gripper")
     body = Body.of([Shape("box", (0.04, 0.05, 0.06))], mass=0.1)
-    runner = Attempts(hand, body, palm_of(hand), Loads.gravity(body), 0).begin()
+    runner = Runner(Attempts(hand, body, palm_of(hand), Loads.gravity(body), 0))
     pose = np.eye(4)
     pose[:3, 3] = [0, 0.004, 0.1]
     closed, moved = runner._closed(np.zeros(2), pose)
@@ -243,7 +243,7 @@ def test_a_gripper_pushes_the_object_to_its_middle() -> None:
 
 def test_surface_points_lie_on_the_surface_with_normals_outwards() -> None:
     for body in (load_body("slab"), load_body("mug")):
-        surface, rng = Surface(body), np.random.default_rng(1)
+        surface, rng = SurfaceSampler(body), np.random.default_rng(1)
         for _ in range(50):
             point, normal = surface.draw(rng)
             assert max(float(p.depth(point[None])[0]) for p in body.pieces) > -2e-3  # curves are faceted
@@ -251,41 +251,7 @@ def test_surface_points_lie_on_the_surface_with_normals_outwards() -> None:
             assert normal @ (point - body.center_of_mass) >= 0
 
 
-# --- what can be balanced -----------------------------------------------------------------------
-
-
-def pinch(friction: float) -> Grasp:
-    return Grasp([Contact([-0.02, 0, 0], [1, 0, 0], friction), Contact([0.02, 0, 0], [-1, 0, 0], friction)])
-
-
-def test_a_pinch_balances_a_weight_with_friction_alone() -> None:
-    weight = np.array([0, 0, -1.0, 0, 0, 0])
-    assert balances(pinch(0.5), weight)
-    assert not balances(pinch(0.0), weight)
-    assert balances(pinch(0.0), np.array([1.0, 0, 0, 0, 0, 0]))
-
-
-def test_point_contacts_do_not_balance_a_moment_about_their_line() -> None:
-    assert not balances(pinch(1.0), np.array([0, 0, 0, 0.1, 0, 0]))
-
-
-def test_contacts_on_one_side_cannot_pull() -> None:
-    table = Grasp([Contact([x, y, 0], [0, 0, 1], 0.5) for x, y in ((0.1, 0), (-0.1, 0.1), (-0.1, -0.1))])
-    assert balances(table, np.array([0, 0, -1.0, 0, 0, 0]))
-    assert not balances(table, np.array([0, 0, 1.0, 0, 0, 0]))
-    assert not balances(table, np.array([0, 0, -1.0, 0, 0.2, 0]))  # it would tip over the edge
-
-
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(st.integers(0, 10_000), st.integers(1, 6), st.floats(0, 1.5))
-def test_what_forces_within_the_cones_make_is_balanced(seed: int, m: int, mu: float) -> None:
-    rng = np.random.default_rng(seed)
-    normals = rng.standard_normal((m, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    grasp = Grasp([Contact(0.1 * rng.standard_normal(3), n, mu) for n in normals])
-    pressed, angle, share = rng.random(m), rng.uniform(0, 2 * np.pi, m), rng.random(m)
-    c = np.column_stack([pressed, share * mu * pressed * np.cos(angle), share * mu * pressed * np.sin(angle)])
-    assert balances(grasp, -grasp.G @ c.ravel())
+# --- what squeezes ------------------------------------------------------------------------------
 
 
 def test_the_actuator_of_a_coupled_joint_squeezes() -> None:
@@ -294,8 +260,8 @@ def test_the_actuator_of_a_coupled_joint_squeezes() -> None:
     pose = np.eye(4)
     pose[2, 3] = 0.1
     grasp = contact_grasp(hand, close(hand, np.zeros(2), body, pose).q, body, pose)
-    assert driven(grasp, {"right_slide"}) == driven(grasp, {"left_slide"}) == ("grip",)
-    assert driven(grasp, set()) == ()
+    assert squeezing(grasp, {"right_slide"}) == squeezing(grasp, {"left_slide"}) == ("grip",)
+    assert squeezing(grasp, set()) == ()
 
 
 # --- alike --------------------------------------------------------------------------------------

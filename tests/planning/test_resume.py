@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 from handfast import load_task, verify
-from handfast.cli.grasp import Grasp
+from handfast.cli.grasp import FindGrasps
 from handfast.cli.plan import PlanGrasps
 from handfast.core.errors import InputError
-from handfast.planning.tasks.search_file import load_search
-from handfast.stability.many import START
+from handfast.core.parallel import START
+from handfast.planning.results.search_file import load_search
 from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.starts import Certified, Starts
 
@@ -36,8 +36,8 @@ def plan(folder: Path, **options: Any) -> PlanGrasps:
     return PlanGrasps(hand="barrett-bh8-280", object="ball", seed=5, jobs=1, output=folder, json=True, **options)
 
 
-def grasp(folder: Path, **options: Any) -> Grasp:
-    return Grasp(task=TASK, jobs=1, output=folder, json=True, **options)
+def grasp(folder: Path, **options: Any) -> FindGrasps:
+    return FindGrasps(task=TASK, jobs=1, output=folder, json=True, **options)
 
 
 def contents(folder: Path) -> dict[str, Any]:
@@ -215,7 +215,7 @@ def test_a_search_goes_on_only_with_what_it_was_asked(tmp_path: Path, searched: 
     with pytest.raises(InputError, match="--resume or --force"):
         grasp(folder, resume=True, force=True).run()
     with pytest.raises(InputError, match="--resume: needs the folder"):
-        Grasp(task=TASK, resume=True).run()
+        FindGrasps(task=TASK, resume=True).run()
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""One preload for many loads, the loads themselves, and statics alone."""
+"""One preload for many loads, and the loads themselves."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from handfast import Contact, Grasp, InputError, Settings, Stop, Verdict, check, load_body
+from handfast import InputError, Settings, Stop, Verdict, check, load_body
 from handfast.model.body import Body
 from handfast.model.shape import Shape
 from handfast.stability.hold import hold, moderate
 from handfast.stability.loads import Loads
 from handfast.stability.loads_file import load_loads
 from handfast.stability.queries import torques
-from handfast.stability.statics import CIRCUMSCRIBED, imbalance, spare_friction
-from tests.support.problems import X, Y, Z, nest, pinch, table
+from tests.support.problems import X, Y, Z, nest, pinch
 
 ZERO = np.zeros(3)
 
@@ -186,43 +185,6 @@ def test_loads_file(tmp_path: Path) -> None:
         file.write_text(json.dumps(data))
         with pytest.raises(InputError, match=match):
             load_loads(file)
-
-
-# --- statics ------------------------------------------------------------------------------------
-
-
-def test_imbalance_of_a_pinch() -> None:
-    side, along = np.concatenate([Y, ZERO]), np.concatenate([X, ZERO])
-    turn, pulled = np.concatenate([ZERO, X]), np.concatenate([Z, ZERO])
-    np.testing.assert_allclose(imbalance(pinch(), np.array([side, along, turn])), [0, 0, 1], atol=1e-9)
-    assert imbalance(nest(), pulled[None])[0] == pytest.approx(1.0, abs=1e-9)
-    assert imbalance(nest(), -pulled[None])[0] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_spare_friction_of_a_wedge() -> None:
-    """Two tips on faces that lean by 20 degrees towards each other squeeze it out unless mu >= tan 20 degrees."""
-    a, mu = np.radians(20), 0.8
-    n = np.array([[-np.cos(a), 0, np.sin(a)], [np.cos(a), 0, np.sin(a)]])
-    grasp = Grasp([Contact(np.array([s, 0.0, 0.0]) * 0.03, k, mu) for s, k in zip((1, -1), n, strict=True)])
-    down = np.array([[0, 0, 1.0, 0, 0, 0]])  # out of the wedge, the way the faces push
-    spare = spare_friction(grasp, down)
-    least = np.tan(a) / mu  # of the cones; a pyramid's edge lies in this plane
-    assert 1 - least - 1 / 64 <= spare <= 1 - least
-    assert spare_friction(grasp.with_friction(0.3), down) == 0.0
-
-
-@given(st.integers(0, 200))
-@settings(max_examples=25, derandomize=True, deadline=None)
-def test_what_is_resisted_is_balanced(seed: int) -> None:
-    """Statics is necessary: a witness of `check` lies within pyramids around the cones."""
-    rng = np.random.default_rng(seed)
-    w = rng.normal(size=6) * [1, 1, 1, 0.02, 0.02, 0.02]
-    if seed % 2:
-        grasp, w[2] = table(mu=0.5), -10.0  # pressed on: it would slide from 5 N on
-    else:
-        grasp, w[3] = pinch(torque=1.0), 0.0  # a pinch has no torque about the line between its tips
-    assert check(grasp, w).verdict is Verdict.HOLDS
-    assert imbalance(grasp, w[None], CIRCUMSCRIBED)[0] < 1e-6
 
 
 def test_bundled_objects_have_weight() -> None:

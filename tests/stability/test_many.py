@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
+from handfast.core.parallel import WorkerPool
 from handfast.model.grasp_file import load_grasp
 from handfast.stability import many
+from handfast.stability.answers import MaxAnswer
 from handfast.stability.certify.verify import verify
 from handfast.stability.many import FEW, max_many
 from handfast.stability.queries import maximum
@@ -44,7 +48,7 @@ def test_processes_and_threads_give_the_same(monkeypatch: pytest.MonkeyPatch) ->
     assert len(directions) > FEW
     monkeypatch.setattr("handfast.stability.many.BLOCK", 20)  # as many as that know of each other
     ways = [max_many(grasp, directions, jobs=2)]
-    monkeypatch.setattr("handfast.stability.many.START", "spawn")
+    monkeypatch.setattr("handfast.core.parallel.START", "spawn")
     ways.append(max_many(grasp, directions, jobs=2))
     ways.append(max_many(grasp, directions, jobs=1))
     for first, *others in zip(*ways, strict=True):
@@ -55,12 +59,21 @@ def test_processes_and_threads_give_the_same(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_solvers_of_algorithm1_are_not_for_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[int] = []
-    monkeypatch.setattr(many, "START", "spawn")
-    monkeypatch.setattr(many, "_in_threads", lambda cases, options, jobs: seen.append(jobs) or iter(()))
+    seen: list[tuple[int, bool]] = []
+
+    class Pool(WorkerPool):
+        def __init__(self, shared: object, jobs: int, *, threads: bool) -> None:
+            super().__init__(shared, jobs, threads=threads)
+            seen.append((self.jobs, threads))
+
+        def map(self, *_: object) -> Iterator[list[MaxAnswer]]:
+            return iter(())
+
+    monkeypatch.setattr("handfast.core.parallel.START", "spawn")
+    monkeypatch.setattr(many, "WorkerPool", Pool)
     max_many(bell(), CIRCLE, settings=Settings(method="algorithm1"), jobs=4)
     max_many(bell(), CIRCLE, jobs=4)
-    assert seen == [1, 4]
+    assert seen == [(1, True), (4, True)]
 
 
 def test_ctrl_c_leaves_none_in_processes_either() -> None:

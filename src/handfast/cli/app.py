@@ -18,7 +18,7 @@ from handfast.cli.check import Check
 from handfast.cli.close import Close
 from handfast.cli.contacts import Contacts
 from handfast.cli.demo import Demo
-from handfast.cli.grasp import Grasp
+from handfast.cli.grasp import FindGrasps
 from handfast.cli.list import List
 from handfast.cli.map import Map
 from handfast.cli.max import Max
@@ -38,7 +38,7 @@ COMMANDS: dict[str, type[Command]] = {
     "map": Map,
     "sweep": Sweep,
     "synthesize": Synthesize,
-    "grasp": Grasp,
+    "grasp": FindGrasps,
     "propose": Propose,
     "plan": PlanGrasps,
     "verify": Verify,

@@ -10,11 +10,13 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.options import Assignments, Command, assigned, check_writable
-from handfast.cli.scene import SceneOptions, load_placed
+from handfast.cli.scene_options import SceneOptions, load_placed
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Contact
+    from handfast.model.hand import Hand
+    from handfast.planning.closing import Closed
 
 
 @dataclass(kw_only=True)
@@ -43,14 +45,11 @@ class Close(SceneOptions, Command):
     """write over files that exist"""
 
     def run(self) -> int:
-        from handfast.cli import tables
-        from handfast.cli.table import table
         from handfast.geometry.contacts import contact_grasp
         from handfast.geometry.scene import Scene
         from handfast.model.configuration import Configuration, save_configuration
         from handfast.model.grasp_file import save_grasp
-        from handfast.planning.close import close
-        from handfast.report import words
+        from handfast.planning.closing import close
 
         check_writable(self.output, self.force, (".json",))
         check_writable(self.grasp, self.force, (".json",))
@@ -75,7 +74,9 @@ class Close(SceneOptions, Command):
         )
         if self.output:
             save_configuration(result, self.output, force=self.force)
-        if self.grasp or self.report:  # without contacts, or with a preload of an idle finger, this says so
+        if (
+            self.grasp or self.report
+        ):  # without contacts, or with a preload of a finger that touches nothing, this says so
             grasp = contact_grasp(
                 hand,
                 closed.q,
@@ -107,6 +108,14 @@ class Close(SceneOptions, Command):
                 }
             )
             return console.ANSWERED
+        self._show(hand, closed)
+        return console.ANSWERED
+
+    def _show(self, hand: Hand, closed: Closed) -> None:
+        from handfast.cli import tables
+        from handfast.cli.table import table
+        from handfast.report import words
+
         out = console.out()
         touching = ", ".join(closed.touching) or "no link"
         out.print(f"{words.count(len(closed.contacts), 'contact')}; touching: {touching}", style="bold")
@@ -121,7 +130,6 @@ class Close(SceneOptions, Command):
         for path in (self.output, self.grasp, self.report):
             if path:
                 out.print(f"Written: {path}", soft_wrap=True)
-        return console.ANSWERED
 
     def _closing(self) -> dict[str, int]:
         senses = assigned(self.closing, "--closing")

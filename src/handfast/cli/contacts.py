@@ -10,7 +10,7 @@ from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
 from handfast.cli.options import Assignments, Command, assigned, check_writable
-from handfast.cli.scene import SceneOptions, load_placed
+from handfast.cli.scene_options import SceneOptions, load_placed
 
 
 @dataclass(kw_only=True)

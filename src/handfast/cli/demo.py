@@ -89,7 +89,7 @@ def build() -> tuple[Grasp, list[Mesh]]:
 
     One motor per joint, as in the paper: joints without a command, the distal ones, are locked.
     """
-    from handfast.cli.scene import load_placed
+    from handfast.cli.scene_options import load_placed
     from handfast.geometry.contacts import contact_grasp
     from handfast.model.body import load_body
     from handfast.model.hand import load_hand

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,22 +10,17 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.loads import LoadsOptions
-from handfast.cli.options import Assignments, Command, assigned, check_folder, check_writable, load_solvable
+from handfast.cli.load_options import LoadsOptions
+from handfast.cli.options import Assignments, Command, assigned, check_writable, load_solvable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.planning.tasks.proved import Grasps
-    from handfast.planning.tasks.search_file import Search
-
-FILES = ("grasps.json", "grasp-{}.json", "configuration-{}.json")
-SEARCH = "search.json"
-PAUSE = 2.0  # [s] between two notes of how far the search has come, where nothing was found
+    from handfast.planning.results.grasps import Grasps
 
 
 @dataclass(kw_only=True)
-class Grasp(LoadsOptions, Command):
-    """Find grasps for a task: the hand reaches them, nothing collides, they hold, and with these torques.
+class FindGrasps(LoadsOptions, Command):
+    """FoundGrasp grasps for a task: the hand reaches them, nothing collides, they hold, and with these torques.
 
     Every configuration comes with a proof that it exists, every load with an exact equilibrium under the
     preload. What else was tried is counted by the reason why it was dropped.
@@ -73,9 +66,11 @@ class Grasp(LoadsOptions, Command):
     def run(self) -> int:
         from handfast.cli import grasp_tables
         from handfast.model.body import load_body
-        from handfast.planning.tasks.grasp_for import grasp_for
-        from handfast.planning.tasks.judge import Allowed
-        from handfast.planning.tasks.search_file import load_search
+        from handfast.planning.evaluation.evaluator import Allowed
+        from handfast.planning.grasp_for import grasp_for
+        from handfast.planning.journal import Journal
+        from handfast.planning.requirements import Limits
+        from handfast.planning.results.grasp_folder import GraspFolder
 
         task = load_solvable(self.task)
         if self.count < 1:
@@ -84,85 +79,40 @@ class Grasp(LoadsOptions, Command):
         if name is None:
             raise InputError("names no object; give --object, its shape is needed", source=self.task)
         check_writable(self.report, self.force, (".html", ".htm"))
-        self._check_folder()
+        GraspFolder.refuse(self.output, resume=self.resume, force=self.force)
         body = load_body(name, mass=self.mass, friction=self.friction)
-        loads = self.asked(body)
-        state = self.output / SEARCH if self.output else None
-        earlier = load_search(state, task) if state and self.resume and state.exists() else None
         with console.watch("grasp") as watch:
+
+            def note(so_far: Grasps) -> None:
+                watch.say(grasp_tables.progress_text(so_far))
+
+            folder = GraspFolder(self.output, resume=self.resume, on_note=note) if self.output else None
             answer = grasp_for(
                 task,
                 body,
-                loads,
+                self.asked(body),
+                limits=Limits(
+                    command_limit=self.command_limit,
+                    torque_limits=assigned(self.torque_limit, "--torque-limit"),
+                    force_limit=self.force_limit,
+                    eta=float(np.radians(self.eta)),
+                ),
                 count=self.count,
                 seed=self.seed,
                 timeout=None if self.timeout == float("inf") else self.timeout,
                 allowed=Allowed(self.depth, self.depth, self.depth),
-                command_limit=self.command_limit,
-                torque_limits=assigned(self.torque_limit, "--torque-limit"),
-                force_limit=self.force_limit,
-                eta=float(np.radians(self.eta)),
                 jobs=self.jobs,
-                earlier=earlier,
-                on_step=lambda p: watch.say(grasp_tables.progress_text(p)),
-                on_find=self._note,
+                journal=folder or Journal(note),
             )
-        written = self._write(answer)
+        written = folder.written if folder else []
+        if self.report and answer.grasps:
+            from handfast.report.grasp_report import report_grasp
+
+            report_grasp(self.report, answer, force=self.force)
+            written = [*written, self.report]
         if self.json:
             console.print_json(answer.to_json())
         else:
             grasp_tables.show_grasps(console.out(), answer, written)
         enough = len(answer.grasps) >= self.count
         return console.status(answer.verdict, answer.stop) if enough or not answer.grasps else console.UNDECIDED
-
-    def _check_folder(self) -> None:
-        """Refuse a folder that could not be filled before the work that would fill it."""
-        self._noted = -math.inf
-        if self.output is None:
-            if self.resume:
-                raise InputError("needs the folder to go on from; give --output FOLDER", field="--resume")
-            return
-        check_folder(self.output)
-        if self.resume and self.force:
-            raise InputError("give either --resume or --force")
-        begun = any(any(self.output.glob(file.format("[0-9]*"))) for file in (SEARCH, *FILES))
-        if begun and not (self.force or self.resume):
-            problem = "holds grasps already; give --resume to go on, or --force to write over them"
-            raise InputError(problem, source=str(self.output))
-
-    def _note(self, search: Search, answer: Grasps | None) -> None:
-        """Write what is new: grasps at once, and then how far the search has come."""
-        if self.output is None:
-            return
-        if answer is not None:
-            self._save(answer)
-        if answer is not None or time.monotonic() > self._noted + PAUSE:
-            from handfast.planning.tasks.search_file import save_search
-
-            save_search(search, self.output / SEARCH)
-            self._noted = time.monotonic()
-
-    def _save(self, answer: Grasps) -> list[Path]:
-        """The files of the grasps, best first."""
-        from handfast.model.configuration import save_configuration
-        from handfast.model.grasp_file import save_grasp
-
-        assert self.output is not None
-        whole, grasp, configuration = (self.output / file for file in FILES)
-        written = []
-        for k, g in enumerate(answer.grasps, start=1):
-            for file in (grasp, configuration):
-                written.append(file.with_name(file.name.format(k)))
-            save_grasp(g.grasp, written[-2], force=True)
-            save_configuration(g.configuration, written[-1], force=True)
-        answer.save(whole, force=True)
-        return [whole, *written]
-
-    def _write(self, answer: Grasps) -> list[Path]:
-        written = self._save(answer) if self.output and answer.grasps else []
-        if self.report and answer.grasps:
-            from handfast.report.grasp_report import report_grasp
-
-            report_grasp(self.report, answer, force=self.force)
-            written.append(self.report)
-        return written

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,20 +14,27 @@ from handfast.cli.question_tables import show_grasps_question
 from handfast.cli.synthesis_tables import STYLE, WHY
 from handfast.cli.table import table
 from handfast.core.answer import Reach
-from handfast.planning.tasks.judge import Reason
+from handfast.planning.rejection import RejectionReason, Tally
+from handfast.planning.results.search_file import REASONS
 from handfast.report import words
 from handfast.report.words import num
 
 if TYPE_CHECKING:
-    from handfast.planning.tasks.grasp_for import Progress
-    from handfast.planning.tasks.grasps_file import SavedGrasps
-    from handfast.planning.tasks.proved import Grasps
-    from handfast.planning.tasks.replay import ReplayedGrasps
+    from handfast.planning.results.grasps import Grasps
+    from handfast.planning.results.grasps_file import SavedGrasps
+    from handfast.planning.results.verify_grasps import ReplayedGrasps
 
 
-def progress_text(p: Progress) -> str:
+def progress_text(so_far: Grasps) -> str:
     """Where the search is."""
-    return f"{p.found} of {p.wanted} found, {words.count(p.starts, 'start')} judged"
+    return f"{len(so_far.grasps)} of {so_far.count} found, {words.count(so_far.tally.total, 'start')} judged"
+
+
+def tally_rows(tally: Tally, passed: str, reasons: Sequence[RejectionReason]) -> Iterator[tuple[str, str]]:
+    """What became of candidates, in words, and how many; without what none did."""
+    for what, number in [(passed, tally.passed), *((str(reason), tally[reason]) for reason in reasons)]:
+        if number:
+            yield what, str(number)
 
 
 def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = ()) -> None:
@@ -39,7 +46,7 @@ def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = ()) -> N
     out.print(loads_text(answer), style="dim")
     if answer.grasps:
         _show_found(out, answer)
-    _show_fates(out, answer)
+    _show_tally(out, answer)
     for path in written:
         out.print(f"Written: {path}", soft_wrap=True)
 
@@ -51,13 +58,13 @@ def sentence(answer: Grasps) -> str:
         return f"The hand cannot bring the regions together: every part of the space was discarded {seconds}."
     if not n:
         why = WHY.get(answer.stop, "the search came to its end")
-        nothing = "no certified configuration holds" if answer.fates_total else "no configuration was found"
+        nothing = "no certified configuration holds" if answer.tally.total else "no configuration was found"
         line = " Two point contacts hold no torque about the line between them, hence hardly any weight."
-        pinch = line if len(answer.task.touches) == 2 and answer.fates[Reason.UNBALANCED] else ""
+        pinch = line if len(answer.task.touches) == 2 and answer.tally[RejectionReason.UNBALANCED] else ""
         return f"{nothing[0].upper()}{nothing[1:]} so far, {seconds}; {why}.{pinch}"
     s, loads = "s" if n == 1 else "", words.count(len(answer.loads), "load")
     which = f"{words.count(n, 'grasp')} that exist{s}, collide{s} with nothing and hold{s} {loads}"
-    short = f" Asked for {answer.count}: {WHY[answer.stop]}." if n < answer.count and answer.stop in WHY else ""
+    short = f" Requirements for {answer.count}: {WHY[answer.stop]}." if n < answer.count and answer.stop in WHY else ""
     return f"{which}, {seconds}.{short}"
 
 
@@ -72,7 +79,7 @@ def loads_text(answer: Grasps) -> str:
 
 def _show_found(out: Console, answer: Grasps) -> None:
     unit = words.actuator_unit(answer.grasps[0].grasp, answer.grasps[0].grasp.mechanism.actuators[0])
-    heads = (f"command [{unit}]", "at least", "spare friction [%]", "clear [mm]", "from limits [%]", "dexterity [-]")
+    heads = (f"command [{unit}]", "at least", "friction margin [%]", "clear [mm]", "from limits [%]", "dexterity [-]")
     grid = table("#", "score", *heads, "")
     for k, g in enumerate(answer.grasps, start=1):
         grid.add_row(
@@ -80,7 +87,7 @@ def _show_found(out: Console, answer: Grasps) -> None:
             f"{g.score:.2f}",
             num(g.command, 3),
             num(g.answer.lower, 3),
-            f"{100 * g.spare_friction:.0f}",
+            f"{100 * g.friction_margin:.0f}",
             f"{1e3 * g.terms['clearance']:.2f}",
             f"{100 * g.terms['from_limits']:.1f}",
             num(g.terms["manipulability"], 3),
@@ -100,17 +107,16 @@ def _show_found(out: Console, answer: Grasps) -> None:
     )
 
 
-def _show_fates(out: Console, answer: Grasps) -> None:
-    if answer.unproved or answer.fates_total:
+def _show_tally(out: Console, answer: Grasps) -> None:
+    if answer.unproved or answer.tally.total:
         grid = table("what became of the starts", "")
-        for reason, n in answer.fates.items():
-            if n:
-                grid.add_row(str(reason), str(n))
+        for what, number in tally_rows(answer.tally, "holds", REASONS):
+            grid.add_row(what, number)
         if answer.unproved:
             grid.add_row("could not be certified", str(answer.unproved))
         out.print()
         out.print(grid)
-        looked = f"{answer.judged} certified configurations judged, steps included"
+        looked = f"{answer.evaluated} certified configurations judged, steps included"
         out.print(f"{looked}; {answer.starts} random starts of the local search", style="dim")
 
 
@@ -129,7 +135,7 @@ def show_replayed_grasps(out: Console, what: SavedGrasps, done: ReplayedGrasps) 
         out.print(grid)
     out.print(f"{num(done.seconds, 2)} s, without the search", style="dim")
     out.print(
-        "Not replayed, and not proved: clearances, scores, lower bounds and the course of the search. Checksums "
+        f"Not replayed, and not proved: {done.not_replayed}. Checksums "
         "protect from damage, not from forgery: compare hand, object and task with those you mean.",
         style="dim",
     )

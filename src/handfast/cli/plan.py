@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.loads import LoadsOptions
-from handfast.cli.options import Assignments, Command, Triple, assigned, check_folder
-from handfast.cli.scene import SceneOptions
+from handfast.cli.load_options import LoadsOptions
+from handfast.cli.options import Assignments, Command, Triple, assigned
+from handfast.cli.scene_options import SceneOptions
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.body import Body
-    from handfast.planning.closing.plan import Plan
+    from handfast.planning.results.planned import Plan
     from handfast.stability.loads import Loads
 
 
@@ -66,44 +66,45 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     def run(self) -> int:
         import numpy as np
 
-        from handfast.planning.closing.folder import Folder
-        from handfast.planning.closing.plan import plan
+        from handfast.planning.candidates.palm_poses import Sampling
+        from handfast.planning.journal import Journal
+        from handfast.planning.plan_grasps import plan
+        from handfast.planning.requirements import Limits
+        from handfast.planning.results.plan_folder import PlanFolder
 
-        self._check_folder()
+        PlanFolder.refuse(self.output, resume=self.resume, force=self.force)
         hand, body = self.load_scene()
         senses = {name: int(s) for name, s in self._senses().items()}
         hand = hand.with_closing(senses)
         loads = self._loads(body)
-        names = _from_anywhere(self.hand), _from_anywhere(self.object)
-        folder = Folder(self.output, *names, senses) if self.output else None
         with console.watch("plan") as progress:
 
             def note(so_far: Plan) -> None:
                 progress.item(len(so_far.grasps), max(self.count, self.pool or 0))
-                if folder:
-                    folder.note(so_far)
 
+            names = _from_anywhere(self.hand), _from_anywhere(self.object)
+            folder = PlanFolder(self.output, *names, senses, resume=self.resume, on_note=note) if self.output else None
             planned = plan(
                 hand,
                 body,
                 count=self.count,
                 loads=loads,
+                limits=Limits(
+                    command_limit=self.command_limit,
+                    torque_limits=assigned(self.torque_limit, "--torque-limit"),
+                    force_limit=self.force_limit,
+                    eta=float(np.radians(self.eta)),
+                ),
                 seed=self.seed,
                 timeout=self.timeout,
                 attempts=self.attempts,
                 pool=self.pool,
-                approach=self.approach or None,
-                command_limit=self.command_limit,
-                torque_limits=assigned(self.torque_limit, "--torque-limit"),
-                force_limit=self.force_limit,
-                eta=float(np.radians(self.eta)),
+                sampling=Sampling(approach=self.approach or None),
                 jobs=self.jobs,
-                earlier=folder.read if folder and self.resume else None,
-                on_attempt=note,
+                journal=folder or Journal(note),
             )
-        answer = folder.write(planned) if folder else planned.to_json()
         if self.json:
-            console.print_json(answer)
+            console.print_json(folder.answer if folder else planned.to_json())
         else:
             self._show(planned)
         return console.status(planned.verdict, planned.stop)
@@ -119,22 +120,10 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
             raise InputError("is unknown; give --mass KG", source=self.object, field="mass")
         return self.asked(body)
 
-    def _check_folder(self) -> None:
-        """Refuse a folder that could not be filled before the work that would fill it."""
-        check_folder(self.output)
-        if self.output is None:
-            if self.resume:
-                raise InputError("needs the folder to go on from; give --output FOLDER", field="--resume")
-            return
-        if self.resume and self.force:
-            raise InputError("give either --resume or --force")
-        begun = [file for kind in ("plan.json", "[0-9]*.grasp.json") for file in self.output.glob(kind)]
-        if begun and not (self.force or self.resume):
-            problem = "holds a plan already; give --resume to go on, or --force to write over it"
-            raise InputError(problem, source=str(self.output))
-
     def _show(self, planned: Plan) -> None:
+        from handfast.cli.grasp_tables import tally_rows
         from handfast.cli.table import table
+        from handfast.planning.evaluation.attempt import REASONS
         from handfast.report import words
 
         out = console.out()
@@ -151,9 +140,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
                 grid.add_row(*numbers, links, preload, f"{g.answer.upper:.3g}")
             out.print(grid)
         grid = table("what became of the starts", "")
-        for fate, number in planned.fates.items():
-            if number:
-                grid.add_row(str(fate), str(number))
+        for reason, number in tally_rows(planned.tally, "kept", REASONS):
+            grid.add_row(reason, number)
         out.print(grid)
         if self.output:
             out.print(f"Written: {self.output}", soft_wrap=True)

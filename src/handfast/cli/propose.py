@@ -12,7 +12,7 @@ from handfast.cli import console
 from handfast.cli.options import Command, check_folder
 
 if TYPE_CHECKING:
-    from handfast.planning.regions.propose import Proposals
+    from handfast.planning.propose_tasks import Proposals
 
 
 @dataclass(kw_only=True)
@@ -51,7 +51,7 @@ class Propose(Command):
         from handfast.model.body import load_body
         from handfast.model.hand.load import load_hand
         from handfast.model.hand_regions import load_hand_regions
-        from handfast.planning.regions.propose import propose
+        from handfast.planning.propose_tasks import propose
 
         check_folder(self.output)
         hand, body = load_hand(self.hand), load_body(self.object)
@@ -90,10 +90,10 @@ class Propose(Command):
                 measured = f"{p.score:.2f}", f"{1e3 * p.off_centre:.0f} mm", f"{1e3 * p.clearance + 0.0:.1f} mm"
                 grid.add_row(p.task.name, ", ".join(p.names), *measured)
             out.print(grid)
-        if found.dropped:
+        if found.tally.rejected:
             grid = table("dropped", "number", "for example")
-            for d in found.dropped:
-                grid.add_row(d.reason, str(d.count), d.example)
+            for reason, some in found.tally.rejected.items():
+                grid.add_row(str(reason), str(some.count), some.example)
             out.print(grid)
         for path in written:
             out.print(f"Written: {path}", soft_wrap=True)

@@ -18,7 +18,7 @@ from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
-    from handfast.planning.tasks.grasps_file import SavedGrasps
+    from handfast.planning.results.grasps_file import SavedGrasps
     from handfast.synthesis.task import Task
 
 DIGITS = 16  # of a SHA-256 that are shown
@@ -63,8 +63,8 @@ def show_task_question(out: Console, task: Task, *, proved: bool) -> None:
 
 def show_grasps_question(out: Console, what: SavedGrasps, question: Mapping[str, Any], *, proved: bool) -> None:
     """The question of grasps for a task."""
-    asked, body = what.asked, what.object
-    terms = _terms(asked.eta, question["mdp"], asked.torque_limits, asked.force_limit)
+    asked, body = what.requirements, what.object
+    terms = _terms(asked.eta, question["mdp"], asked.torque_limits or {}, asked.force_limit)
     limit = [] if asked.command_limit is None else [f"commands up to {num(asked.command_limit)}"]
     facts = "; ".join([f"friction {num(asked.friction)}", *terms, *limit])
     out.print(f"\n{_opening(proved)} each load alone is held under one preload; {facts}", soft_wrap=True)

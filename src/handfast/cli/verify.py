@@ -28,7 +28,7 @@ class Verify(Command):
     def run(self) -> int:
         from handfast.cli import grasp_tables, synthesis_tables, tables
         from handfast.cli.question_tables import question_json, task_json
-        from handfast.planning.tasks.replay import ReplayedGrasps
+        from handfast.planning.results.verify_grasps import ReplayedGrasps
         from handfast.saved import load, verify
         from handfast.stability.certify.replay import Verified
         from handfast.synthesis.answers import Replayed

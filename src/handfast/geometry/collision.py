@@ -19,7 +19,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.geometry.scene import Near, Scene, checked_pose
+from handfast.geometry.scene import HandObjectPair, Scene, checked_pose
 from handfast.model.grasp import unit
 from handfast.model.hand.coupling import coupled
 from handfast.model.shape import Shape, transform
@@ -57,8 +57,8 @@ class Requested:
 
 
 @dataclass(frozen=True, eq=False)
-class Push:
-    """Two points that are too near to each other, or inside: what a repair takes apart.
+class SeparationVector:
+    """Two points that are too near to each other, or inside: what a step takes apart.
 
     To first order the distance grows by direction @ (motion of point_a with its link - that of point_b).
 
@@ -200,7 +200,7 @@ class Collisions:
         self._judged = tuple(pair for pair in scene.self_pairs if pair not in self.left_out)
         self._row = {pair: k for k, pair in enumerate(self._judged)}
         self._judged_names, self._left_out_names = self._named(self._judged), self._named(self.left_out)
-        self._surfaces: dict[Pair, _Surface] = {}
+        self._surfaces: dict[Pair, _SampledSurface] = {}
 
     def clearances(self, q: Array, object_pose: Array, requested: Sequence[Requested] = ()) -> Clearances:
         """How far the hand at q (l,) is from the object at `object_pose` (4, 4), base frame, and from itself.
@@ -208,13 +208,13 @@ class Collisions:
         Raises:
             InputError: a pose that is not rigid, a requested contact of an unknown link.
         """
-        near, meetings = self.scene.neighbours(q, checked_pose(object_pose), self.cutoff)
-        pushes, at_contacts = self._apart(near, requested)
+        object_pairs, self_pairs = self.scene.pairs(q, checked_pose(object_pose), self.cutoff)
+        apart, at_contacts = self._apart(object_pairs, requested)
         to_object = np.full(len(self.scene.hand.links), self.cutoff)
-        for p in pushes:
+        for p in apart:
             to_object[p.link_a] = min(to_object[p.link_a], p.distance)
         between = np.full(len(self._judged), self.cutoff)
-        for m in meetings:
+        for m in self_pairs:
             k = self._row.get((m.first, m.second))
             if k is not None:
                 between[k] = min(between[k], m.distance)
@@ -229,9 +229,9 @@ class Collisions:
             self.cutoff,
         )
 
-    def pushes(
+    def separations(
         self, q: Array, object_pose: Array, requested: Sequence[Requested] = (), margin: float = DEPTH
-    ) -> list[Push]:
+    ) -> list[SeparationVector]:
         """What is nearer than `margin` [m] and should not be, deepest first; discs and pairs as in `clearances`.
 
         Raises:
@@ -240,11 +240,11 @@ class Collisions:
         if not margin <= self.cutoff:
             raise InputError(f"is {margin:g}; beyond the cutoff of {self.cutoff:g} m nothing is seen", field="margin")
         reach = max(margin, STEP)
-        near, meetings = self.scene.neighbours(q, checked_pose(object_pose), reach)
-        found, _ = self._apart(near, requested)
+        object_pairs, self_pairs = self.scene.pairs(q, checked_pose(object_pose), reach)
+        found, _ = self._apart(object_pairs, requested)
         found += [
-            Push(m.first, m.on_first, m.second, m.on_second, -m.normal, m.distance)
-            for m in meetings
+            SeparationVector(m.first, m.on_first, m.second, m.on_second, -m.normal, m.distance)
+            for m in self_pairs
             if (m.first, m.second) in self._row
         ]
         return sorted((p for p in found if p.distance < margin), key=lambda p: p.distance)
@@ -252,14 +252,16 @@ class Collisions:
     def _named(self, pairs: Sequence[Pair]) -> tuple[tuple[str, str], ...]:
         return tuple((self.scene.hand.link_names[a], self.scene.hand.link_names[b]) for a, b in pairs)
 
-    def _apart(self, near: list[Near], requested: Sequence[Requested]) -> tuple[list[Push], Array]:
+    def _apart(
+        self, near: list[HandObjectPair], requested: Sequence[Requested]
+    ) -> tuple[list[SeparationVector], Array]:
         """Object pairs outside the discs, and the distance inside each disc, as the scene is placed."""
         owner = [self.scene.hand.link(r.link) for r in requested]
         found, inside = [], np.full(len(requested), np.inf)
         for n in near:
             discs = [k for k, link in enumerate(owner) if link == n.link and self._in_disc(n, requested[k])]
             if not discs:
-                found.append(Push(n.link, n.on_hand, None, n.on_object, -n.normal, n.distance))
+                found.append(SeparationVector(n.link, n.on_hand, None, n.on_object, -n.normal, n.distance))
                 continue
             inside[discs] = np.minimum(inside[discs], n.distance)
             if n.distance < -FINE:
@@ -269,7 +271,7 @@ class Collisions:
             inside[k] = self._gap(owner[k], requested[k].point)
         return found, inside
 
-    def _in_disc(self, n: Near, r: Requested) -> bool:
+    def _in_disc(self, n: HandObjectPair, r: Requested) -> bool:
         """Whether a pair meets at a requested contact, and from the right side."""
         off = (n.on_hand + n.on_object) / 2 - r.point
         return bool(off @ off <= self.radius**2 and n.normal @ r.normal >= 0)
@@ -283,7 +285,7 @@ class Collisions:
         depth = max(s.depth(mine)[0] for s in shapes) + max(s.depth(its)[0] for s in self.scene.body.pieces)
         return float(min(-depth, self.cutoff))
 
-    def _rest(self, n: Near, points: Array) -> list[Push]:
+    def _rest(self, n: HandObjectPair, points: Array) -> list[SeparationVector]:
         """Where an exempt pair is deepest further than the radius from the link's contact points; [] if nowhere."""
         scene, depth, found = self.scene, 0.0, (np.zeros(3), 0)
         solids = (scene.hand.links[n.link].shapes[n.shape], scene.body.pieces[n.piece])
@@ -304,19 +306,19 @@ class Collisions:
             return []
         out = poses[other][:3, :3] @ _outwards(solids[other], _at(poses[other], x))[0]
         if other:  # a point of the hand is inside the object
-            return [Push(n.link, x, None, x + depth * out, out, -depth)]
-        return [Push(n.link, x + depth * out, None, x, -out, -depth)]
+            return [SeparationVector(n.link, x, None, x + depth * out, out, -depth)]
+        return [SeparationVector(n.link, x + depth * out, None, x, -out, -depth)]
 
-    def _surface(self, key: Pair, shape: Shape) -> _Surface:
+    def _surface(self, key: Pair, shape: Shape) -> _SampledSurface:
         if key not in self._surfaces:
-            self._surfaces[key] = _Surface(samples(shape, self.radius / 3))
+            self._surfaces[key] = _SampledSurface(samples(shape, self.radius / 3))
         return self._surfaces[key]
 
 
 def always_meeting(scene: Scene, *, count: int = SAMPLES, seed: int = 0) -> tuple[Pair, ...]:
     """Pairs of `scene.self_pairs` that overlap at every one of `count` configurations within the limits.
 
-    They are drawn uniformly, coupled joints following their leaders. Such an overlap is a fault of the
+    They are drawn uniformly, mimic joints following their drivers. Such an overlap is a fault of the
     collision model, not of a configuration. Links that no joint moves against each other within its limits
     are no such pair: a task that fixes two fingers in each other is at fault itself.
     """
@@ -328,14 +330,14 @@ def always_meeting(scene: Scene, *, count: int = SAMPLES, seed: int = 0) -> tupl
         if not left:
             break
         q = np.clip(coupled(hand, lower + rng.random(hand.l) * (upper - lower)), lower, upper)
-        left &= {(m.first, m.second) for m in scene.meetings(q, STEP) if m.distance < 0}
+        left &= {(m.first, m.second) for m in scene.self_collisions(q, STEP) if m.distance < 0}
     return tuple(sorted(left))
 
 
 # --- surfaces ---------------------------------------------------------------------------------------
 
 
-class _Surface:
+class _SampledSurface:
     """Points on a solid, ready to be asked which of them lie about another solid."""
 
     def __init__(self, points: Array) -> None:
@@ -346,7 +348,7 @@ class _Surface:
         self.radius = float(np.linalg.norm(points - self.middle, axis=1).max())
         self._tree: cKDTree = cKDTree(points)
 
-    def about(self, other: _Surface, pose: Array) -> Array:
+    def about(self, other: _SampledSurface, pose: Array) -> Array:
         """(n, 3) the points within the bounding sphere of another surface at `pose` (4, 4), own frame."""
         middle = pose[:3, :3] @ other.middle + pose[:3, 3]
         return self.points[self._tree.query_ball_point(middle, other.radius)]

@@ -22,7 +22,7 @@ NUDGE = 1e-6  # [m]
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
+class HandObjectPair:
     """The nearest points of a hand shape and an object piece.
 
     Attributes:
@@ -43,7 +43,7 @@ class Near:
 
 
 @dataclass(frozen=True, eq=False)
-class Meeting:
+class SelfCollisionPair:
     """The nearest points of shapes of two links of the hand that may meet.
 
     Attributes:
@@ -115,27 +115,29 @@ class Scene:
         self.place(q, object_pose)
         return self._link_distances(cutoff)
 
-    def nearest(self, q: Array, object_pose: Array, cutoff: float) -> list[Near]:
+    def nearest(self, q: Array, object_pose: Array, cutoff: float) -> list[HandObjectPair]:
         """Every pair of hand shape and object piece nearer than `cutoff` [m], in the order of the shapes."""
         self.place(q, object_pose)
         return self._nearest(cutoff)
 
-    def neighbours(self, q: Array, object_pose: Array, cutoff: float) -> tuple[list[Near], list[Meeting]]:
+    def pairs(
+        self, q: Array, object_pose: Array, cutoff: float
+    ) -> tuple[list[HandObjectPair], list[SelfCollisionPair]]:
         """`nearest`, and every pair of shapes of two links that may meet and are nearer than `cutoff` [m]."""
         self.place(q, object_pose)
-        return self._nearest(cutoff), self._meetings(cutoff)
+        return self._nearest(cutoff), self._self_collisions(cutoff)
 
-    def meetings(self, q: Array, cutoff: float) -> list[Meeting]:
+    def self_collisions(self, q: Array, cutoff: float) -> list[SelfCollisionPair]:
         """Every pair of shapes of two links that may meet and are nearer than `cutoff` [m]."""
         self.place(q, self.placed[-1])
-        return self._meetings(cutoff)
+        return self._self_collisions(cutoff)
 
     def clearances(self, q: Array, object_pose: Array, cutoff: float = 0.05) -> tuple[Array, Array]:
         """Signed distances [m] of the links to the object (n_links,), and of the `self_pairs` (k,)."""
         self.place(q, object_pose)
         return self._link_distances(cutoff), self._self_distances(cutoff)
 
-    def _nearest(self, cutoff: float) -> list[Near]:
+    def _nearest(self, cutoff: float) -> list[HandObjectPair]:
         found = []
         for i in self._close(self._to_object, cutoff):
             a, b = (int(g[i]) for g in self._to_object)
@@ -143,10 +145,10 @@ class Scene:
             if d < cutoff:
                 normal = self._normal(a, b, d, on_hand, on_object)
                 link, piece = int(self.owner[a]), b - len(self.number)
-                found.append(Near(link, int(self.number[a]), piece, d, on_hand, on_object, normal))
+                found.append(HandObjectPair(link, int(self.number[a]), piece, d, on_hand, on_object, normal))
         return found
 
-    def _meetings(self, cutoff: float) -> list[Meeting]:
+    def _self_collisions(self, cutoff: float) -> list[SelfCollisionPair]:
         found = []
         first, second, pair = self._to_self
         for i in self._close((first, second), cutoff):
@@ -155,7 +157,7 @@ class Scene:
             if d < cutoff:
                 normal = self._normal(a, b, d, on_first, on_second)
                 one, other = self.self_pairs[pair[i]]
-                found.append(Meeting(one, other, d, on_first, on_second, normal))
+                found.append(SelfCollisionPair(one, other, d, on_first, on_second, normal))
         return found
 
     def _link_distances(self, cutoff: float) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.workers import serve
+from handfast.core.parallel import end_with
 from handfast.model.shape import Faces
 
 PATIENCE = 300.0  # [s] solids of a hundred thousand triangles take a minute
@@ -54,5 +54,5 @@ def _work(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    serve(int(sys.argv[2]))
+    end_with(int(sys.argv[2]))
     _work(Path(sys.argv[1]))

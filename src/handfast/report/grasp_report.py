@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handfast.planning.tasks.proved import Grasps
+from handfast.planning.results.grasps import Grasps
 from handfast.report import Entry, words, write_report
 from handfast.report.drawing import scene_meshes
 from handfast.report.words import num
@@ -65,7 +65,7 @@ def facts(answer: Grasps, which: int) -> list[tuple[str, str]]:
         ("at the contacts", ", ".join(f"{1e3 * d:.2f}" for d in c.at_contacts) + " mm between the solids"),
         ("link to link", f"{1e3 * c.least_between:.2f} mm or more ({pair})"),
         ("curvature at contacts", ", ".join(num(k, 3) for k in g.curvatures) + " 1/m relative; 0 or more fits"),
-        ("spare friction", f"{100 * g.spare_friction:.0f} % less would balance the loads too"),
+        ("friction margin", f"{100 * g.friction_margin:.0f} % less would balance the loads too"),
         ("joint limits", f"{100 * g.terms['from_limits']:.0f} % of half the range away, or more"),
         ("manipulability", f"{num(g.dexterity.manipulability, 3)}, isotropy {num(g.dexterity.isotropy, 3)}"),
     ]

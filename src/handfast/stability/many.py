@@ -7,20 +7,17 @@ be forked or few cases do not pay for them: the engine's kernel holds no interpr
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from threading import Event
 from typing import Any
 
 import numpy as np
 
+from handfast.core import parallel
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
-from handfast.core.workers import serve
+from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
 from handfast.stability import problem
 from handfast.stability.answers import MaxAnswer
@@ -30,13 +27,10 @@ from handfast.stability.queries import largest, max_goal, with_interval
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.warm_start import WarmStart
 from handfast.stability.settings import Settings
-from handfast.stability.settings import default_jobs as default_jobs
 
 OnItem = Callable[[int, int], None]  # done, total
 BLOCK = 30  # cases that a worker takes at a time: neighbours
 FEW = 60  # cases for which no process is made
-# forked workers need no guarded main module in the caller's script; elsewhere one process is the safe default
-START = "fork" if sys.platform.startswith("linux") else "spawn"
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,24 +100,33 @@ def maxima(
     """One answer per case, in order; None from the first one that Ctrl-C prevented."""
     if cases:
         options.build(cases[0])  # bad input's one line is raised here, not in a worker
-    run = _in_processes if START == "fork" and (options.algorithm1 or len(cases) > FEW) else _in_threads
-    if options.algorithm1 and START != "fork":  # its solvers are not for threads
+    forked = parallel.START == "fork" and (options.algorithm1 or len(cases) > FEW)
+    if options.algorithm1 and not forked:  # its solvers are not for threads
         jobs = 1
+    size = 1 if options.algorithm1 else BLOCK  # its cases take long, and no neighbour helps
+    blocks = [cases[i : i + size] for i in range(0, len(cases), size)]
+    stopped = Event()
     done: list[MaxAnswer | None] = []
-    try:
-        for answer in run(cases, options, min(jobs or default_jobs(), max(len(cases), 1))):
-            done.append(answer)
-            if on_item:
-                on_item(len(done), len(cases))
-            if answer.stop is Stop.INTERRUPTED:  # Ctrl-C during a solve ends in an answer, not in an exception
-                break
-    except KeyboardInterrupt:
-        pass
+    jobs = min(jobs or default_jobs(), max(len(cases), 1))
+    with WorkerPool((options, stopped), jobs, threads=not forked) as pool:
+        try:
+            for answers in pool.map(_sent if pool.forked else _block, blocks):
+                for answer in answers:
+                    done.append(answer)
+                    if on_item:
+                        on_item(len(done), len(cases))
+                    if answer.stop is Stop.INTERRUPTED:  # Ctrl-C during a solve ends in an answer
+                        raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            pass
+        finally:
+            stopped.set()
     return done + [None] * (len(cases) - len(done))
 
 
-def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None) -> list[MaxAnswer]:
-    """Cases in turn, each with what the one before left."""
+def _block(shared: tuple[Options, Event], cases: Sequence[Case]) -> list[MaxAnswer]:
+    """Cases in turn, each with what the one before left, until it is stopped."""
+    options, stopped = shared
     settings = options.settings or Settings()
     # cores are for cases; a map keeps no proofs, and replays none
     settings = replace(settings, workers=1, verify=settings.verify and options.proofs)
@@ -133,7 +136,7 @@ def _block(cases: Sequence[Case], options: Options, stopped: Event | None = None
     reduced: Reduced | None = None
     before: WarmStart | None = None
     for case in cases:
-        if stopped and stopped.is_set():
+        if stopped.is_set():
             break
         same = last is not None and last.grasp is case.grasp and last.base is case.base
         p = p.towards(case.direction) if same and p is not None else options.build(case)
@@ -159,39 +162,13 @@ def _left(answer: MaxAnswer, before: WarmStart | None) -> WarmStart | None:
     return WarmStart(points, answer.unbounded, answer.proof.pool if closed and answer.proof else None)
 
 
-def _in_threads(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:
-    if jobs <= 1:
-        for i in range(0, len(cases), BLOCK):
-            yield from _block(cases[i : i + BLOCK], options)
-        return
-    stopped = Event()
-    with ThreadPoolExecutor(jobs) as pool:
-        blocks = [pool.submit(_block, cases[i : i + BLOCK], options, stopped) for i in range(0, len(cases), BLOCK)]
-        try:
-            for block in blocks:
-                yield from block.result()
-        finally:
-            stopped.set()
-            pool.shutdown(cancel_futures=True)
-
-
-def _task(task: tuple[Sequence[Case], Options]) -> list[MaxAnswer]:
-    # a thousand answers travel between processes: leave behind what nobody asks for, and the history of Algorithm 1
+def _sent(shared: tuple[Options, Event], cases: Sequence[Case]) -> list[MaxAnswer]:
+    """The answers without what nobody asks for and the history of Algorithm 1: a thousand travel between processes."""
+    proofs = shared[0].proofs
     left: dict[str, Any] = {"steps": ()} | (
-        {} if task[1].proofs else {"witness": None, "proof": None, "posed": None, "point": None}
+        {} if proofs else {"witness": None, "proof": None, "posed": None, "point": None}
     )
-    answers = [replace(answer, **left) for answer in _block(*task)]
-    if task[1].proofs:
+    answers = [replace(answer, **left) for answer in _block(shared, cases)]
+    if proofs:
         return answers
     return [a if a.interval is None else replace(a, interval=replace(a.interval, arcs=(), slips=())) for a in answers]
-
-
-def _in_processes(cases: Sequence[Case], options: Options, jobs: int) -> Iterator[MaxAnswer]:
-    if jobs <= 1:
-        yield from _in_threads(cases, options, 1)
-        return
-    size = 1 if options.algorithm1 else BLOCK  # its cases take long, and no neighbour helps
-    tasks = [(cases[i : i + size], options) for i in range(0, len(cases), size)]
-    with multiprocessing.get_context(START).Pool(jobs, serve, (os.getpid(),)) as pool:
-        for block in pool.imap(_task, tasks):
-            yield from block

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from handfast.core.errors import InputError
+from handfast.core.parallel import default_jobs as default_jobs
 from handfast.stability.paper.mip import SOLVERS, Solver
 from handfast.stability.paper.program import INF
 
@@ -18,11 +18,6 @@ if TYPE_CHECKING:
 
 Method = Literal["engine", "algorithm1"]
 METHODS: tuple[Method, ...] = ("engine", "algorithm1")
-
-
-def default_jobs() -> int:
-    """All cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,254 @@
+"""Where a hand may start: palm poses around an object and pre-shapes, drawn at random and pushed up to the object.
+
+Nothing here knows a particular hand: which way a hand reaches follows from where its fingertips go when it
+closes. All of this is a heuristic; what becomes of a start is evaluated afterwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handfast.core.arrays import Array, frozen
+from handfast.core.errors import InputError
+from handfast.geometry.scene import Scene
+from handfast.model.body import Body
+from handfast.model.hand.coupling import coupled
+from handfast.model.hand.hand import Hand
+from handfast.model.shape import transform
+
+MIDWAY = 0.5  # share of closing at which the fingertips surround what is grasped
+TOUCH = 2e-4  # [m] the push ends when the hand is this near
+SIDEWAYS = 10  # points drawn to find a side of the object
+STEPS = 10  # of closing that are looked at
+NEARBY = 0.01  # [m]
+FAR = 0.05  # [m] distances beyond this are not computed
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How starts are drawn.
+
+    Attributes:
+        cone: [rad] the palm's approach is drawn this far about the hand's axis.
+        tilt: [rad] and it points this far about the direction into the object, against the normal.
+        aside: [m] standard deviation of the offset of the hand's centre from the surface point.
+        opening: the pre-shape is closed by at most this share of the joints' ranges ..
+        jitter: .. with this standard deviation from joint to joint.
+        back: [m] mean of the step back after the push, exponential.
+        aligned: share of the starts that approach straight along the hand's axis and against the normal, rolled
+            so that the fingertips close against the normal of another point of the surface: for flat sides.
+        central: share of the starts whose surface point is drawn towards the centre of mass by a random part of
+            the way: for long objects.
+        approach: (3,) direction in which the palm approaches, hand's base frame; None for what `palm_of` guesses.
+    """
+
+    cone: float = np.radians(40)
+    tilt: float = np.radians(20)
+    aside: float = 0.01
+    opening: float = 0.6
+    jitter: float = 0.1
+    back: float = 0.02
+    aligned: float = 0.5
+    central: float = 0.5
+    approach: tuple[float, ...] | None = field(default=None, repr=False)  # a palm shows it
+
+
+STANDARD = Sampling()
+
+
+@dataclass(frozen=True, eq=False)
+class Palm:
+    """Where a hand grasps and which way it approaches. Frame: the hand's base.
+
+    Attributes:
+        center: (3,) [m] in the middle of the half-closed fingertips.
+        axis: (3,) unit, from the base's solids to the centre: the way the palm approaches an object.
+        opened, closed: (l,) configurations with every closing joint at its two ends, the others midway.
+    """
+
+    center: Array
+    axis: Array
+    opened: Array
+    closed: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A pre-shape q (l,), the object's pose (4, 4) and the palm's approach (3,), both in the hand's base frame."""
+
+    q: Array
+    pose: Array
+    approach: Array
+
+
+class SurfaceSampler:
+    """Points on an object's mesh, equally likely everywhere on its surface. Object frame."""
+
+    def __init__(self, body: Body) -> None:
+        a, b, c = (body.vertices[body.faces[:, k]] for k in range(3))
+        cross = np.cross(b - a, c - a)
+        double = np.linalg.norm(cross, axis=1)
+        kept = double > 1e-12
+        self._corners = a[kept], b[kept], c[kept]
+        self._normals = cross[kept] / double[kept, None]
+        self._share = double[kept] / double[kept].sum()
+        self.middle = body.center_of_mass
+
+    def draw(self, rng: np.random.Generator) -> tuple[Array, Array]:
+        """A point (3,) [m] and the unit normal (3,) out of the object there.
+
+        A mesh may be wound either way, so a normal that looks at the centre of mass is turned round.
+        """
+        k = rng.choice(len(self._share), p=self._share)
+        u, v = rng.random(2)
+        u, v = (u, v) if u + v <= 1 else (1 - u, 1 - v)
+        a, b, c = (x[k] for x in self._corners)
+        point, normal = a + u * (b - a) + v * (c - a), self._normals[k]
+        return point, normal if normal @ (point - self.middle) >= 0 else -normal
+
+
+def palm_of(hand: Hand, approach: object = None) -> Palm:
+    """Where the palm is and which way it approaches, from the closing senses.
+
+    Args:
+        approach: (3,) in place of the axis, base frame, any length.
+
+    Raises:
+        InputError: no joint that closes or no fingertip with a solid, a zero approach.
+    """
+    lower, upper = hand.limits.T
+    middle = np.where(hand.closing == 0, np.clip((lower + upper) / 2, lower, upper), 0.0)
+    opened = _within(hand, np.where(hand.closing > 0, lower, np.where(hand.closing < 0, upper, middle)))
+    closed = _within(hand, np.where(hand.closing > 0, upper, np.where(hand.closing < 0, lower, middle)))
+    tips = fingertips(hand)
+    if not tips:
+        raise InputError("no link with a solid is moved by a closing joint; give closing senses", field="closing")
+    center = _middles(hand, _within(hand, opened + MIDWAY * (closed - opened)), tips).mean(axis=0)
+    fixed = [i for i, link in enumerate(hand.links) if link.shapes and not hand.moved_by(i)]
+    base = _middles(hand, opened, fixed).mean(axis=0) if fixed else np.zeros(3)
+    axis = center - base if approach is None else frozen(approach, (3,), "approach")
+    if np.linalg.norm(axis) < 1e-9:
+        raise InputError("is zero; the direction in which the palm approaches is needed", field="approach")
+    return Palm(center, axis / np.linalg.norm(axis), opened, closed)
+
+
+def fingertips(hand: Hand) -> list[int]:
+    """The links with solids that a closing joint moves and beyond which no link has a solid."""
+    solid = [i for i, link in enumerate(hand.links) if link.shapes]
+    inner = set()
+    for i in solid:
+        above = hand.links[i].parent
+        while above >= 0:
+            inner.add(above)
+            above = hand.links[above].parent
+    return [i for i in solid if i not in inner and any(hand.closing[j] for j in hand.moved_by(i))]
+
+
+def _within(hand: Hand, q: Array) -> Array:
+    """q (l,) with the mimic joints where their drivers put them, within the limits."""
+    return np.clip(coupled(hand, q), *hand.limits.T)
+
+
+def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampler, how: Sampling) -> Start:
+    """A random start, the hand's centre on a point of the object's surface: the hand is to be pushed up from afar."""
+    share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
+    q = palm.opened + share * (palm.closed - palm.opened)
+    lower, upper = hand.limits.T
+    q = _within(hand, np.where(hand.closing == 0, lower + rng.random(hand.l) * (upper - lower), q))
+    point, normal = surface.draw(rng)
+    if how.aligned and rng.random() < how.aligned:
+        approach, R = palm.axis, _squarely(rng, hand, palm, surface, q, normal)
+    else:
+        into = _near(rng, -normal, how.tilt)
+        approach = _near(rng, palm.axis, how.cone)
+        R = _turned(into, approach, rng.uniform(0, 2 * np.pi))
+    if how.central and rng.random() < how.central:
+        point = surface.middle + rng.random() * (point - surface.middle)
+    point = point + how.aside * rng.standard_normal(3)
+    return Start(q, transform(palm.center - R @ point, R), approach)
+
+
+def pushed(scene: Scene, start: Start, back: float) -> Array | None:
+    """The object's pose (4, 4) once the hand was pushed along its approach up to the object, then `back` [m].
+
+    Every step of the push is as long as the distance that is left, so that no surface is passed. None if the
+    hand passes the object by.
+    """
+    size = float(np.linalg.norm(scene.body.vertices - scene.body.center_of_mass, axis=1).max())
+    reach = float(np.linalg.norm(scene.hand.link_poses(start.q)[:, :3, 3], axis=1).max() + scene.link_radius.max())
+    pose = start.pose.copy()
+    ahead = size + reach + float(np.linalg.norm(start.pose[:3, 3]))
+    last = -ahead
+    while ahead > last:
+        pose[:3, 3] = start.pose[:3, 3] + ahead * start.approach
+        gap = scene.distance(start.q, pose, FAR).min()
+        if gap < TOUCH:
+            pose[:3, 3] += back * start.approach
+            return pose
+        ahead -= gap
+    return None
+
+
+def sweeps(scene: Scene, q: Array, pose: Array) -> NDArray[np.bool_]:
+    """(n_links,) which links come near the object in a few steps of closing that nothing stops.
+
+    A quick look ahead; between the steps and behind what stops, it may be wrong either way.
+    """
+    hand = scene.hand
+    near = np.zeros(len(hand.links), dtype=bool)
+    lower, upper = hand.limits.T
+    room = np.where(hand.closing > 0, upper - q, np.where(hand.closing < 0, q - lower, 0.0))
+    for share in np.linspace(0.0, 1.0, STEPS):
+        near |= scene.distance(_within(hand, q + share * room * hand.closing), pose, 2 * NEARBY) < NEARBY
+    return near
+
+
+def _middles(hand: Hand, q: Array, links: list[int]) -> Array:
+    """(k, 3) middles of the links' solids, base frame."""
+    poses = hand.link_poses(q)
+    middles = [np.mean([s.centroid for s in hand.links[i].shapes], axis=0) for i in links]
+    return np.array([poses[i][:3, :3] @ p + poses[i][:3, 3] for i, p in zip(links, middles, strict=True)])
+
+
+def _near(rng: np.random.Generator, direction: Array, angle: float) -> Array:
+    """A unit vector, equally likely anywhere within an angle [rad] of a unit direction."""
+    height = 1 - rng.random() * (1 - np.cos(angle))
+    around = rng.uniform(0, 2 * np.pi)
+    frame = _frame(direction)
+    flat = np.sqrt(1 - height**2)
+    return frame @ np.array([height, flat * np.cos(around), flat * np.sin(around)])
+
+
+def _turned(source: Array, target: Array, roll: float) -> Array:
+    """(3, 3) a rotation that takes one unit vector to another and rolls about it [rad]."""
+    turn = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+    return _frame(target) @ turn @ _frame(source).T
+
+
+def _squarely(
+    rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampler, q: Array, normal: Array
+) -> Array:
+    """(3, 3) the approach against a normal, rolled so that the widest-apart fingertips face another normal."""
+    tips = _middles(hand, q, fingertips(hand))
+    frame = _frame(palm.axis)
+    flat = (tips - tips.mean(axis=0)) @ frame[:, 1:]
+    across = np.linalg.svd(flat, full_matrices=True)[2][0] if len(tips) > 1 else np.array([1.0, 0.0])
+    R = _turned(-normal, palm.axis, 0.0)
+    for _ in range(SIDEWAYS):  # a normal that is seen from the palm says nothing about the sides
+        other = (R @ surface.draw(rng)[1]) @ frame[:, 1:]
+        if np.linalg.norm(other) > 0.5:
+            break
+    roll = float(np.arctan2(across[1], across[0]) - np.arctan2(other[1], other[0]))
+    return _turned(-normal, palm.axis, roll)
+
+
+def _frame(n: Array) -> Array:
+    """(3, 3) right-handed orthonormal columns, the first one n."""
+    e = np.zeros(3)
+    e[np.argmin(np.abs(n))] = 1.0
+    t = np.cross(n, e)
+    t /= np.linalg.norm(t)
+    return np.column_stack([n, t, np.cross(n, t)])

@@ -1,0 +1,166 @@
+"""Which places go together: sets of hand regions for a kind of grasp, and sets of places where their forces balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal, get_args
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.model.body import Body
+from handfast.model.hand_regions import HandRegion, HandRegions
+from handfast.model.region import Cap
+from handfast.planning.candidates.hand_shapes import HandShapes, Match
+from handfast.planning.candidates.place_sets import Reachable, balanced_sets
+from handfast.planning.candidates.places import ERROR, Place, find_places
+from handfast.planning.filters.non_contacting import placed, postures
+from handfast.planning.filters.quick_look import QuickLook
+from handfast.planning.rejection import RejectionReason, Tally
+
+Kind = Literal["pinch", "tripod", "power"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+SHAPES = 3000  # hand shapes that are drawn
+PLACES = 60  # spread over the object
+PATCH = 1.2, 0.15  # half a patch's side, as a share of a fingertip's size and of the object's, whichever is less
+FARTHEST = {"pinch": 2.0, "tripod": 2.0, "power": 4.0}  # misfit beyond which a set of places is out of reach
+LOOKED_AT = 8  # matches of a set of places at which it is seen what the hand cuts into
+SHALLOW = 3e-3  # [m] a cut up to this may vanish when the contacts are brought about
+DEEP, UNFIT = 30.0, 0.1  # [1/m, -] how much less promising cuts and misfits make a candidate
+SLACK = 0.01  # [m] added to the widest opening that was seen
+FINGERS_AROUND = 2  # in a power grasp, beside the palm
+
+
+@dataclass(frozen=True, eq=False)
+class RegionCandidate:
+    """Regions of the hand and the places that they are to touch, in the same order.
+
+    Attributes:
+        regions, places: k of each.
+        margin: of the balance of forces, see `handfast.planning.filters.balance.squeeze_margin`.
+        off_centre: [m] from the centre of mass to the middle of the places.
+        score: the margin, less the share of the object's half size by which it is off centre.
+        misfit: of the hand shape that comes nearest, see `handfast.planning.candidates.hand_shapes.Match`.
+        pose: (4, 4) of the object in the hand's base frame there.
+        cut: [m] how deep links that are not to touch are in the object, or links in each other, there.
+    """
+
+    regions: tuple[HandRegion, ...]
+    places: tuple[Place, ...]
+    margin: float
+    off_centre: float
+    score: float
+    misfit: float
+    pose: Array
+    cut: float
+
+
+def find_candidates(
+    look: QuickLook,
+    regions: HandRegions,
+    body: Body,
+    kind: Kind,
+    friction: float,
+    *,
+    seed: int = 0,
+    short: int = 80,
+    spread: int = PLACES,
+) -> tuple[list[RegionCandidate], Tally]:
+    """Candidates with balanced forces that look reachable, most promising first; and what was rejected on the way.
+
+    Args:
+        look: at the hand and the object.
+        friction: coefficient.
+        seed: of everything that is drawn.
+        short: sets of places that are looked at closely.
+        spread: points of the surface about which places are sought, beside those opposite to them.
+
+    Raises:
+        InputError: an unknown kind, a friction that is not positive, regions that do not make a grasp of the kind.
+    """
+    if kind not in KINDS:
+        raise InputError(f"is '{kind}'; known: {', '.join(KINDS)}", field="kind")
+    if not friction > 0:
+        raise InputError(f"is {friction:g}; forces on places need a positive coefficient", field="friction")
+    hand = look.scene.hand
+    regions.refuse_strangers(hand)
+    sets = region_sets(regions, kind)
+    own = tuple(dict.fromkeys(r for chosen in sets for r in chosen))
+    shapes = HandShapes.of(hand, own, SHAPES, seed)
+    wholes = [tuple(own.index(r) for r in chosen) for chosen in sets]
+    size = float(np.ptp(body.vertices, axis=0).max())
+    radius = min(PATCH[0] * float(np.median([extent(r) for r in own])), PATCH[1] * size)
+    places, unfit = find_places(body, radius, count=spread, seed=seed)
+    opening = max(shapes.opening(chosen) for chosen in wholes) + SLACK
+    tally = Tally()
+    tally.add(RejectionReason.NO_PATCH, unfit, f"no patch within {1e3 * ERROR:g} mm of the surface")
+    reach = Reachable(opening, radius, short, seed)
+    chosen_places = balanced_sets(body, places, len(sets[0]), friction, reach, tally)
+    found: list[RegionCandidate] = []
+    far: list[float] = []
+    for row, steady in chosen_places:
+        where = tuple(places[i] for i in row)
+        points, normals = np.array([p.point for p in where]), np.array([p.normal for p in where])
+        matches = [m for c in wholes for m in shapes.matches(c, points, normals, radius)]
+        best = min(matches, key=lambda m: m.misfit, default=None)
+        if best is None or best.misfit > FARTHEST[kind]:
+            far.append(best.misfit if best else np.inf)
+            continue
+        near = sorted((m for m in matches if m.misfit <= FARTHEST[kind]), key=lambda m: m.misfit)[:LOOKED_AT]
+        cuts = [_cut(look, [own[r].link for r in match.order], match) for match in near]
+        clearest = int(np.argmin([max(cut, SHALLOW) + 1e-3 * m.misfit for cut, m in zip(cuts, near, strict=True)]))
+        best, cut = near[clearest], cuts[clearest]
+        off = float(np.linalg.norm(points.mean(axis=0) - body.center_of_mass))
+        score = steady - off / (size / 2)
+        chosen = tuple(own[i] for i in best.order)
+        found.append(RegionCandidate(chosen, where, steady, off, score, best.misfit, best.pose, cut))
+    if far:
+        example = f"the best of {SHAPES} hand shapes misfits by {min(far):.1f}; up to {FARTHEST[kind]:g} is tried"
+        tally.add(RejectionReason.OUT_OF_REACH, len(far), example)
+    return sorted(found, key=lambda c: c.score - DEEP * max(c.cut, SHALLOW) - UNFIT * c.misfit, reverse=True), tally
+
+
+def _cut(look: QuickLook, links: list[str], match: Match) -> float:
+    """[m] how deep the hand is in the object or itself at a match, but for links that are to touch: they move yet."""
+    hand = look.scene.hand
+    away = (placed(hand, match.q, values) for values in postures(hand, links))
+    return max(0.0, -max(look.clearance(q, match.pose, but=links) for q in away))
+
+
+def region_sets(regions: HandRegions, kind: Kind) -> list[tuple[HandRegion, ...]]:
+    """The sets of hand regions that make a grasp of a kind, all of one length.
+
+    A pinch has the tips of two fingers, a tripod those of three. A power grasp has the palm, if there is one,
+    and of two fingers (three without a palm) either the tips or the outermost pads; other fingers may close later.
+
+    Raises:
+        InputError: too few of them.
+    """
+    tips = regions.of("tip")
+    needed = {"pinch": 2, "tripod": 3, "power": 2}[kind]
+    if len({r.finger for r in tips}) < needed:
+        names = ", ".join(r.name for r in tips) or "none"
+        raise InputError(f"a {kind} needs the tips of {needed} fingers; there are: {names}", field="regions")
+    if kind != "power":
+        return [c for c in combinations(tips, needed) if len({r.finger for r in c}) == needed]
+    palm = regions.of("palm")[:1]
+    pads = tuple({r.finger: r for r in reversed(regions.of("pad"))}.values())
+    sets = []
+    for group in (tips, pads):
+        count = min(FINGERS_AROUND + (not palm), len({r.finger for r in tips}))
+        sets += [palm + c for c in combinations(group, count) if len({r.finger for r in c}) == count]
+    if len(sets[0]) < 3:
+        raise InputError("a power grasp needs three regions or more: a palm, pads or more tips", field="regions")
+    return sets
+
+
+def extent(region: HandRegion) -> float:
+    """[m] half of the width of a region, roughly."""
+    r = region.region
+    if isinstance(r, Cap):
+        return r.radius * float(np.sin(min(r.half_angle, np.pi / 2)))
+    across = [np.linalg.norm(r.at(*a) - r.at(*b)) for a, b in (((0, 0.5), (1, 0.5)), ((0.5, 0), (0.5, 1)))]
+    return float(min(across)) / 2

@@ -1,0 +1,220 @@
+"""One attempt at a grasp: a random start, push up, close, and every reason why it may be dropped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.geometry.contacts import THRESHOLD, contact_grasp
+from handfast.geometry.scene import Scene
+from handfast.model.body import Body
+from handfast.model.grasp import Grasp
+from handfast.model.hand.hand import Hand
+from handfast.planning.candidates import palm_poses
+from handfast.planning.candidates.palm_poses import STANDARD, Palm, Sampling, Start, SurfaceSampler
+from handfast.planning.closing import Closed, close
+from handfast.planning.evaluation.holding import held
+from handfast.planning.filters.balance import balances
+from handfast.planning.filters.quick_look import QuickLook
+from handfast.planning.gathering import UnitResult
+from handfast.planning.question import fingerprint
+from handfast.planning.rejection import RejectionReason, Tally, of_verdict
+from handfast.planning.requirements import Limits
+from handfast.stability.hold import STRONG, HoldAnswer
+from handfast.stability.loads import Loads
+from handfast.stability.settings import Settings
+
+PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
+PUSHES = 4  # of the object by a finger, at most
+NODES = 250_000  # of a query of one contact; a node's cost grows with the cube of the contacts
+PATIENCE = 30.0  # [s] for all queries about a grasp: a fuse, the nodes end them much earlier
+
+
+REASONS = (
+    RejectionReason.PAST,
+    RejectionReason.INSIDE,
+    RejectionReason.MISSES,
+    RejectionReason.FEW,
+    RejectionReason.PENETRATES,
+    RejectionReason.UNBALANCED,
+    RejectionReason.SLIPS,
+    RejectionReason.UNDECIDED,
+    RejectionReason.STRONG,
+    RejectionReason.ALIKE,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedGrasp:
+    """A hand around an object that holds its loads.
+
+    Attributes:
+        q: (l,) configuration; pose: (4, 4) of the object in the hand's base frame.
+        grasp: with the preload in force, object frame.
+        answer: what `hold` says, a witness for each load.
+        penetration: [m] largest overlap of hand and object, 0 if none; self_penetration: of two links.
+        index: number of the attempt, which with the seed reproduces it.
+    """
+
+    q: Array
+    pose: Array
+    grasp: Grasp
+    answer: HoldAnswer
+    penetration: float
+    self_penetration: float
+    index: int
+
+
+@dataclass(frozen=True, eq=False)
+class Attempts:
+    """All that attempts share.
+
+    Attributes:
+        loads: what is to be held. limits: within which; no `command_limit` is `STRONG` times the largest load, no
+            `settings` a number of nodes, so that the outcome does not hang on the machine.
+        sampling: of the starts.
+    """
+
+    hand: Hand
+    body: Body
+    palm: Palm
+    loads: Loads
+    seed: int
+    limits: Limits = field(default_factory=Limits)
+    sampling: Sampling = STANDARD
+
+    @property
+    def question(self) -> str:
+        """The fingerprint of all this."""
+        names = ("command_limit", "torque_limits", "force_limit", "eta", "settings")
+        others = {name: getattr(self.limits, name) for name in names} | {"palm": self.palm, "sampling": self.sampling}
+        return fingerprint(self.hand, self.body, self.loads, self.seed, **others)
+
+
+def settings_for(grasp: Grasp) -> Settings:
+    """Of a query about a grasp, where none were stated."""
+    return Settings(node_limit=NODES / grasp.m**3)
+
+
+class Runner:
+    """Runs attempts; each depends on its number and the seed alone, not on those before it.
+
+    It has the compiled scene and what is worth keeping between attempts.
+    """
+
+    def __init__(self, asked: Attempts) -> None:
+        self.asked = asked
+        self.scene = Scene(asked.hand, asked.body)
+        self.surface = SurfaceSampler(asked.body)
+        self.clearance = QuickLook(self.scene)
+
+    def run(self, number: int) -> UnitResult[PlannedGrasp]:
+        """The attempt of a number: what became of it, and the grasp if it holds."""
+        a, tally = self.asked, Tally()
+        rng = np.random.default_rng([a.seed, number])
+        start = palm_poses.draw(rng, a.hand, a.palm, self.surface, a.sampling)
+        placed = self.placed(start, rng.exponential(a.sampling.back))
+        found = placed if isinstance(placed, RejectionReason) else self.evaluated(*placed, number)
+        if isinstance(found, RejectionReason):
+            tally.add(found)
+            return UnitResult(tally, ())
+        tally.add(None)
+        return UnitResult(tally, (found,))
+
+    def placed(self, start: Start, back: float) -> tuple[Closed, Array] | RejectionReason:
+        """The hand pushed up to the object and closed, and the object's pose; or why that gives no grasp."""
+        pose = palm_poses.pushed(self.scene, start, back)
+        if pose is None:
+            return RejectionReason.PAST
+        if max(self.clearance.depths(start.q, pose)) > PENETRATION:
+            return RejectionReason.INSIDE
+        near = palm_poses.sweeps(self.scene, start.q, pose)
+        if len({self._finger(self.asked.hand.link_names[i]) for i in np.flatnonzero(near)}) < 2:
+            return RejectionReason.MISSES
+        try:
+            closed, pose = self._closed(start.q, pose)
+        except InputError:  # it started deeper in the object than closing allows
+            return RejectionReason.INSIDE
+        return closed, pose
+
+    def evaluated(self, closed: Closed, pose: Array, number: int) -> PlannedGrasp | RejectionReason:
+        """The grasp of a closed hand with a preload that holds all loads, or why it is rejected."""
+        a = self.asked
+        if len({self._finger(c.link) for c in closed.contacts}) < 2:
+            return RejectionReason.FEW
+        inside, itself = self.clearance.depths(closed.q, pose)
+        inside = max(inside, closed.penetration)
+        if max(inside, itself) > PENETRATION:
+            return RejectionReason.PENETRATES
+        grasp = contact_grasp(a.hand, closed.q, a.body, pose, scene=self.scene)
+        if not balances(grasp, a.loads.wrenches):
+            return RejectionReason.UNBALANCED
+        actuators = squeezing(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
+        if not actuators:
+            return RejectionReason.UNDECIDED
+        how = {"actuators": actuators, "least": False, "timeout": PATIENCE}
+        answer = held(grasp, a.loads, a.limits, settings_for(grasp), **how)
+        reason = of_verdict(answer.verdict)
+        if reason:
+            return reason
+        grasp = grasp.with_preload(answer.preload)
+        if self._strength(grasp) > 1:
+            return RejectionReason.STRONG
+        checks = tuple(replace(c, steps=(), proof=None) for c in answer.checks)  # grasps travel between processes
+        return PlannedGrasp(closed.q, pose, grasp, replace(answer, checks=checks), inside, itself, number)
+
+    def _closed(self, q: Array, pose: Array) -> tuple[Closed, Array]:
+        """The hand closed, and where the object then is.
+
+        A finger that is tied to one that touched has stopped short of the object, as one jaw of a gripper does.
+        The first would push the object on to the other: it is moved by half the gap, and the hand closed again.
+        """
+        hand = self.asked.hand
+        for _ in range(PUSHES):
+            closed = close(hand, q, self.asked.body, pose, scene=self.scene)
+            tied = [self._across(name, why) for name, why in closed.stopped.items()]
+            links = {i for i in range(len(hand.links)) if any(j in hand.moved_by(i) for j in tied)}
+            gaps = [n for n in self.scene.nearest(closed.q, pose, palm_poses.FAR) if n.link in links] if links else []
+            short = min(gaps, key=lambda n: n.distance, default=None)
+            if short is None or short.distance <= THRESHOLD:
+                break
+            pose = pose.copy()
+            pose[:3, 3] -= short.distance / 2 * short.normal
+        return closed, pose
+
+    def _across(self, name: str, why: str) -> int | None:
+        """The joint of a name if it stopped because one of another finger did, else None."""
+        hand = self.asked.hand
+        if not why.startswith("follows "):
+            return None
+        j, driver = hand.joint(name), hand.joint(why.removeprefix("follows "))
+        chains = (hand.moved_by(i) for i in range(len(hand.links)))
+        return None if any(j in c and driver in c for c in chains) else j
+
+    def _strength(self, grasp: Grasp) -> float:
+        """The largest command, as a share of what is allowed: a force for sliding joints and tendons, else a torque."""
+        a, mechanism = self.asked, grasp.mechanism
+        if a.limits.command_limit is not None:
+            return float(np.abs(grasp.command).max(initial=0.0)) / a.limits.command_limit
+        w = a.loads.wrenches
+        load = float((np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size).max())
+        turns = np.array([joint.type == "revolute" for joint in grasp.joints])
+        torque = (mechanism.R[:, turns] != 0).any(axis=1) & ~np.array(mechanism.tendon, dtype=bool)
+        return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRONG * load)
+
+    def _finger(self, link: str) -> int:
+        """Fingers are told apart by the joint next to the base; -1 is the palm."""
+        return (self.asked.hand.moved_by(self.asked.hand.link(link)) or (-1,))[0]
+
+
+def squeezing(grasp: Grasp, stopped: set[str]) -> tuple[str, ...]:
+    """The actuators of joints that a touch stopped, or that are coupled to one: those whose command squeezes."""
+    touched = np.array([j.name in stopped for j in grasp.joints])
+    for _ in grasp.mechanism.A:  # a coupled joint may itself be coupled further
+        for row in grasp.mechanism.A != 0:
+            touched |= row & (row & touched).any()
+    rows = grasp.mechanism.R
+    return tuple(n for n, row in zip(grasp.mechanism.actuators, rows, strict=True) if (row[touched] != 0).any())

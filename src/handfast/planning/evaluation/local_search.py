@@ -1,0 +1,186 @@
+"""The unit of work of `grasp_for`: a few random starts, the best of them improved until they hold or are given up.
+
+Units are numbered and independent: what one finds depends on the seed and its number alone, so that any number of
+cores finds the same.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from handfast.core.answer import Verdict
+from handfast.core.errors import InputError
+from handfast.core.parallel import START
+from handfast.model.grasp import Contact, Grasp
+from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
+from handfast.planning.evaluation.holding import held, held_again
+from handfast.planning.evaluation.refinement import Refinement
+from handfast.planning.evaluation.steps import Steps
+from handfast.planning.gathering import UnitResult
+from handfast.planning.rejection import RejectionReason, Tally, of_verdict
+from handfast.planning.requirements import Requirements
+from handfast.stability.hold import HoldAnswer, moderate
+from handfast.stability.queries import check
+from handfast.stability.settings import Settings
+from handfast.synthesis.search.diverse import Walks
+from handfast.synthesis.search.starts import BLOCK, Certified, Starts
+
+SETTINGS = Settings(node_limit=4000)  # nodes, not seconds: the same seed finds the same grasps
+RAW = 16  # certified random starts of a unit
+IMPROVED = 3  # of them, those with the least cost are improved
+STEPS = 40  # rounds of steps that one may take
+PATIENCE = 6  # rounds without progress after which it is given up
+AWAY = (0.02, 0.05, 0.1, 0.2)  # lengths of steps away from what penetrates, in the measure of `distance`
+ANYWHERE = 0.2  # of the first steps in random directions; it adapts
+LONGEST, SHORTEST = 0.6, 0.005
+PROGRESS = 1e-4  # of the cost
+EQUAL = 1e-9  # nothing is left to improve: another with nothing wrong will do
+LEAST = 20.0  # [s] in which the least preload of one grasp is looked for
+NEAR_MISSES = 6  # possible candidates of one local search that may fail to hold
+
+
+@dataclass(frozen=True, eq=False)
+class Improved:
+    """A configuration that holds every load; repaired: was it improved from a start that did not?"""
+
+    certified: Certified
+    repaired: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ConfigurationUnit(UnitResult[Improved]):
+    """What a unit of work came to.
+
+    Attributes:
+        evaluated: candidates that were looked at. starts, unproved: of synthesis.
+        whole: was it done before the time was up?
+    """
+
+    evaluated: int
+    starts: int
+    unproved: int
+    whole: bool
+
+
+class LocalSearch:
+    """Runs units of one question; made once, then copied into every process."""
+
+    def __init__(self, evaluator: Evaluator, seed: int, requirements: Requirements) -> None:
+        self.evaluator, self.seed, self.requirements = evaluator, seed, requirements
+        self.starts = Starts(evaluator.problem, seed)
+        self.walks = Walks(self.starts)
+        self.end = np.inf  # of the monotonic clock
+        self.stopped = multiprocessing.get_context(START).Event()  # shared by the copies
+
+    def warm(self) -> None:
+        """Compile what the units need, before the clock starts and before processes are made."""
+        simple = Contact(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.5)
+        check(Grasp([simple]), [0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
+
+    def run(self, number: int) -> ConfigurationUnit:
+        """Unit `number`."""
+        starts, tally, found = self.starts, Tally(), []
+        starts.block, starts.count, starts.unproved = number, number * BLOCK, 0
+        steps = Steps(self.evaluator, self.walks, np.random.default_rng([self.seed, number, 2]))
+        refinement, before = Refinement(self.evaluator, steps), self.evaluator.evaluated
+        raw = sorted(self.candidates(starts.run(RAW)), key=_cost)
+        used = starts.count - number * BLOCK
+        for k, start in enumerate(raw):
+            if self.late():
+                break
+            improved = k < IMPROVED or start.possible
+            end, reason = self.improve(start, steps) if improved else (start, self.evaluator.rejection(start))
+            tally.add(reason)
+            if reason is None:
+                better = refinement.refined(end)
+                holds = better is not end and self.rejection(better.grasp) is None
+                found.append(Improved((better if holds else end).certified, end is not start))
+        evaluated = self.evaluator.evaluated - before
+        return ConfigurationUnit(tally, tuple(found), evaluated, used, starts.unproved, not self.late())
+
+    def improve(self, start: GraspCandidate, steps: Steps) -> tuple[GraspCandidate, RejectionReason | None]:
+        """Improve a candidate until it holds, or no step helps."""
+        now, length, fails, missed = start, ANYWHERE, 0, 0
+        asked: GraspCandidate | None = None
+        reason: RejectionReason | None = None
+        for round_ in range(STEPS):
+            if now is not asked:
+                asked, reason = now, self.rejection(now.grasp) if now.possible else self.evaluator.rejection(now)
+                missed += now.possible
+                if reason is None or missed == NEAR_MISSES:
+                    break
+            if fails == PATIENCE or self.late():
+                break
+            new = steps.away(now, AWAY) if round_ % 2 == 0 else []
+            new += steps.anywhere(now, (0.3 * length, 0.6 * length, length))
+            better = min(self.candidates(new, now.cost - PROGRESS if now.cost else EQUAL), key=_cost, default=None)
+            if better:
+                now, fails, length = better, 0, min(1.3 * length, LONGEST)
+            else:
+                fails, length = fails + 1, max(0.5 * length, SHORTEST)
+        return now, reason
+
+    def candidates(self, found: Iterable[Certified], below: float = np.inf) -> list[GraspCandidate]:
+        """Those whose cost is below what is asked."""
+        return [c for c in (self.evaluator.candidate(f, below) for f in found) if c]
+
+    def rejection(self, grasp: Grasp) -> RejectionReason | None:
+        """Why no preload holds every load; None if one does."""
+        left = None if np.isinf(self.end) else max(self.end - time.monotonic(), 0.0)
+        return of_verdict(self.answer(grasp, least=False, timeout=left).verdict)
+
+    def answer(self, grasp: Grasp, *, least: bool, timeout: float | None) -> HoldAnswer:
+        """What `hold` says of a grasp, with the actuators and limits of this question."""
+        r, loads = self.requirements, self.evaluator.loads
+        limit = moderate(grasp, loads) if r.command_limit is None else r.command_limit
+        how = {"actuators": r.driven(grasp), "least": least, "command_limit": limit, "timeout": timeout}
+        return held(grasp, loads, r, SETTINGS, **how)
+
+    def proof(self, certified: Certified) -> HoldAnswer:
+        """The least preload that is found for a grasp that holds."""
+        (c,) = self.candidates([certified])
+        answer = self.answer(c.grasp, least=True, timeout=LEAST)
+        if answer.verdict is not Verdict.HOLDS:  # the short way found one
+            answer = self.answer(c.grasp, least=False, timeout=None)
+        return answer
+
+    def answer_again(
+        self, certified: Certified, known: tuple[dict[str, float], float, float], nodes: int, field: str
+    ) -> HoldAnswer:
+        """What was found of a grasp before, every load asked again under its preload.
+
+        Args:
+            known: preload, lower and upper bound of its largest command; `nodes`: of the search that found it.
+            field: where it stands.
+
+        Raises:
+            InputError: it is no grasp of this question, or does not hold.
+        """
+        candidates = self.candidates([certified])
+        if not (candidates and candidates[0].possible):
+            raise InputError("collides, or cannot balance a load", field=field)
+        grasp = candidates[0].grasp
+        grasp = grasp.with_preload(grasp.mechanism.commands(known[0], field=f"{field}.preload"))
+        answer = held_again(grasp, self.evaluator.loads, self.requirements, SETTINGS, known, nodes)
+        if answer is None:
+            raise InputError("does not hold every load", field=f"{field}.preload")
+        return answer
+
+    def numbers(self, first: int) -> Iterator[int]:
+        """Numbers of units, from one on until it is late."""
+        while not self.late():
+            yield first
+            first += 1
+
+    def late(self) -> bool:
+        """Whether a unit should come to its end."""
+        return self.stopped.is_set() or time.monotonic() >= self.end
+
+
+def _cost(c: GraspCandidate) -> float:
+    return c.cost

@@ -1,0 +1,146 @@
+"""Statics alone: could contact forces within the friction cones balance a load, or each other?
+
+Necessary conditions of (1) to (8), cheap to ask: where forces would have to leave their cones, they say by how much,
+which tells a search in which direction to go. That forces are possible does not mean that they arise passively.
+A load is asked of a grasp; a squeeze, of points that are to be touched, before there is a hand.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.model.grasp import Grasp
+
+EDGES = 8  # of the pyramid in each friction cone
+BALANCED = 1e-6  # share of a wrench below which it counts as balanced
+SEPARATED = 1e-9  # of what is missing: a force along an edge that helps more than this shows that it was not all tried
+CIRCUMSCRIBED = 1 / np.cos(np.pi / EDGES)  # factor on the friction with which the pyramids hold the cones
+LEAST_PUSH = 0.08  # of the squeezing force: a point that would carry less is left out of the first look
+
+# --- loads ------------------------------------------------------------------------------------------
+
+
+def imbalance(grasp: Grasp, wrenches: Array, friction: float = 1.0) -> Array:
+    """(k,) share of each wrench (k, 6) that no forces within the friction cones balance: 0 none, 1 all of it.
+
+    Torques are divided by the grasp's size. The cones are inscribed pyramids of 8 edges. Where it is not 0, what
+    is missing separates the wrench from all that such forces make (Farkas), which is checked.
+
+    Args:
+        friction: factor on every coefficient: what is left with half the friction is a margin; with `CIRCUMSCRIBED`
+            the pyramids hold the cones.
+    """
+    from scipy.optimize import nnls
+
+    A, scale = _edges(grasp, friction)
+    out = np.zeros(len(wrenches))
+    for k, w in enumerate(np.asarray(wrenches, dtype=float) * scale):
+        size = float(np.linalg.norm(w))
+        if size > 0:
+            x, missing = nnls(A, -w / size)
+            if missing > BALANCED and (A.T @ (-w / size - A @ x)).max() <= SEPARATED * missing:
+                out[k] = missing
+    return out
+
+
+def balances(grasp: Grasp, wrenches: Array) -> bool:
+    """Whether forces within the friction cones can balance every wrench (k, 6), whatever the joints do.
+
+    Necessary for every passive resistance; that they cannot is shown, see `imbalance`.
+    """
+    return not imbalance(grasp, wrenches, CIRCUMSCRIBED).any()
+
+
+def friction_margin(grasp: Grasp, wrenches: Array) -> float:
+    """The share of the friction without which forces could still balance every wrench (k, 6): 0 to 1, 0 if not at all.
+
+    A margin of statics, in steps of 1/64; it says nothing of whether the forces arise passively.
+    """
+    low, high = 0, 64  # sixty-fourths of the friction: balanced with `high`, not known below
+    if imbalance(grasp, wrenches).any():
+        return 0.0
+    while high - low > 1:
+        middle = (low + high) // 2
+        if imbalance(grasp, wrenches, middle / 64).any():
+            low = middle
+        else:
+            high = middle
+    return 1.0 - high / 64
+
+
+def _edges(grasp: Grasp, friction: float) -> tuple[Array, Array]:
+    """(6, 8 m) unit wrenches of forces along the edges of the pyramids; (6,) the scale that they are in."""
+    scale = np.array([1.0] * 3 + [1 / grasp.size] * 3)
+    angle = 2 * np.pi * np.arange(EDGES) / EDGES
+    rays = np.array([np.ones(EDGES), np.cos(angle), np.sin(angle)])
+    scaled = rays[None] * (np.array([0.0, 1.0, 1.0])[:, None] * friction * grasp.mu[:, None, None])
+    scaled[:, 0] = 1.0
+    G = (scale[:, None] * grasp.G).reshape(6, -1, 3)
+    A = np.einsum("wmi,mie->wme", G, scaled).reshape(6, -1)
+    return A / np.linalg.norm(A, axis=0), scale
+
+
+# --- squeezes ---------------------------------------------------------------------------------------
+
+
+def squeeze_imbalance(points: Array, normals: Array) -> Array:
+    """(m,) how far k pushes along the inward normals are from balance, for m tuples; inf if one would have to pull.
+
+    The pushes w sum to 1 and minimise |sum w n|^2 + |sum w (p - c) x n|^2 / s^2 about the middle c of the points,
+    with s their mean distance from it: roughly the friction coefficient that makes up for the rest.
+
+    Args:
+        points: (m, k, 3) [m].
+        normals: (m, k, 3) inward unit normals.
+    """
+    k = points.shape[1]
+    arms = points - points.mean(axis=1, keepdims=True)
+    size = np.maximum(np.linalg.norm(arms, axis=2).mean(axis=1), 1e-9)
+    wrench = np.concatenate([normals, np.cross(arms, normals) / size[:, None, None]], axis=2)
+    gram = wrench @ wrench.swapaxes(1, 2) + 1e-6 * np.eye(k)
+    w = np.linalg.solve(gram, np.ones((*gram.shape[:2], 1)))[..., 0]
+    w /= w.sum(axis=1, keepdims=True)
+    rest = np.linalg.norm(np.einsum("mk,mkj->mj", w, wrench), axis=1)
+    return np.where((w > LEAST_PUSH).all(axis=1), rest, np.inf)
+
+
+def squeeze_margin(points: Array, normals: Array, friction: float) -> float:
+    """How far within their friction cones balanced forces can be, relative to the friction: up to 1, below 0 if none.
+
+    The largest t with sum c = 0, sum p x c = 0, sum c_n = 1 and |c_t| <= mu c_n - t at each of the k points, times
+    k / mu. The circles are replaced by polygons inside them, so it is never too large. Positive means equilibrium with
+    every contact strictly within its cone: force closure for three contacts that are not on a line and more (Nguyen
+    1988), and for two up to turning about the line between them.
+
+    Args:
+        points: (k, 3) [m].
+        normals: (k, 3) inward unit normals.
+        friction: coefficient, positive.
+    """
+    from scipy.optimize import linprog
+
+    k = len(points)
+    arms = points - points.mean(axis=0)
+    size = max(float(np.linalg.norm(arms, axis=1).mean()), 1e-9)
+    balance, inside = np.zeros((7, 3 * k + 1)), np.zeros((EDGES * k, 3 * k + 1))
+    around = np.arange(EDGES) * 2 * np.pi / EDGES
+    shrunk = np.cos(np.pi / EDGES)
+    for i, n in enumerate(normals):
+        e1 = np.cross(n, np.eye(3)[np.abs(n).argmin()])
+        e1 /= np.linalg.norm(e1)
+        axes = np.array([n, e1, np.cross(n, e1)])
+        own = slice(3 * i, 3 * i + 3)
+        balance[:3, own] = axes.T
+        balance[3:6, own] = np.cross(arms[i] / size, axes).T
+        balance[6, 3 * i] = 1.0
+        rows = slice(EDGES * i, EDGES * (i + 1))
+        inside[rows, own] = np.column_stack([np.full(EDGES, -friction * shrunk), np.cos(around), np.sin(around)])
+        inside[rows, -1] = shrunk
+    target = np.zeros(7)
+    target[6] = 1.0
+    cost = np.zeros(3 * k + 1)
+    cost[-1] = -1.0
+    bounds = [(0.0, None), (None, None), (None, None)] * k + [(-1.0, None)]
+    found = linprog(cost, A_ub=inside, b_ub=np.zeros(len(inside)), A_eq=balance, b_eq=target, bounds=bounds)
+    return float(-found.fun * k / friction) if found.status == 0 else -1.0

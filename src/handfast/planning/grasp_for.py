@@ -1,0 +1,281 @@
+"""From regions to a held object: synthesis, collision and passive stability in one search.
+
+Certified random starts are evaluated as grasps; the most promising are improved along the set of certified
+configurations until nothing penetrates, friction forces can balance every load, and `hold` finds a preload that resists
+them all. What is returned is decided by the proofs alone: existence by Krawczyk boxes, every load by a witness of the
+exact model. That nothing was found proves nothing, except where synthesis answers NONE.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handfast.core.answer import Reach, Stop
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError, unknown_name
+from handfast.core.parallel import WorkerPool, default_jobs
+from handfast.geometry.collision import Collisions
+from handfast.geometry.dexterity import dexterity
+from handfast.geometry.scene import Scene
+from handfast.model.body import Body, load_body
+from handfast.planning.evaluation.evaluator import NEAR, Allowed, Evaluator, requests
+from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, LocalSearch
+from handfast.planning.filters.balance import friction_margin
+from handfast.planning.gathering import Gathering, UnitResult
+from handfast.planning.journal import Journal
+from handfast.planning.question import fingerprint, refuse_another
+from handfast.planning.requirements import Limits, Requirements
+from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
+from handfast.planning.results.search_file import FoundGrasp, SavedSearch
+from handfast.stability.hold import HoldAnswer
+from handfast.stability.loads import Loads
+from handfast.synthesis.answers import Synthesis
+from handfast.synthesis.certify.verify_existence import verify_existence
+from handfast.synthesis.curvatures import relative_curvatures
+from handfast.synthesis.distance import features_of
+from handfast.synthesis.embedded import task_to_dict
+from handfast.synthesis.problem import Problem
+from handfast.synthesis.queries import synthesize
+from handfast.synthesis.search.starts import Certified
+from handfast.synthesis.task import Task
+
+DIFFERENT = 0.1  # grasps nearer to each other, in the measure of `synthesis/distance`, are alike
+FRUITLESS = 4  # units without any certified start after which synthesis is asked whether there is one
+
+
+def grasp_for(
+    task: Task,
+    body: Body | None = None,
+    loads: Loads | None = None,
+    *,
+    limits: Limits | None = None,
+    count: int = 1,
+    seed: int = 0,
+    timeout: float | None = 60.0,
+    actuators: Sequence[str] | None = None,
+    friction: float | None = None,
+    allowed: Allowed | None = None,
+    jobs: int | None = None,
+    journal: Journal[Grasps] | None = None,
+) -> Grasps:
+    """Certified, collision-free, passively stable grasps for a task, with the torques to apply.
+
+    Args:
+        body: the object; `task.object` is loaded unless given.
+        loads: what one preload must hold; the weight from all six axis directions unless given.
+        limits: of commands and forces. No `command_limit` is ten times the largest load at the size of the grasp
+            (`hold.moderate`).
+        count: of grasps that differ from each other.
+        seed: of the random numbers; the same seed finds the same grasps on any number of cores.
+        timeout: [s] after start-up; None goes on until there are `count`.
+        actuators: that may be commanded, those that close the hand unless given.
+        friction: coefficient; the object's unless given.
+        allowed: how deep solids may be in each other.
+        jobs: processes; by default all cores.
+        journal: hears of the grasps so far after each unit of work, and may give a search to go on from.
+
+    Raises:
+        InputError: no object, an object without mass where the loads are left to its weight, an unknown actuator, a
+            number out of range, limits and couplings that leave nothing; an earlier search of another question, or
+            with grasps that are not proved or do not hold.
+    """
+    if body is None:
+        if task.object is None:
+            raise InputError("names no object; give one, its shape is needed", source=task.name or None, field="object")
+        body = load_body(task.object)
+    if count < 1:
+        raise InputError(f"is {count}; at least 1 is needed", field="count")
+    if timeout is not None and not timeout > 0:
+        raise InputError(f"is {timeout:g} s; a positive number is needed", field="timeout")
+    loads = Loads.gravity(body) if loads is None else loads
+    names = tuple(task.hand.closing_actuators if actuators is None else actuators)
+    for name in names:
+        if name not in task.hand.mechanism.actuators:
+            raise unknown_name("actuator", name, task.hand.mechanism.actuators, field="actuators")
+    friction = body.friction if friction is None else friction
+    problem, collisions = Problem.of(task), Collisions(Scene(task.hand, body), cutoff=NEAR)
+    evaluator = Evaluator(problem, collisions, loads, friction, allowed or Allowed())
+    work = LocalSearch(evaluator, seed, Requirements.of(limits or Limits(), friction, names))
+    search = _TaskSearch(work, body, count, journal or Journal())
+    return search.run(timeout, jobs or default_jobs())
+
+
+def question_of(work: LocalSearch, body: Body) -> str:
+    """The fingerprint of what is asked, but for how many and how long."""
+    evaluator, r = work.evaluator, work.requirements
+    said = {"actuators": r.actuators, "friction": r.friction, "allowed": evaluator.allowed, "command": r.command_limit}
+    regions = {key: value for key, value in task_to_dict(evaluator.task).items() if key in ("contacts", "pose")}
+    settings = r.settings or SETTINGS
+    others = said | r.of_a_load | regions | {"settings": settings}
+    return fingerprint(evaluator.task.hand, body, evaluator.loads, work.seed, **others)
+
+
+@dataclass(eq=False)
+class _Found:
+    """A configuration that holds, and where it is; answer: the least preload, None until it is known."""
+
+    certified: Certified
+    repaired: bool
+    feature: Array
+    answer: HoldAnswer | None = None
+
+
+def _alike(a: _Found, b: _Found) -> bool:
+    return bool(np.linalg.norm(a.feature - b.feature) < DIFFERENT)
+
+
+class _TaskSearch:
+    """One call: units in order, what they found, the grasps that differ."""
+
+    def __init__(self, work: LocalSearch, body: Body, count: int, journal: Journal[Grasps]) -> None:
+        self.work, self.evaluator, self.body, self.count = work, work.evaluator, body, count
+        self.journal, self.question = journal, question_of(work, body)
+        self.gathered: Gathering[_Found] = Gathering(count, _alike)
+        self.grasps: list[ProvedGrasp] = []
+        self.evaluated = self.starts = self.unproved = self.units = 0
+        self.done = SavedSearch(self.question)  # after the last unit that was done before the time was up
+        self.cut = False
+        self.synthesis: Synthesis | None = None
+        self.begin, self.spent = time.monotonic(), 0.0
+
+    def run(self, timeout: float | None, jobs: int) -> Grasps:
+        """Units until enough are found, and the torques of each."""
+        self.work.warm()
+        earlier = self.journal.earlier(self.evaluator.task)
+        if earlier:
+            try:
+                self.go_on(earlier)
+            except InputError as fault:
+                raise fault.at(earlier.source) from None
+        self.begin = time.monotonic()
+        self.work.end = np.inf if timeout is None else self.begin + timeout
+        with WorkerPool(self.work, jobs) as pool:
+            try:
+                stop = self.search(pool)
+            except KeyboardInterrupt:
+                stop = Stop.INTERRUPTED
+            self.work.stopped.set()
+            self.prove(pool)
+        answer = self.answer(stop)
+        self.journal.close(answer)
+        return answer
+
+    def go_on(self, earlier: SavedSearch) -> None:
+        """From where an earlier search was, every grasp of it proved again."""
+        refuse_another(earlier.question, self.question)
+        self.done, self.spent, self.units = earlier, earlier.seconds, earlier.units
+        self.evaluated, self.starts, self.unproved = earlier.evaluated, earlier.starts, earlier.unproved
+        kept = []
+        for i, found in enumerate(earlier.found):
+            report = verify_existence(self.evaluator.task, found.existence)
+            if not report.ok:
+                raise InputError(f"is not proved: {report.reasons[0]}", field=f"found[{i}].existence")
+            certified = Certified.of(found.existence, self.evaluator.problem)
+            known = found.preload, found.lower, found.upper
+            answer = self.work.answer_again(certified, known, found.nodes, f"found[{i}]")
+            kept.append(replace(self.found(certified, found.repaired), answer=answer))
+        self.gathered = Gathering(self.count, _alike, earlier.tally, kept)
+        self.grasps = [self.proved(f) for f in kept]
+
+    def search(self, pool: WorkerPool[LocalSearch]) -> Stop:
+        """Units in order until there are enough, or the time is over."""
+        if self.gathered.enough:
+            return Stop.COMPLETE
+        for unit in pool.map(LocalSearch.run, self.work.numbers(self.units), ahead=pool.jobs + 1):
+            new = self.take(unit)
+            self.prove(pool)
+            self.journal.note(self.answer(Stop.INTERRUPTED), new=new)
+            if self.gathered.enough:
+                return Stop.COMPLETE
+            if not self.gathered.tally.total and self.units == FRUITLESS:
+                self.synthesis = self.possible()
+                if self.synthesis.verdict is not Reach.FOUND:
+                    return self.synthesis.stop
+        return Stop.TIME
+
+    def take(self, unit: ConfigurationUnit) -> bool:
+        """Count a unit, and choose what differs of what it found; was anything chosen?"""
+        self.evaluated, self.starts = self.evaluated + unit.evaluated, self.starts + unit.starts
+        self.unproved, self.units = self.unproved + unit.unproved, self.units + 1
+        found = tuple(self.found(f.certified, f.repaired) for f in unit.found)
+        new = self.gathered.take(UnitResult(unit.tally, found))
+        self.cut = self.cut or self.gathered.beyond or not unit.whole  # who wants more will want what is beyond
+        return new
+
+    def found(self, certified: Certified, repaired: bool) -> _Found:
+        """A configuration, and where it is in the measure of `synthesis/distance`."""
+        x = (certified.x * self.evaluator.problem.lengths)[None]
+        return _Found(certified, repaired, features_of(self.evaluator.task, x)[0])
+
+    def prove(self, pool: WorkerPool[LocalSearch]) -> None:
+        """The least preloads of what was found last, and how far the search has come."""
+        begin = time.monotonic()
+        new = [f for f in self.gathered.kept if f.answer is None]
+        for f, answer in zip(new, pool.map(LocalSearch.proof, [f.certified for f in new]), strict=True):
+            f.answer = answer
+        self.grasps += [self.proved(f) for f in new]
+        if pool.alone:
+            self.work.end += time.monotonic() - begin  # the time is for the search
+        if not self.cut:
+            counted = self.units, self.gathered.tally.copy(), self.evaluated, self.starts, self.unproved
+            self.done = SavedSearch(self.question, *counted)
+
+    def answer(self, stop: Stop) -> Grasps:
+        """What is known so far."""
+        none = self.synthesis is not None and self.synthesis.verdict is Reach.NONE
+        seconds = self.spent + time.monotonic() - self.begin
+        found = tuple(self.remembered(f) for f in self.gathered.kept if f.answer)
+        return Grasps(
+            self.evaluator.task,
+            self.body,
+            self.evaluator.loads,
+            self.count,
+            self.work.seed,
+            Reach.FOUND if self.grasps else Reach.NONE if none else Reach.UNDECIDED,
+            stop,
+            seconds,
+            ranked(self.grasps),
+            self.gathered.tally.copy(),
+            self.evaluated,
+            self.starts,
+            self.unproved,
+            self.synthesis,
+            requirements=self.work.requirements,
+            search=replace(self.done, found=found, seconds=seconds),
+        )
+
+    def remembered(self, f: _Found) -> FoundGrasp:
+        """A grasp as it stands in the file of a search."""
+        a = f.answer
+        assert a is not None
+        assert a.preload is not None
+        existence = f.certified.existence(self.evaluator.problem)
+        return FoundGrasp(existence, f.repaired, a.preload, a.lower, a.upper, a.nodes)
+
+    def possible(self) -> Synthesis:
+        """Whether there is any configuration at all, asked of synthesis with the time that is left."""
+        left = None if np.isinf(self.work.end) else max(self.work.end - time.monotonic(), 0.1)
+        return synthesize(self.evaluator.task, seed=self.work.seed, timeout=left)
+
+    def proved(self, f: _Found) -> ProvedGrasp:
+        """A grasp with everything that is said of it."""
+        (c,), task, near = self.work.candidates([f.certified]), self.evaluator.task, self.evaluator.collisions
+        assert f.answer is not None
+        grasp = c.grasp.with_preload(f.answer.preload)
+        wide = Collisions(near.scene, radius=near.radius, left_out=near.left_out)
+        return ProvedGrasp(
+            c.solution,
+            c.q,
+            grasp,
+            f.answer,
+            self.work.requirements,
+            wide.clearances(c.q, c.solution.pose, requests(c.solution)),
+            relative_curvatures(c.solution),
+            dexterity(task.hand, c.q, [t.link for t in task.touches], c.solution.points, grasp),
+            friction_margin(grasp, self.evaluator.loads.wrenches),
+            f.repaired,
+        )

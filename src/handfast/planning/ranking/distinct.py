@@ -1,0 +1,48 @@
+"""Which planned grasps are alike, and how to choose those that differ most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.planning.evaluation.attempt import PlannedGrasp
+
+SHIFT = 0.010  # [m] of the palm
+TURN = np.radians(15)  # [rad] of the palm
+BEND = 0.15  # [rad] of a joint; of a prismatic one 0.015 m
+SLIDE = 0.1  # [m] of a prismatic joint counts like 1 rad
+POINT = 0.010  # [m] between a contact and the nearest of the other grasp
+
+
+def difference(a: PlannedGrasp, b: PlannedGrasp, prismatic: Array | None = None) -> float:
+    """How far two grasps of a hand on an object differ; alike below 1.
+
+    The largest of four: the palm's shift over 10 mm, its turn over 15 degrees, the largest joint difference over
+    0.15 rad (0.015 m of a prismatic joint), and the largest distance from a contact to the nearest contact of the
+    other grasp over 10 mm (Hausdorff). So two grasps are alike if palm, joints and contacts are all near.
+
+    Args:
+        prismatic: (l,) which joints are.
+    """
+    one, other = np.linalg.inv(a.pose), np.linalg.inv(b.pose)  # the palm in the object's frame
+    shift = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
+    cosine = (np.trace(one[:3, :3].T @ other[:3, :3]) - 1) / 2
+    bend = np.abs(a.q - b.q) / (1.0 if prismatic is None else np.where(prismatic, SLIDE, 1.0))
+    p, s = (g.grasp.positions for g in (a, b))
+    apart = np.linalg.norm(p[:, None] - s[None], axis=2)
+    points = float(max(apart.min(axis=0).max(), apart.min(axis=1).max()))
+    turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return max(shift / SHIFT, turn / TURN, float(bend.max(initial=0.0)) / BEND, points / POINT)
+
+
+def most_different(grasps: Sequence[PlannedGrasp], count: int, prismatic: Array | None = None) -> list[PlannedGrasp]:
+    """`count` grasps far from each other: the first, then always the one farthest from those chosen. In that order."""
+    left = list(grasps)
+    chosen = left[:1]
+    nearest = np.array([difference(g, chosen[0], prismatic) for g in left]) if left else np.zeros(0)
+    while len(chosen) < min(count, len(left)):
+        chosen.append(left[int(nearest.argmax())])
+        nearest = np.minimum(nearest, [difference(g, chosen[-1], prismatic) for g in left])
+    return chosen

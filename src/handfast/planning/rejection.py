@@ -1,0 +1,111 @@
+"""What becomes of candidates: they pass, or are rejected for a reason; each of them is counted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any
+
+from handfast.core.answer import Verdict
+
+
+class RejectionReason(StrEnum):
+    """Why a candidate is rejected: names stand in files, values in tables."""
+
+    # of a closing hand
+    PAST = "passed the object by"
+    INSIDE = "started with the hand in the object or in itself"
+    MISSES = "would miss, as a few steps of closing show (heuristic)"
+    FEW = "touches with fewer than two fingers or a finger and the palm"
+    PENETRATES = "penetrates by more than 1 mm"
+    STRONG = "needs larger commands than allowed"
+    # of a certified configuration
+    OBJECT = "penetrates the object"
+    ITSELF = "the hand meets itself"
+    CURVED = "curves into the object at a contact"
+    # of either
+    UNBALANCED = "no contact forces balance a load (shown)"
+    SLIPS = "no preload resists a load (shown)"
+    UNDECIDED = "no preload was found"
+    ALIKE = "alike"
+    # of regions to touch
+    NO_PATCH = "no fit"
+    TOO_FEW_PLACES = "too few places"
+    NO_SQUEEZE = "forces do not balance"
+    TOO_WIDE = "wider than the hand opens"
+    OUTSIDE_CONES = "forces leave the friction cones"
+    BEHIND = "behind the best"
+    OUT_OF_REACH = "out of reach of the hand shapes drawn"
+    NOT_TRIED = "not tried"
+    CERTIFIED_BEHIND = "certified, but behind the best"
+    UNREACHABLE = "not reachable: NONE"
+    UNREACHED = "not reachable: UNDECIDED"
+
+
+def of_verdict(verdict: Verdict) -> RejectionReason | None:
+    """Why a grasp is rejected whose loads were answered so; None if it holds them."""
+    return {Verdict.SLIPS: RejectionReason.SLIPS, Verdict.UNDECIDED: RejectionReason.UNDECIDED}.get(verdict)
+
+
+@dataclass
+class Rejected:
+    """How many candidates were rejected for a reason, and one of them with figures; '' if there is nothing to say."""
+
+    count: int
+    example: str = ""
+
+
+@dataclass
+class Tally:
+    """How many candidates passed, and how many were rejected for which reason, in the order in which these came up."""
+
+    passed: int = 0
+    rejected: dict[RejectionReason, Rejected] = field(default_factory=dict)
+
+    def add(self, reason: RejectionReason | None, count: int = 1, example: str = "") -> None:
+        """Count candidates; without a reason they passed. The first example of a reason stays."""
+        if reason is None:
+            self.passed += count
+        elif count:
+            self.rejected.setdefault(reason, Rejected(0, example)).count += count
+
+    def add_all(self, other: Tally) -> None:
+        """Count all that another one counted."""
+        self.passed += other.passed
+        for reason, some in other.rejected.items():
+            self.add(reason, some.count, some.example)
+
+    def recount(self, reason: RejectionReason) -> None:
+        """One of those that passed is rejected after all."""
+        self.passed -= 1
+        self.add(reason)
+
+    def copy(self) -> Tally:
+        """One that goes on by itself."""
+        return Tally(self.passed, {reason: replace(some) for reason, some in self.rejected.items()})
+
+    def __getitem__(self, reason: RejectionReason) -> int:
+        """How many were rejected for a reason."""
+        return self.rejected[reason].count if reason in self.rejected else 0
+
+    @property
+    def total(self) -> int:
+        """All candidates."""
+        return self.passed + sum(some.count for some in self.rejected.values())
+
+    def to_json(self, passed: str, reasons: Sequence[RejectionReason]) -> dict[str, int]:
+        """Counts by lower-case names, first of those that passed, then of every reason there may be."""
+        return {passed: self.passed} | {reason.name.lower(): self[reason] for reason in reasons}
+
+    @classmethod
+    def from_json(cls, data: dict[str, int], passed: str, reasons: Sequence[RejectionReason]) -> Tally:
+        """What `to_json` wrote; names that are missing count nothing."""
+        tally = cls(data.get(passed, 0))
+        for reason in reasons:
+            tally.add(reason, data.get(reason.name.lower(), 0))
+        return tally
+
+    def examples(self) -> list[dict[str, Any]]:
+        """Reasons in words, counts and examples."""
+        return [{"reason": str(r), "count": some.count, "example": some.example} for r, some in self.rejected.items()]

@@ -1,0 +1,370 @@
+"""The `handfast/grasps/2` file: the grasps of a task with all their proofs, for `handfast verify`.
+
+Primary are the task with its hand, the hand's motors, the question, and of each grasp the configuration with its
+proof of existence, all joints, the preload and a witness for each load. `grasp` and `answer` follow from these: a
+replay computes them again. `record` is what the search noted that nothing here can prove: its course, clearances,
+scores. `checksum` is that of all the rest; it tells of damage, not of forgery.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from handfast.core.answer import Reach
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.core.files import Finite, Strict, Vector, read_json, validate, write_text
+from handfast.model import grasp_file
+from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import ActuatorEntry
+from handfast.model.hand.hand import Hand, coupling_rows
+from handfast.model.mechanism import Mechanism
+from handfast.planning.requirements import Requirements
+from handfast.stability.certify.certificate_file import Six
+from handfast.stability.loads import Loads, Weight
+from handfast.stability.model import State
+from handfast.synthesis.answers import Solution
+from handfast.synthesis.certify.existence import existence_to_dict
+from handfast.synthesis.embedded import digest, refuse_broken, sealed, task_from_dict, task_to_dict
+from handfast.synthesis.result_file import solution_of
+from handfast.synthesis.task import Task
+
+SCHEMA, FIRST = "handfast/grasps/2", "handfast/grasps/1"
+Sense = Annotated[int, Field(ge=-1, le=1)]
+
+
+class MotorsEntry(Strict):
+    """What the task's hand does not say: the rows of R, and the sense in which each joint closes."""
+
+    actuators: list[ActuatorEntry]
+    closing: dict[str, Sense]
+
+
+class WeightEntry(Strict):
+    along: Vector
+    g: Finite
+    factor: Finite
+
+
+class LoadEntry(Strict):
+    """Either a wrench as it was given, or the object's weight."""
+
+    wrench: Six | None = None
+    weight: WeightEntry | None = None
+
+
+class ObjectEntry(Strict):
+    name: str
+    mass: Finite | None
+    center_of_mass: Vector
+
+
+class GraspsQuestionEntry(Strict):
+    """`eta` in radians."""
+
+    object: ObjectEntry
+    loads: dict[str, LoadEntry]
+    friction: Finite
+    actuators: list[str]
+    eta: Finite
+    torque_limits: dict[str, Finite]
+    force_limit: Finite | None
+    command_limit: Finite | None
+
+
+class LoadWitnessEntry(Strict):
+    """As `State`."""
+
+    r: Six
+    q: list[Finite]
+    c: list[Finite]
+    f: list[Finite]
+    coupling: list[Finite]
+
+
+class GraspEntry(Strict):
+    """`joints` are all of the hand, `grasp` a `handfast/grasp/1` object, `witnesses` by the names of the loads."""
+
+    existence: dict[str, Any]
+    joints: dict[str, Finite]
+    grasp: dict[str, Any]
+    witnesses: dict[str, LoadWitnessEntry]
+
+
+class GraspsAnswerEntry(Strict):
+    """`question`: SHA-256 of what it answers, see `asked_digest`. `grasps`: what follows from each (`Derived`)."""
+
+    format: Literal["handfast/answer/1"] = Field(alias="schema")
+    query: Literal["grasp"]
+    question: str
+    verdict: Reach
+    loads: dict[str, Six]
+    grasps: list[dict[str, Any]]
+
+
+class GraspsFile(Strict):
+    """The file as it stands on disk."""
+
+    format: Literal["handfast/grasps/2"] = Field(alias="schema")
+    checksum: str
+    task: dict[str, Any]
+    motors: MotorsEntry
+    question: GraspsQuestionEntry
+    answer: GraspsAnswerEntry
+    record: dict[str, Any]
+    grasps: list[GraspEntry]
+
+
+@dataclass(frozen=True, eq=False)
+class SavedGrasp:
+    """A grasp as it stands in a file.
+
+    Attributes:
+        solution: of its proof.
+        joints: all of the hand.
+        grasp: with its preload; `said`: the JSON that it was read from.
+        witnesses: name of a load -> its state.
+        answer: what the answer says of it, JSON.
+    """
+
+    solution: Solution
+    joints: dict[str, float]
+    grasp: Grasp
+    said: dict[str, Any]
+    witnesses: dict[str, State]
+    answer: dict[str, Any]
+
+    @property
+    def q(self) -> Array:
+        """(l,) the joints in the hand's order."""
+        return np.array([self.joints[name] for name in self.solution.task.hand.joint_names])
+
+
+@dataclass(frozen=True, eq=False)
+class SavedGrasps:
+    """The grasps of a task as they stand in a file.
+
+    Attributes:
+        task: its hand has the file's motors and closing senses.
+        object: name, mass and centre of mass.
+        loads, requirements: the question.
+        grasps: best first.
+        answer: what is said of them all.
+        record: what the search noted; nothing of it is proved.
+        question: SHA-256 of task, motors and question as they stand in the file.
+    """
+
+    task: Task
+    object: ObjectEntry
+    loads: Loads
+    requirements: Requirements
+    grasps: tuple[SavedGrasp, ...]
+    answer: GraspsAnswerEntry
+    record: dict[str, Any]
+    question: str
+
+    @classmethod
+    def of(
+        cls,
+        task: Task,
+        object: ObjectEntry,
+        loads: Loads,
+        requirements: Requirements,
+        verdict: Reach,
+        grasps: Sequence[SavedGrasp],
+        record: dict[str, Any],
+    ) -> SavedGrasps:
+        """An answer as a file would hold it."""
+        question = asked_digest(_primary(task, object, loads, requirements))
+        answer = GraspsAnswerEntry(
+            schema="handfast/answer/1",
+            query="grasp",
+            question=question,
+            verdict=verdict,
+            loads=loads.by_name,
+            grasps=[g.answer for g in grasps],
+        )
+        return cls(task, object, loads, requirements, tuple(grasps), answer, record, question)
+
+
+# --- writing ----------------------------------------------------------------------------------------
+
+
+def to_dict(saved: SavedGrasps) -> dict[str, Any]:
+    """A `handfast/grasps/2` object; numbers come back exactly."""
+    data = {
+        "schema": SCHEMA,
+        "answer": saved.answer.model_dump(by_alias=True, mode="json"),
+        "record": saved.record,
+        "grasps": [_entry(g) for g in saved.grasps],
+    }
+    return sealed(_primary(saved.task, saved.object, saved.loads, saved.requirements) | data)
+
+
+def _primary(task: Task, thing: ObjectEntry, loads: Loads, r: Requirements) -> dict[str, Any]:
+    """What is asked."""
+    return {
+        "task": task_to_dict(task),
+        "motors": motors_to_dict(task.hand),
+        "question": {
+            "object": thing.model_dump(mode="json"),
+            "loads": loads_to_dict(loads),
+            "friction": float(r.friction),
+            "actuators": list(r.actuators),
+            "eta": float(r.eta),
+            "torque_limits": {n: float(v) for n, v in (r.torque_limits or {}).items()},
+            "force_limit": None if r.force_limit is None else float(r.force_limit),
+            "command_limit": None if r.command_limit is None else float(r.command_limit),
+        },
+    }
+
+
+def asked_digest(data: dict[str, Any]) -> str:
+    """SHA-256 of what is asked in a `handfast/grasps/2` object: task, motors, question."""
+    return digest({key: data[key] for key in ("task", "motors", "question")})
+
+
+def motors_to_dict(hand: Hand) -> dict[str, Any]:
+    """What drives a hand, and the sense in which its joints close."""
+    m, names = hand.mechanism, hand.joint_names
+    return {
+        "actuators": [
+            {"name": n, "joints": {j: float(v) for j, v in zip(names, row, strict=True) if v}, "tendon": t}
+            for n, row, t in zip(m.actuators, m.R, m.tendon, strict=True)
+        ],
+        "closing": {n: int(s) for n, s in zip(names, hand.closing, strict=True)},
+    }
+
+
+def loads_to_dict(loads: Loads) -> dict[str, Any]:
+    """Each load by its name: the wrench, or what makes it of the object's weight."""
+    return {
+        name: {"wrench": wrench}
+        if weight is None
+        else {"weight": {"along": weight.along.tolist(), "g": float(weight.g), "factor": float(weight.factor)}}
+        for (name, wrench), weight in zip(loads.by_name.items(), loads.weights, strict=True)
+    }
+
+
+def _entry(g: SavedGrasp) -> dict[str, Any]:
+    states = {n: {k: getattr(s, k).tolist() for k in LoadWitnessEntry.model_fields} for n, s in g.witnesses.items()}
+    return {
+        "existence": existence_to_dict(g.solution.existence),
+        "joints": g.joints,
+        "grasp": g.said,
+        "witnesses": states,
+    }
+
+
+def save_grasps(saved: SavedGrasps, path: str | Path, *, force: bool = False) -> None:
+    """Write the file. Raises `InputError` if it exists and `force` is not set."""
+    write_text(path, json.dumps(to_dict(saved), allow_nan=False) + "\n", force=force)
+
+
+# --- reading ----------------------------------------------------------------------------------------
+
+
+def from_dict(data: Any) -> SavedGrasps:
+    """The grasps in a parsed object; raises `InputError` with field and fault."""
+    if isinstance(data, dict) and data.get("schema") == FIRST:
+        problem = f"is '{FIRST}', which says neither friction nor gearing, so that nothing can be computed again; "
+        raise InputError(problem + f"find the grasps anew, '{SCHEMA}' is needed", field="schema")
+    entry = validate(GraspsFile, data)
+    refuse_broken(data)
+    try:
+        task = task_from_dict(entry.task)
+    except InputError as fault:
+        raise fault.within("task") from None
+    task = replace(task, hand=_driven(task.hand, entry.motors))
+    q, said = entry.question, entry.answer
+    if len(said.grasps) != len(entry.grasps):
+        raise InputError(f"has {len(said.grasps)} entries for {len(entry.grasps)} grasps", field="answer.grasps")
+    requirements = Requirements(
+        friction=q.friction,
+        actuators=tuple(q.actuators),
+        eta=q.eta,
+        torque_limits=q.torque_limits,
+        force_limit=q.force_limit,
+        command_limit=q.command_limit,
+    )
+    grasps = tuple(
+        _grasp(task, e, answer, f"grasps[{i}]")
+        for i, (e, answer) in enumerate(zip(entry.grasps, said.grasps, strict=True))
+    )
+    return SavedGrasps(task, q.object, _loads(q), requirements, grasps, said, entry.record, asked_digest(data))
+
+
+def _driven(hand: Hand, motors: MotorsEntry) -> Hand:
+    """The task's hand with what drives it."""
+    names = hand.joint_names
+    for i, a in enumerate(motors.actuators):
+        for j in a.joints:
+            hand.joint(j, field=f"motors.actuators[{i}].joints")
+    if set(motors.closing) != set(names):
+        raise InputError(f"is not of the hand's joints: {', '.join(names)}", field="motors.closing")
+    try:
+        mechanism = Mechanism(
+            tuple(a.name for a in motors.actuators),
+            np.array([[a.joints.get(j, 0.0) for j in names] for a in motors.actuators]).reshape(-1, hand.l),
+            coupling_rows(hand.couplings, hand.l),
+            tuple(a.tendon for a in motors.actuators),
+        )
+    except InputError as fault:
+        raise fault.within("motors") from None
+    return replace(hand, mechanism=mechanism, closing=np.array([motors.closing[j] for j in names]))
+
+
+def _loads(q: GraspsQuestionEntry) -> Loads:
+    """The loads with their wrenches, those of weights computed from the object's."""
+    wrenches: list[Array] = []
+    weights: list[Weight | None] = []
+    for name, e in q.loads.items():
+        field = f"question.loads.{name}"
+        if (e.wrench is None) == (e.weight is None):
+            raise InputError("needs either a wrench or a weight", field=field)
+        if e.weight is None:
+            wrenches.append(np.array(e.wrench))
+            weights.append(None)
+            continue
+        if q.object.mass is None:
+            raise InputError("is null, but a load is its weight", field="question.object.mass")
+        weight = Weight(np.array(e.weight.along), e.weight.g, e.weight.factor)
+        try:
+            wrenches.append(weight.wrench(q.object.mass, np.array(q.object.center_of_mass)))
+        except InputError as fault:
+            raise fault.within(field) from None
+        weights.append(weight)
+    try:
+        return Loads(tuple(q.loads), np.array(wrenches).reshape(-1, 6), tuple(weights))
+    except InputError as fault:
+        raise fault.within("question") from None
+
+
+def _grasp(task: Task, e: GraspEntry, answer: dict[str, Any], field: str) -> SavedGrasp:
+    solution = solution_of(task, e.existence, f"{field}.existence")
+    try:
+        if set(e.joints) != set(task.hand.joint_names):
+            raise InputError(f"are not those of the hand: {', '.join(task.hand.joint_names)}", field="joints")
+        witnesses = {n: State(**{k: np.array(v) for k, v in s.model_dump().items()}) for n, s in e.witnesses.items()}
+        try:
+            grasp = grasp_file.from_dict(e.grasp)
+        except InputError as fault:
+            raise fault.within("grasp") from None
+        return SavedGrasp(solution, e.joints, grasp, e.grasp, witnesses, answer)
+    except InputError as fault:
+        raise fault.within(field) from None
+
+
+def load_grasps(path: str | Path) -> SavedGrasps:
+    """The grasps in a file; `InputError` if it is none, or was damaged after it was written."""
+    try:
+        return from_dict(read_json(path, "grasps"))
+    except InputError as fault:
+        raise fault.at(str(path)) from None

@@ -1,0 +1,121 @@
+"""The folder that `handfast plan` fills as it finds grasps, and from which it can go on.
+
+Two files a grasp, numbered in the order in which they were found, and `plan.json`, which names them and says how far
+the search has come. Each is written at once or not at all, `plan.json` last: what it names is there.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from handfast.core.answer import Stop
+from handfast.core.errors import InputError
+from handfast.core.files import Strict, read_json, validate, write_text
+from handfast.model.configuration import Configuration, load_configuration, save_configuration
+from handfast.model.grasp_file import load_grasp, save_grasp
+from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp, settings_for
+from handfast.planning.evaluation.holding import held_again
+from handfast.planning.journal import SearchFolder
+from handfast.planning.question import refuse_another
+from handfast.planning.rejection import Tally
+from handfast.planning.results.planned import Plan
+
+PLAN = "plan.json"
+FILES = "{:03d}.configuration.json", "{:03d}.grasp.json"
+
+
+class PlannedEntry(Strict):
+    """It says more than is needed to go on."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+
+    attempt: int = Field(ge=0)
+    nodes: int = Field(ge=0)
+    penetration: float
+    self_penetration: float
+    configuration_file: str
+    grasp_file: str
+
+
+class PlanFile(Strict):
+    """The file as it stands on disk; it says more than is needed to go on."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+
+    query: Literal["plan"]
+    question: str
+    seconds: float
+    fates: dict[str, int]
+    grasps: list[PlannedEntry]
+    others: list[PlannedEntry]
+
+
+class PlanFolder(SearchFolder[Plan]):
+    """Two files a grasp, and `plan.json`.
+
+    Args:
+        hand, object: names or paths, as they are to stand in the files.
+        closing: senses to stand in the files.
+    """
+
+    holds = "a plan"
+    files = (PLAN, "[0-9]*.grasp.json")
+
+    def __init__(
+        self, path: Path, hand: str, object: str, closing: dict[str, int] | None = None, **journal: Any
+    ) -> None:
+        super().__init__(path, **journal)
+        self.hand, self.object, self.closing = hand, object, closing
+        self._written = 0  # grasps
+        self.answer: dict[str, Any] = {}  # what stands in `plan.json`
+
+    def write(self, state: Plan) -> None:
+        found = state.found
+        number = {g.index: k for k, g in enumerate(found)}
+        for k, g in enumerate(found[self._written :], start=self._written):
+            configuration, grasp = (self.path / name.format(k) for name in FILES)
+            names = {"hand": self.hand, "object": self.object, "closing": self.closing or None}
+            placed = Configuration.of(state.hand, g.q, g.pose, **names, preload=g.grasp.preload)
+            save_configuration(placed, configuration, force=True)
+            save_grasp(g.grasp, grasp, force=True)
+        self.answer = state.to_json()
+        for entry in (*self.answer["grasps"], *self.answer["others"]):
+            names_ = [name.format(number[entry["attempt"]]) for name in FILES]
+            entry["configuration_file"], entry["grasp_file"] = names_
+        write_text(self.path / PLAN, json.dumps(self.answer, indent=1) + "\n", force=True)
+        self._written = len(found)
+
+    def earlier(self, question: Attempts) -> Plan | None:
+        """The plan that the folder holds, every grasp checked under every load; None if it holds none.
+
+        Raises:
+            InputError: files that are missing or broken, of another question, or a grasp that does not hold.
+        """
+        path, asked = self.path / PLAN, question
+        if not (self.resume and path.exists()):
+            return None
+        try:
+            file = validate(PlanFile, read_json(path, "plan"))
+            refuse_another(file.question, asked.question)
+            tally = Tally.from_json(file.fates, "kept", REASONS)
+        except InputError as fault:
+            raise fault.at(str(path)) from None
+        grasps, others = (tuple(self._held(e, asked) for e in some) for some in (file.grasps, file.others))
+        self._written = len(grasps) + len(others)
+        count, stop = len(grasps), Stop.INTERRUPTED
+        return Plan(asked, count, grasps, tally, stop, file.seconds, file.question, others)
+
+    def _held(self, entry: PlannedEntry, asked: Attempts) -> PlannedGrasp:
+        place = load_configuration(self.path / entry.configuration_file)
+        grasp = load_grasp(self.path / entry.grasp_file)
+        known = grasp.preload, 0.0, max((abs(v) for v in grasp.preload.values()), default=0.0)
+        answer = held_again(grasp, asked.loads, asked.limits, settings_for(grasp), known, entry.nodes)
+        if answer is None:
+            source = str(self.path / entry.grasp_file)
+            raise InputError("does not hold what is asked; it was changed, or belongs to another plan", source=source)
+        q = place.applied(asked.hand)[1]
+        return PlannedGrasp(q, place.pose, grasp, answer, entry.penetration, entry.self_penetration, entry.attempt)

@@ -1,0 +1,100 @@
+"""What `plan` answers: the grasps that were found, and what became of the other attempts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from handfast.core.answer import Stop, Verdict, header
+from handfast.model.body import Body
+from handfast.model.hand.hand import Hand
+from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
+from handfast.planning.rejection import Tally
+from handfast.stability.loads import Loads
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The grasps that were found, and what became of the other attempts.
+
+    Attributes:
+        asked: what the attempts share; count: how many grasps were asked for.
+        grasps: those that hold every load and differ from each other, in the order in which they were found;
+            with a `pool` the one farthest from the others next. others: of a pool, those that were left out.
+        tally: what became of the attempts.
+        stop: COMPLETE; TIME, NODES (the attempts were used up) or INTERRUPTED if fewer were found.
+        seconds: wall time.
+        question: the fingerprint of what was asked, but for how many and how long.
+    """
+
+    asked: Attempts
+    count: int
+    grasps: tuple[PlannedGrasp, ...]
+    tally: Tally
+    stop: Stop
+    seconds: float
+    question: str = ""
+    others: tuple[PlannedGrasp, ...] = ()
+
+    @property
+    def hand(self) -> Hand:
+        return self.asked.hand
+
+    @property
+    def body(self) -> Body:
+        return self.asked.body
+
+    @property
+    def loads(self) -> Loads:
+        """What each grasp holds."""
+        return self.asked.loads
+
+    @property
+    def tried(self) -> int:
+        """Number of attempts."""
+        return self.tally.total
+
+    @property
+    def found(self) -> list[PlannedGrasp]:
+        """All that differ from each other, in the order in which they were found."""
+        return sorted((*self.grasps, *self.others), key=lambda g: g.index)
+
+    def number(self, grasp: PlannedGrasp) -> int:
+        """Of one of those found, from 0."""
+        return [g.index for g in self.found].index(grasp.index)
+
+    @property
+    def verdict(self) -> Verdict:
+        """HOLDS if as many were found as asked for, else UNDECIDED: others may exist."""
+        return Verdict.HOLDS if len(self.grasps) >= self.count else Verdict.UNDECIDED
+
+    @property
+    def nodes(self) -> int:
+        """Of the searches that hold the grasps."""
+        return sum(g.answer.nodes for g in self.grasps)
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys that the command line prints and writes to plan.json, beside the files' names."""
+        return header(self, "plan") | {
+            "seconds": round(self.seconds, 3),
+            "seed": self.asked.seed,
+            "loads": self.loads.by_name,
+            "tried": self.tried,
+            "fates": self.tally.to_json("kept", REASONS),
+            "question": self.question,
+            "grasps": [_entry(g) for g in self.grasps],
+            "others": [_entry(g) for g in self.others],
+        }
+
+
+def _entry(g: PlannedGrasp) -> dict[str, Any]:
+    return {
+        "attempt": g.index,
+        "nodes": g.answer.nodes,
+        "contacts": g.grasp.m,
+        "links": sorted({c.link for c in g.grasp.contacts}),
+        "preload": g.grasp.preload,
+        "penetration": g.penetration,
+        "self_penetration": g.self_penetration,
+        "residual": max(a.witness.residuals.worst for a in g.answer.checks if a.witness),
+    }

@@ -1,0 +1,111 @@
+"""The ordered parallel map: the same results in the same order whoever does the work."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from handfast.core import parallel
+from handfast.core.parallel import WorkerPool
+
+needs_fork = pytest.mark.skipif(parallel.START != "fork", reason="there are no workers")
+WAYS = [pytest.param(1, False, id="alone"), pytest.param(3, True, id="threads")]
+WAYS += [pytest.param(3, False, id="processes", marks=needs_fork)]
+
+
+def scaled(factor: int, item: int) -> int:
+    time.sleep(0.01 * (item % 3))  # the later ones are done first
+    return factor * item
+
+
+def refused(_: object, item: int) -> int:
+    if item == 2:
+        raise ValueError("two")
+    return item
+
+
+def worker(_: object, __: int) -> tuple[int, int]:
+    time.sleep(0.02)
+    return os.getpid(), threading.get_ident()
+
+
+def asleep(_: object, item: int) -> int:
+    time.sleep(0 if item == 0 else 30)
+    return item
+
+
+@pytest.mark.parametrize(("jobs", "threads"), WAYS)
+def test_results_come_in_the_order_of_the_items(jobs: int, threads: bool) -> None:
+    with WorkerPool(7, jobs, threads=threads) as pool:
+        assert list(pool.map(scaled, range(40))) == [7 * i for i in range(40)]
+        assert list(pool.map(scaled, [])) == []
+        assert list(pool.map(scaled, range(5), ahead=1)) == [7 * i for i in range(5)]
+
+
+@pytest.mark.parametrize(("jobs", "threads"), WAYS)
+def test_an_error_is_raised_where_its_result_was_due(jobs: int, threads: bool) -> None:
+    with WorkerPool(None, jobs, threads=threads) as pool:
+        results = pool.map(refused, range(5))
+        assert [next(results), next(results)] == [0, 1]
+        with pytest.raises(ValueError, match="two"):
+            next(results)
+
+
+@pytest.mark.parametrize(("jobs", "threads"), WAYS)
+def test_items_are_drawn_as_they_are_needed(jobs: int, threads: bool) -> None:
+    drawn: list[int] = []
+
+    def items() -> Iterator[int]:
+        for i in range(10**9):
+            drawn.append(i)
+            yield i
+
+    with WorkerPool(1, jobs, threads=threads) as pool:
+        results = pool.map(scaled, items(), ahead=4)
+        assert [next(results) for _ in range(3)] == [0, 1, 2]
+    assert len(drawn) <= 7
+
+
+def test_who_does_the_work() -> None:
+    me = os.getpid(), threading.get_ident()
+    with WorkerPool(None, 1) as pool:
+        assert pool.alone
+        assert set(pool.map(worker, range(3))) == {me}
+    with WorkerPool(None, 2, threads=True) as pool:
+        found = set(pool.map(worker, range(8)))
+        assert not pool.alone
+        assert not pool.forked
+        assert {process for process, _ in found} == {me[0]}
+        assert me not in found
+
+
+@needs_fork
+def test_processes_are_others_and_end_with_the_pool() -> None:
+    with WorkerPool(None, 2) as pool:
+        found = {process for process, _ in pool.map(worker, range(8))}
+        assert pool.forked
+        assert os.getpid() not in found
+    for process in found:
+        with pytest.raises(ProcessLookupError):
+            os.kill(process, 0)
+
+
+def test_where_processes_cannot_be_forked_the_caller_works(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parallel, "START", "spawn")
+    with WorkerPool(None, 4) as pool:
+        assert pool.alone
+        assert set(pool.map(worker, range(3))) == {(os.getpid(), threading.get_ident())}
+
+
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=needs_fork)])
+def test_nothing_is_waited_for_once_the_time_is_up(jobs: int) -> None:
+    if jobs == 1:
+        with WorkerPool(1, 1) as pool:
+            assert list(pool.map(scaled, range(5), until=time.monotonic())) == []
+        return
+    with WorkerPool(None, jobs) as pool:
+        assert list(pool.map(asleep, range(3), until=time.monotonic() + 3.0)) == [0]

@@ -1,0 +1,213 @@
+"""Forged `handfast/grasps/2` files: what they say is computed again from what it rests on, and refused."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast import InputError, Task
+from handfast.planning.evaluation.derived import Derived, contacts_at, grasp_at
+from handfast.planning.requirements import Requirements
+from handfast.planning.results import grasps_file
+from handfast.planning.results.grasps import Grasps
+from handfast.planning.results.verify_grasps import difference
+from handfast.stability.loads import Loads
+from handfast.synthesis.answers import Solution
+from handfast.synthesis.embedded import task_to_dict
+from tests.support.forged_grasps import (
+    FORGED,
+    LIMITS,
+    Data,
+    at,
+    refusal,
+    renew,
+    replayed,
+    scalpel_file,
+    scalpel_grasps,
+)
+
+
+@pytest.fixture(scope="module")
+def found() -> Grasps:
+    return scalpel_grasps()
+
+
+@pytest.fixture(scope="module")
+def saved() -> Data:
+    return scalpel_file()
+
+
+@pytest.mark.parametrize("name", list(FORGED))
+def test_a_forged_file_is_refused(saved: Data, name: str) -> None:
+    change, match = FORGED[name]
+    data = copy.deepcopy(saved)
+    change(data)
+    assert data != saved
+    with pytest.raises(InputError, match="checksum: does not fit"):
+        grasps_file.from_dict(data)
+    reason = refusal(renew(data))
+    assert re.search(match, reason), reason
+    assert "\n" not in reason
+
+
+def test_a_question_is_not_changed_alone(saved: Data) -> None:
+    """Where every number still fits, the answer's own word of what it answers does not."""
+    data = copy.deepcopy(saved)
+    data["question"]["force_limit"] *= 2
+    assert "the answer is to another question" in refusal(renew(data, question=False))
+    done = replayed(renew(data))  # the weaker claim holds as well, and is what is printed
+    assert done.ok
+    assert done.question["force_limit"] == 2 * LIMITS["force_limit"]
+
+
+def test_an_old_file_is_told_what_it_lacks(saved: Data) -> None:
+    with pytest.raises(InputError, match="'handfast/grasps/1', which says neither friction nor gearing"):
+        grasps_file.from_dict(saved | {"schema": "handfast/grasps/1"})
+
+
+def test_differences_are_told_one_by_one() -> None:
+    due = {"a": [1.0, 1e-20, None], "b": {"c": "x", "d": True}}
+    assert difference(due, {"a": [1.0, -1e-20, None], "b": {"d": True, "c": "x"}}, "it") == ""
+    assert difference(due, due | {"a": [1.0, 1e-8, None]}, "it").startswith("it.a[1] is 1e-08; of hand")
+    assert difference(due, due | {"a": [1.0, 0.0]}, "it") == "it.a has 2 entries, not 3"
+    assert difference(due, due | {"b": {"c": "x"}}, "it") == "it.b.d is missing"
+    assert difference(due, due | {"b": {"c": "x", "d": 1}}, "it").startswith("it.b.d is 1; ")
+    assert difference(due, due | {"e": 0}, "it") == "it.e follows from nothing in the file"
+    assert difference(1e-9, 1.001e-9, "it") == ""
+    assert difference(1e-9, 1.001e-9, "it", small=0.0).startswith("it is 1.001e-09; ")
+    assert difference("x" * 99, "y" * 99, "it").count("x") < 60
+
+
+# --- changed everywhere -----------------------------------------------------------------------------
+
+
+def rebuilt(found: Grasps, task: Task, loads: Loads, asked: Requirements, preload: Callable[[float], float]) -> Data:
+    """The file of a forger who computes again all that is computed, and keeps the witnesses."""
+    grasps = []
+    for g in found.grasps:
+        solution = Solution.of(task, g.solution.existence)
+        bare = grasp_at(solution, g.q, contacts_at(solution, asked.friction))
+        commands = {n: preload(v) for n, v in (g.answer.preload or {}).items()}
+        grasp = bare.with_preload(commands)
+        f = Derived.of(solution, g.q, grasp, commands, loads)
+        answer = replace(g.answer, preload=commands, loads=loads, upper=f.command)
+        parts = {"friction_margin": f.friction_margin, "curvatures": f.curvatures, "dexterity": f.dexterity}
+        grasps.append(replace(g, solution=solution, grasp=grasp, answer=answer, **parts))
+    forged = replace(found, task=task, loads=loads, requirements=asked, grasps=tuple(grasps))
+    return json.loads(json.dumps(grasps_file.to_dict(forged.saved)))
+
+
+def geared(task: Task) -> Task:
+    mechanism = replace(task.hand.mechanism, R=2 * task.hand.mechanism.R)
+    return replace(task, hand=replace(task.hand, mechanism=mechanism))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"asked": lambda a: replace(a, friction=0.1)},
+        {"asked": lambda a: replace(a, eta=0.3)},
+        {"task": geared},
+        {"preload": lambda v: 0.5 * v},
+        {"loads": lambda x: x.scaled(1.5)},
+        {},
+    ],
+    ids=["friction", "normals", "gearing", "preload", "loads", "nothing"],
+)
+def test_what_is_changed_everywhere_does_not_balance(found: Grasps, change: dict[str, Any]) -> None:
+    def same(x: Any) -> Any:
+        return x
+
+    parts = {"task": found.task, "loads": found.loads, "asked": found.requirements}
+    changed = {name: change.get(name, same)(value) for name, value in parts.items()}
+    reason = refusal(rebuilt(found, **changed, preload=change.get("preload", same)))
+    assert ("witness: the residual is" in reason) if change else not reason
+
+
+# --- any value ----------------------------------------------------------------------------------------
+
+# What may be changed in an accepted file: nothing is claimed of it.
+DESCRIPTIVE = ("record",)
+# What is no claim but proof: another one will do as well.
+PROOFS = ("existence", "witnesses")
+MUTANTS = 250
+
+
+def places(x: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The path of every value in a JSON object, leaves and branches."""
+    for key, value in x.items() if isinstance(x, dict) else enumerate(x) if isinstance(x, list) else ():
+        yield (*path, key)
+        yield from places(value, (*path, key))
+
+
+def mutated(x: Any, rng: np.random.Generator) -> Any:
+    """Another value of the same kind; None where none is."""
+    if isinstance(x, bool):
+        return not x
+    if isinstance(x, int | float):
+        return x * float(rng.choice([-1.0, 0.5, 1.001, 2.0])) if x else float(rng.choice([1e-3, 1.0]))
+    if isinstance(x, str):
+        return x + "x" if rng.random() < 0.5 else x[1:]
+    if isinstance(x, list) and len(x) > 1 and rng.random() < 0.5:
+        i, j = rng.choice(len(x), 2, replace=False)
+        return [x[j] if k == i else x[i] if k == j else y for k, y in enumerate(x)]
+    if isinstance(x, list) and x:
+        i = int(rng.integers(len(x)))
+        return x[:i] + x[i + 1 :]
+    if isinstance(x, dict) and x:
+        gone = list(x)[int(rng.integers(len(x)))]
+        return {k: v for k, v in x.items() if k != gone}
+    return 1.0 if x is None else None
+
+
+def claims(data: Data) -> dict[str, Any]:
+    """All that a file says and `verify` prints as proved."""
+    stated = {k: v for k, v in replayed(data).question.items() if k != "sha256"}
+    grasps = [g["grasp"] for g in data["grasps"]]
+    return {"question": stated, "answer": data["answer"] | {"question": ""}, "grasps": grasps}
+
+
+def meaning(data: Data) -> Any:
+    """What a file asks, once it is read: fields that may be left out are there."""
+    what = grasps_file.from_dict(data)
+    return task_to_dict(what.task), grasps_file.motors_to_dict(what.task.hand), data["question"]
+
+
+def test_accepted_mutants_claim_the_same(saved: Data) -> None:
+    rng = np.random.default_rng(14)
+    all_places = [p for p in places(saved) if p[0] != "checksum"]
+    own, accepted, refused = claims(saved), 0, 0
+    for place in (all_places[int(k)] for k in rng.choice(len(all_places), MUTANTS, replace=False)):
+        data, knows = copy.deepcopy(saved), bool(rng.random() < 0.5)
+        old = _value(data, place)
+        at(*place, to=lambda x: mutated(x, rng))(data)
+        if _value(data, place) == old:
+            continue
+        reason = refusal(renew(data, question=knows))
+        assert "\n" not in reason
+        refused, accepted = refused + bool(reason), accepted + (not reason)
+        if reason or place[0] in DESCRIPTIVE:
+            continue
+        other = difference(own, claims(data), "claims")
+        if place[0] == "grasps" and place[2] in PROOFS:
+            assert not other, (place, other)
+        elif place[0] in ("task", "motors", "question"):  # another question, truly answered: then it says so
+            assert knows, place
+            assert other or meaning(data) == meaning(saved), place
+        else:
+            assert not other, (place, other)
+    assert accepted >= 20
+    assert refused >= MUTANTS // 2
+
+
+def _value(data: Any, place: tuple[Any, ...]) -> Any:
+    for key in place:
+        data = data[key]
+    return data
