@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from handfast.core import bundled
-from handfast.model.shape import quaternion_matrix, transform
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.report.plot import picture
 from handfast.report.task_drawing import DENSE, draw_task
 from handfast.synthesis.task import Task

@@ -11,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.collision import Collisions, Push, Requested, always_meeting, samples
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.hand import Hand, Joint, Link, load_hand
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, quaternion_matrix, transform
+from handfast.model.shape import Shape
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible
 from tests.support.places import FEASIBLE as FEASIBLE_FILE

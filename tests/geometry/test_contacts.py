@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.contacts import _merged, contact_grasp, deepest, find_contacts, grasp_of
 from handfast.geometry.patch import few, outline, overlap
 from handfast.geometry.scene import Scene
@@ -15,7 +16,7 @@ from handfast.model.body import Body, load_body
 from handfast.model.grasp import Contact
 from handfast.model.hand import Hand, Joint, Link, load_hand
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import SIZES, Shape, quaternion_matrix, transform
+from handfast.model.shape import SIZES, Shape
 from tests.support.places import SHARED
 
 NO_MOTION = Mechanism((), np.zeros((0, 0)), np.zeros((0, 0)), ())

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix
 from handfast.geometry.curvature import (
     cap_curvature,
     patch_curvature,
@@ -20,7 +21,6 @@ from handfast.geometry.curvature import (
 from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap
-from handfast.model.shape import quaternion_matrix
 from handfast.synthesis.answers import Solution
 from handfast.synthesis.certify.existence import ContactPoint, Existence
 from handfast.synthesis.curvatures import relative_curvatures

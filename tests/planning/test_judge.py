@@ -7,13 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from handfast.core.transforms import transform
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap
-from handfast.model.shape import Shape, transform
+from handfast.model.shape import Shape
 from handfast.planning.tasks.judge import DEEP, Allowed, Candidate, Judge, Reason, Steps
 from handfast.stability.loads import Loads
 from handfast.synthesis.problem import Problem

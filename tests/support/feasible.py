@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from handfast.core.arrays import Array
+from handfast.core.transforms import transform
 from handfast.model.region import Bezier, Cap, Region
-from handfast.model.shape import transform
 from handfast.synthesis.task import Task
 
 

@@ -17,7 +17,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from handfast.core.arrays import Array, Mask, frozen
-from handfast.model.grasp import Grasp, cross
+from handfast.core.transforms import cross
+from handfast.model.grasp import Grasp
 
 VANISHING = 1e-100  # numbers below are scaled up before anything is squared
 

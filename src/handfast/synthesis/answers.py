@@ -14,9 +14,9 @@ import numpy as np
 
 from handfast.core.answer import Checked, Reach, Stop, header
 from handfast.core.arrays import Array, frozen
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.configuration import Configuration
 from handfast.model.region import Bezier, Cap, Region
-from handfast.model.shape import quaternion_matrix, transform
 from handfast.synthesis.certify.existence import Existence, existence_to_dict, moving_joints
 from handfast.synthesis.certify.verify_existence import Report, verify_existence
 from handfast.synthesis.distance import features

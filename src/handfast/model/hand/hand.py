@@ -12,8 +12,9 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, unknown_name
+from handfast.core.transforms import FARTHEST, rigid
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import MOST, Shape, rigid
+from handfast.model.shape import Shape
 
 LIMIT_TOLERANCE = 1e-6  # [rad or m] rounding of a limit in a file is not a violation
 
@@ -50,11 +51,11 @@ class Joint:
             raise InputError(f"has length {length:.3g}; a direction is needed", field=f"{self.name}.axis")
         object.__setattr__(self, "axis", frozen(axis / length, (3,), f"{self.name}.axis"))
         object.__setattr__(self, "anchor", frozen(self.anchor, (3,), f"{self.name}.anchor"))
-        if np.abs(self.anchor).max() > MOST:
-            raise InputError(f"is more than {MOST:g} m away", field=f"{self.name}.anchor")
-        if not all(abs(x) <= MOST for x in (self.lower, self.upper, self.ref)):
+        if np.abs(self.anchor).max() > FARTHEST:
+            raise InputError(f"is more than {FARTHEST:g} m away", field=f"{self.name}.anchor")
+        if not all(abs(x) <= FARTHEST for x in (self.lower, self.upper, self.ref)):
             numbers = f"are {self.lower:g} and {self.upper:g}, its reference {self.ref:g}"
-            raise InputError(f"{numbers}; at most {MOST:g} is possible", field=f"{self.name} limits")
+            raise InputError(f"{numbers}; at most {FARTHEST:g} is possible", field=f"{self.name} limits")
         if not self.lower <= self.upper:
             limits = f"[{self.lower:g}, {self.upper:g}]"
             raise InputError(f"are {limits}; the lower one comes first", field=f"{self.name} limits")
@@ -153,9 +154,9 @@ class Hand:
         leader: dict[int, int] = {}
         for c in self.couplings:
             name = self.joint_names[c.joint]
-            if not all(abs(x) <= MOST for x in (c.ratio, c.offset)):
+            if not all(abs(x) <= FARTHEST for x in (c.ratio, c.offset)):
                 numbers = f"ratio {c.ratio:g} and offset {c.offset:g}"
-                raise InputError(f"has {numbers}; at most {MOST:g} is possible", field=name)
+                raise InputError(f"has {numbers}; at most {FARTHEST:g} is possible", field=name)
             if c.joint in leader:
                 raise InputError("is tied to two joints at once; one leader is needed", field=name)
             leader[c.joint] = c.leader

@@ -11,9 +11,10 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.quiet import quiet
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, quaternion_matrix, transform
+from handfast.model.shape import Shape
 
 
 def read_mjcf(root: Element, path: Path) -> Hand:

@@ -15,9 +15,10 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
+from handfast.core.transforms import transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, transform
+from handfast.model.shape import Shape
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 PHALANGES = {2: ("proximal", "distal"), 3: ("proximal", "middle", "distal")}

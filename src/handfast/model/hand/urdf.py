@@ -12,9 +12,10 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.transforms import transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, read_mesh, transform
+from handfast.model.shape import Shape, read_mesh
 
 TURN = 2 * np.pi  # limits of a continuous joint: a finger joint never needs more
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.transforms import normal_frame
 
 SIDES = 8  # of the polygon inside each friction circle
 LEAST = 0.08  # of the squeezing force: a point that would carry less is left out of the first look
@@ -53,9 +54,7 @@ def margin(points: Array, normals: Array, friction: float) -> float:
     around = np.arange(SIDES) * 2 * np.pi / SIDES
     shrunk = np.cos(np.pi / SIDES)
     for i, n in enumerate(normals):
-        e1 = np.cross(n, np.eye(3)[np.abs(n).argmin()])
-        e1 /= np.linalg.norm(e1)
-        axes = np.array([n, e1, np.cross(n, e1)])
+        axes = np.array([*normal_frame(n).T])
         own = slice(3 * i, 3 * i + 3)
         balance[:3, own] = axes.T
         balance[3:6, own] = np.cross(arms[i] / size, axes).T

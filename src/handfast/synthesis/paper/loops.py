@@ -19,6 +19,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.transforms import normal_frame
 from handfast.model.hand.coupling import leader_ranges, led
 from handfast.model.hand.hand import Hand, Joint
 from handfast.synthesis.task import Task
@@ -250,7 +251,7 @@ def _assembly(hand: Hand, ranges: Array, parent: int, child: int, motions: Seque
 
 def _revolute(ranges: Array, parent: int, child: int, motion: Motion, joint: Joint) -> Assembly:
     R, p = motion.place[:3, :3], _moved(motion.place, joint.anchor)
-    e = _normal(joint.axis)
+    e = -normal_frame(joint.axis)[:, 1]
     angle = _angle(ranges, motion.joint, joint, True, e, R @ e, R @ joint.axis)
     return Assembly(
         Kind.REVOLUTE, parent, child, (motion,), p, joint.anchor, ((R @ joint.axis, joint.axis),), angles=angle
@@ -258,7 +259,7 @@ def _revolute(ranges: Array, parent: int, child: int, motion: Motion, joint: Joi
 
 
 def _prismatic(parent: int, child: int, motion: Motion, joint: Joint) -> Assembly:
-    R, e = motion.place[:3, :3], _normal(joint.axis)
+    R, e = motion.place[:3, :3], -normal_frame(joint.axis)[:, 1]
     pairs = ((R @ joint.axis, joint.axis), (R @ e, e))
     p = motion.place[:3, 3]
     return Assembly(Kind.PRISMATIC, parent, child, (motion,), p, np.zeros(3), pairs, slide=motion.joint)
@@ -314,7 +315,7 @@ def _cylindrical(
     place = first.place @ second.place
     R = place[:3, :3]
     revolute = joints[turn]
-    e = _normal(joints[1].axis)
+    e = -normal_frame(joints[1].axis)[:, 1]
     # of the turning axis, which has the same direction in every position: a point in the parent's frame, at
     # no travel, and in the child's
     p = _moved(first.place if turn == 0 else place, revolute.anchor)
@@ -346,12 +347,6 @@ def _crossing(joint: Joint, direction: Array, point: Array) -> Array | None:
     if abs(between @ np.cross(joint.axis, direction)) > SAME:
         return None
     return joint.anchor + (between @ joint.axis) * joint.axis
-
-
-def _normal(axis: Array) -> Array:
-    """(3,) a unit vector perpendicular to a unit vector."""
-    e = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)
-    return e / np.linalg.norm(e)
 
 
 def _moved(T: Array, point: Array) -> Array:
