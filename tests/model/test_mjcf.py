@@ -66,7 +66,7 @@ def test_an_equality_of_one_joint_holds_it_beside_its_reference(tmp_path: Path, 
     assert hand.values(q) == {"a": pytest.approx(ref + 0.05), "b": 0.0}
     assert violation(path, hand, q) < 1e-9
     np.testing.assert_array_equal(hand.mechanism.A, [[1.0, 0.0]])
-    assert (hand.couplings[0].leader, hand.couplings[0].ratio) == (-1, 0.0)
+    assert (hand.couplings[0].driver, hand.couplings[0].ratio) == (-1, 0.0)
 
 
 def test_an_equality_that_is_switched_off_couples_nothing(tmp_path: Path) -> None:

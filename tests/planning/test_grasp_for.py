@@ -36,9 +36,9 @@ from handfast.planning.tasks.proved import BETTER, Grasps, rank
 from handfast.planning.tasks.unused import Unused
 from handfast.stability.loads import Loads
 from handfast.synthesis.placed import whole
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.diverse import Walks
 from handfast.synthesis.search.starts import Starts
+from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip
 
 NAME = "scalpel-incision"
@@ -167,7 +167,7 @@ def test_a_task_without_an_object_needs_one() -> None:
 @pytest.fixture(scope="module")
 def bench() -> tuple[Judge, Walks, list[Any]]:
     task, body = load_task("teapot-service"), load_body("teapot")
-    problem = Problem.of(task)
+    problem = TaskProblem.of(task)
     judge = Judge(problem, Collisions(Scene(task.hand, body), cutoff=NEAR), Loads.gravity(body, "-y"), 0.5, Allowed())
     starts = Starts(problem, 0)
     return judge, Walks(starts), starts.run(12)
@@ -234,11 +234,13 @@ def test_unused_fingers_move_out_of_the_way() -> None:
     narrow, body = load_task("teapot-service"), load_body("teapot")
     bent = {f"ring_{part}": (0.6, 1.3) for part in ("proximal", "middle", "distal")}
     limits = {n: (lo, hi) for n, (lo, hi) in zip(narrow.hand.joint_names, narrow.hand.limits.tolist(), strict=True)}
-    task = Task.of(load_hand("schunk-sah"), narrow.touches, limits=limits | bent, pose=narrow.pose, object="teapot")
+    task = Task.of(
+        load_hand("schunk-sah"), narrow.contact_pairs, limits=limits | bent, pose=narrow.pose, object="teapot"
+    )
     hand = task.hand
     unused = Unused(task, Collisions(Scene(hand, body), cutoff=NEAR))
     assert [{hand.joint_names[j].split("_")[0] for j in finger.joints} for finger in unused.fingers] == [{"ring"}]
-    problem = Problem.of(task)
+    problem = TaskProblem.of(task)
     judge = Judge(problem, unused.collisions, Loads.gravity(body, "-y"), 0.5, Allowed())
     helped = 0
     for certified in Starts(problem, 0).run(16):

@@ -25,8 +25,8 @@ from handfast.planning.tasks.grasps_file import asked_digest
 from handfast.planning.tasks.proved import Grasps
 from handfast.planning.tasks.replay import ReplayedGrasps, difference
 from handfast.stability.loads import Loads
-from handfast.synthesis.answers import Solution
 from handfast.synthesis.embedded import digest, task_to_dict
+from handfast.synthesis.solution import Solution
 
 Data = dict[str, Any]
 Change = Callable[[Data], None]

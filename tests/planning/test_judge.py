@@ -17,9 +17,9 @@ from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
 from handfast.planning.tasks.judge import DEEP, Allowed, Candidate, Judge, Reason, Steps
 from handfast.stability.loads import Loads
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.starts import Certified
-from handfast.synthesis.task import Task, Touch
+from handfast.synthesis.task import ContactPair, Task
+from handfast.synthesis.task_problem import TaskProblem
 
 X, Y, Z = np.eye(3)
 UP = Loads.wrench([0, 0, 1, 0, 0, 0], "up")  # onto the fingertip
@@ -53,8 +53,8 @@ def bench(
         Link("arm", 0, np.eye(4), (), (Shape("sphere", BALL, arm),)),
     )
     hand = Hand("slider", links, (slide,), Mechanism.direct(["slide"]), (), np.zeros(1))
-    task = Task.of(hand, (Touch("tip", Cap([0, 0, tip], tip, -Z, np.pi), groove(hollow)),))
-    problem = Problem.of(task)
+    task = Task.of(hand, (ContactPair("tip", Cap([0, 0, tip], tip, -Z, np.pi), groove(hollow)),))
+    problem = TaskProblem.of(task)
     value = {"quaternion:0": 1.0, "contact:0:s": 0.5, "contact:0:t": 0.5}
     x = np.array([value.get(label, 0.0) for label in problem.labels]) / problem.lengths
     solid = Body.of([Shape("box", (0.02, 0.02, 0.02), transform([0, 0.05, -0.01]))])

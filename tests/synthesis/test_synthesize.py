@@ -19,13 +19,14 @@ from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
 from handfast.model.hand import Coupling
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis import queries, result_file
-from handfast.synthesis.answers import Solution, Synthesis, point_and_normal
+from handfast.synthesis import query, synthesis_file
 from handfast.synthesis.embedded import digest, fingerprint, task_from_dict, task_to_dict
 from handfast.synthesis.placed import whole
-from handfast.synthesis.queries import synthesize
+from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.prover import Disproof
-from handfast.synthesis.task import PoseBounds, Task, Touch
+from handfast.synthesis.solution import Solution, point_and_normal
+from handfast.synthesis.synthesis_answer import Synthesis
+from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.holds import LARGE, OPEN, flat_grip, grip, pinch
 
 
@@ -96,7 +97,7 @@ def test_a_candidate_that_cannot_be_proved_is_not_found(monkeypatch: pytest.Monk
     monkeypatch.setattr("handfast.synthesis.search.starts.find", hopeful)
     answer = synthesize(grip(0.05), timeout=None, nodes=1)
     assert (answer.verdict, answer.stop, answer.solutions) == (Reach.UNDECIDED, Stop.NODES, ())
-    assert answer.unproved == 3 * queries.FIRST
+    assert answer.unproved == 3 * query.FIRST
 
 
 def test_solutions_that_are_not_isolated_are_not_found() -> None:
@@ -123,7 +124,7 @@ def test_limits_hold_of_joints_that_only_follow() -> None:
 
 def test_one_contact_alone() -> None:
     task = grip(0.05)
-    answer = synthesize(replace(task, touches=task.touches[:1]))
+    answer = synthesize(replace(task, contact_pairs=task.contact_pairs[:1]))
     assert answer.verdict is Reach.FOUND
     assert answer.verify().ok
 
@@ -135,12 +136,12 @@ def test_points_coincide_and_normals_oppose(pinched: Synthesis) -> None:
     """Seen from the hand: on the cap's sphere, the outward normal pointing into the object, within the cone."""
     (s,) = pinched.solutions
     links = s.task.hand.link_poses(s.q)
-    for touch, point, normal in zip(s.task.touches, s.points, s.normals, strict=True):
-        T = links[s.task.hand.link(touch.link)]
-        centre = T[:3, :3] @ touch.hand.center + T[:3, 3]
-        assert np.allclose(point, centre + touch.hand.radius * normal, atol=1e-9)
+    for pair, point, normal in zip(s.task.contact_pairs, s.points, s.normals, strict=True):
+        T = links[s.task.hand.link(pair.link)]
+        centre = T[:3, :3] @ pair.hand.center + T[:3, 3]
+        assert np.allclose(point, centre + pair.hand.radius * normal, atol=1e-9)
         assert np.linalg.norm(normal) == pytest.approx(1, abs=1e-12)
-        assert np.arccos(normal @ T[:3, :3] @ touch.hand.axis) < touch.hand.half_angle
+        assert np.arccos(normal @ T[:3, :3] @ pair.hand.axis) < pair.hand.half_angle
         inside = np.linalg.inv(s.pose) @ [*(point + 1e-3 * normal), 1]
         assert np.abs(inside[1]) < 0.015  # a millimetre further along the normal is within the block
 
@@ -150,7 +151,7 @@ def test_hand_patch_and_object_cap() -> None:
     task = grip(0.05)
     ball = Cap((0, 0, 0), 0.02, (0, 1, 0), 3.0)
     pad = Bezier(np.array([[[u, 0, v] for v in (0.03, 0.06)] for u in (-0.01, 0.01)]))
-    answer = synthesize(replace(task, touches=(Touch("left_finger", pad, ball),)))
+    answer = synthesize(replace(task, contact_pairs=(ContactPair("left_finger", pad, ball),)))
     (s,) = answer.solutions
     assert answer.verify().ok
     assert np.linalg.norm(s.points[0] - s.pose[:3, 3]) == pytest.approx(0.02, abs=1e-12)
@@ -172,7 +173,7 @@ def test_slacks_are_those_that_the_checker_finds(pinched: Synthesis) -> None:
     assert set(s.slacks) == set(checked)
     for label, slack in s.slacks.items():
         if label.endswith(":cone"):  # there a cosine
-            cap = s.task.touches[int(label.split(":")[1])].hand
+            cap = s.task.contact_pairs[int(label.split(":")[1])].hand
             slack = np.cos(cap.half_angle - slack) - np.cos(cap.half_angle)
         assert slack == pytest.approx(checked[label], abs=2e-6), label
     assert min(s.slacks.values()) > 0
@@ -239,7 +240,7 @@ def test_ctrl_c_keeps_what_was_reached(when: int) -> None:
     """In the random starts, and in the search for a contradiction."""
     seen = []
 
-    def step(progress: queries.Progress) -> None:
+    def step(progress: query.Progress) -> None:
         seen.append(progress)
         if len(seen) == when:
             raise KeyboardInterrupt
@@ -251,7 +252,7 @@ def test_ctrl_c_keeps_what_was_reached(when: int) -> None:
 
 
 def test_ctrl_c_keeps_those_of_many_that_were_found() -> None:
-    def step(progress: queries.Progress) -> None:
+    def step(progress: query.Progress) -> None:
         if progress.found >= 5:
             raise KeyboardInterrupt
 
@@ -315,7 +316,7 @@ def test_none_only_if_the_prover_says_so(monkeypatch: pytest.MonkeyPatch) -> Non
     Scripted.script, Scripted.asked = [False, False, True], []
     answer = synthesize(grip(OPEN), timeout=None)
     assert (answer.verdict, answer.nodes, answer.state) == (Reach.NONE, 30, {})
-    assert [a["seconds"] for a in Scripted.asked] == [0.0, queries.TURN, 2 * queries.TURN]
+    assert [a["seconds"] for a in Scripted.asked] == [0.0, query.TURN, 2 * query.TURN]
     Scripted.script, Scripted.asked = [False, False], []
     answer = synthesize(grip(OPEN), timeout=None, nodes=20)
     assert (answer.verdict, answer.stop, answer.state["prover"]) == (Reach.UNDECIDED, Stop.NODES, {"at": 20})
@@ -326,7 +327,7 @@ def test_none_only_if_the_prover_says_so(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_what_random_starts_find_ends_the_search_for_a_contradiction(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("handfast.synthesis.search.prover.Prover", Scripted)
-    monkeypatch.setattr(queries, "FIRST", 0)
+    monkeypatch.setattr(query, "FIRST", 0)
     Scripted.script, Scripted.asked = [False, False], []
     answer = synthesize(grip(0.05), timeout=None)
     assert (answer.verdict, answer.stop, len(Scripted.asked)) == (Reach.FOUND, Stop.COMPLETE, 1)
@@ -343,7 +344,7 @@ def test_what_is_saved_is_proved(count: int, tmp_path: Path) -> None:
     assert done.ok, done.reason
     assert len(done.reports) == count
     assert handfast.verify(answer).ok
-    back = result_file.load_synthesis(path)
+    back = synthesis_file.load_synthesis(path)
     assert (back.verdict, back.seed, back.spread) == (answer.verdict, answer.seed, answer.spread)
     for a, b in zip(answer.solutions, back.solutions, strict=True):
         assert np.array_equal(a.q, b.q)
@@ -379,7 +380,7 @@ def test_none_cannot_be_replayed(tmp_path: Path) -> None:
 
 def changed(answer: Synthesis, change: Callable[[dict[str, Any]], Any], *, seal: bool) -> dict[str, Any]:
     """The file with a change, as one who does not know of the checksum, or does, would write it."""
-    data = json.loads(json.dumps(result_file.to_dict(answer)))
+    data = json.loads(json.dumps(answer.to_file()))
     change(data)
     if seal:
         data.pop("checksum")
@@ -506,9 +507,10 @@ def test_an_embedded_task_is_the_task() -> None:
     q = 0.3 * np.ones(task.hand.l)
     assert np.allclose(back.hand.link_poses(q), task.hand.link_poses(q), atol=1e-15)
     assert all(
-        np.array_equal(a.object.points, b.object.points) for a, b in zip(back.touches, task.touches, strict=True)
+        np.array_equal(a.object.points, b.object.points)
+        for a, b in zip(back.contact_pairs, task.contact_pairs, strict=True)
     )
-    assert [t.object.flip for t in back.touches] == [t.object.flip for t in task.touches]
+    assert [t.object.flip for t in back.contact_pairs] == [t.object.flip for t in task.contact_pairs]
 
 
 def test_fingerprints_tell_tasks_apart() -> None:
@@ -518,7 +520,7 @@ def test_fingerprints_tell_tasks_apart() -> None:
         pinch(edge=0.03 + 1e-12),
         pinch(limits={"index_middle": (0.0, 1.0)}),
         pinch(pose=PoseBounds(np.array([[0, 1.0]] * 3), np.tile([-1.0, 1.0], (3, 3, 1)))),
-        replace(pinch(), touches=pinch().touches[::-1]),
+        replace(pinch(), contact_pairs=pinch().contact_pairs[::-1]),
     ]
     assert len({mark, *(fingerprint(task_to_dict(t)) for t in others)}) == 5
 

@@ -11,7 +11,19 @@ import numpy as np
 import pytest
 
 from handfast.core.arrays import Array
-from handfast.synthesis.certify.interval import Dual, Interval, columns, cos, cross, dot, join, sin, sqr, sqrt, unit
+from handfast.synthesis.certify.interval_arithmetic import (
+    Dual,
+    Interval,
+    columns,
+    cos,
+    cross,
+    dot,
+    join,
+    sin,
+    sqr,
+    sqrt,
+    unit,
+)
 
 LARGEST = Fraction(float(np.finfo(float).max))
 

@@ -35,9 +35,9 @@ from handfast.synthesis.certify.existence import (
     existence_to_dict,
     free_joints,
 )
-from handfast.synthesis.certify.interval import Interval
+from handfast.synthesis.certify.interval_arithmetic import Interval
 from handfast.synthesis.certify.verify_existence import Report, verify_existence
-from handfast.synthesis.task import PoseBounds, Task, Touch
+from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.places import ROOT
 
 # --- the equations, once more -----------------------------------------------------------------------
@@ -55,17 +55,17 @@ def contact_equations(task: Task, labels: list[str], x: Array) -> Array:
     R = np.eye(3) + 2 * (_times(V, w) + V @ V) / length[:, None, None]
     position = np.stack([at[f"position:{i}"] for i in range(3)], -1)
     out = []
-    for k, touch in enumerate(task.touches):
+    for k, pair in enumerate(task.contact_pairs):
         R_k, p_k = poses[task.links[k]]
-        o, n, tangents = _surface(touch.object, at[f"contact:{k}:s"], at[f"contact:{k}:t"])
-        if isinstance(touch.hand, Cap):
-            here = touch.hand.center + one[:, None] * 0
-            there = o + touch.hand.sign * touch.hand.radius * n
+        o, n, tangents = _surface(pair.object, at[f"contact:{k}:s"], at[f"contact:{k}:t"])
+        if isinstance(pair.hand, Cap):
+            here = pair.hand.center + one[:, None] * 0
+            there = o + pair.hand.sign * pair.hand.radius * n
         else:
-            here, m, _ = _surface(touch.hand, at[f"contact:{k}:u"], at[f"contact:{k}:v"])
+            here, m, _ = _surface(pair.hand, at[f"contact:{k}:u"], at[f"contact:{k}:v"])
             there = o
         out += [*(_apply(R_k, here) + p_k - position - _apply(R, there)).T]
-        if isinstance(touch.hand, Bezier):
+        if isinstance(pair.hand, Bezier):
             out += [(_apply(R_k, m) * _apply(R, tangent)).sum(axis=-1) for tangent in tangents]
     return np.stack(out, -1)
 
@@ -77,9 +77,9 @@ def _joint_values(hand: Hand, at: dict, one: Array) -> dict[int, Array]:
             q[j] = at[f"joint:{joint.name}"]
         elif joint.lower == joint.upper:
             q[j] = joint.lower * one
-    q |= {c.joint: c.offset * one for c in hand.couplings if c.leader < 0}
+    q |= {c.joint: c.offset * one for c in hand.couplings if c.driver < 0}
     for _ in hand.couplings:
-        q |= {c.joint: c.ratio * q[c.leader] + c.offset for c in hand.couplings if c.leader in q}
+        q |= {c.joint: c.ratio * q[c.driver] + c.offset for c in hand.couplings if c.driver in q}
     return q
 
 
@@ -192,11 +192,11 @@ class Planted:
         at = {name: values[f"joint:{name}"] for name in free_joints(self.task)}
         contacts = tuple(
             ContactPoint(
-                touch.link,
+                pair.link,
                 (values[f"contact:{k}:s"], values[f"contact:{k}:t"]),
-                (values[f"contact:{k}:u"], values[f"contact:{k}:v"]) if isinstance(touch.hand, Bezier) else None,
+                (values[f"contact:{k}:u"], values[f"contact:{k}:v"]) if isinstance(pair.hand, Bezier) else None,
             )
-            for k, touch in enumerate(self.task.touches)
+            for k, pair in enumerate(self.task.contact_pairs)
         )
         pose = [np.array([values[f"{name}:{i}"] for i in range(n)]) for name, n in (("position", 3), ("quaternion", 4))]
         return Existence(at, *pose, contacts, tuple(dependent), np.where(in_metres, length, angle))
@@ -207,8 +207,8 @@ class Planted:
             joint = self.task.hand.joints[self.task.hand.joint(kind[1])]
             return min(x - joint.lower, joint.upper - x)
         if kind[0] == "contact":
-            touch = self.task.touches[int(kind[1])]
-            if isinstance(touch.object if kind[2] in "st" else touch.hand, Bezier):
+            pair = self.task.contact_pairs[int(kind[1])]
+            if isinstance(pair.object if kind[2] in "st" else pair.hand, Bezier):
                 return min(x, 1 - x)
         return 0.1 if kind[0] == "position" else 1.0
 
@@ -239,7 +239,7 @@ KINDS = (*DEGREES, "cap")
 def plant(hand: Hand, spots: list[Spot], rng: np.random.Generator, far: float = 0.0) -> Planted:
     """Draw a configuration, and make the object's regions fit; `far` [m] is where the object's origin is."""
     anything = Cap(np.zeros(3), 1.0, np.ones(3), 1.0)
-    task = Task(hand, tuple(Touch(s.link, anything, anything) for s in spots), PoseBounds.none())
+    task = Task(hand, tuple(ContactPair(s.link, anything, anything) for s in spots), PoseBounds.none())
     values: dict[str, float] = {}
     for name in free_joints(task):
         joint = hand.joints[hand.joint(name)]
@@ -251,7 +251,7 @@ def plant(hand: Hand, spots: list[Spot], rng: np.random.Generator, far: float = 
     at = {label: np.array([x]) for label, x in values.items()}
     poses = _link_poses(hand, _joint_values(hand, at, np.ones(1)), np.ones(1))
     R = Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix()
-    touches = []
+    pairs = []
     for k, spot in enumerate(spots):
         (R_k,), (p_k,) = poses[hand.link(spot.link)]
         n = _direction(rng)
@@ -262,8 +262,8 @@ def plant(hand: Hand, spots: list[Spot], rng: np.random.Generator, far: float = 
         values |= dict(zip((f"contact:{k}:s", f"contact:{k}:t"), st, strict=True))
         if isinstance(on_hand, Bezier):
             values |= dict(zip((f"contact:{k}:u", f"contact:{k}:v"), uv, strict=True))
-        touches.append(Touch(spot.link, on_hand, on_object))
-    return Planted(replace(task, touches=tuple(touches)), values)
+        pairs.append(ContactPair(spot.link, on_hand, on_object))
+    return Planted(replace(task, contact_pairs=tuple(pairs)), values)
 
 
 def surface_through(kind: str, x: Array, n: Array, rng: np.random.Generator) -> tuple[Region, tuple[float, float]]:
@@ -392,10 +392,10 @@ def cone_edges(planted: Planted) -> list[float]:
     hand, at = planted.task.hand, {label: np.array([x]) for label, x in planted.values.items()}
     poses = _link_poses(hand, _joint_values(hand, at, np.ones(1)), np.ones(1))
     out = []
-    for k, touch in enumerate(planted.task.touches):
-        _, n, _ = _surface(touch.object, at[f"contact:{k}:s"], at[f"contact:{k}:t"])
-        outward = -touch.hand.sign * (pose_of(planted)[0] @ n[0])
-        out.append(float(np.arccos(outward @ poses[planted.task.links[k]][0][0] @ touch.hand.axis)))
+    for k, pair in enumerate(planted.task.contact_pairs):
+        _, n, _ = _surface(pair.object, at[f"contact:{k}:s"], at[f"contact:{k}:t"])
+        outward = -pair.hand.sign * (pose_of(planted)[0] @ n[0])
+        out.append(float(np.arccos(outward @ poses[planted.task.links[k]][0][0] @ pair.hand.axis)))
     return out
 
 
@@ -407,9 +407,9 @@ def limited(task: Task, name: str, lower: float, upper: float) -> Task:
 
 def reshaped(task: Task, k: int, **sides: dict) -> Task:
     """With other attributes of the hand's or the object's region of contact k."""
-    touch = task.touches[k]
-    new = replace(touch, **{side: replace(getattr(touch, side), **what) for side, what in sides.items()})
-    return replace(task, touches=(*task.touches[:k], new, *task.touches[k + 1 :]))
+    pair = task.contact_pairs[k]
+    new = replace(pair, **{side: replace(getattr(pair, side), **what) for side, what in sides.items()})
+    return replace(task, contact_pairs=(*task.contact_pairs[:k], new, *task.contact_pairs[k + 1 :]))
 
 
 @pytest.mark.parametrize("block", range(8))
@@ -465,11 +465,13 @@ def test_no_bounds_are_no_bounds() -> None:
 def test_a_cap_may_be_passed_at_its_pole() -> None:
     """s on both sides of 0: the points of an object cap about its axis."""
     planted = sah_case(1, ("cap",), ("cap",))
-    cap, values = planted.task.touches[0].object, planted.values
+    cap, values = planted.task.contact_pairs[0].object, planted.values
     pole, _, _ = _surface(cap, *(np.array([values[f"contact:0:{x}"]]) for x in "st"))
     turned = replace(cap, axis=pole[0] - cap.center)
-    spun = replace(planted.task.touches[0], object=turned)
-    again = Planted(replace(planted.task, touches=(spun, planted.task.touches[1])), values | {"contact:0:s": 0.0})
+    spun = replace(planted.task.contact_pairs[0], object=turned)
+    again = Planted(
+        replace(planted.task, contact_pairs=(spun, planted.task.contact_pairs[1])), values | {"contact:0:s": 0.0}
+    )
     proof = again.proof(prefer="contact:0:s")
     assert "contact:0:s" in proof.dependent
     report = verify_existence(again.task, proof)
@@ -555,7 +557,7 @@ def test_bounds_that_pass_through_the_box() -> None:
 def test_an_edge_that_passes_through_the_box() -> None:
     planted, label = sah_case(1, ("bicubic",), ("bicubic",)), "contact:1:v"
     near = 1 - 3e-8
-    cut = planted.task.touches[1].hand.restricted((0, 1), (0, planted.values[label] / near))
+    cut = planted.task.contact_pairs[1].hand.restricted((0, 1), (0, planted.values[label] / near))
     task = reshaped(planted.task, 1, hand={"points": cut.points})
     wide, narrow = (planted.proof(r, 3e-9, prefer=label, **{label: near}) for r in (1e-7, 1e-8))
     assert label in wide.dependent
@@ -593,13 +595,13 @@ def test_an_object_cap_that_is_too_narrow() -> None:
 def test_normals_that_are_equal() -> None:
     for seed in (0, 1, 3):
         planted = sah_case(seed, ("bicubic", "mixed", "bilinear"))
-        for k, touch in enumerate(planted.task.touches):
-            task = reshaped(planted.task, k, hand={"flip": not touch.hand.flip})
+        for k, pair in enumerate(planted.task.contact_pairs):
+            task = reshaped(planted.task, k, hand={"flip": not pair.hand.flip})
             report = refused(
                 task, planted.proof(), f"contact {k}: the normals are not opposite: their cosine comes to \\[(1|0.9999)"
             )
             assert len(report.reasons) == 1
-            task = reshaped(planted.task, k, object={"flip": not touch.object.flip})
+            task = reshaped(planted.task, k, object={"flip": not pair.object.flip})
             refused(task, planted.proof(), f"contact {k}: the normals are not opposite")
 
 
@@ -607,10 +609,10 @@ def test_a_sphere_on_the_wrong_side() -> None:
     """A hand cap touches with its centre across the object's surface if either normal is reversed."""
     planted = sah_case(1, ("cap",))
     for side in ("hand", "object"):
-        for k, touch in enumerate(planted.task.touches):
-            task = reshaped(planted.task, k, **{side: {"flip": not getattr(touch, side).flip}})
+        for k, pair in enumerate(planted.task.contact_pairs):
+            task = reshaped(planted.task, k, **{side: {"flip": not getattr(pair, side).flip}})
             report = refused(task, planted.proof(), OPEN)
-            assert report.gap == pytest.approx(2 * touch.hand.radius)
+            assert report.gap == pytest.approx(2 * pair.hand.radius)
 
 
 @pytest.mark.parametrize("label", ["contact:0:s", "contact:0:t", "contact:1:u", "contact:1:v"])
@@ -620,7 +622,7 @@ def test_a_parameter_beyond_the_edge(label: str, share: float) -> None:
     planted = sah_case(1, ("bicubic",), ("bilinear", "bicubic"))
     k, end = int(label[8]), planted.values[label] * share
     side = "object" if label[-1] in "st" else "hand"
-    region = getattr(planted.task.touches[k], side)
+    region = getattr(planted.task.contact_pairs[k], side)
     cut = region.restricted((0, end), (0, 1)) if label[-1] in "su" else region.restricted((0, 1), (0, end))
     task = reshaped(planted.task, k, **{side: {"points": cut.points}})
     report = refused(task, planted.proof(**{label: 1 / share}), f"{label} comes to .* not strictly inside")
@@ -885,7 +887,7 @@ def test_the_checker_needs_nothing_of_the_search() -> None:
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     loaded = set(ast.literal_eval(run.stdout))
     assert not any(name.startswith(("numba", "llvmlite")) for name in loaded)
-    checker = ("chains", "equations", "existence", "interval", "refused", "regions", "verify_existence")
+    checker = ("chains", "equations", "existence", "interval_arithmetic", "regions", "verify_existence")
     parts = {"task", "certify", *(f"certify.{part}" for part in checker)}
     assert {name for name in loaded if name.startswith("handfast.synthesis.")} == {
         f"handfast.synthesis.{part}" for part in parts

@@ -14,7 +14,7 @@ from handfast.synthesis.paper.canonical import Canonical
 from handfast.synthesis.paper.canonical_build import canonical, point
 from handfast.synthesis.paper.loops import Kind
 from handfast.synthesis.paper.patch_form import PatchForm, cap_parameters
-from handfast.synthesis.task import PoseBounds, Task, Touch
+from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.places import SHARED
 from tests.support.planted import HOME, X, Y, Z, bump, chain, joint, plant, pose, turn
 
@@ -41,11 +41,11 @@ def tip(half_angle: float = np.pi / 3) -> Cap:
 def sah(links: str, seed: int = 0, regions=None):
     """A planted task of the SA hand: fingertip caps, a patch on the palm, patches on the object."""
     rng = np.random.default_rng(seed)
-    touches = []
+    pairs = []
     for link in links.split():
         on_hand = bump(rng, (1, 2)) if link == "palm" else tip()
-        touches.append((link, on_hand, bump(rng, (2, 3))))
-    return plant(load_hand("schunk-sah"), regions or touches, rng)
+        pairs.append((link, on_hand, bump(rng, (2, 3))))
+    return plant(load_hand("schunk-sah"), regions or pairs, rng)
 
 
 def at(planted, system: Canonical) -> np.ndarray:
@@ -227,7 +227,7 @@ def test_the_mirror_image_of_a_coupled_angle_is_excluded():
     hand = load_hand("schunk-sah")
     rng = np.random.default_rng(4)
     limits = {f"index_{part}": (0.0, np.pi / 2) for part in ("proximal", "middle", "distal")}
-    hand = Task.of(hand, (Touch("index_distal", tip(), bump(rng)),), limits=limits).hand
+    hand = Task.of(hand, (ContactPair("index_distal", tip(), bump(rng)),), limits=limits).hand
     q = hand.configuration({"index_middle": 0.3})
     middle, distal = hand.joint("index_middle"), hand.joint("index_distal")
 
@@ -284,11 +284,11 @@ def test_couplings_hold_on_the_angle_and_only_there(hand):
     rng = np.random.default_rng(7)
     for _ in range(5):
         low, high = canonical_range(hand)
-        leader = hand.couplings[0].leader
+        leader = hand.couplings[0].driver
         q = np.array([rng.uniform(j.lower, j.upper) for j in hand.joints])
         q[leader] = rng.uniform(low, high)
         for c in hand.couplings:
-            q[c.joint] = c.ratio * q[c.leader] + c.offset
+            q[c.joint] = c.ratio * q[c.driver] + c.offset
         planted = plant(hand, [("link c", tip(), bump(rng))], rng, q=q)
         system = canonical(planted.task)
         x = check_solution(planted, system)
@@ -306,8 +306,8 @@ def test_couplings_hold_on_the_angle_and_only_there(hand):
 def canonical_range(hand):
     """The range of the first leader that its followers leave."""
     c = hand.couplings[0]
-    ends = [np.array(hand.limits[c.leader])]
-    ends += [np.sort((hand.limits[k.joint] - k.offset) / k.ratio) for k in hand.couplings if k.leader == c.leader]
+    ends = [np.array(hand.limits[c.driver])]
+    ends += [np.sort((hand.limits[k.joint] - k.offset) / k.ratio) for k in hand.couplings if k.driver == c.driver]
     return max(e[0] for e in ends), min(e[1] for e in ends)
 
 
@@ -335,7 +335,7 @@ def canonical_range(hand):
 )
 def test_couplings_that_cannot_be_said_are_refused(hand, message):
     with pytest.raises(InputError, match=message):
-        canonical(Task.of(hand, (Touch("link c", tip(), bump(np.random.default_rng(0))),)))
+        canonical(Task.of(hand, (ContactPair("link c", tip(), bump(np.random.default_rng(0))),)))
 
 
 def test_the_unit_is_checked():
@@ -420,8 +420,8 @@ def test_joint_types(name):
     parts, kinds = MECHANISMS[name]
     hand = chain(*parts)
     rng = np.random.default_rng(3)
-    touches = [("tip", bump(rng), bump(rng, (1, 1))), ("palm", bump(rng, (1, 1)), bump(rng))]
-    planted = plant(hand, touches, rng)
+    pairs = [("tip", bump(rng), bump(rng, (1, 1))), ("palm", bump(rng, (1, 1)), bump(rng))]
+    planted = plant(hand, pairs, rng)
     system = canonical(planted.task, unit=0.1)
     assert {kind: n for kind in Kind if (n := system.loops.count(kind))} == kinds
     q = check_solution(planted, system)
@@ -431,8 +431,8 @@ def test_joint_types(name):
     assert system.d == joints + 12 - 2
     poses = hand.link_poses(planted.q)
     bodies = system.loops.body_poses(planted.q)
-    for (body, inside), touch in zip(system.loops.carriers, planted.task.touches, strict=True):
-        np.testing.assert_allclose(bodies[body] @ inside, poses[hand.link(touch.link)], atol=1e-14)
+    for (body, inside), pair in zip(system.loops.carriers, planted.task.contact_pairs, strict=True):
+        np.testing.assert_allclose(bodies[body] @ inside, poses[hand.link(pair.link)], atol=1e-14)
 
 
 def test_a_link_between_that_carries_a_contact_is_kept():
@@ -487,7 +487,7 @@ def test_pose_bounds_are_boxes_of_the_object():
     bounds = PoseBounds.none()
     position, axes = bounds.position.copy(), bounds.axes.copy()
     position[0], axes[2, 1] = (-0.01, 0.02), (-0.3, 0.25)
-    task = Task.of(planted.task.hand, planted.task.touches, pose=PoseBounds(position, axes))
+    task = Task.of(planted.task.hand, planted.task.contact_pairs, pose=PoseBounds(position, axes))
     system, free = canonical(task, unit=0.001), canonical(planted.task, unit=0.001)
     for name, low, high in (("r[object].x", -10, 20), ("e[object].y", -0.3, 0.25)):
         k = system.names.index(name)
@@ -502,7 +502,7 @@ def test_bounds_out_of_reach_leave_a_finite_box():
     rng = np.random.default_rng(0)
     planted = plant(load_hand("schunk-sah"), [("index_distal", tip(), bump(rng))], rng, object_pose=HOME)
     position = np.array([[5.0, np.inf], [-np.inf, np.inf], [-np.inf, np.inf]])
-    task = Task.of(planted.task.hand, planted.task.touches, pose=PoseBounds(position, PoseBounds.none().axes))
+    task = Task.of(planted.task.hand, planted.task.contact_pairs, pose=PoseBounds(position, PoseBounds.none().axes))
     system = canonical(task)
     assert np.isfinite([system.lower, system.upper]).all()
     assert (system.lower <= system.upper).all()

@@ -14,22 +14,30 @@ from hypothesis import strategies as st
 from scipy import sparse
 from scipy.optimize import linprog
 
-from handfast.core.branch import Discarded, Order, Search
+from handfast.core.branch import BranchAndPrune, Discarded, Order
 from handfast.core.errors import InputError
 from handfast.model.hand import load_hand
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis.paper.box_shrinking import Box, Emptiness, Over, PaperSolver, Settings, bisect, search
+from handfast.synthesis.paper.box_shrinking import (
+    Emptiness,
+    Over,
+    PaperSolver,
+    ShrinkingSettings,
+    SystemBox,
+    bisect,
+    search,
+)
 from handfast.synthesis.paper.canonical import Canonical, Expanded, Patch
 from handfast.synthesis.paper.canonical_build import canonical, point
 from handfast.synthesis.paper.dual_bound import DualBound
-from handfast.synthesis.paper.highs import Program
-from handfast.synthesis.paper.polytopes import Rows, relaxation
-from handfast.synthesis.task import PoseBounds, Task, Touch
+from handfast.synthesis.paper.highs import LinearProgram
+from handfast.synthesis.paper.polytopes import LinearRows, relaxation
+from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.planted import HOME, X, Z, bump, chain, joint, plant, pose
 
 STEADY = settings(max_examples=40, deadline=None, derandomize=True)
 SEEDS = st.integers(0, 2**32 - 1)
-QUICK = Settings(over=Over.ORIGINAL, significant=0.4, sigma=0.2)
+QUICK = ShrinkingSettings(over=Over.ORIGINAL, significant=0.4, sigma=0.2)
 
 
 def exact(a) -> list[F]:
@@ -48,7 +56,7 @@ def finger(height: float, upper: float = 1.4) -> Canonical:
     tip = Cap(0.2 * X, 0.01, X, 1.5)
     corners = [[[x, height, z] for z in (-0.02, 0.02)] for x in (0.0, 0.2)]
     still = PoseBounds(np.zeros((3, 2)), np.stack([np.eye(3), np.eye(3)], axis=2))
-    task = Task.of(hand, (Touch("finger", tip, Bezier(np.array(corners))),), pose=still)
+    task = Task.of(hand, (ContactPair("finger", tip, Bezier(np.array(corners))),), pose=still)
     return canonical(task, unit=0.1)
 
 
@@ -61,7 +69,7 @@ def wall(half_width: float) -> Canonical:
     tip, x = Cap(0.2 * X, 0.01, X, 1.0), 0.01 + 0.2 * np.cos(0.6)
     corners = [[[x, y, z] for y in (-half_width, half_width)] for z in (-0.02, 0.02)]
     still = PoseBounds(np.zeros((3, 2)), np.stack([np.eye(3), np.eye(3)], axis=2))
-    return canonical(Task.of(hand, (Touch("finger", tip, Bezier(np.array(corners))),), pose=still), unit=0.1)
+    return canonical(Task.of(hand, (ContactPair("finger", tip, Bezier(np.array(corners))),), pose=still), unit=0.1)
 
 
 def touching(system: Canonical, height: float) -> np.ndarray:
@@ -69,7 +77,7 @@ def touching(system: Canonical, height: float) -> np.ndarray:
     from handfast.synthesis.paper.patch_form import cap_parameters
 
     q = np.arcsin((height - 0.01) / 0.2)
-    tip = system.task.touches[0].hand
+    tip = system.task.contact_pairs[0].hand
     assert isinstance(tip, Cap)
     u, v = cap_parameters(tip, np.array([np.sin(q), np.cos(q), 0.0]))
     x = point(system, np.array([q]), HOME, np.array([[u, v, np.cos(q), 0.5]]))
@@ -111,7 +119,7 @@ def bernstein(points: np.ndarray, x: F, y: F) -> F:
     )
 
 
-def violation(rows: Rows, x: list[F]) -> F:
+def violation(rows: LinearRows, x: list[F]) -> F:
     """By how much the worst row is violated, exactly; negative if none is."""
     worst = F(-(10**9))
     for row, lo, hi in zip(rows.A.toarray(), rows.lo, rows.hi, strict=True):
@@ -189,7 +197,7 @@ def test_the_triangle_and_the_tetrahedron_of_figure_5():
 # --- what multipliers prove -------------------------------------------------------------------------------
 
 
-def exact_below(rows: Rows, y, lower, upper, column=None, sign=1.0) -> F:
+def exact_below(rows: LinearRows, y, lower, upper, column=None, sign=1.0) -> F:
     """The bound of `DualBound.below` in rationals."""
     out, d = F(0), [F(0)] * rows.A.shape[1]
     if column is not None:
@@ -214,10 +222,10 @@ def random_program(rng, feasible: bool):
     if not feasible:
         lo[0] = A[0] @ x + 1.001 * np.abs(A[0]).sum() * 2
         hi[0] = np.inf
-    return Rows(sparse.csr_array(A), lo, hi), -np.ones(5), np.ones(5)
+    return LinearRows(sparse.csr_array(A), lo, hi), -np.ones(5), np.ones(5)
 
 
-def optimum(rows: Rows, lower, upper, c) -> float | None:
+def optimum(rows: LinearRows, lower, upper, c) -> float | None:
     A = np.concatenate([rows.A.toarray()[np.isfinite(rows.hi)], -rows.A.toarray()])
     b = np.concatenate([rows.hi[np.isfinite(rows.hi)], -rows.lo])
     found = linprog(c, A, b, bounds=list(zip(lower, upper, strict=True)))
@@ -246,14 +254,14 @@ def test_no_multipliers_prove_too_much(seed):
 def test_the_solvers_multipliers_prove_what_it_says(seed):
     rng = np.random.default_rng(seed)
     rows, lower, upper = random_program(rng, feasible=True)
-    dual, program = DualBound(rows), Program(rows, lower, upper, iterations=1000, seconds=1.0)
+    dual, program = DualBound(rows), LinearProgram(rows, lower, upper, iterations=1000, seconds=1.0)
     for column in range(5):
         for sign in (1.0, -1.0):
             (y,) = program.multipliers(column, sign)
             best = optimum(rows, lower, upper, sign * np.eye(5)[column])
             assert dual.below(y, lower, upper, column, sign) == pytest.approx(best, abs=1e-7)
     empty, lower, upper = random_program(rng, feasible=False)
-    tried = Program(empty, lower, upper, iterations=1000, seconds=1.0).multipliers(0, 1.0)
+    tried = LinearProgram(empty, lower, upper, iterations=1000, seconds=1.0).multipliers(0, 1.0)
     assert max(DualBound(empty).below(y, lower, upper) for y in tried) > 0
     assert max(exact_below(empty, y, lower, upper) for y in tried) > 0
     assert optimum(empty, lower, upper, np.zeros(5)) is None
@@ -278,7 +286,7 @@ def test_useless_multipliers_prove_nothing():
     ],
 )
 def test_rounding_is_on_the_safe_side(A, lo):
-    rows = Rows(sparse.csr_array(np.array(A)), np.array(lo), np.full(3, np.inf))
+    rows = LinearRows(sparse.csr_array(np.array(A)), np.array(lo), np.full(3, np.inf))
     lower, upper, y = -np.ones(1), np.ones(1), np.ones(3)
     assert F(DualBound(rows).below(y, lower, upper)) <= exact_below(rows, y, lower, upper) == -1
 
@@ -290,7 +298,7 @@ def test_limits_of_a_program_are_kept():
     moving = np.flatnonzero(x.upper > x.lower)[:30]
 
     def finished(iterations: int, seconds: float) -> int:
-        program = Program(rows, x.lower, x.upper, iterations=iterations, seconds=seconds)
+        program = LinearProgram(rows, x.lower, x.upper, iterations=iterations, seconds=seconds)
         return sum(len(program.multipliers(int(k), 1.0)) for k in moving)
 
     assert finished(10_000, 10.0) == len(moving)
@@ -301,24 +309,24 @@ def test_limits_of_a_program_are_kept():
 # --- shrinking ---------------------------------------------------------------------------------------------
 
 
-def around(x: np.ndarray, root: Box, rng, size: float) -> Box:
+def around(x: np.ndarray, root: SystemBox, rng, size: float) -> SystemBox:
     """A random sub-box of a size (relative) that holds a point, sometimes on its edge."""
     low = np.maximum(root.lower, x - rng.uniform(0, 1, len(x)) * size * root.sides)
     high = np.minimum(root.upper, x + rng.uniform(0, 1, len(x)) * size * root.sides)
     edge = rng.random(len(x)) < 0.1
     low = np.where(edge & (rng.random(len(x)) < 0.5), x, low)
-    return Box(np.minimum(low, x), np.maximum(high, x))
+    return SystemBox(np.minimum(low, x), np.maximum(high, x))
 
 
 @pytest.mark.parametrize("over", Over)
 def test_shrinking_never_loses_a_planted_solution(over):
     for seed, size in enumerate([1.0, 3e-3]):
         system, x = gripper(seed)
-        solver = PaperSolver(system, Settings(over=over, narrow=1e-6))
+        solver = PaperSolver(system, ShrinkingSettings(over=over, narrow=1e-6))
         rng = np.random.default_rng(seed)
         box = around(x, solver.root, rng, size)
         after = solver.shrink(box)
-        assert isinstance(after, Box)
+        assert isinstance(after, SystemBox)
         assert after.holds(x)
         assert (after.lower >= box.lower).all()
         assert (after.upper <= box.upper).all()
@@ -334,9 +342,9 @@ def test_shrinking_keeps_the_solution_of_a_whole_hand():
     planted = plant(load_hand("schunk-sah"), [("index_distal", tip, bump(rng, (1, 1)))], rng)
     system = canonical(planted.task, unit=0.001)
     x = system.expanded.lift(point(system, planted.q, planted.pose, planted.parameters))
-    solver = PaperSolver(system, Settings(over=Over.ORIGINAL, narrow=1e-6))
+    solver = PaperSolver(system, ShrinkingSettings(over=Over.ORIGINAL, narrow=1e-6))
     after = solver.shrink(around(x, solver.root, rng, 0.01))
-    assert isinstance(after, Box)
+    assert isinstance(after, SystemBox)
     assert after.holds(x)
     assert solver.statistics.unproved <= 0.05 * solver.statistics.programs
 
@@ -345,9 +353,9 @@ def test_shrinking_keeps_the_solution_of_a_whole_hand():
 def test_a_solver_that_lies_loses_no_solution(liar, monkeypatch):
     """Whatever multipliers come, right ones included, of another variable or of the other sign."""
     system, x = gripper(1)
-    solver = PaperSolver(system, Settings(over=Over.ORIGINAL))
+    solver = PaperSolver(system, ShrinkingSettings(over=Over.ORIGINAL))
     rng = np.random.default_rng(0)
-    honest = Program.multipliers
+    honest = LinearProgram.multipliers
 
     def answer(self, column, sign):
         rows = self._solver.getNumRow()
@@ -362,10 +370,10 @@ def test_a_solver_that_lies_loses_no_solution(liar, monkeypatch):
                 return []
         return [-y for y in honest(self, column, -sign)]
 
-    monkeypatch.setattr(Program, "multipliers", answer)
+    monkeypatch.setattr(LinearProgram, "multipliers", answer)
     box = around(x, solver.root, rng, 0.1)
     after = solver.shrink(box)
-    assert isinstance(after, Box)
+    assert isinstance(after, SystemBox)
     assert after.holds(x)
     if liar in ("nan", "nothing"):
         np.testing.assert_array_equal(after.lower[: system.n_v], box.lower[: system.n_v])
@@ -373,7 +381,7 @@ def test_a_solver_that_lies_loses_no_solution(liar, monkeypatch):
 
 
 def test_the_halves_of_a_box_are_the_box():
-    box = Box(np.array([0.0, -1.0, 5.0]), np.array([1.0, 2.0, 50.0]), share=0.5)
+    box = SystemBox(np.array([0.0, -1.0, 5.0]), np.array([1.0, 2.0, 50.0]), share=0.5)
     first, second = bisect(box, 2)
     np.testing.assert_array_equal(first.lower, box.lower)
     np.testing.assert_array_equal(second.upper, box.upper)
@@ -385,7 +393,7 @@ def test_the_halves_of_a_box_are_the_box():
 # --- searches ----------------------------------------------------------------------------------------------
 
 
-def run(search: Search[Box], steps: int = 10**6) -> list[Discarded]:
+def run(search: BranchAndPrune[SystemBox], steps: int = 10**6) -> list[Discarded]:
     """The discarded boxes of a search of so many steps at most."""
     out = []
     for _, state in zip(range(steps), search, strict=False):
@@ -458,7 +466,7 @@ def test_the_exact_check_refuses_spoiled_evidence():
 
 def test_to_the_letter_all_sides_of_x_are_shrunk_and_split():
     system = finger(0.15)
-    found = search(system, Settings(sigma=0.5, significant=0.5))
+    found = search(system, ShrinkingSettings(sigma=0.5, significant=0.5))
     for state in found:
         if state.finals:
             break
@@ -473,7 +481,7 @@ def test_a_resumed_search_finds_the_same():
     for stop in (1, 3, 3):  # in the root's passes and after the bisection
         run(first, stop)
         text = json.dumps(first.save())
-        first = Search.restored(PaperSolver(system, QUICK), json.loads(text))
+        first = BranchAndPrune.restored(PaperSolver(system, QUICK), json.loads(text))
         parts.append(first.state.steps)
     run(first)
     whole = search(system, QUICK)
@@ -515,7 +523,7 @@ def test_a_missing_solver_is_named(monkeypatch):
 )
 def test_settings_are_checked(change, message):
     with pytest.raises(InputError, match=message):
-        Settings(**change)
+        ShrinkingSettings(**change)
 
 
 def test_saved_boxes_are_checked():

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.model.hand.coupling import coupled, led
+from handfast.model.hand.coupling import coupled, drivers
 from handfast.model.hand.hand import Hand
 
 BENT = 0.9  # of a joint's range, where its finger is folded away
@@ -17,8 +17,8 @@ def idle_joints(hand: Hand, links: Sequence[str]) -> list[int]:
     """Closing joints, none of them coupled to another, that no link of some has anything to do with."""
     busy = {j for link in links for j in hand.moved_by(hand.link(link))}
     for _ in hand.couplings:
-        busy |= {c.leader for c in hand.couplings if c.joint in busy} - {-1}
-        busy |= {c.joint for c in hand.couplings if c.leader in busy}
+        busy |= {c.driver for c in hand.couplings if c.joint in busy} - {-1}
+        busy |= {c.joint for c in hand.couplings if c.driver in busy}
     tied = {c.joint for c in hand.couplings}
     return [j for j in range(hand.l) if j not in busy | tied and hand.closing[j]]
 
@@ -45,4 +45,4 @@ def placed(hand: Hand, q: Array, values: dict[str, float]) -> Array:
     q, moved = q.copy(), [hand.joint(name) for name in values]
     q[moved] = list(values.values())
     after = np.clip(coupled(hand, q), *hand.limits.T)
-    return np.where([leader in moved and leader != j for j, (leader, _, _) in led(hand).items()], after, q)
+    return np.where([leader in moved and leader != j for j, (leader, _, _) in drivers(hand).items()], after, q)

@@ -10,16 +10,16 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.model.hand.coupling import led
-from handfast.synthesis.problem import Problem
+from handfast.model.hand.coupling import drivers
+from handfast.synthesis.task_problem import TaskProblem
 
 
 class Gradients:
     """Derivatives of distances with respect to the coordinates x (n,) of a problem."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: TaskProblem) -> None:
         self.problem, hand = problem, problem.task.hand
-        follows = led(hand)
+        follows = drivers(hand)
         self._joint = np.zeros((hand.l, problem.n))  # dq/dx: leaders and what they lead
         for column, leader in enumerate(problem.free):
             for j, (first, ratio, _) in follows.items():

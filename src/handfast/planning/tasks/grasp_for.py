@@ -34,15 +34,15 @@ from handfast.stability.loads import Loads
 from handfast.stability.many import default_jobs
 from handfast.stability.settings import Settings
 from handfast.stability.statics import spare_friction
-from handfast.synthesis.answers import Synthesis
 from handfast.synthesis.certify.verify_existence import verify_existence
 from handfast.synthesis.curvatures import relative_curvatures
 from handfast.synthesis.distance import features_of
 from handfast.synthesis.embedded import task_to_dict
-from handfast.synthesis.problem import Problem
-from handfast.synthesis.queries import synthesize
+from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Certified
+from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import Task
+from handfast.synthesis.task_problem import TaskProblem
 
 SETTINGS = Settings(node_limit=4000)  # nodes, not seconds: the same seed finds the same grasps
 DIFFERENT = 0.1  # grasps nearer to each other, in the measure of `synthesis/distance`, are alike
@@ -125,7 +125,7 @@ def grasp_for(
         if name not in hand.mechanism.actuators:
             raise unknown_name("actuator", name, hand.mechanism.actuators, field="actuators")
     judge = Judge(
-        Problem.of(task),
+        TaskProblem.of(task),
         Collisions(Scene(hand, body), cutoff=NEAR),
         loads,
         body.friction if friction is None else friction,
@@ -322,7 +322,7 @@ class _Search:
         wide = Collisions(near.scene, radius=near.radius, left_out=near.left_out)
         clearances = wide.clearances(c.q, c.solution.pose, requests(c.solution))
         curved = relative_curvatures(c.solution)
-        able = dexterity(task.hand, c.q, [t.link for t in task.touches], c.solution.points, grasp)
+        able = dexterity(task.hand, c.q, [t.link for t in task.contact_pairs], c.solution.points, grasp)
         spare = spare_friction(grasp, self.judge.loads.wrenches)
         return ProvedGrasp(c.solution, c.q, grasp, answer, clearances, curved, able, spare, f.repaired)
 

@@ -23,11 +23,11 @@ from handfast.planning.tasks.gradient import Gradients
 from handfast.planning.tasks.unused import Unused
 from handfast.stability.loads import Loads
 from handfast.stability.statics import BALANCED, CIRCUMSCRIBED, imbalance
-from handfast.synthesis.answers import Solution
 from handfast.synthesis.curvatures import relative_curvatures
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.diverse import Walks
 from handfast.synthesis.search.starts import Certified
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.task_problem import TaskProblem
 
 DEEP = 0.01  # [m] of penetration that costs 1
 NEAR = 1e-3  # [m] distances beyond this are not looked at in the search
@@ -92,7 +92,7 @@ class Judge:
     """Turns certified configurations of one task into candidates."""
 
     def __init__(
-        self, problem: Problem, collisions: Collisions, loads: Loads, friction: float, allowed: Allowed
+        self, problem: TaskProblem, collisions: Collisions, loads: Loads, friction: float, allowed: Allowed
     ) -> None:
         self.problem, self.task, self.collisions = problem, problem.task, collisions
         self.loads, self.friction, self.allowed = loads, friction, allowed
@@ -187,5 +187,5 @@ class Steps:
 
 def requests(solution: Solution) -> list[Requested]:
     """The contacts of a configuration, for the collision check."""
-    touches = solution.task.touches
-    return [Requested(t.link, p, n) for t, p, n in zip(touches, solution.points, solution.normals, strict=True)]
+    pairs = solution.task.contact_pairs
+    return [Requested(t.link, p, n) for t, p, n in zip(pairs, solution.points, solution.normals, strict=True)]

@@ -23,7 +23,8 @@ from handfast.planning.tasks.judge import Reason
 from handfast.stability.answers import finite
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
-from handfast.synthesis.answers import Solution, Synthesis
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import Task
 
 BETTER = {"command": -1, "spare_friction": 1, "clearance": 1, "from_limits": 1, "manipulability": 1}

@@ -9,8 +9,8 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.geometry.collision import Clearances, Collisions, Requested
-from handfast.model.hand.coupling import coupled, leader_ranges, led
-from handfast.synthesis.answers import Solution
+from handfast.model.hand.coupling import coupled, driver_ranges, drivers
+from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
 
 TRIES = 48  # postures of one finger
@@ -45,7 +45,7 @@ class Unused:
     def __init__(self, task: Task, collisions: Collisions) -> None:
         self.task, self.collisions = task, collisions
         hand, scene = task.hand, collisions.scene
-        follows, ranges = led(hand), leader_ranges(hand)
+        follows, ranges = drivers(hand), driver_ranges(hand)
         used = {follows[j][0] for j in task.involved.tolist()}
         free = [j for j, (lo, hi) in ranges.items() if j not in used and lo < hi]
         chains: dict[int, list[int]] = {}

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from handfast.core.arrays import Array, Indices
 from handfast.model.region import Bezier, Cap
 from handfast.synthesis.certify.chains import orthonormal
-from handfast.synthesis.certify.interval import Dual, Interval, columns, cos, cross, join, sin, unit
+from handfast.synthesis.certify.interval_arithmetic import Dual, Interval, columns, cos, cross, join, sin, unit
 
 ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # the derivatives of a patch that F and F' need
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class ContactSide:
     """The regions of one side of the contacts, patches and caps apart.
 
     Attributes:
@@ -31,7 +31,7 @@ class Surface:
     order: Indices
 
     @classmethod
-    def of(cls, regions: Sequence[Bezier | Cap], names: str, column: Mapping[str, int], *, still: bool) -> Surface:
+    def of(cls, regions: Sequence[Bezier | Cap], names: str, column: Mapping[str, int], *, still: bool) -> ContactSide:
         """With parameters of these names; `still`: of a cap only its centre and axis are wanted."""
         patches = {k: r for k, r in enumerate(regions) if isinstance(r, Bezier)}
         caps = {k: r for k, r in enumerate(regions) if isinstance(r, Cap)}

@@ -90,7 +90,7 @@ class _Builder:
         self.position, self.axes = np.zeros((count, 3), dtype=np.intp), np.zeros((count, 3, 3), dtype=np.intp)
         forms = [
             (PatchForm.of(t.hand, pose, self.unit), PatchForm.of(t.object, np.eye(4), self.unit))
-            for t, (_, pose) in zip(self.task.touches, self.loops.carriers, strict=True)
+            for t, (_, pose) in zip(self.task.contact_pairs, self.loops.carriers, strict=True)
         ]
         self._poses(forms)
         slides, limits = [], []

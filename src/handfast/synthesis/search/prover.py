@@ -19,12 +19,12 @@ import numpy as np
 from pydantic import Field
 
 from handfast.core.arrays import Array
-from handfast.core.branch import Search
+from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.synthesis.problem import Problem
-from handfast.synthesis.search.bends import bends, cones
 from handfast.synthesis.search.boxes import Boxes, Hub, Part, Together
+from handfast.synthesis.search.derivative_bounds import bends, cones
+from handfast.synthesis.task_problem import TaskProblem
 
 SLICE = 20  # calls before another search has its turn, doubled each time round
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
@@ -74,9 +74,9 @@ class Prover:
         workers: threads.
     """
 
-    def __init__(self, problem: Problem, *, workers: int = 2) -> None:
+    def __init__(self, problem: TaskProblem, *, workers: int = 2) -> None:
         self.problem, self.workers = problem, workers
-        b = len(problem.task.touches)
+        b = len(problem.task.contact_pairs)
         points = b + bool(np.isfinite(problem.task.pose.position).any())  # the last one: the object's origin
         sizes = range(2, points + 1) if points > 1 else range(1, 2)
         subsets = [s for size in sizes for s in combinations(range(points), size)]
@@ -85,8 +85,8 @@ class Prover:
         self.whole = next(reversed(self.domains))
         if b >= FROM:
             self.domains[POSES] = Hub(problem, bend)
-        self.searches: dict[str, Search[Part]] = {
-            name: Search(d, d.roots, workers=workers) for name, d in self.domains.items()
+        self.searches: dict[str, BranchAndPrune[Part]] = {
+            name: BranchAndPrune(d, d.roots, workers=workers) for name, d in self.domains.items()
         }
         self._ready: set[type[Boxes]] = set()
         self._compiling = 0.0  # [s] spent so far, beside any time limit
@@ -142,7 +142,7 @@ class Prover:
             what = f"it lacks {', '.join(missing)}" if missing else "it has too many"
             raise InputError(f"has other searches than this task needs: {what}; start anew", field="state.sets")
         for name, domain in self.domains.items():
-            self.searches[name] = Search.restored(domain, saved.sets[name], workers=self.workers)
+            self.searches[name] = BranchAndPrune.restored(domain, saved.sets[name], workers=self.workers)
 
     def save(self) -> dict[str, Any]:
         """The state, JSON-able."""

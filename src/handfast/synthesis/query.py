@@ -17,13 +17,14 @@ import numpy as np
 
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
-from handfast.synthesis.answers import Searched, Solution, Synthesis
 from handfast.synthesis.distance import farthest, features_of
 from handfast.synthesis.embedded import fingerprint, task_to_dict
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search import diverse
 from handfast.synthesis.search.starts import BLOCK, Certified, Starts
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.synthesis_answer import Searched, Synthesis
 from handfast.synthesis.task import Task
+from handfast.synthesis.task_problem import TaskProblem
 
 if TYPE_CHECKING:
     from handfast.synthesis.search.prover import Disproof, Prover
@@ -37,7 +38,7 @@ GROWN = 4  # times that a pool is doubled where too few in it differ
 
 
 @dataclass(frozen=True)
-class Progress:
+class SynthesisProgress:
     """Where a synthesis is.
 
     Attributes:
@@ -54,7 +55,7 @@ class Progress:
     discarded: float = 0.0
 
 
-OnStep = Callable[[Progress], None]
+OnStep = Callable[[SynthesisProgress], None]
 
 
 def synthesize(
@@ -86,7 +87,7 @@ def synthesize(
     clock = time.monotonic()
     _refuse_numbers(count, seed, timeout, nodes, workers)
     state = _state_of(task, resume) if resume is not None else {}
-    starts = Starts(Problem.of(task), int(state.get("seed", seed)), int(state.get("block", 0)))
+    starts = Starts(TaskProblem.of(task), int(state.get("seed", seed)), int(state.get("block", 0)))
     run = _Run(starts, count, timeout, nodes, workers, state.get("prover") or None, on_step)
     run.begin = clock
     try:
@@ -247,7 +248,7 @@ class _Run:
             return
         d = disproof or self.disproof
         far = (d.nodes, d.depth, d.pending, d.discarded) if d else ()
-        self.on_step(Progress(self.starts.count, len(self.pool), wanted, *far))
+        self.on_step(SynthesisProgress(self.starts.count, len(self.pool), wanted, *far))
 
 
 def _refuse_numbers(count: int, seed: int, timeout: float | None, nodes: int | None, workers: int) -> None:
@@ -262,7 +263,7 @@ def _state_of(task: Task, resume: Synthesis | str | Path) -> Mapping[str, Any]:
     """The state to go on from; `InputError` if there is none for this task."""
     source = None
     if not isinstance(resume, Synthesis):
-        from handfast.synthesis.result_file import load_synthesis
+        from handfast.synthesis.synthesis_file import load_synthesis
 
         source, resume = str(resume), load_synthesis(resume)
     if resume.verdict is not Reach.UNDECIDED:
