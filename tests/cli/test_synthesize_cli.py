@@ -96,10 +96,13 @@ def test_none(task: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert status == 0
     assert out.startswith("NONE  No configuration exists: contacts 0 and 1 cannot go together (")
     assert "1 box examined, depth 0, all discarded" in out
-    status, out, _ = run(capsys, "synthesize", task, "--json")
+    status, out, _ = run(capsys, "synthesize", task, "--json", "--save", "s.json")
     answer = json.loads(out)
     assert (status, answer["verdict"], answer["configurations"]) == (0, "none", [])
     assert answer["searched"]["discarded"] == 1
+    status, out, _ = run(capsys, "verify", "s.json")
+    assert (status, out.split("  ")[0]) == (0, "PROVED")
+    assert "No configuration exists: contacts 0 and 1 exclude each other, by 1 box of the checker's own." in out
 
 
 def test_undecided_saved_and_resumed(task: str, capsys: pytest.CaptureFixture[str]) -> None:

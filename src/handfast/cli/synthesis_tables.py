@@ -98,7 +98,7 @@ def show_replayed(out: Console, saved: SavedSynthesis, done: ReplayedSynthesis) 
     """Which proofs of a saved synthesis were accepted."""
     answer = saved.synthesis
     word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
-    if done.ok and not done.reports:
+    if done.ok and answer.verdict is Reach.UNDECIDED:
         word, style = "NOTHING CLAIMED", "bold yellow"
     of = f" of {answer.task.name}" if answer.task.name else ""
     out.print(Text.assemble((word, style), "  ", f"synthesis{of}: {answer.verdict.upper()}, stop {answer.stop}"))
@@ -110,6 +110,8 @@ def show_replayed(out: Console, saved: SavedSynthesis, done: ReplayedSynthesis) 
             grid.add_row(str(k), f"{r.contraction:.1e}", f"{r.gap:.1e}", "proved" if r.ok else "refused")
         out.print()
         out.print(grid)
+    if done.ok and answer.verdict is Reach.NONE:
+        out.print(f"No configuration exists: {done.replayed[0]}.", soft_wrap=True)
     show_task_question(out, answer.task, proved=word == "PROVED")
     out.print(f"{num(done.seconds, 2)} s, by interval arithmetic without the search", style="dim")
 

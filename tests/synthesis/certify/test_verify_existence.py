@@ -11,10 +11,10 @@ from handfast.synthesis.certify.existence import Existence
 from handfast.synthesis.certify.interval_arithmetic import Interval
 from handfast.synthesis.certify.verify_existence import Report, _Bound, _pose_bounds, verify_existence
 from handfast.synthesis.task import PoseBounds, Task
-from tests.synthesis.certify.test_existence import Planted, Spot, cone_edges, plant, refused, reshaped, sah, sah_case
+from tests.support.planted_proofs import PlantedProof, Spot, cone_edges, plant, refused, reshaped, sah, sah_case
 
 
-def planted_case() -> Planted:
+def planted_case() -> PlantedProof:
     """A patch on the index finger, a cap on the thumb."""
     return plant(sah(), [Spot("index_distal", "bicubic"), Spot("thumb_distal", "cap")], np.random.default_rng(0))
 

@@ -53,7 +53,7 @@ class Drive:
         return cls(tuple(moving), np.array(lead, dtype=np.intp), join(gain, -1), join(shift, -1))
 
     def at(self, x: Dual) -> Dual:
-        """(2, J) joint values."""
+        """(N, J) joint values at coordinates (N, n)."""
         return x[..., self.column] * self.gain + self.shift
 
 
@@ -90,7 +90,7 @@ class Arms:
 
     Attributes:
         chain: (K, D) steps from the palm outwards; step 0 stands still and fills up short chains.
-        joint: (S,) column of the joint's value in (2, J).
+        joint: (S,) column of the joint's value in (N, J).
         ref: (S,) its value at which it stands at the frame.
         R, p: (S, 3, 3), (S, 3, 1) the frame in the one before.
         turn, turn_twice: (S, 3, 3) cross product matrix of a revolute joint's axis and its square; else 0.
@@ -157,7 +157,7 @@ class Arms:
         )
 
     def carry(self, joints: Dual, point: Dual, vector: Dual) -> Dual:
-        """(2, K, 3, 2) points and vectors (2, K, 3) of the contacts' links, in the palm frame."""
+        """(N, K, 3, 2) points and vectors (N, K, 3) of the contacts' links, in the palm frame."""
         if joints.value.shape[1]:
             by = joints[..., self.joint] - self.ref
             s, c = sin(by)[..., None, None], cos(by)[..., None, None]
