@@ -83,10 +83,10 @@ def test_solutions_that_are_not_isolated_are_not_found() -> None:
 
 
 def test_limits_hold_of_joints_that_only_follow() -> None:
-    """A follower that moves no contact keeps its limits, and with them its leader's range."""
+    """A follower that moves no contact keeps its limits, and with them its driver's range."""
     hand = pinch().hand
-    leader, follower = hand.joint("index_proximal"), hand.joint("ring_proximal")
-    tied = replace(hand, couplings=(*hand.couplings, Coupling(follower, leader, 1.0)))
+    driver, follower = hand.joint("index_proximal"), hand.joint("ring_proximal")
+    tied = replace(hand, couplings=(*hand.couplings, Coupling(follower, driver, 1.0)))
     joints = list(tied.joints)
     joints[follower] = replace(joints[follower], lower=0.3, upper=0.5)
     task = replace(pinch(), hand=replace(tied, joints=tuple(joints)))

@@ -317,7 +317,7 @@ class Collisions:
 def always_meeting(scene: Scene, *, count: int = SAMPLES, seed: int = 0) -> tuple[Pair, ...]:
     """Pairs of `scene.self_pairs` that overlap at every one of `count` configurations within the limits.
 
-    They are drawn uniformly, coupled joints following their leaders. Such an overlap is a fault of the
+    They are drawn uniformly, mimic joints following their drivers. Such an overlap is a fault of the
     collision model, not of a configuration. Links that no joint moves against each other within its limits
     are no such pair: a task that fixes two fingers in each other is at fault itself.
     """

@@ -61,7 +61,7 @@ def close(
 
     Every closing joint advances, revolute ones at 1 rad/s and prismatic ones at 0.1 m/s. When a link
     touches the object, the joints between it and the base stop; those further out go on. A coupled joint
-    moves at its ratio with its leader. If the leader is stopped by a contact of a link between the two,
+    moves at its ratio with its driver. If the driver is stopped by a contact of a link between the two,
     the coupled joint goes on alone if `breakaway`, and stops if not. Fingers that meet each other or the
     palm stop too; links that are neighbours or that overlap at the start are allowed to. Deterministic:
     links end between 0 and 0.02 mm from what they touch, up to what the start already had.

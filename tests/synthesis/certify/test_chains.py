@@ -24,10 +24,10 @@ X, Y, Z = np.eye(3)
 OFFSET = 0.25
 
 
-def follower(at: float, leader: float = 0.5, ratio: float = -1.5) -> Task:
-    """A contact behind two joints that their limits fix: a at `leader`, b at `at`, to be ratio a + 0.25."""
+def follower(at: float, driver: float = 0.5, ratio: float = -1.5) -> Task:
+    """A contact behind two joints that their limits fix: a at `driver`, b at `at`, to be ratio a + 0.25."""
     hand = chain(
-        ("near", "palm", pose(0.1 * X), [joint("a", Z, leader, leader)]),
+        ("near", "palm", pose(0.1 * X), [joint("a", Z, driver, driver)]),
         ("far", "near", pose(0.1 * X), [joint("b", Z, at, at)]),
         couplings=[Coupling(1, 0, ratio, OFFSET)],
     )
@@ -59,10 +59,10 @@ def test_a_fixed_joint_may_not_miss_its_coupling_by_more(off: float) -> None:
 
 
 def test_what_counts_as_rounding_is_of_the_terms() -> None:
-    """With a leader at 0 only the offset is left: 16 roundings of 0.25; without an offset either, of nothing."""
-    Drive.of(follower(OFFSET * (1 + 14 * ULP), leader=0.0), {})
+    """With a driver at 0 only the offset is left: 16 roundings of 0.25; without an offset either, of nothing."""
+    Drive.of(follower(OFFSET * (1 + 14 * ULP), driver=0.0), {})
     with pytest.raises(ProofRefused, match=r"joint b is fixed at 0.25 by its limits, at 0.25 by its coupling"):
-        Drive.of(follower(OFFSET * (1 + 20 * ULP), leader=0.0), {})
+        Drive.of(follower(OFFSET * (1 + 20 * ULP), driver=0.0), {})
     with pytest.raises(ProofRefused, match=r"joint b is fixed at 1 by its limits, at -0.5 by its coupling"):
         Drive.of(follower(1.0), {})
     small = replace(follower(0.0), hand=zero_offset(64 * TINY))
@@ -72,7 +72,7 @@ def test_what_counts_as_rounding_is_of_the_terms() -> None:
 
 
 def zero_offset(at: float) -> Hand:
-    hand = follower(at, leader=0.0).hand
+    hand = follower(at, driver=0.0).hand
     return replace(hand, couplings=(Coupling(1, 0, -1.5, 0.0),))
 
 

@@ -104,9 +104,9 @@ def test_couplings_hold_on_the_angle_and_only_there(hand):
     rng = np.random.default_rng(7)
     for _ in range(5):
         low, high = canonical_range(hand)
-        leader = hand.couplings[0].driver
+        driver = hand.couplings[0].driver
         q = np.array([rng.uniform(j.lower, j.upper) for j in hand.joints])
-        q[leader] = rng.uniform(low, high)
+        q[driver] = rng.uniform(low, high)
         for c in hand.couplings:
             q[c.joint] = c.ratio * q[c.driver] + c.offset
         planted = plant(hand, [("link c", tip(), bump(rng))], rng, q=q)
@@ -124,7 +124,7 @@ def test_couplings_hold_on_the_angle_and_only_there(hand):
 
 
 def canonical_range(hand):
-    """The range of the first leader that its followers leave."""
+    """The range of the first driver that its followers leave."""
     c = hand.couplings[0]
     ends = [np.array(hand.limits[c.driver])]
     ends += [np.sort((hand.limits[k.joint] - k.offset) / k.ratio) for k in hand.couplings if k.driver == c.driver]

@@ -10,7 +10,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.hand.hand import Hand
 
-ROUNDING = 1e-9  # [rad, m] by which the limits of a joint and those of one that follows it may miss each other
+LIMIT_MISMATCH = 1e-9  # [rad, m] by which the limits of a joint and those of one that follows it may miss each other
 
 
 def drivers(hand: Hand) -> dict[int, tuple[int, float, float]]:
@@ -49,7 +49,7 @@ def driver_ranges(hand: Hand, needed: Iterable[int] = ()) -> dict[int, tuple[flo
         (lo, hi), own = ranges[driver], hand.joints[driver]
         ends = sorted((float(end) - offset) / ratio for end in hand.limits[j])
         low, high = ranges[driver] = max(lo, ends[0]), min(hi, ends[1])
-        empty = low - high > ROUNDING * max(1.0, abs(low))
+        empty = low - high > LIMIT_MISMATCH * max(1.0, abs(low))
         if empty or (driver in moving and own.lower < own.upper and low >= high):
             left, field = "nothing" if empty else "a single value", f"limits.{hand.joint_names[j]}"
             right = f"widen them, or fix {own.name} itself by equal limits"

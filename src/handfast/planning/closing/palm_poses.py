@@ -146,7 +146,7 @@ def fingertips(hand: Hand) -> list[int]:
 
 
 def _within(hand: Hand, q: Array) -> Array:
-    """q (l,) with the coupled joints where their leaders put them, within the limits."""
+    """q (l,) with the mimic joints where their drivers put them, within the limits."""
     return np.clip(coupled(hand, q), *hand.limits.T)
 
 

@@ -123,7 +123,7 @@ class HandShapes:
 
 
 def _configurations(hand: Hand, count: int, random: np.random.Generator) -> Array:
-    """(s, l) uniform within the limits, coupled joints after their leaders."""
+    """(s, l) uniform within the limits, mimic joints after their drivers."""
     lower, upper = np.clip(hand.limits, -np.pi, np.pi).T
     q = lower + (upper - lower) * random.random((count, hand.l))
     return coupled(hand, q)

@@ -89,7 +89,7 @@ def impossible(task: Task, contacts: Sequence[int], *, origin: bool = False, box
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
+class _ConditionValues:
     """C conditions over N boxes: |value| <= tolerance.
 
     Attributes:
@@ -204,7 +204,7 @@ class _Conditions:
         lines = dot(A[..., k, :], dP[..., at, :]) - dot(N[..., k, :], dO[..., at, :])
         return join([lengths - sqr(dO).sum(), angles, lines], -1), sqrt(lengths.value)
 
-    def at(self, box: Array) -> _Rows:
+    def at(self, box: Array) -> _ConditionValues:
         """The conditions over boxes (N, n, 2)."""
         N, n = box.shape[:2]
         slope = np.zeros((n, N, n))
@@ -220,7 +220,7 @@ class _Conditions:
         ]
         q = self.drive.at(Dual.constant(over, 0)).value
         possible = ~((q.lo > self.limits[:, 1]) | (q.hi < self.limits[:, 0])).any(axis=1)
-        return _Rows(value, here.value, middle, np.concatenate(most, axis=1), np.asarray(possible))
+        return _ConditionValues(value, here.value, middle, np.concatenate(most, axis=1), np.asarray(possible))
 
     def narrowed(self, box: Array) -> tuple[Mask, Array, Array]:
         """Which of boxes (N, n, 2) may hold a configuration; where in them; what each side changes (N, n, C)."""

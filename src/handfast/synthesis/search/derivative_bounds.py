@@ -1,4 +1,4 @@
-"""Constants of a problem for the prover: how far regions bend, and the cones that hold the object's axes."""
+"""Constants of a problem for the prover: bounds of its regions' derivatives, and cones that hold the object's axes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CELLS = 8  # each way, of a region: each has constants of its own
 UP = 1.0 + 1e-9  # over the rounding of the constants below
 
 
-def bends(problem: TaskProblem) -> Array:
+def derivative_bounds(problem: TaskProblem) -> Array:
     """(b, 2, CELLS, CELLS, 10) constants of the object's and the hand's regions, see `taylor.worst`; units."""
     out = np.zeros((len(problem.task.contact_pairs), 2, CELLS, CELLS, 10))
     for k, pair in enumerate(problem.task.contact_pairs):
