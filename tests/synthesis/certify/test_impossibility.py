@@ -16,16 +16,17 @@ from handfast.synthesis.certify.impossibility import Impossibility, _Conditions,
 from handfast.synthesis.task import PoseBounds, Task
 from tests.support.holds import LARGE, OPEN, flat_grip, grip, pinch
 from tests.support.places import ROOT
-from tests.support.planted_proofs import PlantedProof, limited, odd_case, sah_case
+from tests.support.planted_proofs import PlantedProof, limited, odd_case, pose_of, sah_case
 
 CASES = [*(("sah", k) for k in range(10)), *(("odd", k) for k in range(10))]
 
 
 def planted(kind: str, seed: int) -> PlantedProof:
-    """With bounds about where the object's origin is."""
+    """With bounds about where the object's origin is, and how it stands."""
     case = sah_case(seed) if kind == "sah" else odd_case(seed)
     at = np.array([case.values[f"position:{i}"] for i in range(3)])
-    bounds = PoseBounds(at[:, None] + [-0.02, 0.03], PoseBounds.none().axes)
+    axes = np.clip(pose_of(case)[0].T[..., None] + [-0.3, 0.2], -1, 1)
+    bounds = PoseBounds(at[:, None] + [-0.02, 0.03], axes)
     return replace(case, task=replace(case.task, pose=bounds))
 
 
@@ -44,7 +45,8 @@ def test_a_planted_configuration_meets_every_condition(kind: str, seed: int) -> 
     assert rows.possible.all()
     assert (np.abs(rows.middle.mid) <= rows.tolerance + 1e-9).all()
     K = len(case.task.contact_pairs)
-    assert rows.middle.shape == (1, (K + 1) * K // 2 + K * (K - 1) // 2 + K * K)
+    points, directions = (K + 1) * K // 2, (K + 3) * (K + 2) // 2
+    assert rows.middle.shape == (1, points + directions + K * K + 3 * points)
 
 
 @pytest.mark.parametrize("size", [1.0, 0.1, 1e-3, 1e-7])
@@ -77,6 +79,13 @@ def turned(task: Task) -> Task:
     return replace(task, contact_pairs=(a, replace(b, object=Bezier(b.object.points, not b.object.flip))))
 
 
+def upright(axis: int, along: int) -> PoseBounds:
+    """An axis of the object near to one of the palm frame."""
+    axes = np.array(PoseBounds.none().axes)
+    axes[axis, along, 0] = 0.9
+    return PoseBounds(PoseBounds.none().position, axes)
+
+
 def away(lower: float) -> PoseBounds:
     return PoseBounds([[lower, lower + 0.1], [-0.1, 0.1], [-np.inf, np.inf]], PoseBounds.none().axes)
 
@@ -91,6 +100,11 @@ def away(lower: float) -> PoseBounds:
         (pinch(2 * LARGE), (0, 1), False),
         (pinch(pose=away(0.5)), (0,), True),
         (pinch(pose=away(0.5)), (0, 1), True),
+        (
+            grip(0.05, pose=upright(1, 2)),
+            (0, 1),
+            False,
+        ),  # the jaws face each other along the object's y and the palm's y
     ],
 )
 def test_what_cannot_be_is_shown(task: Task, contacts: tuple[int, ...], origin: bool) -> None:
@@ -104,6 +118,7 @@ def test_what_cannot_be_is_shown(task: Task, contacts: tuple[int, ...], origin: 
     [
         (grip(0.079), (0, 1), False),
         (grip(0.081), (0,), False),  # one contact alone
+        (grip(0.05, pose=upright(1, 1)), (0, 1), False),
         (pinch(), (0, 1), False),
         (pinch(pose=away(0.0)), (0,), True),
     ],

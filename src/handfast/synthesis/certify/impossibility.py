@@ -10,10 +10,11 @@ and R O + p = P while R N is within the angle h of A. So for any two of them, wi
 
     |dP|^2 = |dO|^2,   |A.A' - N.N'| <= 2 sin((h + h') / 2),   |A.dP - N.dO| <= 2 sin(h / 2) |dP|.
 
-The object's origin, where it is bounded, is a contact without a direction (P = p, O = 0). Boxes of the joints and
-the parameters are narrowed, discarded or halved by these conditions, each taken with its derivatives over the box.
+The object's origin, where it is bounded, is a contact without a direction (P = p, O = 0), and an axis of the object
+that is bounded a direction without a contact (A the middle of its bounds, N the axis). Boxes of the joints and the
+parameters are narrowed, discarded or halved by these conditions, each taken with its derivatives over the box.
 If none is left, the task has no configuration. The conditions say less than the search knows: of three contacts they
-see only each two, the bounds of the object's axes not at all; so not each NONE of the search can be shown here.
+see only each two; so not each NONE of the search can be shown here.
 """
 
 from __future__ import annotations
@@ -30,12 +31,14 @@ from handfast.synthesis.certify.chains import Arms, Drive
 from handfast.synthesis.certify.existence import free_joints
 from handfast.synthesis.certify.interval_arithmetic import TINY, ULP, Dual, Interval, dot, join, sqr, sqrt
 from handfast.synthesis.certify.regions import ContactSide
-from handfast.synthesis.task import Task
+from handfast.synthesis.task import PoseBounds, Task
 
 BOXES = 20_000  # that are looked at before the question is left open
 BATCH = 64  # boxes that are looked at together
+LARGE = 2_000  # derivatives of all conditions, beyond which boxes and batches are fewer
 FINEST = 1e-6  # of the whole: a box with no longer side could be halved for ever
 MORE = 1 + 1e-9  # over the rounding of a bound
+CONE_ROUNDING = 1e-9  # more than the rounding of a cone about the bounds of an axis
 
 
 @dataclass(frozen=True)
@@ -64,12 +67,15 @@ def impossible(task: Task, contacts: Sequence[int], *, origin: bool = False, box
         stack, share = [conditions.root], [1.0]
         seen, discarded = 0, 0.0
         whole = np.ptp(conditions.root, axis=1)
-        if not conditions.two.size:
+        count = sum(index.shape[1] for index in (conditions.two, conditions.directed, conditions.line))
+        if not count:
             return Impossibility(False, 0, 0.0)  # a contact alone excludes nothing
+        more = max(1.0, len(whole) * count / LARGE)
+        boxes, batch = int(boxes / more), max(1, int(BATCH / more))
         while stack and seen < boxes:
-            part = np.array(stack[-BATCH:])
-            shares = share[-BATCH:]
-            del stack[-BATCH:], share[-BATCH:]
+            part = np.array(stack[-batch:])
+            shares = share[-batch:]
+            del stack[-batch:], share[-batch:]
             seen += len(part)
             alive, part, reach = conditions.narrowed(part)
             sides = np.ptp(part, axis=2) / np.where(whole > 0, whole, 1.0)
@@ -114,10 +120,11 @@ class _Conditions:
         root: (n, 2) where coordinates can be: joints, position of the origin if it counts, parameters.
         limits: (J, 2) of the moving joints.
         place: columns of the position; () without.
-        radius, sign: (K, 1) of the point and the direction on the object; half: (K,) [rad] the angles h.
+        axes: (2, L, 3) A and N of the axes that are bounded.
+        radius, sign: (K, 1) of the point and the direction on the object; half: (K + L,) [rad] the angles h.
         size: [m] how far a point of the hand can be from the palm's origin, to compare lengths with angles.
-        two: (2, .) each two contacts, the origin last; directed: (2, .) each two with a direction.
-        line: (2, .) a contact with a direction, and which of `two` it is one of.
+        two: (2, .) each two contacts, the origin last; directed: (2, .) each two directions, the axes last.
+        line: (2, .) a direction, and which of `two` its contact is one of; an axis goes with each of them.
     """
 
     root: Array
@@ -127,6 +134,7 @@ class _Conditions:
     arms: Arms
     hand: ContactSide
     object: ContactSide
+    axes: Array
     radius: Array
     sign: Array
     half: Array
@@ -153,7 +161,9 @@ class _Conditions:
         column = {label: n for n, label in enumerate(labels)}
         drive, K = Drive.of(task, column), len(pairs)
         caps = [pair.hand if isinstance(pair.hand, Cap) else None for pair in pairs]
-        two = list(combinations(range(K + origin), 2))
+        two, (axes, around_axes) = list(combinations(range(K + origin), 2)), _cones(task.pose)
+        along = [(k, n) for n, t in enumerate(two) for k in t if k < K]
+        along += [(K + i, n) for n in range(len(two)) for i in range(len(around_axes))]
         made = cls(
             np.array(root),
             hand.limits[list(drive.joints)].reshape(-1, 2),
@@ -162,13 +172,14 @@ class _Conditions:
             Arms.of(task, drive.joints),
             ContactSide.of([p.hand for p in pairs], "uv", column, still=True),
             ContactSide.of([p.object for p in pairs], "st", column, still=False),
+            axes,
             np.array([[c.sign * c.radius if c else 0.0] for c in caps]),
             np.array([[-c.sign if c else -1.0] for c in caps]),
-            np.array([c.half_angle if c else 0.0 for c in caps]),
+            np.array([*(c.half_angle if c else 0.0 for c in caps), *around_axes]),
             1.0,
             np.array(two, dtype=np.intp).reshape(-1, 2).T,
-            np.array([t for t in two if t[1] < K], dtype=np.intp).reshape(-1, 2).T,
-            np.array([(k, n) for n, t in enumerate(two) for k in t if k < K], dtype=np.intp).reshape(-1, 2).T,
+            np.array(list(combinations(range(K + len(around_axes)), 2)), dtype=np.intp).reshape(-1, 2).T,
+            np.array(along, dtype=np.intp).reshape(-1, 2).T,
         )
         return made._sized()
 
@@ -182,7 +193,7 @@ class _Conditions:
         return replace(self, root=root, size=max(float(away.max()), 1e-6))
 
     def _contacts(self, x: Dual) -> tuple[Dual, Dual, Dual, Dual]:
-        """P, A, O, N (N, K, 3); P and O with the origin if it has a place."""
+        """P, A, O, N (N, ., 3) of the contacts; P and O of the origin if it has a place, A and N of the axes."""
         on_hand = self.arms.carry(self.drive.at(x), *self.hand.at(x)[:2])
         point, normal, *_ = self.object.at(x)
         lifted = point + normal * self.radius
@@ -192,7 +203,11 @@ class _Conditions:
         if self.place:
             P = join([P, x[..., self.place].reshape(x.value.shape[0], 1, 3)], -2)
             O = join([O, O[..., :1, :] * 0.0], -2)
-        return P, on_hand[..., 1], O, normal * self.sign
+        A, N = on_hand[..., 1], normal * self.sign
+        if self.axes.size:
+            fixed = (Interval.of(a).repeated(x.value.shape[0]) for a in self.axes)
+            A, N = (join([y, Dual.constant(f, x.slope.shape[0])], -2) for y, f in zip((A, N), fixed, strict=True))
+        return P, A, O, N
 
     def _rows(self, x: Dual) -> tuple[Dual, Interval]:
         """(N, C) the conditions, lengths first; (N, T) the lengths |dP|."""
@@ -247,3 +262,16 @@ class _Conditions:
         C, T, S = (index.shape[1] for index in (self.two, self.directed, self.line))
         unit = np.repeat([self.size**2, 1.0, self.size], [C, T, S])
         return np.asarray(alive), np.stack(kept, axis=2), by.mag / unit
+
+
+def _cones(pose: PoseBounds) -> tuple[Array, list[float]]:
+    """(2, L, 3) of the axes that are bounded: unit vectors of the palm frame, the axes; L angles [rad] between them."""
+    found = []
+    for axis, bounds in zip(np.eye(3), pose.axes, strict=True):
+        middle = bounds.mean(axis=1)
+        length = float(np.linalg.norm(middle))
+        least = float(np.minimum(middle * bounds[:, 0], middle * bounds[:, 1]).sum()) - CONE_ROUNDING
+        if length > CONE_ROUNDING and least > -length:
+            found.append((middle / length, axis, float(np.arccos(least / length)) + CONE_ROUNDING))
+    vectors = np.array([pair for *pair, _ in found]).reshape(-1, 2, 3)
+    return vectors.swapaxes(0, 1), [angle for *_, angle in found]
