@@ -24,12 +24,12 @@ import numpy as np
 from benchmarks.machine import describe
 from benchmarks.tasks import Others, load_text, origin, tasks
 from handfast.model.region import Bezier, Cap, Region
-from handfast.synthesis.answers import Solution, point_and_normal
 from handfast.synthesis.certify.existence import Existence, moving_joints
 from handfast.synthesis.certify.verify_existence import verify_existence
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.starts import Starts
+from handfast.synthesis.solution import Solution, point_and_normal
 from handfast.synthesis.task import PoseBounds, Task
+from handfast.synthesis.task_problem import TaskProblem
 
 RESULTS = Path(__file__).parent / "results" / "existence.json"
 SEED = 1
@@ -40,7 +40,7 @@ Wrong = tuple[Task, Existence]
 
 def proofs(task: Task, count: int) -> list[Existence]:
     """Of the first configurations that random starts find; [] if there are none."""
-    problem = Problem.of(task)
+    problem = TaskProblem.of(task)
     starts = Starts(problem, SEED)
     found: list[Existence] = []
     while len(found) < count and (found or starts.block < BARREN):
@@ -52,12 +52,12 @@ def open_by(task: Task, proof: Existence) -> float:
     """[m] the largest distance of the two contact points at the floats, in plain floating point."""
     s = Solution.of(task, proof)
     links, worst = task.hand.link_poses(s.q), 0.0
-    for touch, spot, point, normal in zip(task.touches, proof.contacts, s.points, s.normals, strict=True):
-        T = links[task.hand.link(touch.link)]
-        if isinstance(touch.hand, Cap):
-            here = T[:3, :3] @ touch.hand.center + T[:3, 3] + touch.hand.sign * touch.hand.radius * normal
+    for pair, spot, point, normal in zip(task.contact_pairs, proof.contacts, s.points, s.normals, strict=True):
+        T = links[task.hand.link(pair.link)]
+        if isinstance(pair.hand, Cap):
+            here = T[:3, :3] @ pair.hand.center + T[:3, 3] + pair.hand.sign * pair.hand.radius * normal
         else:
-            here = T[:3, :3] @ point_and_normal(touch.hand, *spot.hand)[0] + T[:3, 3]
+            here = T[:3, :3] @ point_and_normal(pair.hand, *spot.hand)[0] + T[:3, 3]
         worst = max(worst, float(np.linalg.norm(here - point)))
     return worst
 
@@ -134,23 +134,23 @@ def axis(task: Task, proof: Existence, rng: np.random.Generator) -> Wrong | None
 
 
 def with_touch(task: Task, k: int, **changes: Any) -> Task:
-    touches = list(task.touches)
-    touches[k] = replace(touches[k], **changes)
-    return replace(task, touches=tuple(touches))
+    pairs = list(task.contact_pairs)
+    pairs[k] = replace(pairs[k], **changes)
+    return replace(task, contact_pairs=tuple(pairs))
 
 
 def normal(task: Task, proof: Existence, rng: np.random.Generator) -> Wrong:
     """A region's outward normal is the other one."""
-    k = int(rng.integers(len(task.touches)))
+    k = int(rng.integers(len(task.contact_pairs)))
     side = str(rng.choice(["hand", "object"]))
-    region = getattr(task.touches[k], side)
+    region = getattr(task.contact_pairs[k], side)
     return with_touch(task, k, **{side: replace(region, flip=not region.flip)}), proof
 
 
 def region(task: Task, proof: Existence, rng: np.random.Generator) -> Wrong:
     """The object's region is a millimetre further along its normal."""
-    k = int(rng.integers(len(task.touches)))
-    here = task.touches[k].object
+    k = int(rng.integers(len(task.contact_pairs)))
+    here = task.contact_pairs[k].object
     along = point_and_normal(here, *proof.contacts[k].object)[1] * 1e-3
     if isinstance(here, Bezier):
         further: Region = replace(here, points=here.points + along)
@@ -162,11 +162,11 @@ def region(task: Task, proof: Existence, rng: np.random.Generator) -> Wrong:
 def cone(task: Task, proof: Existence, rng: np.random.Generator) -> Wrong | None:
     """The hand's cap ends before the contact."""
     s = Solution.of(task, proof)
-    cones = [k for k in range(len(task.touches)) if f"contact:{k}:cone" in s.slacks]
+    cones = [k for k in range(len(task.contact_pairs)) if f"contact:{k}:cone" in s.slacks]
     if not cones:
         return None
     k = int(rng.choice(cones))
-    cap = task.touches[k].hand
+    cap = task.contact_pairs[k].hand
     ends = cap.half_angle - s.slacks[f"contact:{k}:cone"] - 1e-3
     return (with_touch(task, k, hand=replace(cap, half_angle=ends)), proof) if ends > 0 else None
 

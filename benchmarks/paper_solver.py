@@ -31,8 +31,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.machine import describe
-from handfast.core.branch import Search, Split, State
-from handfast.synthesis.paper.box_shrinking import Box, Over, PaperSolver, Settings, Statistics
+from handfast.core.branch import BranchAndPrune, BranchState, Split
+from handfast.synthesis.paper.box_shrinking import Over, PaperSolver, ShrinkingSettings, Statistics, SystemBox
 from handfast.synthesis.paper.canonical import Canonical
 from handfast.synthesis.paper.canonical_build import canonical
 from handfast.synthesis.task_file import load_task
@@ -47,7 +47,7 @@ PAPER = {
 CORES = "31 to 64"
 
 
-def sides(system: Canonical, box: Box) -> dict[str, Any]:
+def sides(system: Canonical, box: SystemBox) -> dict[str, Any]:
     """The sides of q in a box, as part of the root's."""
     root = system.upper - system.lower
     part = (box.sides[: system.n_v] / np.where(root > 0, root, 1.0))[root > 0]
@@ -67,18 +67,18 @@ def sides(system: Canonical, box: Box) -> dict[str, Any]:
 
 def run(file: Path, over: Over, seconds: float, saved: Path | None) -> dict[str, Any]:
     """One search of so many seconds, or the continuation of a saved one."""
-    settings = Settings(over=over)
+    settings = ShrinkingSettings(over=over)
     system = canonical(load_task(file), unit=UNIT)
     solver = PaperSolver(system, settings)
     root: list[dict[str, Any]] = []
     spent, cpu = 0.0, time.process_time()
-    search: Search[Box] = Search(solver, [solver.root])
+    search: BranchAndPrune[SystemBox] = BranchAndPrune(solver, [solver.root])
     if saved and saved.exists():
         data = json.loads(saved.read_text())
-        search = Search.restored(solver, data["search"])
+        search = BranchAndPrune.restored(solver, data["search"])
         solver.statistics, root, spent = Statistics(**data["statistics"]), data["root"], data["cpu_seconds"]
     begun = time.monotonic()
-    state: State[Box] = search.state
+    state: BranchState[SystemBox] = search.state
     for state in search:
         if isinstance(state.outcome, Split) and state.nodes == state.outcome.nodes:  # the first box
             root.append(sides(system, whole(state.outcome.children)))
@@ -116,9 +116,9 @@ def run(file: Path, over: Over, seconds: float, saved: Path | None) -> dict[str,
     }
 
 
-def whole(boxes: Sequence[Box]) -> Box:
+def whole(boxes: Sequence[SystemBox]) -> SystemBox:
     """The box that was bisected into these, or the only one."""
-    return Box(np.min([b.lower for b in boxes], axis=0), np.max([b.upper for b in boxes], axis=0))
+    return SystemBox(np.min([b.lower for b in boxes], axis=0), np.max([b.upper for b in boxes], axis=0))
 
 
 def table(rows: list[dict[str, Any]]) -> str:

@@ -28,12 +28,12 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.boxes import Part
 from handfast.synthesis.search.prover import Prover
 from handfast.synthesis.search.starts import BLOCK, Starts
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_file import load_task
+from handfast.synthesis.task_problem import TaskProblem
 
 RESULTS = Path(__file__).parent / "results" / "prover.json"
 TASKS = ("scalpel-upholding", "teapot-service", "scalpel-incision")
@@ -54,20 +54,22 @@ MARGINS = {
 
 def with_region(task: Task, move: Callable[[Array], Array]) -> Task:
     """The task with the last object region's control points moved."""
-    *others, last = task.touches
+    *others, last = task.contact_pairs
     assert isinstance(last.object, Bezier)
-    return replace(task, touches=(*others, replace(last, object=Bezier(move(last.object.points), last.object.flip))))
+    return replace(
+        task, contact_pairs=(*others, replace(last, object=Bezier(move(last.object.points), last.object.flip)))
+    )
 
 
 def middle(task: Task, k: int) -> Array:
-    region = task.touches[k].object
+    region = task.contact_pairs[k].object
     assert isinstance(region, Bezier)
     return region.at(0.5, 0.5)
 
 
 def away(task: Task, distance: float) -> Task:
     """The last region moved on the line from the middle of the others through its own."""
-    b = len(task.touches)
+    b = len(task.contact_pairs)
     line = middle(task, b - 1) - np.mean([middle(task, k) for k in range(b - 1)], axis=0)
     return with_region(task, lambda points: points + distance * line / np.linalg.norm(line))
 
@@ -85,7 +87,7 @@ def normals(task: Task, angle: float) -> Task:
     """The last region turned about its first parameter's direction at its middle."""
     from scipy.spatial.transform import Rotation
 
-    region = task.touches[-1].object
+    region = task.contact_pairs[-1].object
     assert isinstance(region, Bezier)
     axis, center = region.at(0.5, 0.5, 1, 0), region.at(0.5, 0.5)
     R = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
@@ -98,7 +100,7 @@ FAMILIES = {"away": away, "limits": limits, "normals": normals}
 def possible(task: Task) -> bool:
     """Did local searches find a certified configuration?"""
     try:
-        starts = Starts(Problem.of(task), 0)
+        starts = Starts(TaskProblem.of(task), 0)
     except InputError:
         return False
     return any(starts.run(1) for _ in range(STARTS // BLOCK))
@@ -124,13 +126,13 @@ def edge(task: Task, family: str) -> float | None:
 def measure(name: str, family: str, at: float | None, seconds: float, cores: int) -> list[dict]:
     """Rows of a family from its edge on, from the largest margin down to the first that is not proved."""
     task = load_task(name)
-    base = {"task": name, "contacts": len(task.touches), "family": family, "edge": at}
+    base = {"task": name, "contacts": len(task.contact_pairs), "family": family, "edge": at}
     if at is None:
         return [base | {"margin": None, "proved": None, "note": "possible as far as tried"}]
     rows = []
     for margin in MARGINS[family]:
         try:
-            problem = Problem.of(FAMILIES[family](task, at + margin))
+            problem = TaskProblem.of(FAMILIES[family](task, at + margin))
         except InputError as fault:
             rows.append(base | {"margin": margin, "proved": None, "note": str(fault)})
             continue
@@ -153,7 +155,7 @@ def plants(count: int) -> dict:
     """Boxes of all sizes around certified configurations, put to every set of contacts."""
     tried = lost = 0
     for number, name in enumerate(ALL):
-        problem = Problem.of(load_task(name))
+        problem = TaskProblem.of(load_task(name))
         prover, rng = Prover(problem, workers=1), np.random.default_rng(number)
         starts, wanted = Starts(problem, number), -(-count // len(ALL))
         found: list[Array] = []

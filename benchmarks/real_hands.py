@@ -43,8 +43,9 @@ from handfast.model.grasp import Grasp
 from handfast.model.hand import Hand
 from handfast.planning.closing import Closed
 from handfast.report import Entry, write_report
-from handfast.report.plot import Mesh, draw_grasp, picture, scene_meshes
-from handfast.stability.queries import CheckAnswer
+from handfast.report.drawing import Mesh, draw_grasp, scene_meshes
+from handfast.report.plot import picture
+from handfast.stability.answers import CheckAnswer
 
 HERE = Path(__file__).parent
 POSES = HERE / "real_hands"

@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.machine import describe
 from benchmarks.tasks import Others, published, tasks
 from handfast.core.answer import Reach
-from handfast.synthesis.queries import synthesize
+from handfast.synthesis.query import synthesize
 from handfast.synthesis.task import Task
 
 RESULTS = Path(__file__).parent / "results" / "synthesis.json"
@@ -46,7 +46,7 @@ def measure(task: Task, runs: int) -> dict[str, Any]:
             starts.append(answer.starts)
         elif seed + 1 >= TRIED and not seconds:
             break
-    row: dict[str, Any] = {"contacts": len(task.touches), "verdicts": dict(verdicts), "unproved": unproved}
+    row: dict[str, Any] = {"contacts": len(task.contact_pairs), "verdicts": dict(verdicts), "unproved": unproved}
     if seconds:
         row["ms"] = {
             "median": 1e3 * float(np.median(seconds)),

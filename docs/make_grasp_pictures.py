@@ -21,8 +21,8 @@ from handfast import Loads, Settings, force_map, grasp_for, load_body, load_task
 from handfast.core.arrays import Array
 from handfast.core.files import write_bytes
 from handfast.planning.results.grasps import ProvedGrasp
-from handfast.report.drawing import AMBER, BLUE, Mesh, solids
-from handfast.report.plot import draw_map, picture, scene_meshes
+from handfast.report.drawing import AMBER, BLUE, Mesh, scene_meshes, solids
+from handfast.report.plot import draw_map, picture
 from handfast.stability.witness import Witness
 
 IMAGE = Path(__file__).parent / "img" / "grasp-pour.png"

@@ -30,7 +30,8 @@ from handfast import (
     load_hand,
     sweep,
 )
-from handfast.report.plot import draw_grasp, draw_map, draw_sweep, picture, scene_meshes
+from handfast.report.drawing import draw_grasp, scene_meshes
+from handfast.report.plot import draw_map, draw_sweep, picture
 from handfast.stability.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from handfast.core import bundled
-from handfast.model.shape import quaternion_matrix, transform
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.report.plot import picture
 from handfast.report.task_drawing import DENSE, draw_task
 from handfast.synthesis.task import Task
@@ -42,9 +42,9 @@ def stored(task: Task) -> Stored:
     data = json.loads(STORED.read_text())["tasks"][task.name]
     pose = transform(data["position"], quaternion_matrix(data["quaternion"]))
     points, normals = [], []
-    for touch, parameters in zip(task.touches, data["parameters"], strict=True):
-        normal = touch.object.normal(*parameters[:2])
-        points.append(pose[:3, :3] @ touch.object.at(*parameters[:2]) + pose[:3, 3])
+    for pair, parameters in zip(task.contact_pairs, data["parameters"], strict=True):
+        normal = pair.object.normal(*parameters[:2])
+        points.append(pose[:3, :3] @ pair.object.at(*parameters[:2]) + pose[:3, 3])
         normals.append(-pose[:3, :3] @ normal / np.linalg.norm(normal))
     return Stored(task.hand.configuration(data["joints"]), pose, np.array(points), np.array(normals))
 

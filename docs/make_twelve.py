@@ -37,8 +37,8 @@ from handfast.planning.evaluation.attempt import PlannedGrasp
 from handfast.planning.plan_grasps import plan
 from handfast.planning.requirements import Limits
 from handfast.planning.results.planned import Plan
-from handfast.report.drawing import View
-from handfast.report.plot import picture, scene_meshes
+from handfast.report.drawing import View, scene_meshes
+from handfast.report.plot import picture
 
 HAND = "barrett-bh8-280"
 CONTACTS = {  # object: contacts, in the order of Fig. 13's letters

@@ -18,12 +18,12 @@ ENGINE = PACKAGE / "synthesis" / "search" / "kernel"
 
 
 KERNELS = (  # each in a process of its own: every kernel is compiled once, not once by each worker
-    "from handfast import load_task; from handfast.synthesis.problem import Problem;"
+    "from handfast import load_task; from handfast.synthesis.task_problem import TaskProblem;"
     "from handfast.synthesis.search.starts import Starts; from handfast.synthesis.search.diverse import Walks;"
-    "Walks(Starts(Problem.of(load_task('scalpel-upholding')), 0))",
+    "Walks(Starts(TaskProblem.of(load_task('scalpel-upholding')), 0))",
     "from handfast import load_task;"
-    "from handfast.synthesis.problem import Problem; from handfast.synthesis.search.prover import Prover;"
-    "Prover(Problem.of(load_task('scalpel-handling'))).run(seconds=0.1)",
+    "from handfast.synthesis.task_problem import TaskProblem; from handfast.synthesis.search.prover import Prover;"
+    "Prover(TaskProblem.of(load_task('scalpel-handling'))).run(seconds=0.1)",
 )
 
 

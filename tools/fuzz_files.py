@@ -48,7 +48,7 @@ from handfast.core.errors import InputError
 from handfast.geometry.scene import Scene
 from handfast.model import decompose
 from handfast.model.grasp_file import to_dict
-from handfast.model.hand.coupling import leader_ranges
+from handfast.model.hand.coupling import driver_ranges
 from handfast.model.hand_regions import load_hand_regions
 from handfast.planning.grasp_for import grasp_for
 from handfast.planning.results.search_file import load_search, save_search
@@ -60,7 +60,7 @@ from handfast.stability.loads_file import load_loads
 from handfast.stability.result_file import Result
 from handfast.stability.settings import Settings
 from handfast.synthesis.embedded import digest
-from handfast.synthesis.queries import synthesize
+from handfast.synthesis.query import synthesize
 
 PATIENCE = 120.0  # [s] for one file
 EXTREME = ["0", "-0.0", "-1", "1e308", "-1e308", "1e-308", "5e-324", "1e999", "NaN", "-Infinity", "2147483648", "1e20"]
@@ -355,7 +355,7 @@ def use_configuration(path: Path) -> str:
 def use_hand(path: Path) -> str:
     hand = load_hand(path)
     hand.link_poses(hand.configuration())
-    leader_ranges(hand)
+    driver_ranges(hand)
     Scene(hand, load_body(BALL)).clearances(hand.configuration(), np.eye(4))
     return "loaded"
 
@@ -370,7 +370,7 @@ def use_body(path: Path) -> str:
 
 def use_task(path: Path) -> str:
     task = load_task(path)
-    leader_ranges(task.hand, task.involved.tolist())
+    driver_ranges(task.hand, task.involved.tolist())
     return "loaded"
 
 

@@ -62,12 +62,14 @@ CHECKER = ("verify", "claim", "farkas", "leaf_rows", "certificate", "replay")
 PARTS = {
     "model": Part(("stability/model.py",), ("stability/test_model.py",)),
     "contacts": Part(("geometry/contacts.py",), ("geometry/test_contacts.py",)),
-    "synthesis-interval": Part(("synthesis/certify/interval.py",), ("synthesis/certify/test_checker_interval.py",)),
+    "synthesis-interval": Part(
+        ("synthesis/certify/interval_arithmetic.py",), ("synthesis/certify/test_interval_arithmetic.py",)
+    ),
     "synthesis-checker": Part(
         tuple(f"synthesis/certify/{name}.py" for name in ("chains", "equations", "regions")),
         (
             "synthesis/certify/test_chains.py",
-            "synthesis/certify/test_checker_interval.py",
+            "synthesis/certify/test_interval_arithmetic.py",
             "synthesis/certify/test_existence.py",
         ),
         ("synthesis/certify/test_existence.py::test_the_checker_needs_nothing_of_the_search",),

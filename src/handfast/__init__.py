@@ -47,10 +47,10 @@ if TYPE_CHECKING:
     from handfast.stability.queries import maximum as maximum
     from handfast.stability.queries import torques as torques
     from handfast.stability.settings import Settings as Settings
-    from handfast.synthesis.queries import synthesize as synthesize
+    from handfast.synthesis.query import synthesize as synthesize
+    from handfast.synthesis.task import ContactPair as ContactPair
     from handfast.synthesis.task import PoseBounds as PoseBounds
     from handfast.synthesis.task import Task as Task
-    from handfast.synthesis.task import Touch as Touch
     from handfast.synthesis.task_file import load_task as load_task
 
 _HOME = {
@@ -92,10 +92,10 @@ _HOME = {
     "maximum": "stability.queries",
     "torques": "stability.queries",
     "Settings": "stability.settings",
-    "synthesize": "synthesis.queries",
+    "synthesize": "synthesis.query",
     "PoseBounds": "synthesis.task",
     "Task": "synthesis.task",
-    "Touch": "synthesis.task",
+    "ContactPair": "synthesis.task",
     "load_task": "synthesis.task_file",
 }
 

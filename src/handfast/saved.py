@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from handfast.stability.certify.certificate import Certificate
     from handfast.stability.certify.replay import Verified
     from handfast.stability.result_file import Result
-    from handfast.synthesis.answers import Replayed, Synthesis
-    from handfast.synthesis.result_file import Saved
+    from handfast.synthesis.synthesis_answer import ReplayedSynthesis, Synthesis
+    from handfast.synthesis.synthesis_file import SavedSynthesis
 
 SCHEMAS = (
     "handfast/result/1",
@@ -29,8 +29,8 @@ SCHEMAS = (
 
 
 def verify(
-    what: str | Path | Answer | Result | Certificate | Synthesis | Saved | SavedGrasps,
-) -> Verified | Replayed | ReplayedGrasps:
+    what: str | Path | Answer | Result | Certificate | Synthesis | SavedSynthesis | SavedGrasps,
+) -> Verified | ReplayedSynthesis | ReplayedGrasps:
     """Is everything that an answer claims proved? Replayed without any search and without any solver.
 
     Args:
@@ -42,14 +42,13 @@ def verify(
     from handfast.planning.results import verify_grasps as grasps
     from handfast.planning.results.grasps_file import SavedGrasps
     from handfast.stability.certify import replay as stability
-    from handfast.synthesis.answers import Synthesis
-    from handfast.synthesis.certify import replay as synthesis
-    from handfast.synthesis.result_file import Saved
+    from handfast.synthesis.synthesis_answer import Synthesis
+    from handfast.synthesis.synthesis_file import SavedSynthesis
 
     loaded = load(what) if isinstance(what, str | Path) else what
     if isinstance(loaded, SavedGrasps):
         return grasps.verify(loaded)
-    return synthesis.verify(loaded) if isinstance(loaded, Synthesis | Saved) else stability.verify(loaded)
+    return loaded.verify() if isinstance(loaded, Synthesis | SavedSynthesis) else stability.verify(loaded)
 
 
 def load(path: str | Path) -> Any:
@@ -58,9 +57,9 @@ def load(path: str | Path) -> Any:
     schema = data.get("schema") if isinstance(data, dict) else None
     try:
         if schema == "handfast/synthesis/1":
-            from handfast.synthesis import result_file
+            from handfast.synthesis import synthesis_file
 
-            return result_file.from_dict(data)
+            return synthesis_file.from_dict(data)
         if schema in ("handfast/grasps/1", "handfast/grasps/2"):
             from handfast.planning.results import grasps_file
 

@@ -105,7 +105,7 @@ def test_couplings_that_lead_nowhere() -> None:
     hand = load_hand("schunk-sah")
     first = hand.couplings[2]
     for coupling, fault in [
-        (Coupling(first.leader, first.joint, 1.0), "follows itself"),
+        (Coupling(first.driver, first.joint, 1.0), "follows itself"),
         (Coupling(first.joint, 0, 1.0), "index_distal: is tied to two joints at once"),
         (Coupling(0, 0, 1.0), "follows itself"),
         (Coupling(0, 1, np.inf), "at most 1e"),

@@ -14,11 +14,12 @@ from handfast import load_body, load_configuration, load_grasp, load_hand, load_
 from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.core.files import DEPTH, DIGITS, parse_json
+from handfast.core.transforms import FARTHEST, transform
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import from_dict
 from handfast.model.hand_regions import load_hand_regions
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import LEAST, MOST, Shape, transform
+from handfast.model.shape import SMALLEST, Shape
 from handfast.saved import load as load_result
 from handfast.stability import problem
 from handfast.stability.goal import Goal
@@ -268,7 +269,7 @@ def test_a_scale_that_leaves_nothing(tmp_path: Path) -> None:
         load_body(path, scale=1e200)
 
 
-@pytest.mark.parametrize("size", [LEAST / 2, 1e-200, 2 * MOST, 1e200])
+@pytest.mark.parametrize("size", [SMALLEST / 2, 1e-200, 2 * FARTHEST, 1e200])
 def test_solids_of_no_size(size: float) -> None:
     with pytest.raises(InputError, match=r"sphere\.size: is .*; sizes are 1e-09 to 1e"):
         Shape("sphere", size)
@@ -277,7 +278,7 @@ def test_solids_of_no_size(size: float) -> None:
 
 
 def test_solids_of_nowhere() -> None:
-    assert Shape("sphere", 1.0, transform((MOST, 0, 0)))
+    assert Shape("sphere", 1.0, transform((FARTHEST, 0, 0)))
     with pytest.raises(InputError, match="more than 1e"):
         Shape("sphere", 1.0, transform((0, -1e7, 0)))
     with pytest.raises(InputError, match="is not a rigid motion"):

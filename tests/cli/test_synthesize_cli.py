@@ -20,7 +20,7 @@ from handfast.cli import console, main, synthesis_tables
 from handfast.cli.app import ABOUT
 from handfast.core import bundled
 from handfast.model.hand import load_hand
-from handfast.synthesis.queries import Progress
+from handfast.synthesis.query import SynthesisProgress
 from handfast.synthesis.task_file import save_task
 from tests.support.holds import HARD, LARGE, grip_file, pinch
 
@@ -96,10 +96,13 @@ def test_none(task: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert status == 0
     assert out.startswith("NONE  No configuration exists: contacts 0 and 1 cannot go together (")
     assert "1 box examined, depth 0, all discarded" in out
-    status, out, _ = run(capsys, "synthesize", task, "--json")
+    status, out, _ = run(capsys, "synthesize", task, "--json", "--save", "s.json")
     answer = json.loads(out)
     assert (status, answer["verdict"], answer["configurations"]) == (0, "none", [])
     assert answer["searched"]["discarded"] == 1
+    status, out, _ = run(capsys, "verify", "s.json")
+    assert (status, out.split("  ")[0]) == (0, "PROVED")
+    assert "No configuration exists: contacts 0 and 1 exclude each other, by 1 box of the checker's own." in out
 
 
 def test_undecided_saved_and_resumed(task: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -207,10 +210,10 @@ def test_picture(task: str, ending: str, begins: bytes, capsys: pytest.CaptureFi
 
 
 def test_progress_in_words() -> None:
-    assert synthesis_tables.progress_text(Progress(512, 0, 1)) == "512 starts"
-    text = synthesis_tables.progress_text(Progress(512, 0, 1, nodes=70, depth=3, pending=5, discarded=0.25))
+    assert synthesis_tables.progress_text(SynthesisProgress(512, 0, 1)) == "512 starts"
+    text = synthesis_tables.progress_text(SynthesisProgress(512, 0, 1, nodes=70, depth=3, pending=5, discarded=0.25))
     assert text == "512 starts · 70 boxes, 5 left, depth 3, 25 % discarded"
-    assert synthesis_tables.progress_text(Progress(256, 40, 80)) == "256 starts · 40 of 80 found"
+    assert synthesis_tables.progress_text(SynthesisProgress(256, 40, 80)) == "256 starts · 40 of 80 found"
 
 
 def test_progress_goes_to_a_terminal_only(
@@ -299,7 +302,7 @@ FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
         lambda d: d.update(hand="hand"),
         "grip.json: hand: 'hand' is no file beside the task and no bundled hand; bundled: ",
     ),
-    (lambda d: d.update(touches=[]), "grip.json: touches: is not a known field; leave it out"),
+    (lambda d: d.update(contact_pairs=[]), "grip.json: touches: is not a known field; leave it out"),
     (
         lambda d: d.update(limits={"right_slide": [0.05, 0.06]}),
         "grip.json: limits.right_slide: leave nothing for left_slide, to which it is coupled; widen them, or fix "
@@ -352,7 +355,7 @@ def test_about_names_both_questions(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_package_offers_both_and_stays_quick() -> None:
     code = (
         "import sys, handfast; "
-        "assert {'synthesize', 'load_task', 'Task', 'Touch', 'Bezier', 'Cap', 'PoseBounds', 'Reach'} "
+        "assert {'synthesize', 'load_task', 'Task', 'ContactPair', 'Bezier', 'Cap', 'PoseBounds', 'Reach'} "
         "<= set(handfast.__all__); "
         "assert not {'numpy', 'numba', 'pydantic'} & set(sys.modules); "
         "print(handfast.Reach.FOUND, handfast.Task.__name__, handfast.synthesize.__name__)"

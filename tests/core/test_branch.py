@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core import branch
-from handfast.core.branch import Discarded, Final, Order, Search, Split, State, Unfinished
+from handfast.core.branch import BranchAndPrune, BranchState, Discarded, Final, Order, Split, Unfinished
 from handfast.core.errors import InputError
 
 STEADY = settings(max_examples=25, deadline=None, derandomize=True)
@@ -105,8 +105,8 @@ def roots(zeros, **more) -> Roots:
     return Roots(((F(-4), F(4)),), zeros=tuple(zeros), **more)
 
 
-def search(toy: Boxes, order: Order = Order.DEPTH, workers: int = 1) -> Search:
-    return Search(toy, [toy.root], order=order, key=middle, workers=workers)
+def search(toy: Boxes, order: Order = Order.DEPTH, workers: int = 1) -> BranchAndPrune:
+    return BranchAndPrune(toy, [toy.root], order=order, key=middle, workers=workers)
 
 
 def middle(box) -> float:
@@ -117,13 +117,13 @@ def holds(box, point) -> bool:
     return all(low <= x <= high for (low, high), x in zip(box, point, strict=True))
 
 
-def last(run: Search) -> State:
+def last(run: BranchAndPrune) -> BranchState:
     for _ in run:
         pass
     return run.state
 
 
-def lost(run: Search, points) -> list:
+def lost(run: BranchAndPrune, points) -> list:
     """The points that lie in no final, unfinished or pending region."""
     kept = [*run.state.finals, *run.state.unfinished, *run.pending]
     return [p for p in points if not any(holds(box, p) for box in kept)]
@@ -213,7 +213,7 @@ def test_the_results_do_not_depend_on_the_workers(zeros, order):
 # --- interruptions --------------------------------------------------------------------------------------
 
 
-def trail(run: Search, steps: int | None = None) -> list:
+def trail(run: BranchAndPrune, steps: int | None = None) -> list:
     return [(state.region, state.steps, state.pending, len(state.finals)) for state in islice(run, steps)]
 
 
@@ -225,7 +225,7 @@ def test_a_resumed_checkpoint_takes_the_same_steps(zeros, order, workers, stop):
     first = search(toy, order, workers)
     begun = trail(first, stop)
     text = json.dumps(first.save())
-    second = Search.restored(toy, json.loads(text), key=middle, workers=workers)
+    second = BranchAndPrune.restored(toy, json.loads(text), key=middle, workers=workers)
     assert json.dumps(second.save()) == text
     assert begun + trail(second) == whole
     assert begun + trail(first) == whole  # the one that was stopped can go on as well
@@ -351,7 +351,7 @@ class Tree:
 )
 def test_orders(order, expected):
     best = ["", "c", "b", "a", "ba", "bab", "ab", "aa", "baa"]  # the order if all were there from the start
-    run = Search(Tree(), [""], order=order, key=best.index)
+    run = BranchAndPrune(Tree(), [""], order=order, key=best.index)
     assert [state.region for state in run] == expected
     assert run.state.nodes == 5 * 10 + 4 * 2
     assert run.state.depth == 2  # "b" goes on as "ba"
@@ -361,18 +361,18 @@ def test_orders(order, expected):
 
 def test_misuse_is_refused():
     with pytest.raises(ValueError, match="best first needs a key"):
-        Search(Tree(), [""], order=Order.BEST)
+        BranchAndPrune(Tree(), [""], order=Order.BEST)
     with pytest.raises(ValueError, match="at least 1"):
-        Search(Tree(), [""], workers=0)
+        BranchAndPrune(Tree(), [""], workers=0)
     with pytest.raises(ValueError, match="NaN"):
-        Search(Tree(), [""], order=Order.BEST, key=lambda name: float("nan"))
+        BranchAndPrune(Tree(), [""], order=Order.BEST, key=lambda name: float("nan"))
 
     class Wrong(Tree):
         def examine(self, name):
             return name
 
     with pytest.raises(TypeError, match="returned str, which is no outcome"):
-        last(Search(Wrong(), [""]))
+        last(BranchAndPrune(Wrong(), [""]))
 
 
 @pytest.mark.parametrize(
@@ -387,9 +387,9 @@ def test_misuse_is_refused():
     ],
 )
 def test_a_damaged_checkpoint_is_refused(change, message):
-    run = Search(Tree(), [""])
+    run = BranchAndPrune(Tree(), [""])
     trail(run, 1)
     data = run.save()
-    assert Search.restored(Tree(), data).pending == ["a", "b", "c"]
+    assert BranchAndPrune.restored(Tree(), data).pending == ["a", "b", "c"]
     with pytest.raises(InputError, match=message):
-        Search.restored(Tree(), data | change)
+        BranchAndPrune.restored(Tree(), data | change)

@@ -29,7 +29,7 @@ def test_a_grasp(tmp_path: Path) -> None:
 
 def test_a_task(tmp_path: Path) -> None:
     save_task(load_task("scalpel-upholding"), tmp_path / "t.json")
-    assert len(load_task(aged(tmp_path / "t.json")).touches) == len(load_task("scalpel-upholding").touches)
+    assert len(load_task(aged(tmp_path / "t.json")).contact_pairs) == len(load_task("scalpel-upholding").contact_pairs)
 
 
 def test_loads(tmp_path: Path) -> None:

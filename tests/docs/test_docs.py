@@ -34,7 +34,7 @@ from handfast.stability.certify.certificate_file import CertificateFile, NodesEn
 from handfast.stability.loads_file import load_loads
 from handfast.stability.result_file import ArcEntry, ResultFile, WitnessEntry
 from handfast.synthesis.certify.existence import ExistenceEntry
-from handfast.synthesis.result_file import AnswerEntry, StateEntry, SynthesisFile
+from handfast.synthesis.synthesis_file import SynthesisAnswerEntry, SynthesisFile, SynthesisStateEntry
 from handfast.synthesis.task_file import TaskFile, load_task
 from tests.support.places import ROOT
 
@@ -236,8 +236,8 @@ def test_every_field_of_a_synthesis_is_in_its_table() -> None:
     text = section(page, "Synthesis: `handfast/synthesis/1`")
     named = {model: {i.alias or n for n, i in model.model_fields.items()} for model in (SynthesisFile, ExistenceEntry)}
     assert fields_in_tables(text) == named[SynthesisFile] | named[ExistenceEntry]
-    assert all(f"`{name}`" in text for name in StateEntry.model_fields)
-    keys = {info.alias or name for name, info in AnswerEntry.model_fields.items()}
+    assert all(f"`{name}`" in text for name in SynthesisStateEntry.model_fields)
+    keys = {info.alias or name for name, info in SynthesisAnswerEntry.model_fields.items()}
     answers = section((DOCS / "answers.md").read_text("utf-8"), "JSON")
     assert all(f"| `{key}` |" in answers for key in keys)
 

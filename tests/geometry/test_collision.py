@@ -11,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.collision import Collisions, Requested, SeparationVector, always_meeting, samples
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.hand import Hand, Joint, Link, load_hand
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, quaternion_matrix, transform
+from handfast.model.shape import Shape
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible
 from tests.support.places import FEASIBLE as FEASIBLE_FILE
@@ -227,12 +228,12 @@ def nearest_of_links(pushes: list[SeparationVector]) -> list[SeparationVector]:
 def test_configurations_that_meet_their_task_are_free(name: str) -> None:
     task, held = load_task(name), Feasible.of(FEASIBLE[name])
     assert task.object is not None
-    spots = zip(task.touches, held.points(task), held.normals(task), strict=True)
+    spots = zip(task.contact_pairs, held.points(task), held.normals(task), strict=True)
     requested = [Requested(t.link, p, n) for t, p, n in spots]
     found = Collisions(Scene(task.hand, load_body(task.object))).clearances(held.q(task), held.pose, requested)
     assert found.reasons(depth=1e-6, at_contacts=1e-6, self_depth=1e-6) == ()
     # the palm's region of the incision lies on the knuckle beside the palm's own box
-    modelled = [k for k, t in enumerate(task.touches) if not (name == "scalpel-incision" and t.link == "palm")]
+    modelled = [k for k, t in enumerate(task.contact_pairs) if not (name == "scalpel-incision" and t.link == "palm")]
     assert np.abs(found.at_contacts[modelled]).max() < 1.5e-4
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.contacts import contact_grasp, grasp_of
 from handfast.model.body import Body
 from handfast.model.hand import load_hand
-from handfast.model.shape import Shape, quaternion_matrix, transform
+from handfast.model.shape import Shape
 from tests.support.contact_cases import (
     contact_on,
     linked_finger,

@@ -8,13 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.contacts import _merged, contact_grasp, deepest, find_contacts
 from handfast.geometry.patch import few, outline, overlap
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.grasp import Contact
 from handfast.model.hand import Hand, Link, load_hand
-from handfast.model.shape import SIZES, Shape, quaternion_matrix, transform
+from handfast.model.shape import SIZES, Shape
 from tests.support.contact_cases import (
     NO_MOTION,
     contacts_of,

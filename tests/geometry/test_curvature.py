@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix
 from handfast.geometry.curvature import (
     cap_curvature,
     patch_curvature,
@@ -20,11 +21,10 @@ from handfast.geometry.curvature import (
 from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap
-from handfast.model.shape import quaternion_matrix
-from handfast.synthesis.answers import Solution
 from handfast.synthesis.certify.existence import ContactPoint, Existence
 from handfast.synthesis.curvatures import relative_curvatures
-from handfast.synthesis.task import Task, Touch
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.task import ContactPair, Task
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible
 from tests.support.places import FEASIBLE as FEASIBLE_FILE
@@ -162,7 +162,7 @@ def held(region: Bezier | Cap, groove: Bezier, at: tuple[float, float] | None, s
     joint = Joint("j", "revolute", UP, [0, 0, 0], -2, 2)
     links = (Link("palm", -1, np.eye(4)), Link("tip", 0, np.eye(4), (0,)))
     hand = Hand("finger", links, (joint,), Mechanism.direct(["j"]), (), np.zeros(1))
-    task = Task.of(hand, (Touch("tip", region, groove),))
+    task = Task.of(hand, (ContactPair("tip", region, groove),))
     quaternion = np.random.default_rng(seed).normal(size=4) if seed else np.array([1.0, 0, 0, 0])
     spot = ContactPoint("tip", (0.5, 0.5), at)
     return Solution.of(task, Existence({"j": np.pi / 2}, np.zeros(3), quaternion, (spot,), (), np.zeros(0)))
@@ -191,11 +191,11 @@ def test_tasks_whose_configurations_do_not_interpenetrate(name: str) -> None:
     task, held = load_task(name), Feasible.of(FEASIBLE[name])
     R = held.pose[:3, :3]
     links = task.hand.link_poses(held.q(task))
-    for touch, p, n in zip(task.touches, held.parameters, held.normals(task), strict=True):
-        its = R @ patch_curvature(touch.object, *p[:2]) @ R.T
-        if isinstance(touch.hand, Cap):
-            mine = cap_curvature(touch.hand, n)
+    for pair, p, n in zip(task.contact_pairs, held.parameters, held.normals(task), strict=True):
+        its = R @ patch_curvature(pair.object, *p[:2]) @ R.T
+        if isinstance(pair.hand, Cap):
+            mine = cap_curvature(pair.hand, n)
         else:
-            L = links[task.hand.link(touch.link), :3, :3]
-            mine = L @ patch_curvature(touch.hand, *p[2:4]) @ L.T
+            L = links[task.hand.link(pair.link), :3, :3]
+            mine = L @ patch_curvature(pair.hand, *p[2:4]) @ L.T
         assert rim_depth(relative_curvature(mine, its, n), 3e-3) < 1e-4

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.contacts import contact_grasp
 from handfast.geometry.dexterity import (
     Dexterity,
@@ -24,7 +25,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.hand import Hand, Joint, Link, load_hand
 from handfast.model.hand.hand import Coupling, coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, quaternion_matrix, transform
+from handfast.model.shape import Shape
 from handfast.planning.closing import close
 
 L1, L2 = 0.05, 0.03

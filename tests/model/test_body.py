@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import transform
 from handfast.model.body import Body, load_body
-from handfast.model.shape import Shape, transform
+from handfast.model.shape import Shape
 from tests.support.places import SHARED
 
 YCB = SHARED / "objects" / "ycb"

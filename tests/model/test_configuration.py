@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.configuration import Configuration, load_configuration, save_configuration
 from handfast.model.hand import load_hand
-from handfast.model.shape import quaternion_matrix, transform
 
 
 def write(path: Path, **fields: object) -> Path:

@@ -40,22 +40,22 @@ def violation(path: Path, hand: Hand, q: np.ndarray) -> float:
 
 @pytest.mark.parametrize("kind", ["hinge", "slide"])
 @pytest.mark.parametrize("ref", list(itertools.product((0.0, 0.3, -0.4), (0.0, 0.1))))
-@pytest.mark.parametrize(("joint", "leader"), ["ab", "ba"])
+@pytest.mark.parametrize(("joint", "driver"), ["ab", "ba"])
 def test_couplings_count_from_the_reference_pose(
-    tmp_path: Path, joint: str, leader: str, ref: tuple[float, float], kind: str
+    tmp_path: Path, joint: str, driver: str, ref: tuple[float, float], kind: str
 ) -> None:
     """mujoco: q - ref = 0.05 + 0.5 (q' - ref'), for the joint and the one that leads it."""
-    tied = f'<equality><joint joint1="{joint}" joint2="{leader}" polycoef="0.05 0.5 0 0 0"/></equality>'
+    tied = f'<equality><joint joint1="{joint}" joint2="{driver}" polycoef="0.05 0.5 0 0 0"/></equality>'
     path = write(tmp_path, tied, ref=ref, kind=kind)
     hand = load_hand(path)
     at = dict(zip("ab", ref, strict=True))
     for value in (-0.7, 0.0, 0.4):
-        q = hand.configuration({leader: value})
-        assert hand.values(q)[joint] == pytest.approx(at[joint] + 0.05 + 0.5 * (value - at[leader]), abs=1e-12)
+        q = hand.configuration({driver: value})
+        assert hand.values(q)[joint] == pytest.approx(at[joint] + 0.05 + 0.5 * (value - at[driver]), abs=1e-12)
         assert violation(path, hand, q) < 1e-9
         q[hand.joint(joint)] += 0.01
         assert violation(path, hand, q) == pytest.approx(0.01, abs=1e-9)
-    assert hand.mechanism.actuators == (leader,)
+    assert hand.mechanism.actuators == (driver,)
 
 
 @pytest.mark.parametrize("ref", [0.0, 0.3])
@@ -66,7 +66,7 @@ def test_an_equality_of_one_joint_holds_it_beside_its_reference(tmp_path: Path, 
     assert hand.values(q) == {"a": pytest.approx(ref + 0.05), "b": 0.0}
     assert violation(path, hand, q) < 1e-9
     np.testing.assert_array_equal(hand.mechanism.A, [[1.0, 0.0]])
-    assert (hand.couplings[0].leader, hand.couplings[0].ratio) == (-1, 0.0)
+    assert (hand.couplings[0].driver, hand.couplings[0].ratio) == (-1, 0.0)
 
 
 def test_an_equality_that_is_switched_off_couples_nothing(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_joints_and_links_of_a_structure() -> None:
     assert hand.joint_names == little + index + thumb  # from the little finger to the thumb, whatever the order given
     assert hand.link_names[0] == "palm"
     assert hand.moved_by(hand.link("index_distal")) == tuple(hand.joint(n) for n in index)
-    assert [(hand.joint_names[c.joint], hand.joint_names[c.leader]) for c in hand.couplings] == [
+    assert [(hand.joint_names[c.joint], hand.joint_names[c.driver]) for c in hand.couplings] == [
         ("little_distal", "little_middle"),
         ("index_distal", "index_middle"),
     ]
@@ -129,7 +129,7 @@ def test_flexion_and_its_range_can_be_chosen() -> None:
 
 def test_pads_and_faces_of_the_pinch(hands: dict[str, Hand]) -> None:
     task = pinch(hands["dist"], edge=0.03, patch=0.01)
-    index, thumb = task.touches
+    index, thumb = task.contact_pairs
     assert (index.link, thumb.link) == ("index_distal", "thumb_distal")
     assert isinstance(index.hand, Cap)
     assert isinstance(index.object, Bezier)

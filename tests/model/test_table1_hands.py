@@ -7,7 +7,7 @@ import pytest
 from handfast.core.answer import Reach
 from handfast.model.hand.structures import TABLE_1, table_1_hand
 from handfast.synthesis.pinch import pinch
-from handfast.synthesis.queries import synthesize
+from handfast.synthesis.query import synthesize
 
 
 @pytest.mark.parametrize("name", list(TABLE_1))

@@ -65,7 +65,7 @@ def test_what_is_left_out_has_the_values_of_the_format(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.links[1].pose, [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
     np.testing.assert_allclose(read.links[2].pose[:3, :3] @ [1, 0, 0], [0, 1, 0], atol=1e-15)
     np.testing.assert_array_equal(read.links[2].pose[:3, 3], np.zeros(3))
-    assert [(c.joint, c.leader, c.ratio, c.offset) for c in read.couplings] == [(1, 0, 1.0, 0.0)]
+    assert [(c.joint, c.driver, c.ratio, c.offset) for c in read.couplings] == [(1, 0, 1.0, 0.0)]
 
 
 def test_a_hand_is_named_in_the_file_or_after_it(tmp_path: Path) -> None:

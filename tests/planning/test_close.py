@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
+from handfast.core.transforms import transform
 from handfast.geometry.contacts import contact_grasp
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.hand import Coupling, Hand, Joint, Link, load_hand
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, transform
+from handfast.model.shape import Shape
 from handfast.planning.closing import GAP, close
 from tests.support.places import SHARED
 

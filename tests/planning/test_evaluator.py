@@ -7,20 +7,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from handfast.core.transforms import transform
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap
-from handfast.model.shape import Shape, transform
+from handfast.model.shape import Shape
 from handfast.planning.evaluation.evaluator import DEEP, Allowed, Evaluator, GraspCandidate
 from handfast.planning.evaluation.steps import Steps
 from handfast.planning.rejection import RejectionReason
 from handfast.stability.loads import Loads
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.starts import Certified
-from handfast.synthesis.task import Task, Touch
+from handfast.synthesis.task import ContactPair, Task
+from handfast.synthesis.task_problem import TaskProblem
 
 X, Y, Z = np.eye(3)
 UP = Loads.wrench([0, 0, 1, 0, 0, 0], "up")  # onto the fingertip
@@ -54,8 +55,8 @@ def bench(
         Link("arm", 0, np.eye(4), (), (Shape("sphere", BALL, arm),)),
     )
     hand = Hand("slider", links, (slide,), Mechanism.direct(["slide"]), (), np.zeros(1))
-    task = Task.of(hand, (Touch("tip", Cap([0, 0, tip], tip, -Z, np.pi), groove(hollow)),))
-    problem = Problem.of(task)
+    task = Task.of(hand, (ContactPair("tip", Cap([0, 0, tip], tip, -Z, np.pi), groove(hollow)),))
+    problem = TaskProblem.of(task)
     value = {"quaternion:0": 1.0, "contact:0:s": 0.5, "contact:0:t": 0.5}
     x = np.array([value.get(label, 0.0) for label in problem.labels]) / problem.lengths
     solid = Body.of([Shape("box", (0.02, 0.02, 0.02), transform([0, 0.05, -0.01]))])

@@ -19,8 +19,8 @@ from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.verify_grasps import difference
 from handfast.stability.loads import Loads
-from handfast.synthesis.answers import Solution
 from handfast.synthesis.embedded import task_to_dict
+from handfast.synthesis.solution import Solution
 from tests.support.forged_grasps import (
     FORGED,
     LIMITS,

@@ -39,9 +39,9 @@ from handfast.planning.ranking.rank import BETTER, rank
 from handfast.planning.results.grasps import Grasps
 from handfast.stability.loads import Loads
 from handfast.synthesis.placed import whole
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.diverse import Walks
 from handfast.synthesis.search.starts import Starts
+from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip
 
 NAME = "scalpel-incision"
@@ -172,7 +172,7 @@ def test_a_task_without_an_object_needs_one() -> None:
 @pytest.fixture(scope="module")
 def bench() -> tuple[Evaluator, Walks, list[Any]]:
     task, body = load_task("teapot-service"), load_body("teapot")
-    problem = Problem.of(task)
+    problem = TaskProblem.of(task)
     evaluator = Evaluator(
         problem, Collisions(Scene(task.hand, body), cutoff=NEAR), Loads.gravity(body, "-y"), 0.5, Allowed()
     )
@@ -241,11 +241,13 @@ def test_non_contacting_fingers_move_out_of_the_way() -> None:
     narrow, body = load_task("teapot-service"), load_body("teapot")
     bent = {f"ring_{part}": (0.6, 1.3) for part in ("proximal", "middle", "distal")}
     limits = {n: (lo, hi) for n, (lo, hi) in zip(narrow.hand.joint_names, narrow.hand.limits.tolist(), strict=True)}
-    task = Task.of(load_hand("schunk-sah"), narrow.touches, limits=limits | bent, pose=narrow.pose, object="teapot")
+    task = Task.of(
+        load_hand("schunk-sah"), narrow.contact_pairs, limits=limits | bent, pose=narrow.pose, object="teapot"
+    )
     hand = task.hand
     fingers = NonContactingFingers(task, Collisions(Scene(hand, body), cutoff=NEAR))
     assert [{hand.joint_names[j].split("_")[0] for j in finger.joints} for finger in fingers.fingers] == [{"ring"}]
-    problem = Problem.of(task)
+    problem = TaskProblem.of(task)
     evaluator = Evaluator(problem, fingers.collisions, Loads.gravity(body, "-y"), 0.5, Allowed())
     helped = 0
     for certified in Starts(problem, 0).run(16):

@@ -21,8 +21,8 @@ from handfast.cli.plan import PlanGrasps
 from handfast.core.errors import InputError
 from handfast.core.parallel import START
 from handfast.planning.results.search_file import load_search
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.starts import Certified, Starts
+from handfast.synthesis.task_problem import TaskProblem
 
 TASK = "scalpel-incision"
 PLAN = ["plan", "barrett-bh8-280", "ball", "--seed", "5", "--count", "4"]
@@ -245,7 +245,7 @@ def test_a_search_does_not_go_on_from_what_is_not_so(
 
 
 def test_certified_configurations_come_back_from_their_proofs() -> None:
-    problem = Problem.of(load_task(TASK))
+    problem = TaskProblem.of(load_task(TASK))
     for certified in Starts(problem, 0).run(5):
         again = Certified.of(certified.existence(problem), problem)
         np.testing.assert_array_equal(again.x, certified.x)

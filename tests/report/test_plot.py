@@ -15,7 +15,8 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.report import words
-from handfast.report.plot import HELD, draw_grasp, draw_map, draw_scene, draw_sweep, picture, scene_meshes
+from handfast.report.drawing import draw_grasp, draw_scene, scene_meshes
+from handfast.report.plot import HELD, draw_map, draw_sweep, picture
 from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
 
 ORIGIN = np.zeros(3)

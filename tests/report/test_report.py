@@ -16,8 +16,9 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.report import Entry, words, write_report
 from handfast.report.words import num
+from handfast.stability.answers import CheckAnswer, MaxAnswer
 from handfast.stability.maps import Curve, MapAnswer
-from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum, torques
+from handfast.stability.queries import check, maximum, torques
 from handfast.stability.settings import Settings
 
 Y = np.eye(6)[1]

@@ -145,9 +145,9 @@ def test_a_task_alone_shows_hand_and_object_apart_and_the_same_every_time() -> N
 
 def test_without_a_mesh_the_regions_are_drawn() -> None:
     task = load_task("scalpel-upholding")
-    first = task.touches[0]
+    first = task.contact_pairs[0]
     ball = Cap(np.array([0.0, 0, 0.02]), 0.01, np.array([0.0, 0, 1]), 1.0)
-    bare = replace(task, object=None, touches=(replace(first, object=ball), *task.touches[1:]))
+    bare = replace(task, object=None, contact_pairs=(replace(first, object=ball), *task.contact_pairs[1:]))
     assert hue(draw_task(bare).axes[1].images[0].get_array(), OBJECT_REGION).any()
     with pytest.raises(InputError, match="no bundled object of that name"):
         draw_task(replace(task, object="spoon"))

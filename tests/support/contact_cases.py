@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.contacts import find_contacts
 from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, quaternion_matrix, transform
+from handfast.model.shape import Shape
 
 NO_MOTION = Mechanism((), np.zeros((0, 0)), np.zeros((0, 0)), ())
 

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from handfast.core.arrays import Array
+from handfast.core.transforms import transform
 from handfast.model.region import Bezier, Cap, Region
-from handfast.model.shape import transform
 from handfast.synthesis.task import Task
 
 
@@ -40,13 +40,13 @@ class Feasible:
 
     def points(self, task: Task) -> Array:
         """(b, 3) [m] contacts on the object, palm frame."""
-        pairs = zip(task.touches, self.parameters, strict=True)
+        pairs = zip(task.contact_pairs, self.parameters, strict=True)
         local = np.array([surface(t.object, p[:2])[0] for t, p in pairs])
         return local @ self.pose[:3, :3].T + self.pose[:3, 3]
 
     def normals(self, task: Task) -> Array:
         """(b, 3) unit normals of the hand at the contacts, into the object, palm frame."""
-        pairs = zip(task.touches, self.parameters, strict=True)
+        pairs = zip(task.contact_pairs, self.parameters, strict=True)
         return -np.array([surface(t.object, p[:2])[1] for t, p in pairs]) @ self.pose[:3, :3].T
 
     def slack(self, task: Task) -> float:
@@ -68,11 +68,11 @@ class Feasible:
             for i, (lo, hi) in enumerate(bounds):
                 room += [self.pose[i, k] - lo] if lo > -1 else []
                 room += [hi - self.pose[i, k]] if hi < 1 else []
-        for touch, parameters, normal in zip(task.touches, self.parameters, self.normals(task), strict=True):
+        for pair, parameters, normal in zip(task.contact_pairs, self.parameters, self.normals(task), strict=True):
             room += [x for p in parameters for x in (p, 1 - p)]
-            if isinstance(touch.hand, Cap):
-                axis = hand.link_poses(q)[hand.link(touch.link)][:3, :3] @ touch.hand.axis
-                room.append(touch.hand.half_angle - np.arccos(np.clip(axis @ normal, -1, 1)))
+            if isinstance(pair.hand, Cap):
+                axis = hand.link_poses(q)[hand.link(pair.link)][:3, :3] @ pair.hand.axis
+                room.append(pair.hand.half_angle - np.arccos(np.clip(axis @ normal, -1, 1)))
         return float(min(room))
 
 
@@ -84,16 +84,16 @@ def missed(task: Task, found: Feasible) -> float:
     q, hand = found.q(task), task.hand
     poses, worst = hand.link_poses(q), 0.0
     for c in hand.couplings:
-        worst = max(worst, abs(q[c.joint] - c.ratio * q[c.leader] - c.offset))
-    for touch, parameters, point, normal in zip(
-        task.touches, found.parameters, found.points(task), found.normals(task), strict=True
+        worst = max(worst, abs(q[c.joint] - c.ratio * q[c.driver] - c.offset))
+    for pair, parameters, point, normal in zip(
+        task.contact_pairs, found.parameters, found.points(task), found.normals(task), strict=True
     ):
-        pose = poses[hand.link(touch.link)]
-        if isinstance(touch.hand, Cap):  # the cap's point with that normal
-            local = touch.hand.center + touch.hand.sign * touch.hand.radius * (pose[:3, :3].T @ normal)
+        pose = poses[hand.link(pair.link)]
+        if isinstance(pair.hand, Cap):  # the cap's point with that normal
+            local = pair.hand.center + pair.hand.sign * pair.hand.radius * (pose[:3, :3].T @ normal)
             mine = normal
         else:
-            local, n = surface(touch.hand, parameters[2:])
+            local, n = surface(pair.hand, parameters[2:])
             mine = pose[:3, :3] @ n
         gap = float(np.linalg.norm(pose[:3, :3] @ local + pose[:3, 3] - point))
         sine = float(np.linalg.norm(np.cross(mine, normal))) if mine @ normal > 0 else 1.0

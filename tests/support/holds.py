@@ -8,7 +8,7 @@ import numpy as np
 
 from handfast.model.hand import load_hand
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis.task import Task, Touch
+from handfast.synthesis.task import ContactPair, Task
 
 OPEN = 0.08  # [m] between the gripper's fingertips when it is open: wider objects do not fit
 HARD = 0.1622  # [m] edge of a block at the end of what the Schunk hand can pinch: not decided within seconds
@@ -23,29 +23,29 @@ def square(side: float, y: float, half: float = 0.01) -> Bezier:
 
 def grip(width: float, **others: Any) -> Task:
     """A block of a given width between the round fingertips of the gripper; possible if 0 < width < OPEN."""
-    touches = []
+    pairs = []
     for side, link in ((1.0, "left_finger"), (-1.0, "right_finger")):
         tip = Cap((0, 0.005 * side, 0.045), 0.005, (0, -side, 0), 1.0)
-        touches.append(Touch(link, tip, square(side, side * width / 2)))
-    return Task.of(load_hand("parallel-gripper"), tuple(touches), name="grip", **others)
+        pairs.append(ContactPair(link, tip, square(side, side * width / 2)))
+    return Task.of(load_hand("parallel-gripper"), tuple(pairs), name="grip", **others)
 
 
 def flat_grip(width: float) -> Task:
     """The same with flat fingertips on parallel sides: possible, but each side turns the block the same way."""
-    touches = []
+    pairs = []
     for side, link in ((1.0, "left_finger"), (-1.0, "right_finger")):
         points = np.array([[[u, 0, v] for v in (0.03, 0.06)] for u in (-0.01, 0.01)])
-        touches.append(Touch(link, Bezier(points, flip=side < 0), square(side, side * width / 2)))
-    return Task.of(load_hand("parallel-gripper"), tuple(touches), name="flat")
+        pairs.append(ContactPair(link, Bezier(points, flip=side < 0), square(side, side * width / 2)))
+    return Task.of(load_hand("parallel-gripper"), tuple(pairs), name="flat")
 
 
 def pinch(edge: float = 0.03, **others: Any) -> Task:
     """A block between index finger and thumb of the Schunk hand: many ways."""
-    touches = []
+    pairs = []
     for side, link in ((1.0, "index_distal"), (-1.0, "thumb_distal")):
         tip = Cap((0.02, 0, 0), 0.013, (0.5, 0, 0.87), 1.0)
-        touches.append(Touch(link, tip, square(side, side * edge / 2)))
-    return Task.of(load_hand("schunk-sah"), tuple(touches), name="pinch", **others)
+        pairs.append(ContactPair(link, tip, square(side, side * edge / 2)))
+    return Task.of(load_hand("schunk-sah"), tuple(pairs), name="pinch", **others)
 
 
 def grip_file(width: float = 0.05) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.paper.patch_form import cap_parameters
-from handfast.synthesis.task import PoseBounds, Task, Touch
+from handfast.synthesis.task import ContactPair, PoseBounds, Task
 
 X, Y, Z = np.eye(3)
 HOME = np.eye(4)
@@ -36,7 +36,7 @@ class Planted:
         return np.array(
             [
                 [x for r, at in zip((t.hand, t.object), spots, strict=True) for x in parameters(r, at)]
-                for t, spots in zip(self.task.touches, self.spots, strict=True)
+                for t, spots in zip(self.task.contact_pairs, self.spots, strict=True)
             ]
         )
 
@@ -125,7 +125,7 @@ def moved(region: Region, T: Array) -> Region:
 
 def plant(
     hand: Hand,
-    touches: Sequence[tuple[str, Region, Region]],
+    contact_pairs: Sequence[tuple[str, Region, Region]],
     rng: np.random.Generator,
     *,
     q: Array | None = None,
@@ -136,10 +136,10 @@ def plant(
     if q is None:
         q = np.array([rng.uniform(j.lower, j.upper) for j in hand.joints])
         for c in hand.couplings:
-            q[c.joint] = c.offset + (c.ratio * q[c.leader] if c.leader >= 0 else 0.0)
+            q[c.joint] = c.offset + (c.ratio * q[c.driver] if c.driver >= 0 else 0.0)
     T = pose(rng.normal(0, 0.1, 3), turn(rng)) if object_pose is None else object_pose
     poses, placed, spots = hand.link_poses(q), [], []
-    for link, on_hand, on_object in touches:
+    for link, on_hand, on_object in contact_pairs:
         L = poses[hand.link(link)]
         h, point, normal = spot(on_hand, rng)
         o, landing, up = spot(on_object, rng)
@@ -147,6 +147,6 @@ def plant(
         target = T[:3, :3].T @ (L[:3, :3] @ point + L[:3, 3] - T[:3, 3])
         twist = between(up, -(R @ normal))
         M = pose(target - twist @ landing, twist)
-        placed.append(Touch(link, on_hand, moved(on_object, M)))
+        placed.append(ContactPair(link, on_hand, moved(on_object, M)))
         spots.append((h, twist @ o if isinstance(on_object, Cap) else o))
     return Planted(Task.of(hand, tuple(placed), pose=bounds), q, T, spots)

@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from handfast.core import bundled
 from handfast.core.arrays import Array
+from handfast.core.transforms import transform
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.region import Bezier, Cap, Region
-from handfast.model.shape import transform
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible, missed
@@ -66,7 +66,7 @@ def test_they_are_the_nine_of_table_2() -> None:
 @pytest.mark.parametrize("name", LINKS)
 def test_contacts_limits_and_object(name: str) -> None:
     t = task(name)
-    assert tuple(touch.link for touch in t.touches) == LINKS[name]
+    assert tuple(pair.link for pair in t.contact_pairs) == LINKS[name]
     assert (t.name, t.hand.source, t.object) == (name, "schunk-sah", name.split("-")[0])
     assert [(c.ratio, c.offset) for c in t.hand.couplings] == [(1.0, 0.0)] * 4  # distal = middle, of every finger
     for joint in t.hand.joints:
@@ -102,13 +102,13 @@ def test_what_is_wrong_is_seen() -> None:
     assert missed(t, turned) > 1e-9
     loose = found.joints | {"thumb_distal": found.joints["thumb_distal"] + 1e-6}
     assert missed(t, replace(found, joints=loose)) > 5e-7
-    first = t.touches[0]
+    first = t.contact_pairs[0]
     assert isinstance(first.object, Bezier)
     inside = replace(first, object=Bezier(first.object.points, not first.object.flip))
-    assert missed(replace(t, touches=(inside, *t.touches[1:])), found) > 0.01
+    assert missed(replace(t, contact_pairs=(inside, *t.contact_pairs[1:])), found) > 0.01
     assert isinstance(first.hand, Cap)
     narrow = replace(first, hand=replace(first.hand, half_angle=0.05))
-    assert replace(found, joints=found.joints).slack(replace(t, touches=(narrow, *t.touches[1:]))) < 0
+    assert replace(found, joints=found.joints).slack(replace(t, contact_pairs=(narrow, *t.contact_pairs[1:]))) < 0
     beyond = replace(found, parameters=[[1.1, 0.5], *found.parameters[1:]])
     assert beyond.slack(t) < 0
     assert replace(found, joints=found.joints | {"thumb_base": 1.6}).slack(t) < 0
@@ -147,15 +147,15 @@ def off_surface(region: Bezier, solid: Body) -> tuple[float, float]:
 
 @pytest.mark.parametrize("name", LINKS)
 def test_object_regions_lie_on_the_object(name: str) -> None:
-    for touch in task(name).touches:
-        assert isinstance(touch.object, Bezier)
-        far, least = off_surface(touch.object, body(task(name).object or ""))
+    for pair in task(name).contact_pairs:
+        assert isinstance(pair.object, Bezier)
+        far, least = off_surface(pair.object, body(task(name).object or ""))
         assert far < NEAR
         assert least > ALIGNED
 
 
 def test_a_region_off_the_surface_is_seen() -> None:
-    region, teapot = task("teapot-service").touches[0].object, body("teapot")
+    region, teapot = task("teapot-service").contact_pairs[0].object, body("teapot")
     assert isinstance(region, Bezier)
     outwards = samples(region)[1].mean(axis=0)
     for shift in (-0.001, 0.001):
@@ -170,26 +170,26 @@ def test_a_region_off_the_surface_is_seen() -> None:
 def test_hand_regions_lie_on_the_hand(name: str) -> None:
     """On the fingertip's ball, on the middle phalanx, on the palm's front or on the ball at the index root."""
     t = task(name)
-    for touch in t.touches:
-        link = t.hand.links[t.hand.link(touch.link)]
-        if isinstance(touch.hand, Cap):
+    for pair in t.contact_pairs:
+        link = t.hand.links[t.hand.link(pair.link)]
+        if isinstance(pair.hand, Cap):
             where = np.eye(4)
-            if touch.link == "palm":  # the ball turns about its centre with the finger
+            if pair.link == "palm":  # the ball turns about its centre with the finger
                 link = t.hand.links[t.hand.link("index_proximal")]
                 rest = np.array([(j.lower + j.upper) / 2 for j in t.hand.joints])
                 where = t.hand.link_poses(rest)[t.hand.link("index_proximal")]
             balls = [
                 (where[:3, :3] @ s.pose[:3, 3] + where[:3, 3], s.size[0]) for s in link.shapes if s.kind == "sphere"
             ]
-            assert any(np.allclose(touch.hand.center, c, atol=1e-9) and touch.hand.radius == r for c, r in balls)
+            assert any(np.allclose(pair.hand.center, c, atol=1e-9) and pair.hand.radius == r for c, r in balls)
         else:
-            points, normals = samples(touch.hand)
+            points, normals = samples(pair.hand)
             for shape in link.shapes:
                 if shape.kind in ("box", "cylinder"):
                     assert np.abs(shape.depth(points)).max() < 1e-4
                     assert (shape.depth(points + 1e-3 * normals) < -8e-4).all() or shape.kind == "box"
                     assert (shape.depth(points - 1e-3 * normals) > 8e-4).all()
-        assert 4e-4 < area(touch.hand) < 7e-4  # about 40 % of the fingertip
+        assert 4e-4 < area(pair.hand) < 7e-4  # about 40 % of the fingertip
 
 
 def area(region: Region) -> float:

@@ -61,7 +61,7 @@ def same(a: Task, b: Task) -> None:
     assert np.array_equal(a.hand.mechanism.A, b.hand.mechanism.A)
     assert np.array_equal(a.pose.axes, b.pose.axes)
     assert np.array_equal(a.pose.position, b.pose.position)
-    for s, t in zip(a.touches, b.touches, strict=True):
+    for s, t in zip(a.contact_pairs, b.contact_pairs, strict=True):
         for r, q in ((s.hand, t.hand), (s.object, t.object)):
             assert type(r) is type(q)
             assert r.flip == q.flip
@@ -81,21 +81,23 @@ def test_what_the_file_says() -> None:
     q = hand.configuration({"middle_proximal": 0.4, "index_middle": 0.3})
     assert q[hand.joint("ring_proximal")] == pytest.approx(0.2)  # the task's coupling
     assert q[hand.joint("index_distal")] == pytest.approx(0.3)  # the hand's own
-    assert [t.link for t in task.touches] == ["index_distal", "thumb_distal"]
+    assert [t.link for t in task.contact_pairs] == ["index_distal", "thumb_distal"]
     assert task.pose.axes[2, 2].tolist() == [0.9, 1.0]
     assert np.isinf(task.pose.position).all()
-    assert isinstance(task.touches[0].hand, Cap)
-    assert task.touches[0].hand.axis == pytest.approx(np.array([0.14, 0, 0.99]) / np.hypot(0.14, 0.99))
-    patch = task.touches[0].object
+    assert isinstance(task.contact_pairs[0].hand, Cap)
+    assert task.contact_pairs[0].hand.axis == pytest.approx(np.array([0.14, 0, 0.99]) / np.hypot(0.14, 0.99))
+    patch = task.contact_pairs[0].object
     assert isinstance(patch, Bezier)
     assert patch.at(1.0, 0.0) == pytest.approx([0.01, 0, 0])
 
 
 def test_flip_in_the_region_or_beside_it() -> None:
-    region = from_dict(MINIMAL).touches[1].hand
+    region = from_dict(MINIMAL).contact_pairs[1].hand
     assert isinstance(region, Bezier)
     assert region.normal(0.5, 0.5)[2] < 0
-    beside = from_dict(changed("contacts.0.object", {"region": {"bezier": SQUARE}, "flip": True})).touches[0].object
+    beside = (
+        from_dict(changed("contacts.0.object", {"region": {"bezier": SQUARE}, "flip": True})).contact_pairs[0].object
+    )
     assert isinstance(beside, Bezier)
     assert beside.normal(0.5, 0.5)[2] < 0
     both = changed("contacts.0.object", {"region": {"bezier": SQUARE, "flip": True}, "flip": True})
@@ -282,7 +284,7 @@ def test_refusals_agree_with_sampling() -> None:
 @pytest.mark.parametrize(("name", "contacts"), [("upholding", 2), ("handling", 3), ("service", 3)])
 def test_the_authors_tasks_load(name: str, contacts: int, tmp_path: Path) -> None:
     task = load_task(SHARED / f"{name}.json")
-    assert (task.name, len(task.touches)) == (name, contacts)
-    assert all(isinstance(t.hand, Cap) and isinstance(t.object, Bezier) for t in task.touches)
+    assert (task.name, len(task.contact_pairs)) == (name, contacts)
+    assert all(isinstance(t.hand, Cap) and isinstance(t.object, Bezier) for t in task.contact_pairs)
     save_task(task, tmp_path / f"{name}.json")
     same(task, load_task(tmp_path / f"{name}.json"))

@@ -91,7 +91,7 @@ class Close(SceneOptions, Command):
                 save_grasp(grasp, self.grasp, force=self.force)
             if self.report:
                 from handfast.report import write_report
-                from handfast.report.plot import scene_meshes
+                from handfast.report.drawing import scene_meshes
 
                 meshes = scene_meshes(hand, closed.q, body, placed.pose)
                 write_report(self.report, grasp, [], meshes=meshes, force=self.force)

@@ -62,7 +62,7 @@ class Contacts(SceneOptions, Command):
             save_grasp(grasp, self.output, force=self.force)
         if self.report:
             from handfast.report import write_report
-            from handfast.report.plot import scene_meshes
+            from handfast.report.drawing import scene_meshes
 
             meshes = scene_meshes(hand, q, body, placed.pose)
             write_report(self.report, grasp, [], meshes=meshes, force=self.force)

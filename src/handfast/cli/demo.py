@@ -93,7 +93,7 @@ def build() -> tuple[Grasp, list[Mesh]]:
     from handfast.geometry.contacts import contact_grasp
     from handfast.model.body import load_body
     from handfast.model.hand import load_hand
-    from handfast.report.plot import scene_meshes
+    from handfast.report.drawing import scene_meshes
 
     placed = load_placed(CONFIGURATION)
     hand, q = placed.applied(load_hand(placed.hand or HAND))

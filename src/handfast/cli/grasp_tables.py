@@ -40,8 +40,8 @@ def tally_rows(tally: Tally, passed: str, reasons: Sequence[RejectionReason]) ->
 def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = ()) -> None:
     out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", sentence(answer)))
     task, body = answer.task, answer.body
-    links = ", ".join(t.link for t in task.touches)
-    about = f"{task.hand.name} on {body.name}, {words.count(len(task.touches), 'contact')}: {links}"
+    links = ", ".join(t.link for t in task.contact_pairs)
+    about = f"{task.hand.name} on {body.name}, {words.count(len(task.contact_pairs), 'contact')}: {links}"
     out.print(f"{task.name}: {about}" if task.name else about, style="dim")
     out.print(loads_text(answer), style="dim")
     if answer.grasps:
@@ -60,7 +60,7 @@ def sentence(answer: Grasps) -> str:
         why = WHY.get(answer.stop, "the search came to its end")
         nothing = "no certified configuration holds" if answer.tally.total else "no configuration was found"
         line = " Two point contacts hold no torque about the line between them, hence hardly any weight."
-        pinch = line if len(answer.task.touches) == 2 and answer.tally[RejectionReason.UNBALANCED] else ""
+        pinch = line if len(answer.task.contact_pairs) == 2 and answer.tally[RejectionReason.UNBALANCED] else ""
         return f"{nothing[0].upper()}{nothing[1:]} so far, {seconds}; {why}.{pinch}"
     s, loads = "s" if n == 1 else "", words.count(len(answer.loads), "load")
     which = f"{words.count(n, 'grasp')} that exist{s}, collide{s} with nothing and hold{s} {loads}"

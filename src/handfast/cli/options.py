@@ -254,12 +254,12 @@ def check_folder(path: Path | None) -> None:
 
 def load_solvable(name: str) -> Task:
     """A task by path or name whose limits and couplings leave something; the faults name it."""
-    from handfast.model.hand.coupling import leader_ranges
+    from handfast.model.hand.coupling import driver_ranges
     from handfast.synthesis.task_file import load_task
 
     task = load_task(name)
     try:
-        leader_ranges(task.hand, task.involved.tolist())
+        driver_ranges(task.hand, task.involved.tolist())
     except InputError as fault:
         raise fault.at(name) from None
     return task

@@ -55,7 +55,9 @@ def task_json(task: Task) -> dict[str, Any]:
 
 def show_task_question(out: Console, task: Task, *, proved: bool) -> None:
     """The question of a synthesis."""
-    asked = f"hand '{task.hand.name}' on {words.count(len(task.touches), 'pair')} of regions, in limits and bounds"
+    asked = (
+        f"hand '{task.hand.name}' on {words.count(len(task.contact_pairs), 'pair')} of regions, in limits and bounds"
+    )
     out.print(f"\n{_opening(proved)} {asked}", soft_wrap=True)
     told = f"relative to task '{task.name}' sha256 {task_json(task)['task']['sha256'][:DIGITS]}…"
     out.print(told, style="dim", soft_wrap=True)

@@ -18,9 +18,10 @@ from handfast.report.words import count as counted
 from handfast.report.words import num, vector
 
 if TYPE_CHECKING:
-    from handfast.synthesis.answers import Replayed, Searched, Solution, Synthesis
-    from handfast.synthesis.queries import Progress
-    from handfast.synthesis.result_file import Saved
+    from handfast.synthesis.query import SynthesisProgress
+    from handfast.synthesis.solution import Solution
+    from handfast.synthesis.synthesis_answer import ReplayedSynthesis, Searched, Synthesis
+    from handfast.synthesis.synthesis_file import SavedSynthesis
     from handfast.synthesis.task import Task
 
 STYLE = {Reach.FOUND: "bold green", Reach.NONE: "bold red", Reach.UNDECIDED: "bold yellow"}
@@ -36,8 +37,8 @@ WHY = {
 def show_synthesis(out: Console, answer: Synthesis, wanted: int, written: Sequence[Path] = ()) -> None:
     out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", _sentence(answer, wanted)))
     task = answer.task
-    links = ", ".join(t.link for t in task.touches)
-    about = f"{counted(len(task.touches), 'contact')} of {task.hand.name}: {links}"
+    links = ", ".join(t.link for t in task.contact_pairs)
+    about = f"{counted(len(task.contact_pairs), 'contact')} of {task.hand.name}: {links}"
     out.print(f"{task.name}: {about}" if task.name else about, style="dim")
     if answer.searched:
         out.print(_searched_text(answer.searched, answer.verdict), style="dim")
@@ -76,8 +77,8 @@ def show_solution(out: Console, solution: Solution) -> None:
     at, turn = vector(1e3 * np.array(place.position), 5), vector(place.quaternion, 4)
     out.print(f"Object at {at} mm in the palm frame, turned by the quaternion {turn} (w, x, y, z).")
     grid = table("#", "link", "point [mm]", "normal into the object")
-    for k, touch in enumerate(task.touches):
-        grid.add_row(str(k), touch.link, vector(1e3 * solution.points[k], 4), vector(solution.normals[k]))
+    for k, pair in enumerate(task.contact_pairs):
+        grid.add_row(str(k), pair.link, vector(1e3 * solution.points[k], 4), vector(solution.normals[k]))
     out.print()
     out.print(grid)
     tight = sorted(solution.slacks.items(), key=lambda item: item[1])[:3]
@@ -93,11 +94,11 @@ def show_solution(out: Console, solution: Solution) -> None:
     )
 
 
-def show_replayed(out: Console, saved: Saved, done: Replayed) -> None:
+def show_replayed(out: Console, saved: SavedSynthesis, done: ReplayedSynthesis) -> None:
     """Which proofs of a saved synthesis were accepted."""
     answer = saved.synthesis
     word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
-    if done.ok and not done.reports:
+    if done.ok and answer.verdict is Reach.UNDECIDED:
         word, style = "NOTHING CLAIMED", "bold yellow"
     of = f" of {answer.task.name}" if answer.task.name else ""
     out.print(Text.assemble((word, style), "  ", f"synthesis{of}: {answer.verdict.upper()}, stop {answer.stop}"))
@@ -109,11 +110,13 @@ def show_replayed(out: Console, saved: Saved, done: Replayed) -> None:
             grid.add_row(str(k), f"{r.contraction:.1e}", f"{r.gap:.1e}", "proved" if r.ok else "refused")
         out.print()
         out.print(grid)
+    if done.ok and answer.verdict is Reach.NONE:
+        out.print(f"No configuration exists: {done.replayed[0]}.", soft_wrap=True)
     show_task_question(out, answer.task, proved=word == "PROVED")
     out.print(f"{num(done.seconds, 2)} s, by interval arithmetic without the search", style="dim")
 
 
-def progress_text(progress: Progress) -> str:
+def progress_text(progress: SynthesisProgress) -> str:
     """One line while it runs."""
     text = f"{counted(progress.starts, 'start')}"
     if progress.wanted > 1 or progress.found:
@@ -130,7 +133,7 @@ def slack_text(task: Task, label: str, slack: float) -> str:
     straight = kind == "joint" and task.hand.joints[task.hand.joint(name)].type == "prismatic"
     if kind == "position" or straight:
         return f"{num(1e3 * slack, 3)} mm"
-    on_cap = name.endswith(":s") and isinstance(task.touches[int(name.split(":")[0])].object, Cap)
+    on_cap = name.endswith(":s") and isinstance(task.contact_pairs[int(name.split(":")[0])].object, Cap)
     if kind == "joint" or name.endswith(":cone") or on_cap:
         return f"{num(np.degrees(slack), 3)}°"
     return num(slack, 3)

@@ -46,7 +46,7 @@ class Synthesize(Command):
 
     def run(self) -> int:
         from handfast.cli import synthesis_tables
-        from handfast.synthesis.queries import synthesize
+        from handfast.synthesis.query import synthesize
 
         task = load_solvable(self.task)
         if self.count < 1:

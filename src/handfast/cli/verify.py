@@ -31,7 +31,7 @@ class Verify(Command):
         from handfast.planning.results.verify_grasps import ReplayedGrasps
         from handfast.saved import load, verify
         from handfast.stability.certify.replay import Verified
-        from handfast.synthesis.answers import Replayed
+        from handfast.synthesis.synthesis_answer import ReplayedSynthesis
 
         what = load(self.result)
         done = verify(what)
@@ -39,10 +39,10 @@ class Verify(Command):
             said = done.to_json()
             if isinstance(done, Verified):
                 said["question"] = question_json(what.question)
-            elif isinstance(done, Replayed):
+            elif isinstance(done, ReplayedSynthesis):
                 said["question"] = task_json(what.synthesis.task)
             console.print_json(said)
-        elif isinstance(done, Replayed):
+        elif isinstance(done, ReplayedSynthesis):
             synthesis_tables.show_replayed(console.out(), what, done)
         elif isinstance(done, ReplayedGrasps):
             grasp_tables.show_replayed_grasps(console.out(), what, done)

@@ -61,7 +61,14 @@ def header(answer: Timed, query: str) -> dict[str, Any]:
 
 
 class Checked:
-    """What a replayed answer has: `seconds` of wall time, and why it is not all proved, one line, '' if it is."""
+    """What `verify()` of every answer returns.
+
+    Attributes:
+        seconds: wall time.
+        reason: why not all that is claimed is proved: one line; '' if it is.
+        replayed, not_replayed: what was replayed and found right, and what of the answer cannot be, a line each; the
+            kinds of answers have them as fields or as properties.
+    """
 
     seconds: float
     reason: str

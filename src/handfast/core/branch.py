@@ -3,12 +3,12 @@
 Guarantee: if `examine` never drops a solution, then between any two steps every solution in the roots lies
 in a final, an unfinished or a pending region, and once nothing is pending in a final or an unfinished one.
 
-A `Search` is an iterator of immutable states. Limits, progress bars and checkpoints live outside of it:
+A `BranchAndPrune` is an iterator of immutable states. Limits, progress bars and checkpoints live outside of it:
 
     for state in search:
         if state.nodes >= 1000 or time.monotonic() > end:
             break
-    checkpoint = search.save()          # Search.restored(domain, checkpoint) goes on where this one stopped
+    checkpoint = search.save()          # BranchAndPrune.restored(domain, checkpoint) goes on where this one stopped
 
 A loop that is left (break, Ctrl-C, an exception out of `examine`) loses no region; a new loop over the same
 search goes on. With one worker or several, a run that is interrupted and resumed takes the same steps as one
@@ -97,7 +97,7 @@ class Order(StrEnum):
     BEST = "best"  # the smallest key
 
 
-class View(Sequence[R]):
+class Prefix(Sequence[R]):
     """The first items of a list that only grows: as immutable as a tuple, without the copy."""
 
     def __init__(self, items: list[R], length: int) -> None:
@@ -116,11 +116,11 @@ class View(Sequence[R]):
         return self._items[range(self._length)[index]]
 
     def __repr__(self) -> str:
-        return f"View({list(self)!r})"
+        return f"Prefix({list(self)!r})"
 
 
 @dataclass(frozen=True)
-class State(Generic[R]):
+class BranchState(Generic[R]):
     """Where a search stands after a step.
 
     Attributes:
@@ -152,15 +152,15 @@ class Node(NamedTuple):
     region: Any
 
 
-class Official(NamedTuple):
+class Committed(NamedTuple):
     """All that a step changes beside the three lists: replaced by one assignment, so never half done."""
 
-    state: State[Any]
+    state: BranchState[Any]
     flight: tuple[Node, ...]  # taken from the queue, being examined or to be examined next
     serial: int  # of the next new region; anything that bears it or a later one is not official
 
 
-class Saved(Strict):
+class SavedBranchAndPrune(Strict):
     """A search as JSON-able data."""
 
     schema_: Literal["handfast/search/1"] = Field(alias="schema")
@@ -176,7 +176,7 @@ class Saved(Strict):
     unfinished: list[Any]
 
 
-class Search(Generic[R]):
+class BranchAndPrune(Generic[R]):
     """A branch and prune search: iterate over it for its states.
 
     Args:
@@ -205,14 +205,16 @@ class Search(Generic[R]):
         self._queue: list[tuple[float, int, Node]] = []
         self._finals: list[R] = []
         self._unfinished: list[R] = []
-        state: State[R] = State(0, 0, 0, len(roots), 0.0, View(self._finals, 0), View(self._unfinished, 0))
+        state: BranchState[R] = BranchState(
+            0, 0, 0, len(roots), 0.0, Prefix(self._finals, 0), Prefix(self._unfinished, 0)
+        )
         for node in self._nodes(roots, 0, 0):
             self._push(node)
-        self._now = Official(state, (), len(roots))
+        self._now = Committed(state, (), len(roots))
         self._loop = object()
 
     @property
-    def state(self) -> State[R]:
+    def state(self) -> BranchState[R]:
         """The state after the latest step."""
         return self._now.state
 
@@ -222,7 +224,7 @@ class Search(Generic[R]):
         self._settle()
         return [node.region for node in (*self._now.flight, *self._waiting())]
 
-    def __iter__(self) -> Iterator[State[R]]:
+    def __iter__(self) -> Iterator[BranchState[R]]:
         """Step by step until nothing is pending; only the latest loop over a search may go on."""
         self._settle()
         loop = self._loop = object()
@@ -272,18 +274,18 @@ class Search(Generic[R]):
                     self._push(child)
             case _:
                 raise TypeError(f"examine returned {type(outcome).__name__}, which is no outcome")
-        after = State(
+        after = BranchState(
             state.steps + 1,
             state.nodes + outcome.nodes,
             deepest,
             state.pending - 1 + found,
             state.discarded + share(node.region) - left,
-            View(self._finals, len(self._finals)),
-            View(self._unfinished, len(self._unfinished)),
+            Prefix(self._finals, len(self._finals)),
+            Prefix(self._unfinished, len(self._unfinished)),
             node.region,
             outcome,
         )
-        self._now = Official(after, flight[1:], serial + found)
+        self._now = Committed(after, flight[1:], serial + found)
 
     def _settle(self) -> None:
         """Take back what a step did that was broken off (Ctrl-C) before it counted."""
@@ -336,13 +338,13 @@ class Search(Generic[R]):
     @classmethod
     def restored(
         cls, domain: Domain[R], data: Any, *, key: Callable[[R], float] | None = None, workers: int = 1
-    ) -> Search[R]:
+    ) -> BranchAndPrune[R]:
         """A saved search, ready to go on.
 
         Raises:
             InputError: not what `save` returns, naming the field.
         """
-        saved = validate(Saved, data)
+        saved = validate(SavedBranchAndPrune, data)
         serials = [serial for serial, _, _ in saved.flight + saved.queue]
         if len(set(serials)) < len(serials) or not all(0 <= serial < saved.serial for serial in serials):
             problem = f"holds a serial number twice or out of 0 to {saved.serial - 1}"
@@ -361,10 +363,10 @@ class Search(Generic[R]):
             depth=saved.depth,
             pending=len(flight) + len(queue),
             discarded=saved.discarded,
-            finals=View(search._finals, len(search._finals)),
-            unfinished=View(search._unfinished, len(search._unfinished)),
+            finals=Prefix(search._finals, len(search._finals)),
+            unfinished=Prefix(search._unfinished, len(search._unfinished)),
         )
         for node in queue:
             search._push(node)
-        search._now = Official(state, tuple(flight), saved.serial)
+        search._now = Committed(state, tuple(flight), saved.serial)
         return search

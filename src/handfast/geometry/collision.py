@@ -19,10 +19,11 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.core.transforms import transform
 from handfast.geometry.scene import HandObjectPair, Scene, checked_pose
 from handfast.model.grasp import unit
 from handfast.model.hand.coupling import coupled
-from handfast.model.shape import Shape, transform
+from handfast.model.shape import Shape
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

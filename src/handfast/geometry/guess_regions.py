@@ -16,6 +16,7 @@ import numpy as np
 from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.transforms import normal_frame
 from handfast.geometry.region_fit import fit
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegion, HandRegions, Role, load_hand_regions
@@ -131,8 +132,9 @@ def _facing(hand: Hand, q: Array, link: int) -> tuple[Array, Array]:
     speed = hand.closing[j] * hand.jacobian(link, middle, q)[:, j]
     arm = middle - (origins[j] if hand.joints[j].type == "revolute" else 0)
     if np.linalg.norm(speed) < 1e-9:  # a link on its own axis
-        speed = np.cross(hand.closing[j] * axes[j], np.eye(3)[np.abs(axes[j]).argmin()])
-    facing = speed / np.linalg.norm(speed)
+        facing = normal_frame(hand.closing[j] * axes[j])[:, 1]
+    else:
+        facing = speed / np.linalg.norm(speed)
     arm = arm - (arm @ facing) * facing - (arm @ axes[j]) * axes[j] * (hand.joints[j].type == "revolute")
     outward = arm / max(float(np.linalg.norm(arm)), 1e-12)
     return pose[:3, :3].T @ facing, pose[:3, :3].T @ outward

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.transforms import normal_frame
 from handfast.model.shape import Shape
 
 FLAT = 1e-4  # [m] what is this near to the outermost plane of a solid belongs to its face
@@ -21,11 +22,7 @@ def patch(a: Shape, b: Shape, normal: Array, middle: Array) -> Array:
             it is the answer where a point touches.
     """
     n = np.asarray(normal)
-    e = np.zeros(3)
-    e[np.argmin(np.abs(n))] = 1.0
-    u = np.cross(n, e)
-    u /= np.linalg.norm(u)
-    plane = np.column_stack([u, np.cross(n, u)])  # (3, 2)
+    plane = normal_frame(n)[:, 1:].copy()  # (3, 2)
     first = outline((a.feature(n, FLAT) - middle) @ plane)
     second = outline((b.feature(-n, FLAT) - middle) @ plane)
     if len(first) == 1 or len(second) == 1:

@@ -9,6 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
+from handfast.core.transforms import normal_frame
 from handfast.model.region import Bezier, bernstein
 from handfast.model.shape import Faces
 
@@ -191,9 +192,7 @@ def _frame(area: Array, outline: Array) -> Array:
         what = f"turns by {turned:.0f} degrees from its mean direction, like a hemisphere or more"
         problem = f"{what}; up to {most:.0f} can be fitted"
         raise InputError(problem, field="selection")
-    e1 = np.cross(up, np.eye(3)[np.abs(up).argmin()])
-    e1 /= np.linalg.norm(e1)
-    plane = np.array([e1, np.cross(up, e1)])
+    plane = np.array([*normal_frame(up).T[1:]])
     flat = outline @ plane.T
     hull = flat[ConvexHull(flat).vertices]
     best: tuple[float, Array] | None = None

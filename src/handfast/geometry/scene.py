@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.quiet import quiet
+from handfast.core.transforms import matrix_quaternion, quaternion_matrix, rigid, transform
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
-from handfast.model.shape import Shape, quaternion_matrix, rigid, transform
+from handfast.model.shape import Shape
 
 Indices = NDArray[np.intp]
 
@@ -237,7 +238,7 @@ def _compile(mujoco: Any, shapes: list[Shape]) -> Any:
     spec = mujoco.MjSpec()
     spec.option.ccd_tolerance = 1e-9
     for i, s in enumerate(shapes):
-        w = _quaternion(s.pose[:3, :3])
+        w = matrix_quaternion(s.pose[:3, :3])
         common: dict[str, Any] = {"pos": s.pose[:3, 3], "quat": w}
         body = spec.worldbody.add_body(name=f"body_{i}")
         match s.kind:
@@ -262,13 +263,6 @@ def _compile(mujoco: Any, shapes: list[Shape]) -> Any:
             return spec.compile()
     except (ValueError, mujoco.FatalError) as fault:
         raise InputError(f"a solid cannot be used for collision ({' '.join(str(fault).split())})") from None
-
-
-def _quaternion(R: Array) -> Array:
-    """(4,) unit quaternion (w, x, y, z) of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(R).as_quat(scalar_first=True)
 
 
 def checked_pose(pose: object) -> Array:

@@ -19,8 +19,9 @@ from pydantic import Field, model_validator
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Positive, Strict, Vector, read_json, validate
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.mesh_pieces import mesh_pieces
-from handfast.model.shape import Shape, quaternion_matrix, transform
+from handfast.model.shape import Shape
 
 Sizes = tuple[Positive, Positive, Positive]
 

@@ -17,6 +17,7 @@ from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, read_json, validate, write_text
+from handfast.core.transforms import matrix_quaternion
 from handfast.model.body_file import PoseFile
 from handfast.model.hand.hand import Hand
 
@@ -43,10 +44,7 @@ class Configuration(Strict):
     @classmethod
     def of(cls, hand: Hand, q: Array, object_pose: Array, /, **others: Any) -> Configuration:
         """The configuration of a hand at q (l,) with the object at a pose (4, 4) in its base frame."""
-        from scipy.spatial.transform import Rotation
-
-        turn = Rotation.from_matrix(object_pose[:3, :3]).as_quat(canonical=True, scalar_first=True)
-        pose = PoseFile(position=tuple(object_pose[:3, 3]), quaternion=tuple(turn))
+        pose = PoseFile(position=tuple(object_pose[:3, 3]), quaternion=tuple(matrix_quaternion(object_pose[:3, :3])))
         return cls(schema="handfast/configuration/1", joints=hand.values(q), object_pose=pose, **others)
 
     @property

@@ -19,7 +19,7 @@ Vector = tuple[float, float, float]
 Many = Field(max_length=LARGEST)  # what is longer is refused before anything is made of it; `Grasp` looks closer
 
 
-class ContactEntry(Strict):
+class GraspContactEntry(Strict):
     position: Vector
     normal: Vector
     friction: float
@@ -27,7 +27,7 @@ class ContactEntry(Strict):
     depth: float = 0.0
 
 
-class JointEntry(Strict):
+class GraspJointEntry(Strict):
     name: str
     type: Literal["revolute", "prismatic"] = "revolute"
     axis: Vector
@@ -51,8 +51,8 @@ class GraspFile(Strict):
 
     format: Literal["handfast/grasp/1"] = Field(alias="schema")
     name: str | None = None
-    contacts: Annotated[list[ContactEntry], Many]
-    joints: Annotated[list[JointEntry], Many] = Field(default_factory=list)
+    contacts: Annotated[list[GraspContactEntry], Many]
+    joints: Annotated[list[GraspJointEntry], Many] = Field(default_factory=list)
     mechanism: MechanismEntry | None = None
     preload: dict[str, float] = Field(default_factory=dict)
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.transforms import rigid
 from handfast.model.decompose import decompose
-from handfast.model.shape import Faces, Shape, read_mesh, refuse_far, rigid, volume_and_centroid
+from handfast.model.shape import Faces, Shape, read_mesh, refuse_far, volume_and_centroid
 
 CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.core.transforms import normal_frame
 
 DEEPEST = 6  # halvings in each parameter before a patch whose normal cannot be told from zero is refused
 VANISHES = 1e-9  # a normal this much shorter than the longest one is none
@@ -137,12 +138,9 @@ class Cap:
 
     @cached_property
     def frame(self) -> Array:
-        """(3, 3) rotation whose third column is the axis: columns e1, e2, axis."""
-        a = np.array(self.axis)
-        e = np.eye(3)[int(np.abs(a).argmin())]
-        e1 = np.cross(e, a)
-        e1 /= np.linalg.norm(e1)
-        return frozen(np.column_stack([e1, np.cross(a, e1), a]), (3, 3), "cap.frame")
+        """(3, 3) rotation whose third column is the axis; the other two are tangents of `normal_frame`, negated."""
+        axis, t1, t2 = normal_frame(self.axis).T
+        return frozen(np.column_stack([-t1, -t2, axis]), (3, 3), "cap.frame")
 
     def point(self, direction: object) -> Array:
         """(..., 3) [m] the surface point in a unit direction (..., 3) from the centre."""

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.core.transforms import FARTHEST, rigid
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
 Faces = NDArray[np.int64]
@@ -21,7 +22,7 @@ Faces = NDArray[np.int64]
 SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
 MESH_FILES = (".obj", ".stl", ".ply", ".off")
 RIM = 16  # points that stand for the rim of a cylinder
-LEAST, MOST = 1e-9, 1e6  # [m] a solid smaller than this or reaching further is in another unit; its volume is a number
+SMALLEST = 1e-9  # [m] a solid smaller than this, or reaching further than `FARTHEST`, is in another unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ class Shape:
 
     Raises:
         InputError: wrong number of sizes, a size that is not positive, a pose that is not rigid, lengths that are
-            not within `LEAST` and `MOST`.
+            not within `SMALLEST` and `FARTHEST`.
     """
 
     kind: Kind
@@ -66,8 +67,8 @@ class Shape:
             raise InputError(f"has {len(numbers)} numbers, not {SIZES[kind]}", field=f"{kind}.size")
         if not (np.isfinite(numbers).all() and (numbers > 0).all()):
             raise InputError(f"is {numbers.tolist()}; sizes are positive and finite", field=f"{kind}.size")
-        if len(numbers) and not (numbers.min() >= LEAST and numbers.max() <= MOST):
-            problem = f"is {numbers.tolist()}; sizes are {LEAST:g} to {MOST:g} m"
+        if len(numbers) and not (numbers.min() >= SMALLEST and numbers.max() <= FARTHEST):
+            problem = f"is {numbers.tolist()}; sizes are {SMALLEST:g} to {FARTHEST:g} m"
             raise InputError(problem, field=f"{kind}.size")
         put(self, "kind", kind)
         put(self, "size", tuple(float(s) for s in numbers))
@@ -222,50 +223,15 @@ class Shape:
 
 
 def refuse_far(points: Array, field: str) -> None:
-    """`InputError` unless points (n, 3) [m] are finite, within `MOST`, and further apart than `LEAST`."""
+    """`InputError` unless points (n, 3) [m] are finite, within `FARTHEST`, and further apart than `SMALLEST`."""
     if not np.isfinite(points).all():
         raise InputError("has a vertex that is NaN or infinite", field=field)
-    if len(points) and np.abs(points).max() > MOST:
-        raise InputError(f"has a vertex at {np.abs(points).max():.3g} m; at most {MOST:g} m is possible", field=field)
-    if len(points) and np.ptp(points, axis=0).max() < LEAST:
-        raise InputError(f"is smaller than {LEAST:g} m; is its scale right?", field=field)
-
-
-def rigid(pose: object, field: str = "pose") -> Array:
-    """`pose` as a read-only (4, 4) rigid motion; `InputError` unless it is one within 1e-6, at most `MOST` away."""
-    T = frozen(pose, (4, 4), field)
-    R = np.clip(T[:3, :3], -2, 2)  # no product overflows, and what is clipped turns nothing
-    turns = np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0
-    if not turns or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
-        raise InputError("is not a rigid motion; a rotation and a translation are needed", field=field)
-    if np.abs(T[:3, 3]).max() > MOST:
-        raise InputError(f"is more than {MOST:g} m away", field=field)
-    return T
-
-
-def transform(position: ArrayLike, rotation: ArrayLike | None = None) -> Array:
-    """(4, 4) from a position (3,) [m] and a rotation matrix (3, 3)."""
-    T = np.eye(4)
-    T[:3, 3] = position
-    if rotation is not None:
-        T[:3, :3] = rotation
-    return T
-
-
-def quaternion_matrix(q: object) -> Array:
-    """(3, 3) rotation of a unit quaternion (w, x, y, z); it is normalised first. `InputError` if that is impossible."""
-    given = np.asarray(q, dtype=float)
-    length = float(np.linalg.norm(given))
-    if not 0 < length < np.inf:
-        raise InputError(f"is {given.tolist()}; a unit quaternion w, x, y, z is needed", field="quaternion")
-    w, x, y, z = given / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    if len(points) and np.abs(points).max() > FARTHEST:
+        raise InputError(
+            f"has a vertex at {np.abs(points).max():.3g} m; at most {FARTHEST:g} m is possible", field=field
+        )
+    if len(points) and np.ptp(points, axis=0).max() < SMALLEST:
+        raise InputError(f"is smaller than {SMALLEST:g} m; is its scale right?", field=field)
 
 
 def volume_and_centroid(vertices: Array, faces: Faces) -> tuple[float, Array]:

@@ -108,7 +108,7 @@ class _Motion:
         self.chains = [hand.moved_by(i) for i in range(len(hand.links))]
         self.moved = np.array([[j in chain for j in range(hand.l)] for chain in self.chains])  # (n_links, l)
         self.speed = np.array([SLIDE if j.type == "prismatic" else 1.0 for j in hand.joints])
-        self.couplings = {c.joint: c for c in hand.couplings if c.leader >= 0}
+        self.couplings = {c.joint: c for c in hand.couplings if c.driver >= 0}
         self.stopped: dict[str, str] = {}
         self.touching: list[str] = []
         self._still: set[int] = set()  # stopped joints
@@ -204,14 +204,14 @@ class _Motion:
         while changed:
             changed = False
             for j, c in self.couplings.items():
-                if j in self._clutched or (j in self._still) == (c.leader in self._still):
+                if j in self._clutched or (j in self._still) == (c.driver in self._still):
                     continue
                 changed = True
-                alone = self.breakaway and self._same_finger(c.leader, j)
+                alone = self.breakaway and self._same_finger(c.driver, j)
                 if alone:
                     self._clutched.add(j)  # the clutch has opened: each goes its own way
                 else:
-                    follower, stopped = (j, c.leader) if c.leader in self._still else (c.leader, j)
+                    follower, stopped = (j, c.driver) if c.driver in self._still else (c.driver, j)
                     self._stop({follower}, f"follows {self.hand.joints[stopped].name}")
         rate = np.zeros(self.hand.l)
         for j in self.closes:
@@ -220,7 +220,7 @@ class _Motion:
         for _ in self.couplings:
             for j, c in self.couplings.items():
                 if j not in self._still and j not in self._clutched:
-                    rate[j] = c.ratio * rate[c.leader]
+                    rate[j] = c.ratio * rate[c.driver]
         return rate
 
     def _same_finger(self, inner: int, outer: int) -> bool:

@@ -33,15 +33,15 @@ from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.search_file import FoundGrasp, SavedSearch
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
-from handfast.synthesis.answers import Synthesis
 from handfast.synthesis.certify.verify_existence import verify_existence
 from handfast.synthesis.curvatures import relative_curvatures
 from handfast.synthesis.distance import features_of
 from handfast.synthesis.embedded import task_to_dict
-from handfast.synthesis.problem import Problem
-from handfast.synthesis.queries import synthesize
+from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Certified
+from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import Task
+from handfast.synthesis.task_problem import TaskProblem
 
 DIFFERENT = 0.1  # grasps nearer to each other, in the measure of `synthesis/distance`, are alike
 FRUITLESS = 4  # units without any certified start after which synthesis is asked whether there is one
@@ -97,7 +97,7 @@ def grasp_for(
         if name not in task.hand.mechanism.actuators:
             raise unknown_name("actuator", name, task.hand.mechanism.actuators, field="actuators")
     friction = body.friction if friction is None else friction
-    problem, collisions = Problem.of(task), Collisions(Scene(task.hand, body), cutoff=NEAR)
+    problem, collisions = TaskProblem.of(task), Collisions(Scene(task.hand, body), cutoff=NEAR)
     evaluator = Evaluator(problem, collisions, loads, friction, allowed or Allowed())
     work = LocalSearch(evaluator, seed, Requirements.of(limits or Limits(), friction, names))
     search = _TaskSearch(work, body, count, journal or Journal())
@@ -275,7 +275,7 @@ class _TaskSearch:
             self.work.requirements,
             wide.clearances(c.q, c.solution.pose, requests(c.solution)),
             relative_curvatures(c.solution),
-            dexterity(task.hand, c.q, [t.link for t in task.touches], c.solution.points, grasp),
+            dexterity(task.hand, c.q, [t.link for t in task.contact_pairs], c.solution.points, grasp),
             friction_margin(grasp, self.evaluator.loads.wrenches),
             f.repaired,
         )

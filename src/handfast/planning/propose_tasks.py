@@ -27,12 +27,13 @@ from handfast.planning.candidates.region_candidates import Kind, RegionCandidate
 from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
 from handfast.planning.rejection import RejectionReason, Tally
-from handfast.synthesis.answers import Solution, Synthesis
-from handfast.synthesis.problem import Problem
-from handfast.synthesis.queries import synthesize
+from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Starts
-from handfast.synthesis.task import PoseBounds, Task, Touch
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.synthesis_answer import Synthesis
+from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from handfast.synthesis.task_file import save_task
+from handfast.synthesis.task_problem import TaskProblem
 
 TRIES = 24  # certified configurations of a candidate from which the clearest is taken
 WINDOW = 0.03, 0.25  # [m, -] the task's bounds on the object's position and on the components of its axes about that
@@ -204,10 +205,10 @@ class _Trial:
     def run(self, candidate: RegionCandidate) -> None:
         """Solve, and keep or reject."""
         names = tuple(r.name for r in candidate.regions)
-        touches = tuple(
-            Touch(r.link, r.region, p.patch) for r, p in zip(candidate.regions, candidate.places, strict=True)
+        pairs = tuple(
+            ContactPair(r.link, r.region, p.patch) for r, p in zip(candidate.regions, candidate.places, strict=True)
         )
-        task = Task.of(self.hand, touches, object=self.object)
+        task = Task.of(self.hand, pairs, object=self.object)
         self.tried += 1
         task = self._about(task, candidate.pose)
         answer = synthesize(task, seed=self.seed, timeout=self.timeout)
@@ -225,10 +226,10 @@ class _Trial:
 
         They are sought near a pose of the object first, then anywhere.
         """
-        links = [t.link for t in task.touches]
+        links = [t.link for t in task.contact_pairs]
         best: tuple[float, Task] | None = None
         for asked in (_bounded(task, pose, NEAR, {}), task):
-            problem = Problem.of(asked)
+            problem = TaskProblem.of(asked)
             for c in Starts(problem, self.seed).run(TRIES):
                 solution = Solution.of(asked, c.existence(problem))
                 for values in postures(self.hand, links):
@@ -246,4 +247,4 @@ def _bounded(task: Task, pose: Array, window: tuple[float, float], limits: dict[
     axes = (pose[:3, :3].T.round(3)[..., None] + [-window[1], window[1]]).round(3)
     bounds = PoseBounds((position[:, None] + [-window[0], window[0]]).round(3), np.clip(axes, -1, 1))
     fixed = {name: (value, value) for name, value in limits.items()}
-    return Task.of(task.hand, task.touches, limits=fixed, pose=bounds, object=task.object)
+    return Task.of(task.hand, task.contact_pairs, limits=fixed, pose=bounds, object=task.object)

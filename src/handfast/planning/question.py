@@ -24,7 +24,7 @@ def fingerprint(hand: Hand, body: Body, loads: Loads, seed: int, **others: objec
             "joints": [
                 [j.name, j.type, j.axis.tolist(), j.anchor.tolist(), j.lower, j.upper, j.ref] for j in hand.joints
             ],
-            "couplings": [[c.joint, c.leader, c.ratio, c.offset] for c in hand.couplings],
+            "couplings": [[c.joint, c.driver, c.ratio, c.offset] for c in hand.couplings],
             "mechanism": [list(hand.mechanism.actuators), hand.mechanism.R.tolist(), list(hand.mechanism.tendon)],
             "closing": [hand.closing.tolist(), hand.breakaway],
             "pieces": [_shape(s) for s in body.pieces],

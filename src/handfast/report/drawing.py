@@ -18,6 +18,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
 
+from handfast.core.transforms import normal_frame
+
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
     from handfast.model.body import Body
@@ -196,9 +198,7 @@ def _cone(ax: Any, at: Array, n: Array, mu: float, height: float, V: Array) -> N
     """The outline of the friction cone."""
     from scipy.spatial import ConvexHull
 
-    t1 = np.cross(n, np.eye(3)[np.abs(n).argmin()])
-    t1 /= np.linalg.norm(t1)
-    t2 = np.cross(n, t1)
+    _, t1, t2 = normal_frame(n).T
     angle = np.linspace(0, 2 * np.pi, 49)[:-1]
     rim = at + height * (n + min(mu, 1.5) * (np.outer(np.cos(angle), t1) + np.outer(np.sin(angle), t2)))
     flat = np.vstack([at, rim]) @ V[:2].T

@@ -13,8 +13,9 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.report import numbers, view3d, words
+from handfast.report.drawing import draw_grasp, draw_scene
 from handfast.report.numbers import table
-from handfast.report.plot import draw_grasp, draw_map, draw_scene, draw_sweep, picture
+from handfast.report.plot import draw_map, draw_sweep, picture
 from handfast.report.words import num
 from handfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.maps import MapAnswer, SweepAnswer

@@ -108,7 +108,7 @@ def draw_task(task: Task, solution: Drawable | None = None) -> Figure:
             _contacts(ax, solution, view, 0.1 * size[0])
         _frame(ax, low, high, view)
     figure.legend(handles=_key(solution), loc="lower center", ncols=5, frameon=False, fontsize=9)
-    links = ",  ".join(f"{k}: {t.link}" for k, t in enumerate(task.touches))
+    links = ",  ".join(f"{k}: {t.link}" for k, t in enumerate(task.contact_pairs))
     where: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 9, "color": INK}
     figure.text(0.5, (FOOT - 0.28) / total, "   ".join(t for t in (task.name, links) if t), **where)
     return figure
@@ -125,8 +125,8 @@ def _hand(task: Task, q: Array) -> list[Facets]:
         for shape in link.shapes:
             vertices, faces = shape.placed(pose).triangles()
             found.append(Facets(vertices[faces], SOLID["hand"], True))
-    for touch, link_index in zip(task.touches, task.links, strict=True):
-        found.append(_region(touch.hand, poses[link_index], HAND_REGION))
+    for pair, link_index in zip(task.contact_pairs, task.links, strict=True):
+        found.append(_region(pair.hand, poses[link_index], HAND_REGION))
     return found
 
 
@@ -137,7 +137,7 @@ def _object(task: Task, pose: Array) -> list[Facets]:
         body = load_body(task.object)
         vertices = body.vertices @ pose[:3, :3].T + pose[:3, 3]
         found.append(Facets(vertices[body.faces], SOLID["object"], True))
-    return found + [_region(touch.object, pose, OBJECT_REGION) for touch in task.touches]
+    return found + [_region(pair.object, pose, OBJECT_REGION) for pair in task.contact_pairs]
 
 
 def _region(region: Region, pose: Array, color: str) -> Facets:

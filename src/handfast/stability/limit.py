@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
-from handfast.model.grasp import Grasp, cross
+from handfast.core.transforms import cross
+from handfast.model.grasp import Grasp
 from handfast.stability.goal import Goal, Point
 from handfast.stability.model import State
 from handfast.stability.problem import Problem

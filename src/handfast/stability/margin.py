@@ -16,7 +16,8 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.model.grasp import Contact, Grasp, cross
+from handfast.core.transforms import cross
+from handfast.model.grasp import Contact, Grasp
 from handfast.stability.answers import CheckAnswer
 from handfast.stability.least_motion import largest_motion, least_motion
 from handfast.stability.queries import check

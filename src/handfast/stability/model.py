@@ -17,7 +17,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from handfast.core.arrays import Array, Mask, frozen
-from handfast.model.grasp import Grasp, cross
+from handfast.core.transforms import cross
+from handfast.model.grasp import Grasp
 from handfast.stability.exact_sums import Sums, exact_sums
 
 LARGE = 1e4  # times the largest force: motions and forces from which on sums are taken without rounding

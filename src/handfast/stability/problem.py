@@ -10,7 +10,8 @@ import numpy as np
 
 from handfast.core.arrays import Array, Mask
 from handfast.core.errors import InputError
-from handfast.model.grasp import Grasp, cross
+from handfast.core.transforms import cross
+from handfast.model.grasp import Grasp
 from handfast.stability import model
 from handfast.stability.model import State
 

@@ -9,18 +9,15 @@ prismatic joints, the object's position in the palm frame and the contact points
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.model.region import Bezier
 from handfast.synthesis.certify.existence import free_joints
-from handfast.synthesis.problem import POSE
+from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
-
-if TYPE_CHECKING:
-    from handfast.synthesis.answers import Solution
+from handfast.synthesis.task_problem import POSE
 
 LENGTH = 0.1  # [m] that counts as much as a radian
 APART = 1e-3  # configurations nearer than this are the same one
@@ -43,15 +40,15 @@ def features_of(task: Task, coordinates: Array) -> Array:
     position = coordinates[:, nj : nj + 3] / LENGTH
     turn = _rotations(coordinates[:, nj + 3 : nj + POSE]).reshape(-1, 9) / np.sqrt(2)
     spots, column = [], nj + POSE
-    for touch in task.touches:
+    for pair in task.contact_pairs:
         s, t = coordinates[:, column], coordinates[:, column + 1]
-        if isinstance(touch.object, Bezier):
-            point = touch.object.at(s, t)
+        if isinstance(pair.object, Bezier):
+            point = pair.object.at(s, t)
         else:
             around = np.column_stack([np.sin(s) * np.cos(t), np.sin(s) * np.sin(t), np.cos(s)])
-            point = touch.object.point(around @ touch.object.frame.T)
+            point = pair.object.point(around @ pair.object.frame.T)
         spots.append(point / LENGTH)
-        column += 4 if isinstance(touch.hand, Bezier) else 2
+        column += 4 if isinstance(pair.hand, Bezier) else 2
     return np.hstack([joints, position, turn, *spots])
 
 

@@ -20,7 +20,7 @@ from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Region
 from handfast.model.region_file import RegionEntry
-from handfast.synthesis.task import PoseBounds, Task, Touch
+from handfast.synthesis.task import ContactPair, PoseBounds, Task
 
 Row = tuple[Finite, Finite, Finite, Finite]
 End = Finite | None  # null: no bound
@@ -28,7 +28,7 @@ Ends = tuple[tuple[End, End], tuple[End, End], tuple[End, End]]
 Index = Annotated[int, Field(ge=-1)]
 
 
-class LinkEntry(Strict):
+class EmbeddedLinkEntry(Strict):
     """`pose`: (4, 4) in the parent's frame."""
 
     name: str
@@ -37,7 +37,7 @@ class LinkEntry(Strict):
     joints: list[Index]
 
 
-class JointEntry(Strict):
+class EmbeddedJointEntry(Strict):
     """`limits` are those of the task."""
 
     name: str
@@ -49,21 +49,21 @@ class JointEntry(Strict):
 
 
 class CouplingLine(Strict):
-    """q[joint] = ratio * q[leader] + offset; indices into the joints, -1 for none."""
+    """q[joint] = ratio * q[driver] + offset; indices into the joints, -1 for none."""
 
     joint: Index
-    leader: Index
+    leader: Index  # the driver, by the name that files of this schema have for it
     ratio: Finite
     offset: Finite
 
 
-class HandEntry(Strict):
+class EmbeddedHandEntry(Strict):
     """The kinematics alone: no shapes, no motors. `source`: what it was loaded from, for the record."""
 
     name: str
     source: str
-    links: list[LinkEntry]
-    joints: list[JointEntry]
+    links: list[EmbeddedLinkEntry]
+    joints: list[EmbeddedJointEntry]
     couplings: list[CouplingLine]
 
     def hand(self) -> Hand:
@@ -88,7 +88,7 @@ class HandEntry(Strict):
         return Hand(self.name, links, joints, mechanism, couplings, np.zeros(l), source=self.source)
 
 
-class TouchEntry(Strict):
+class ContactPairEntry(Strict):
     link: str
     hand: RegionEntry
     object: RegionEntry
@@ -110,8 +110,8 @@ class EmbeddedTask(Strict):
 
     name: str
     object: str | None
-    hand: HandEntry
-    contacts: list[TouchEntry]
+    hand: EmbeddedHandEntry
+    contacts: list[ContactPairEntry]
     pose: BoundsEntry
 
 
@@ -140,11 +140,12 @@ def task_to_dict(task: Task) -> dict[str, Any]:
                 for j in hand.joints
             ],
             "couplings": [
-                {"joint": c.joint, "leader": c.leader, "ratio": c.ratio, "offset": c.offset} for c in hand.couplings
+                {"joint": c.joint, "leader": c.driver, "ratio": c.ratio, "offset": c.offset} for c in hand.couplings
             ],
         },
         "contacts": [
-            {"link": t.link, "hand": _region_to_dict(t.hand), "object": _region_to_dict(t.object)} for t in task.touches
+            {"link": t.link, "hand": _region_to_dict(t.hand), "object": _region_to_dict(t.object)}
+            for t in task.contact_pairs
         ],
         "pose": {
             "position": _ends(task.pose.position, -np.inf, np.inf),
@@ -160,11 +161,13 @@ def task_from_dict(data: Any) -> Task:
         hand = entry.hand.hand()
     except InputError as fault:
         raise fault.within("hand") from None
-    touches = tuple(
-        Touch(c.link, c.hand.region(f"contacts[{k}].hand", False), c.object.region(f"contacts[{k}].object", False))
+    pairs = tuple(
+        ContactPair(
+            c.link, c.hand.region(f"contacts[{k}].hand", False), c.object.region(f"contacts[{k}].object", False)
+        )
         for k, c in enumerate(entry.contacts)
     )
-    return Task.of(hand, touches, pose=entry.pose.bounds(), object=entry.object, name=entry.name)
+    return Task.of(hand, pairs, pose=entry.pose.bounds(), object=entry.object, name=entry.name)
 
 
 def fingerprint(data: dict[str, Any]) -> str:

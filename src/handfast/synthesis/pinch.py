@@ -8,7 +8,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.hand.hand import Hand
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis.task import Task, Touch
+from handfast.synthesis.task import ContactPair, Task
 
 PAD = np.array([0.5, 0.0, 0.87])  # middle of the pad in a distal frame: palmar, a little towards the tip
 HALF_ANGLE = np.radians(60)
@@ -26,11 +26,11 @@ def pinch(
     Raises:
         InputError: no such link, or no sphere on it.
     """
-    touches = []
+    pairs = []
     for finger, side in zip(fingers, (1.0, -1.0), strict=True):
         link = f"{finger}_distal"
-        touches.append(Touch(link, fingertip(hand, link), _face(side, edge / 2, patch / 2)))
-    return Task.of(hand, tuple(touches), name=f"pinch-{hand.name}")
+        pairs.append(ContactPair(link, fingertip(hand, link), _face(side, edge / 2, patch / 2)))
+    return Task.of(hand, tuple(pairs), name=f"pinch-{hand.name}")
 
 
 def fingertip(hand: Hand, link: str) -> Cap:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.model.hand.coupling import coupled, leader_ranges
+from handfast.model.hand.coupling import coupled, driver_ranges
 from handfast.synthesis.certify.existence import free_joints
 from handfast.synthesis.task import Task
 
@@ -16,7 +16,7 @@ def whole(task: Task, joints: Mapping[str, float]) -> Array:
     """(l,) all joint values from those of the free joints; unused joints as near to 0 as their limits allow."""
     hand, free = task.hand, free_joints(task)
     q = np.zeros(hand.l)
-    for j, (lower, upper) in leader_ranges(hand).items():
+    for j, (lower, upper) in driver_ranges(hand).items():
         name = hand.joint_names[j]
         q[j] = joints[name] if name in free else np.clip(0.0, lower, upper)
     return coupled(hand, q)

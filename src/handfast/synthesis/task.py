@@ -16,7 +16,7 @@ from handfast.model.region import Region
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class ContactPair:
     """One pair of regions (h_c, o_c) that must touch (synthesis paper, section 2.2).
 
     Attributes:
@@ -83,23 +83,23 @@ class Task:
     """
 
     hand: Hand
-    touches: tuple[Touch, ...]
+    contact_pairs: tuple[ContactPair, ...]
     pose: PoseBounds
     object: str | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
-        if not self.touches:
+        if not self.contact_pairs:
             raise InputError("is empty; at least one pair of regions is needed", field="contacts")
-        for k, touch in enumerate(self.touches):
-            if touch.link not in self.hand.link_names:
-                raise unknown_name("link", touch.link, self.hand.link_names, field=f"contacts[{k}].hand.link")
+        for k, pair in enumerate(self.contact_pairs):
+            if pair.link not in self.hand.link_names:
+                raise unknown_name("link", pair.link, self.hand.link_names, field=f"contacts[{k}].hand.link")
 
     @classmethod
     def of(
         cls,
         hand: Hand,
-        touches: tuple[Touch, ...],
+        contact_pairs: tuple[ContactPair, ...],
         *,
         limits: Mapping[str, tuple[float, float]] | None = None,
         couplings: tuple[tuple[str, str, float], ...] = (),
@@ -111,12 +111,12 @@ class Task:
 
         Args:
             limits: by joint name [rad, m]; they replace the hand's, also where they are wider.
-            couplings: (joint, leader, ratio): q[joint] = ratio * q[leader], on the angle itself; they
+            couplings: (joint, driver, ratio): q[joint] = ratio * q[driver], on the angle itself; they
                 come beside the hand's own and replace those of the same joint.
 
         Raises:
             InputError: an unknown joint (the known ones are listed), a lower limit above the upper one,
-                a joint that leads itself or is tied twice.
+                a joint that drives itself or is tied twice.
         """
         joints = list(hand.joints)
         for joint, (lo, hi) in (limits or {}).items():
@@ -125,14 +125,14 @@ class Task:
                 raise InputError(f"is [{lo:g}, {hi:g}]; the lower one comes first", field=f"limits.{joint}")
             joints[j] = replace(joints[j], lower=float(lo), upper=float(hi))
         changed = replace(hand, joints=tuple(joints))
-        for n, (joint, leader, ratio) in enumerate(couplings):
-            changed = _coupled(changed, joint, leader, ratio, f"couplings[{n}]")
-        return cls(changed, tuple(touches), pose or PoseBounds.none(), object, name)
+        for n, (joint, driver, ratio) in enumerate(couplings):
+            changed = _coupled(changed, joint, driver, ratio, f"couplings[{n}]")
+        return cls(changed, tuple(contact_pairs), pose or PoseBounds.none(), object, name)
 
     @cached_property
     def links(self) -> tuple[int, ...]:
         """Index of the hand link of each contact."""
-        return tuple(self.hand.link(t.link) for t in self.touches)
+        return tuple(self.hand.link(t.link) for t in self.contact_pairs)
 
     @cached_property
     def involved(self) -> Indices:
@@ -140,12 +140,12 @@ class Task:
         return np.array(sorted({j for link in self.links for j in self.hand.moved_by(link)}), dtype=np.intp)
 
 
-def _coupled(hand: Hand, joint: str, leader: str, ratio: float, field: str) -> Hand:
-    j, k = hand.joint(joint, field=f"{field}.joint"), hand.joint(leader, field=f"{field}.equals")
+def _coupled(hand: Hand, joint: str, driver: str, ratio: float, field: str) -> Hand:
+    j, k = hand.joint(joint, field=f"{field}.joint"), hand.joint(driver, field=f"{field}.equals")
     if not np.isfinite(ratio) or ratio == 0:
         raise InputError(f"is {ratio:g}; a finite number other than zero is needed", field=f"{field}.ratio")
     couplings = tuple(c for c in hand.couplings if c.joint != j)
-    tied = {c.joint: c.leader for c in couplings} | {j: k}
+    tied = {c.joint: c.driver for c in couplings} | {j: k}
     seen, end = {j}, k
     while end in tied and end not in seen:
         seen.add(end)

@@ -28,7 +28,7 @@ from handfast.model.hand.load import bundled_hands, load_hand
 from handfast.model.region_file import RegionEntry, region_to_dict
 from handfast.model.shape import MESH_FILES
 from handfast.synthesis.pose_check import refuse_contradiction
-from handfast.synthesis.task import PoseBounds, Task, Touch
+from handfast.synthesis.task import ContactPair, PoseBounds, Task
 
 Interval = tuple[Finite, Finite]
 Bounds = tuple[Interval, Interval, Interval]
@@ -49,7 +49,7 @@ class ObjectSide(Strict):
     flip: bool = False
 
 
-class ContactEntry(Strict):
+class TaskContactEntry(Strict):
     hand: HandSide
     object: ObjectSide
 
@@ -88,7 +88,7 @@ class TaskFile(Strict):
     limits: dict[str, Interval] = Field(default_factory=dict)
     couplings: list[CouplingEntry] = Field(default_factory=list)
     pose: PoseEntry = PoseEntry()
-    contacts: list[ContactEntry]
+    contacts: list[TaskContactEntry]
 
 
 def load_task(path: str | Path) -> Task:
@@ -119,15 +119,15 @@ def from_dict(data: Any, *, folder: str | Path = ".", name: str = "") -> Task:
     """
     entry = validate(TaskFile, data)
     hand = load_hand(_hand_source(entry.hand, Path(folder)))
-    touches = []
+    pairs = []
     for k, contact in enumerate(entry.contacts):
         at, (h, o) = f"contacts[{k}]", (contact.hand, contact.object)
         hand_region = h.region.region(f"{at}.hand.region", h.flip)
         object_region = o.region.region(f"{at}.object.region", o.flip)
-        touches.append(Touch(h.link, hand_region, object_region))
+        pairs.append(ContactPair(h.link, hand_region, object_region))
     return Task.of(
         hand,
-        tuple(touches),
+        tuple(pairs),
         limits=entry.limits,
         couplings=tuple((c.joint, c.equals, c.ratio) for c in entry.couplings),
         pose=entry.pose.bounds(),
@@ -166,7 +166,7 @@ def to_dict(task: Task, *, folder: str | Path = ".") -> dict[str, Any]:
             pose[f"{axis}_axis"] = bounds.tolist()
     contacts = [
         {"hand": {"link": t.link, "region": region_to_dict(t.hand)}, "object": {"region": region_to_dict(t.object)}}
-        for t in task.touches
+        for t in task.contact_pairs
     ]
     return {
         "schema": "handfast/task/1",
@@ -219,10 +219,10 @@ def _couplings(hand: Hand, own: Hand) -> list[dict[str, Any]]:
     """Those that the hand's file does not bring."""
     new = [c for c in hand.couplings if c not in own.couplings]
     joints = {c.joint for c in hand.couplings}
-    odd: list[Coupling] = [c for c in new if c.leader < 0 or c.offset != 0]
+    odd: list[Coupling] = [c for c in new if c.driver < 0 or c.offset != 0]
     odd += [c for c in own.couplings if c.joint not in joints]
     if odd:
         name = hand.joint_names[odd[0].joint]
         raise InputError(f"the one of {name} has no place in a task file", field="couplings")
     names = hand.joint_names
-    return [{"joint": names[c.joint], "equals": names[c.leader], "ratio": c.ratio} for c in new]
+    return [{"joint": names[c.joint], "equals": names[c.driver], "ratio": c.ratio} for c in new]

@@ -22,7 +22,8 @@ from handfast.stability.answers import Answer, CheckAnswer
 from handfast.stability.certify.certificate import Row
 from handfast.stability.certify.certificate_file import question_to_dict, save_certificate
 from handfast.stability.certify.certificate_file import to_dict as certificate_to_dict
-from handfast.stability.certify.replay import STRONGEST, verify
+from handfast.stability.certify.replay import verify
+from handfast.stability.goal import STRONGEST
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.settings import Settings
 from handfast.stability.witness import KEYS

@@ -14,20 +14,20 @@ from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
 from handfast.synthesis.certify.chains import CROOKED, Arms, Drive, orthonormal
 from handfast.synthesis.certify.equations import _quadratics
-from handfast.synthesis.certify.interval import TINY, ULP, Dual, Interval
-from handfast.synthesis.certify.refused import Refused
-from handfast.synthesis.certify.regions import Surface, _weights
-from handfast.synthesis.task import Task, Touch
+from handfast.synthesis.certify.existence import ProofRefused
+from handfast.synthesis.certify.interval_arithmetic import TINY, ULP, Dual, Interval
+from handfast.synthesis.certify.regions import ContactSide, _weights
+from handfast.synthesis.task import ContactPair, Task
 from tests.support.planted import bump, chain, joint, pose
 
 X, Y, Z = np.eye(3)
 OFFSET = 0.25
 
 
-def follower(at: float, leader: float = 0.5, ratio: float = -1.5) -> Task:
-    """A contact behind two joints that their limits fix: a at `leader`, b at `at`, to be ratio a + 0.25."""
+def follower(at: float, driver: float = 0.5, ratio: float = -1.5) -> Task:
+    """A contact behind two joints that their limits fix: a at `driver`, b at `at`, to be ratio a + 0.25."""
     hand = chain(
-        ("near", "palm", pose(0.1 * X), [joint("a", Z, leader, leader)]),
+        ("near", "palm", pose(0.1 * X), [joint("a", Z, driver, driver)]),
         ("far", "near", pose(0.1 * X), [joint("b", Z, at, at)]),
         couplings=[Coupling(1, 0, ratio, OFFSET)],
     )
@@ -35,7 +35,7 @@ def follower(at: float, leader: float = 0.5, ratio: float = -1.5) -> Task:
 
 
 def touched(hand: Hand, link: str) -> Task:
-    return Task.of(hand, (Touch(link, Cap([0, 0, 0], 0.01, X, 1.0), bump(np.random.default_rng(0))),))
+    return Task.of(hand, (ContactPair(link, Cap([0, 0, 0], 0.01, X, 1.0), bump(np.random.default_rng(0))),))
 
 
 @pytest.mark.parametrize("off", [0.0, 1.0, -1.0, 14.0, -14.0])
@@ -54,25 +54,25 @@ def test_a_fixed_joint_may_miss_its_coupling_by_rounding(off: float, size: float
 
 @pytest.mark.parametrize("off", [18.0, -18.0, 160.0, -1600.0])
 def test_a_fixed_joint_may_not_miss_its_coupling_by_more(off: float) -> None:
-    with pytest.raises(Refused, match=r"joint b is fixed at -0.5 by its limits, at -0.5 by its coupling"):
+    with pytest.raises(ProofRefused, match=r"joint b is fixed at -0.5 by its limits, at -0.5 by its coupling"):
         Drive.of(follower(-0.5 + off * ULP), {})
 
 
 def test_what_counts_as_rounding_is_of_the_terms() -> None:
-    """With a leader at 0 only the offset is left: 16 roundings of 0.25; without an offset either, of nothing."""
-    Drive.of(follower(OFFSET * (1 + 14 * ULP), leader=0.0), {})
-    with pytest.raises(Refused, match=r"joint b is fixed at 0.25 by its limits, at 0.25 by its coupling"):
-        Drive.of(follower(OFFSET * (1 + 20 * ULP), leader=0.0), {})
-    with pytest.raises(Refused, match=r"joint b is fixed at 1 by its limits, at -0.5 by its coupling"):
+    """With a driver at 0 only the offset is left: 16 roundings of 0.25; without an offset either, of nothing."""
+    Drive.of(follower(OFFSET * (1 + 14 * ULP), driver=0.0), {})
+    with pytest.raises(ProofRefused, match=r"joint b is fixed at 0.25 by its limits, at 0.25 by its coupling"):
+        Drive.of(follower(OFFSET * (1 + 20 * ULP), driver=0.0), {})
+    with pytest.raises(ProofRefused, match=r"joint b is fixed at 1 by its limits, at -0.5 by its coupling"):
         Drive.of(follower(1.0), {})
     small = replace(follower(0.0), hand=zero_offset(64 * TINY))
-    with pytest.raises(Refused, match="joint b is fixed"):
+    with pytest.raises(ProofRefused, match="joint b is fixed"):
         Drive.of(small, {})
     Drive.of(replace(follower(0.0), hand=zero_offset(8 * TINY)), {})
 
 
 def zero_offset(at: float) -> Hand:
-    hand = follower(at, leader=0.0).hand
+    hand = follower(at, driver=0.0).hand
     return replace(hand, couplings=(Coupling(1, 0, -1.5, 0.0),))
 
 
@@ -91,7 +91,7 @@ def test_a_link_s_frame_is_a_rotation_but_for_rounding(column: int, off: float, 
         assert (exact <= arms.R.hi[-1]).all()
         assert (arms.R.hi - arms.R.lo).max() < CROOKED / 10
     else:
-        with pytest.raises(Refused, match=r"link near does not stand at a rotation, but .*e-1[12] off one"):
+        with pytest.raises(ProofRefused, match=r"link near does not stand at a rotation, but .*e-1[12] off one"):
             Arms.of(task, (0,))
 
 
@@ -151,7 +151,7 @@ def test_patches_of_any_degrees_stand_beside_each_other(degree: tuple[int, int])
     rng = np.random.default_rng(3)
     patches = [bump(rng, degree), bump(rng, (2, 1))]
     column = {f"contact:{k}:{name}": 2 * k + n for k in range(len(patches)) for n, name in enumerate("st")}
-    surface = Surface.of(patches, "st", column, still=False)
+    surface = ContactSide.of(patches, "st", column, still=False)
     at = rng.uniform(0.2, 0.8, 2 * len(patches))
     x = Dual(Interval.of(np.stack([at, at])), Interval.of(np.zeros((1, 2, len(at)))))
     point, normal, first, second = surface.at(x)
@@ -177,7 +177,7 @@ def test_what_counts_as_rounding_is_of_the_whole_chain_of_couplings(off: float, 
     if passes:
         assert Drive.of(touched(hand, "far"), {}).joints == (0, 1, 2)
     else:
-        with pytest.raises(Refused, match="joint c is fixed at 1 by its limits, at 1 by its coupling"):
+        with pytest.raises(ProofRefused, match="joint c is fixed at 1 by its limits, at 1 by its coupling"):
             Drive.of(touched(hand, "far"), {})
 
 

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from handfast.synthesis.certify.existence import Existence
-from handfast.synthesis.certify.interval import Interval
+from handfast.synthesis.certify.interval_arithmetic import Interval
 from handfast.synthesis.certify.verify_existence import Report, _Bound, _pose_bounds, verify_existence
 from handfast.synthesis.task import PoseBounds, Task
-from tests.synthesis.certify.test_existence import Planted, Spot, cone_edges, plant, refused, reshaped, sah, sah_case
+from tests.support.planted_proofs import PlantedProof, Spot, cone_edges, plant, refused, reshaped, sah, sah_case
 
 
-def planted_case() -> Planted:
+def planted_case() -> PlantedProof:
     """A patch on the index finger, a cap on the thumb."""
     return plant(sah(), [Spot("index_distal", "bicubic"), Spot("thumb_distal", "cap")], np.random.default_rng(0))
 
 
 def only(task: Task, proof: Existence, message: str) -> Report:
-    """Refused for this reason alone, word for word but for numbers."""
+    """ProofRefused for this reason alone, word for word but for numbers."""
     report = refused(task, proof, f"^{message}$")
     assert len(report.reasons) == 1
     return report
@@ -190,7 +190,7 @@ def test_bounds_of_the_object_s_axes(
 def test_a_whole_sphere_has_no_edge() -> None:
     planted = sah_case(1, ("cap",), ("cap",))
     narrow = verify_existence(planted.task, planted.proof()).slacks
-    for k in range(len(planted.task.touches)):
+    for k in range(len(planted.task.contact_pairs)):
         whole = reshaped(planted.task, k, hand={"half_angle": np.pi}, object={"half_angle": np.pi})
         report = verify_existence(whole, planted.proof())
         assert report.ok, report.reasons
@@ -206,7 +206,7 @@ def test_what_is_said_of_cones_and_normals_has_the_right_sign() -> None:
     by = float(reason.removeprefix("contact 0 may leave the hand's cap, by a cosine of "))
     assert by == pytest.approx(np.cos(edge / 2) - np.cos(edge), abs=2e-3)
     planted = sah_case(0, ("bicubic",))
-    task = reshaped(planted.task, 0, hand={"flip": not planted.task.touches[0].hand.flip})
+    task = reshaped(planted.task, 0, hand={"flip": not planted.task.contact_pairs[0].hand.flip})
     (reason,) = verify_existence(task, planted.proof()).reasons
     low, high = reason.removeprefix("contact 0: the normals are not opposite: their cosine comes to [")[:-12].split(
         ", "

@@ -8,10 +8,10 @@ import pytest
 from handfast.core.answer import Reach, Stop
 from handfast.model.region import Cap
 from handfast.synthesis.distance import APART, LENGTH, farthest, features, features_of
-from handfast.synthesis.problem import Problem
-from handfast.synthesis.queries import synthesize
+from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.diverse import Walks
 from handfast.synthesis.search.starts import BLOCK, Starts
+from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip, pinch
 
 
@@ -29,8 +29,8 @@ def test_every_one_is_certified_and_they_differ() -> None:
 def test_selection_spreads_them() -> None:
     """Further apart than as many random starts as they come."""
     chosen = synthesize(pinch(), count=20)
-    plain = Starts(Problem.of(pinch()), 0).run()[:20]
-    at = features_of(pinch(), np.array([c.x for c in plain]) * Problem.of(pinch()).lengths)
+    plain = Starts(TaskProblem.of(pinch()), 0).run()[:20]
+    at = features_of(pinch(), np.array([c.x for c in plain]) * TaskProblem.of(pinch()).lengths)
     gaps = np.linalg.norm(at[:, None] - at[None], axis=2)[~np.eye(20, dtype=bool)]
     assert chosen.spread > 2 * gaps.min()
 
@@ -86,14 +86,16 @@ def test_prismatic_joints_count_as_lengths() -> None:
 def test_object_caps_have_their_contact_points() -> None:
     ball = Cap((0.01, 0, 0), 0.02, (0, 0, 1), 3.0)
     task = grip(0.05)
-    task = type(task)(task.hand, (type(task.touches[0])("left_finger", task.touches[0].hand, ball),), task.pose)
+    task = type(task)(
+        task.hand, (type(task.contact_pairs[0])("left_finger", task.contact_pairs[0].hand, ball),), task.pose
+    )
     row = np.array([[0.01, 0, 0, 0, 1, 0, 0, 0, 0.7, 0.4]])
     d = ball.frame @ [np.sin(0.7) * np.cos(0.4), np.sin(0.7) * np.sin(0.4), np.cos(0.7)]
     assert features_of(task, row)[0, -3:] == pytest.approx((ball.center + 0.02 * d) / LENGTH)
 
 
 def test_steps_stay_on_the_set_and_move() -> None:
-    starts = Starts(Problem.of(pinch()), 0)
+    starts = Starts(TaskProblem.of(pinch()), 0)
     pool = starts.run(8)
     walks = Walks(starts)
     new = walks.run(pool)
@@ -110,7 +112,7 @@ def test_steps_stay_on_the_set_and_move() -> None:
 
 
 def test_blocks_of_starts_are_independent_of_how_many_are_taken() -> None:
-    p = Problem.of(pinch())
+    p = TaskProblem.of(pinch())
     one, many = Starts(p, 7), Starts(p, 7)
     first, all_of_it = one.run(1), many.run()
     assert np.array_equal(first[0].x, all_of_it[0].x)

@@ -13,17 +13,17 @@ from hypothesis import strategies as st
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from handfast.core.branch import Discarded, Search
+from handfast.core.branch import BranchAndPrune, Discarded
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis.problem import Problem
-from handfast.synthesis.search.bends import CELLS, bounds
 from handfast.synthesis.search.boxes import Boxes, Hub, Part
+from handfast.synthesis.search.derivative_bounds import CELLS, bounds
 from handfast.synthesis.search.kernel.pose import turning
 from handfast.synthesis.search.prover import LEAVES, POSES, Prover
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_file import load_task
+from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip, pinch
 from tests.support.planted import bump
 from tests.synthesis.search.test_synthesis_kernel import coordinates, everything
@@ -51,7 +51,7 @@ def kept(prover: Prover, x: np.ndarray, size: float, rng: np.random.Generator, b
 
 @pytest.mark.parametrize("name", TASKS)
 def test_never_discards_a_box_around_a_solution(name: str):
-    problem = Problem.of(load_task(name))
+    problem = TaskProblem.of(load_task(name))
     prover, rng = Prover(problem, workers=1), np.random.default_rng(1)
     found = Starts(problem, 0).run(20)
     assert len(found) == 20
@@ -66,7 +66,7 @@ def test_never_discards_a_planted_solution_with_every_kind_of_joint_and_region(s
     bound = planted.pose[:3, 3, None] + [-0.01, 0.01]
     axes = np.clip(planted.pose[:3, :3].T[..., None] + [-0.2, 0.1], -1, 1)
     task = replace(planted.task, pose=PoseBounds(bound, axes))
-    problem = Problem.of(task)
+    problem = TaskProblem.of(task)
     prover, rng = Prover(problem, workers=1), np.random.default_rng(seed)
     assert len(prover.domains) == 2**6 - 1 - 6 + 1  # five contacts and the object's origin, and the poses
     x = coordinates(replace(planted, task=task), problem)
@@ -74,20 +74,20 @@ def test_never_discards_a_planted_solution_with_every_kind_of_joint_and_region(s
 
 
 def moved(task: Task, k: int, by: list[float]) -> Task:
-    touches = list(task.touches)
-    region = touches[k].object
-    touches[k] = replace(touches[k], object=Bezier(region.points + by, region.flip))
-    return replace(task, touches=tuple(touches))
+    pairs = list(task.contact_pairs)
+    region = pairs[k].object
+    pairs[k] = replace(pairs[k], object=Bezier(region.points + by, region.flip))
+    return replace(task, contact_pairs=tuple(pairs))
 
 
 def test_a_block_wider_than_the_gripper_opens():
-    done = Prover(Problem.of(grip(0.082)), workers=1).run(nodes=4000)
+    done = Prover(TaskProblem.of(grip(0.082)), workers=1).run(nodes=4000)
     assert done.empty
     assert done.by == "contacts 0 and 1"
 
 
 def test_a_block_a_little_narrower_than_the_gripper_opens():
-    problem = Problem.of(grip(0.079))
+    problem = TaskProblem.of(grip(0.079))
     (found,) = Starts(problem, 0).run(1)
     prover = Prover(problem, workers=1)
     done = prover.run(nodes=4000)
@@ -99,14 +99,14 @@ def test_a_block_a_little_narrower_than_the_gripper_opens():
 
 def test_an_object_out_of_reach():
     far = PoseBounds(np.array([[0.5, 0.6], [-0.1, 0.1], [-0.1, 0.1]]), PoseBounds.none().axes)
-    done = Prover(Problem.of(pinch(pose=far)), workers=2).run(nodes=200_000)
+    done = Prover(TaskProblem.of(pinch(pose=far)), workers=2).run(nodes=200_000)
     assert done.empty
     assert done.by == "contact 0 and the object's position"
 
 
 def test_an_object_within_reach():
     near = PoseBounds(np.array([[-0.6, 0.6], [-0.6, 0.6], [-0.6, 0.6]]), PoseBounds.none().axes)
-    problem = Problem.of(pinch(pose=near))
+    problem = TaskProblem.of(pinch(pose=near))
     (found,) = Starts(problem, 0).run(1)
     prover, rng = Prover(problem, workers=2), np.random.default_rng(0)
     assert all(kept(prover, found.x, size, rng, budget=40) for size in (2.0, 0.3, 1e-3))
@@ -119,17 +119,17 @@ def test_an_object_within_reach():
 
 def test_normals_that_face_the_same_way():
     task = grip(0.05)
-    a, b = task.touches
+    a, b = task.contact_pairs
     turned = replace(b, object=Bezier(b.object.points, not b.object.flip))
-    assert Prover(Problem.of(replace(task, touches=(a, turned))), workers=1).run(nodes=20_000).empty
+    assert Prover(TaskProblem.of(replace(task, contact_pairs=(a, turned))), workers=1).run(nodes=20_000).empty
 
 
 def test_joint_limits_that_keep_the_fingers_apart():
     task = pinch(0.03)
     apart = {j: (0.0, 0.25) for f in ("index", "thumb") for j in (f"{f}_proximal", f"{f}_middle", f"{f}_distal")}
-    tight = Task.of(task.hand, task.touches, limits=apart)
-    assert not Starts(Problem.of(tight), 0).run(1)
-    assert Prover(Problem.of(tight), workers=2).run(nodes=200_000).empty
+    tight = Task.of(task.hand, task.contact_pairs, limits=apart)
+    assert not Starts(TaskProblem.of(tight), 0).run(1)
+    assert Prover(TaskProblem.of(tight), workers=2).run(nodes=200_000).empty
 
 
 def test_an_axis_that_cannot_point_there():
@@ -137,11 +137,11 @@ def test_an_axis_that_cannot_point_there():
     axes = np.array(PoseBounds.none().axes)
     axes[1, 2] = [0.9, 1.0]
     pose_bounds = PoseBounds(PoseBounds.none().position, axes)
-    assert Prover(Problem.of(grip(0.05, pose=pose_bounds)), workers=1).run(nodes=20_000).empty
+    assert Prover(TaskProblem.of(grip(0.05, pose=pose_bounds)), workers=1).run(nodes=20_000).empty
 
 
 def test_goes_on_from_a_saved_state_to_the_same_end():
-    problem = Problem.of(moved(pinch(0.03), 0, [0, 0.14, 0]))
+    problem = TaskProblem.of(moved(pinch(0.03), 0, [0, 0.14, 0]))
     whole = Prover(problem, workers=1).run()
     assert whole.empty
     assert whole.nodes > 4000
@@ -152,14 +152,14 @@ def test_goes_on_from_a_saved_state_to_the_same_end():
     second = Prover(problem, workers=1).run(state=state)
     assert second.empty
     assert second.nodes == whole.nodes
-    other = Prover(Problem.of(grip(0.05)), workers=1)
+    other = Prover(TaskProblem.of(grip(0.05)), workers=1)
     with pytest.raises(InputError, match=r"box: has \d+ intervals, needs \d+|has other searches"):
         other.restore(state)
 
 
 def test_small_boxes_are_set_aside_undecided():
     # exactly as wide as the gripper opens: neither proved to be there nor excluded
-    problem = Problem.of(grip(0.08))
+    problem = TaskProblem.of(grip(0.08))
     prover = Prover(problem, workers=1)
     done = prover.run(nodes=50_000)
     assert not done.empty
@@ -170,8 +170,8 @@ def test_small_boxes_are_set_aside_undecided():
 
 
 def test_the_share_that_is_discarded_adds_up():
-    domain = next(iter(Prover(Problem.of(moved(pinch(0.03), 0, [0, 0.14, 0])), workers=1).domains.values()))
-    search = Search(domain, domain.roots)
+    domain = next(iter(Prover(TaskProblem.of(moved(pinch(0.03), 0, [0, 0.14, 0])), workers=1).domains.values()))
+    search = BranchAndPrune(domain, domain.roots)
     for state in search:
         left = sum(p.share for p in search.pending)
         assert state.discarded + left == pytest.approx(1.0, abs=1e-12)
@@ -214,10 +214,10 @@ def test_constants_bound_the_derivatives_of_regions(seed: int):
 # --- pose by pose ---------------------------------------------------------------------------------
 
 
-def alone(prover: Prover, state: dict | None = None, calls: int | None = None) -> Search:
+def alone(prover: Prover, state: dict | None = None, calls: int | None = None) -> BranchAndPrune:
     """The search of the poses alone, to its end or for some calls."""
     domain = prover.domains[POSES]
-    search = Search.restored(domain, state) if state else Search(domain, domain.roots)
+    search = BranchAndPrune.restored(domain, state) if state else BranchAndPrune(domain, domain.roots)
     for n, _ in enumerate(search):
         if n + 1 == calls or search.state.unfinished:
             break
@@ -230,7 +230,7 @@ def impossible() -> Task:
 
 
 def test_the_poses_alone_show_that_a_hold_is_impossible():
-    problem = Problem.of(impossible())
+    problem = TaskProblem.of(impossible())
     search = alone(Prover(problem, workers=1))
     assert search.state.pending == 0
     assert not search.state.unfinished
@@ -243,7 +243,7 @@ def test_the_poses_alone_show_that_a_hold_is_impossible():
 
 
 def test_the_poses_go_on_from_the_middle():
-    prover = Prover(Problem.of(impossible()), workers=1)
+    prover = Prover(TaskProblem.of(impossible()), workers=1)
     whole = alone(prover)
     stopped = alone(prover, calls=3)
     assert stopped.state.pending
@@ -253,7 +253,7 @@ def test_the_poses_go_on_from_the_middle():
 
 
 def test_the_poses_of_a_possible_hold_are_not_discarded():
-    problem = Problem.of(load_task("scalpel-handling"))
+    problem = TaskProblem.of(load_task("scalpel-handling"))
     prover = Prover(problem, workers=1)
     search, domain = alone(prover, calls=30), prover.domains[POSES]
     assert 0 < search.state.discarded < 1
@@ -266,7 +266,7 @@ def test_the_poses_of_a_possible_hold_are_not_discarded():
 
 
 def test_states_of_other_searches_are_refused():
-    prover = Prover(Problem.of(impossible()), workers=1)
+    prover = Prover(TaskProblem.of(impossible()), workers=1)
     state = prover.save()
     del state["sets"][POSES]
     with pytest.raises(InputError, match="it lacks poses; start anew"):
@@ -274,12 +274,12 @@ def test_states_of_other_searches_are_refused():
 
 
 def test_two_contacts_have_no_search_of_poses():
-    assert POSES not in Prover(Problem.of(pinch()), workers=1).domains
+    assert POSES not in Prover(TaskProblem.of(pinch()), workers=1).domains
 
 
 @cache
-def posed() -> tuple[Problem, Hub]:
-    problem = Problem.of(impossible())
+def posed() -> tuple[TaskProblem, Hub]:
+    problem = TaskProblem.of(impossible())
     return problem, Hub(problem, np.zeros((4, 2, 1, 1, 10)))
 
 

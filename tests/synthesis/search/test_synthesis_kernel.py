@@ -13,7 +13,6 @@ from numba import njit
 
 from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.kernel import balls
 from handfast.synthesis.search.kernel.geometry import evaluate
 from handfast.synthesis.search.kernel.krawczyk import certify
@@ -22,6 +21,7 @@ from handfast.synthesis.search.kernel.taylor import element
 from handfast.synthesis.search.kernel.taylor import workspace as taylor_workspace
 from handfast.synthesis.search.prover import Prover
 from handfast.synthesis.task import PoseBounds
+from handfast.synthesis.task_problem import TaskProblem
 from tests.support.planted import Planted, bump, chain, joint, plant, pose, turn
 
 X, Y, Z = np.eye(3)
@@ -64,17 +64,17 @@ def everything(seed: int) -> Planted:
     )
     cap = Cap([0.01, 0.002, 0], 0.012, [1, 0, 0.2], 1.2)
     ball = Cap([0, 0, 0.01], 0.03, [0, 1, 1], 1.0)
-    touches = [
+    pairs = [
         ("tip", cap, bump(rng, (3, 2))),
         ("wrist", bump(rng, (2, 1), flip=True), bump(rng, (1, 2))),
         ("far", bump(rng), ball),
         ("palm", Cap([0, 0, 0], 0.02, Z, np.pi, flip=True), bump(rng, (1, 1))),
         ("tip", cap, ball),
     ]
-    return plant(hand, touches, rng)
+    return plant(hand, pairs, rng)
 
 
-def coordinates(p: Planted, problem: Problem) -> np.ndarray:
+def coordinates(p: Planted, problem: TaskProblem) -> np.ndarray:
     """(n,) of the planted solution."""
     from scipy.spatial.transform import Rotation
 
@@ -82,18 +82,18 @@ def coordinates(p: Planted, problem: Problem) -> np.ndarray:
     value = {f"joint:{n}": q for n, q in zip(p.task.hand.joint_names, p.q, strict=True)}
     value |= {f"position:{i}": p.pose[i, 3] for i in range(3)} | {f"quaternion:{i}": quaternion[i] for i in range(4)}
     for k, (on_hand, on_object) in enumerate(p.spots):
-        region = p.task.touches[k].object
+        region = p.task.contact_pairs[k].object
         if isinstance(region, Cap):
             d = region.frame.T @ on_object
             on_object = np.array([np.arccos(np.clip(d[2], -1, 1)), np.arctan2(d[1], d[0])])
         value |= {f"contact:{k}:s": on_object[0], f"contact:{k}:t": on_object[1]}
-        if not isinstance(p.task.touches[k].hand, Cap):
+        if not isinstance(p.task.contact_pairs[k].hand, Cap):
             value |= {f"contact:{k}:u": on_hand[0], f"contact:{k}:v": on_hand[1]}
     return np.array([value[name] for name in problem.labels]) / problem.lengths
 
 
-def at(problem: Problem, x: np.ndarray, radius: np.ndarray | float = 0.0) -> tuple[np.ndarray, ...]:
-    e, n, g = problem.equations, problem.n, len(problem.task.touches) + 18
+def at(problem: TaskProblem, x: np.ndarray, radius: np.ndarray | float = 0.0) -> tuple[np.ndarray, ...]:
+    e, n, g = problem.equations, problem.n, len(problem.task.contact_pairs) + 18
     F, J, G, H = np.zeros((e, 2)), np.zeros((e, n, 2)), np.zeros((g, 2)), np.zeros((g, n, 2))
     _evaluate(np.column_stack([x, np.zeros(n) + radius]), problem.flat, F, J, G, H)
     return F, J, G, H
@@ -102,7 +102,7 @@ def at(problem: Problem, x: np.ndarray, radius: np.ndarray | float = 0.0) -> tup
 @pytest.mark.parametrize("seed", range(20))
 def test_equations_vanish_at_planted_solutions(seed: int):
     planted = everything(seed)
-    problem = Problem.of(planted.task)
+    problem = TaskProblem.of(planted.task)
     x = coordinates(planted, problem)
     F, _, G, _ = at(problem, x)
     assert problem.equations == 3 + 5 + 5 + 3 + 3
@@ -116,7 +116,7 @@ def test_equations_vanish_at_planted_solutions(seed: int):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_derivatives_are_those_of_the_values(seed: int):
-    problem = Problem.of(everything(seed).task)
+    problem = TaskProblem.of(everything(seed).task)
     x = np.random.default_rng(seed).uniform(np.maximum(problem.flat.lower, -1), np.minimum(problem.flat.upper, 1))
     _, J, _, H = at(problem, x)
     step = 1e-6
@@ -130,7 +130,7 @@ def test_derivatives_are_those_of_the_values(seed: int):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_balls_hold_every_value_in_a_box(seed: int):
-    problem, rng = Problem.of(everything(seed).task), np.random.default_rng(seed)
+    problem, rng = TaskProblem.of(everything(seed).task), np.random.default_rng(seed)
     x = rng.uniform(np.maximum(problem.flat.lower, -1), np.minimum(problem.flat.upper, 1))
     for size in (1e-7, 1e-4, 0.01):
         radius = size * rng.random(problem.n)
@@ -172,8 +172,8 @@ def test_operations_on_balls_are_rigorous(a: float, ra: float, b: float, rb: flo
 
 @pytest.mark.parametrize("seed", range(8))
 def test_remainders_bound_what_the_polynomials_leave_out(seed: int):
-    problem, rng = Problem.of(everything(seed).task), np.random.default_rng(seed)
-    flat, n, b = problem.flat, problem.n, len(problem.task.touches)
+    problem, rng = TaskProblem.of(everything(seed).task), np.random.default_rng(seed)
+    flat, n, b = problem.flat, problem.n, len(problem.task.contact_pairs)
     bend = next(iter(Prover(problem, workers=1).domains.values())).bend
     worst = 0.0
     for size in (0.5, 0.1, 0.01):
@@ -193,7 +193,7 @@ def test_remainders_bound_what_the_polynomials_leave_out(seed: int):
     assert worst > 0.2  # the bounds are not idle
 
 
-def certified(problem: Problem, x: np.ndarray, lower: np.ndarray | None = None, upper: np.ndarray | None = None):
+def certified(problem: TaskProblem, x: np.ndarray, lower: np.ndarray | None = None, upper: np.ndarray | None = None):
     """Dependent coordinates and the radii of their box if a solution is proved at x between these bounds, else None."""
     flat, e = problem.flat, problem.equations
     chosen, radii = np.zeros(e, dtype=np.intp), np.zeros(e)
@@ -204,7 +204,7 @@ def certified(problem: Problem, x: np.ndarray, lower: np.ndarray | None = None, 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_certifies_what_is_there_and_nothing_beside_it(seed: int):
-    problem = Problem.of((planted := everything(seed)).task)
+    problem = TaskProblem.of((planted := everything(seed)).task)
     x = coordinates(planted, problem)
     # five contacts on ten free joints and pose leave room: no hand of these is singular there
     _, J, _, _ = at(problem, x)
@@ -221,7 +221,7 @@ def test_certifies_what_is_there_and_nothing_beside_it(seed: int):
 @pytest.mark.parametrize("end", ["lower", "upper"])
 def test_the_whole_box_must_lie_within_the_bounds(seed: int, end: str):
     """A solution that is nearer to a bound than the box is wide may lie beyond it; wider bounds let it pass."""
-    problem = Problem.of((planted := everything(seed)).task)
+    problem = TaskProblem.of((planted := everything(seed)).task)
     x, flat, sign = coordinates(planted, problem), problem.flat, {"lower": -1, "upper": 1}[end]
     x[: len(problem.free)] += 1e-5  # beside the solution: the box has to reach it
     found = certified(problem, x)
@@ -251,7 +251,7 @@ def test_no_axis_of_the_object_may_leave_its_bounds_anywhere_in_the_box(seed: in
     def within(room: float) -> bool:
         axes[1, 2, end] = planted.pose[2, 1] + (room if end else -room)
         task = replace(planted.task, pose=PoseBounds(PoseBounds.none().position, axes))
-        problem = Problem.of(task)
+        problem = TaskProblem.of(task)
         x = coordinates(planted, problem)
         x[: len(problem.free)] += 1e-5
         return certified(problem, x) is not None

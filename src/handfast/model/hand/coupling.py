@@ -1,4 +1,4 @@
-"""What couplings make of a hand's joints: which one leads, what that leaves of its range, where the others follow."""
+"""What couplings make of a hand's joints: which one drives, what that leaves of its range, where the others follow."""
 
 from __future__ import annotations
 
@@ -10,47 +10,47 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.hand.hand import Hand
 
-ROUNDING = 1e-9  # [rad, m] by which the limits of a joint and those of one that follows it may miss each other
+LIMIT_MISMATCH = 1e-9  # [rad, m] by which the limits of a joint and those of one that follows it may miss each other
 
 
-def led(hand: Hand) -> dict[int, tuple[int, float, float]]:
-    """For each joint (leader, ratio, offset): its value is ratio q[leader] + offset; leader -1: a constant."""
+def drivers(hand: Hand) -> dict[int, tuple[int, float, float]]:
+    """For each joint (driver, ratio, offset): its value is ratio q[driver] + offset; driver -1: a constant."""
     tied = {c.joint: c for c in hand.couplings}
     out = {}
     for j in range(hand.l):
-        leader, ratio, offset = j, 1.0, 0.0
-        while leader in tied:
-            c = tied[leader]
+        driver, ratio, offset = j, 1.0, 0.0
+        while driver in tied:
+            c = tied[driver]
             offset += ratio * c.offset
-            leader, ratio = c.leader, ratio * c.ratio
-            if leader < 0:
+            driver, ratio = c.driver, ratio * c.ratio
+            if driver < 0:
                 ratio = 0.0
                 break
-        out[j] = (leader, ratio, offset)
+        out[j] = (driver, ratio, offset)
     return out
 
 
-def leader_ranges(hand: Hand, needed: Iterable[int] = ()) -> dict[int, tuple[float, float]]:
-    """For each joint that leads itself: what its own limits and those of all that follow it leave of its range.
+def driver_ranges(hand: Hand, needed: Iterable[int] = ()) -> dict[int, tuple[float, float]]:
+    """For each joint that no other drives: what its own limits and those of all that follow it leave of its range.
 
     Args:
         needed: joints that have to move.
 
     Raises:
-        InputError: nothing is left, or, for the leader of a needed joint, a single value where its own limits
+        InputError: nothing is left, or, for the driver of a needed joint, a single value where its own limits
             leave a range.
     """
-    follows = led(hand)
+    follows = drivers(hand)
     ranges = {j: (joint.lower, joint.upper) for j, joint in enumerate(hand.joints) if follows[j][0] == j}
     moving = {follows[j][0] for j in needed}
-    for j, (leader, ratio, offset) in follows.items():
-        if leader in (j, -1) or not ratio:
+    for j, (driver, ratio, offset) in follows.items():
+        if driver in (j, -1) or not ratio:
             continue
-        (lo, hi), own = ranges[leader], hand.joints[leader]
+        (lo, hi), own = ranges[driver], hand.joints[driver]
         ends = sorted((float(end) - offset) / ratio for end in hand.limits[j])
-        low, high = ranges[leader] = max(lo, ends[0]), min(hi, ends[1])
-        empty = low - high > ROUNDING * max(1.0, abs(low))
-        if empty or (leader in moving and own.lower < own.upper and low >= high):
+        low, high = ranges[driver] = max(lo, ends[0]), min(hi, ends[1])
+        empty = low - high > LIMIT_MISMATCH * max(1.0, abs(low))
+        if empty or (driver in moving and own.lower < own.upper and low >= high):
             left, field = "nothing" if empty else "a single value", f"limits.{hand.joint_names[j]}"
             right = f"widen them, or fix {own.name} itself by equal limits"
             raise InputError(f"leave {left} for {own.name}, to which it is coupled; {right}", field=field)
@@ -58,9 +58,9 @@ def leader_ranges(hand: Hand, needed: Iterable[int] = ()) -> dict[int, tuple[flo
 
 
 def coupled(hand: Hand, q: Array) -> Array:
-    """q (..., l) with the coupled joints where their leaders put them, whatever their limits."""
+    """q (..., l) with the coupled joints where their drivers put them, whatever their limits."""
     out = q.copy()
-    for j, (leader, ratio, offset) in led(hand).items():
-        if leader != j:
-            out[..., j] = offset + (ratio * q[..., leader] if leader >= 0 else 0.0)
+    for j, (driver, ratio, offset) in drivers(hand).items():
+        if driver != j:
+            out[..., j] = offset + (ratio * q[..., driver] if driver >= 0 else 0.0)
     return np.asarray(out)

@@ -12,8 +12,9 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, unknown_name
+from handfast.core.transforms import FARTHEST, rigid
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import MOST, Shape, rigid
+from handfast.model.shape import Shape
 
 LIMIT_TOLERANCE = 1e-6  # [rad or m] rounding of a limit in a file is not a violation
 
@@ -50,11 +51,11 @@ class Joint:
             raise InputError(f"has length {length:.3g}; a direction is needed", field=f"{self.name}.axis")
         object.__setattr__(self, "axis", frozen(axis / length, (3,), f"{self.name}.axis"))
         object.__setattr__(self, "anchor", frozen(self.anchor, (3,), f"{self.name}.anchor"))
-        if np.abs(self.anchor).max() > MOST:
-            raise InputError(f"is more than {MOST:g} m away", field=f"{self.name}.anchor")
-        if not all(abs(x) <= MOST for x in (self.lower, self.upper, self.ref)):
+        if np.abs(self.anchor).max() > FARTHEST:
+            raise InputError(f"is more than {FARTHEST:g} m away", field=f"{self.name}.anchor")
+        if not all(abs(x) <= FARTHEST for x in (self.lower, self.upper, self.ref)):
             numbers = f"are {self.lower:g} and {self.upper:g}, its reference {self.ref:g}"
-            raise InputError(f"{numbers}; at most {MOST:g} is possible", field=f"{self.name} limits")
+            raise InputError(f"{numbers}; at most {FARTHEST:g} is possible", field=f"{self.name} limits")
         if not self.lower <= self.upper:
             limits = f"[{self.lower:g}, {self.upper:g}]"
             raise InputError(f"are {limits}; the lower one comes first", field=f"{self.name} limits")
@@ -103,10 +104,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A joint tied to another: q[joint] = ratio * q[leader] + offset; leader -1 ties it to `offset` alone."""
+    """A joint tied to another: q[joint] = ratio * q[driver] + offset; driver -1 ties it to `offset` alone."""
 
     joint: int
-    leader: int
+    driver: int
     ratio: float
     offset: float = 0.0
 
@@ -123,7 +124,7 @@ class Hand:
         couplings: the same with their offsets, so that a configuration can be completed.
         closing: (l,) of -1, 0, +1, the sense in which each joint closes the hand. The loaders guess it
             from the limits (see `guess_closing`), a heuristic; `with_closing` overrides it.
-        breakaway: a coupled joint goes on alone when its leader is stopped by a contact further in on
+        breakaway: a coupled joint goes on alone when its driver is stopped by a contact further in on
             the same finger, like the Barrett hand's clutch; False for a rigid linkage.
         source: the file it was read from.
     """
@@ -150,21 +151,21 @@ class Hand:
 
     def _refuse_circles(self) -> None:
         """Couplings that are no numbers, tie a joint twice, or lead from a joint back to itself."""
-        leader: dict[int, int] = {}
+        driver: dict[int, int] = {}
         for c in self.couplings:
             name = self.joint_names[c.joint]
-            if not all(abs(x) <= MOST for x in (c.ratio, c.offset)):
+            if not all(abs(x) <= FARTHEST for x in (c.ratio, c.offset)):
                 numbers = f"ratio {c.ratio:g} and offset {c.offset:g}"
-                raise InputError(f"has {numbers}; at most {MOST:g} is possible", field=name)
-            if c.joint in leader:
-                raise InputError("is tied to two joints at once; one leader is needed", field=name)
-            leader[c.joint] = c.leader
-        for start in leader:
+                raise InputError(f"has {numbers}; at most {FARTHEST:g} is possible", field=name)
+            if c.joint in driver:
+                raise InputError("is tied to two joints at once; one driver is needed", field=name)
+            driver[c.joint] = c.driver
+        for start in driver:
             j = start
-            for _ in leader:
-                j = leader.get(j, -1)
-            if j in leader:
-                problem = "follows itself, directly or through others; a joint that leads is needed"
+            for _ in driver:
+                j = driver.get(j, -1)
+            if j in driver:
+                problem = "follows itself, directly or through others; a joint that drives is needed"
                 raise InputError(problem, field=self.joint_names[start])
 
     @property
@@ -208,7 +209,7 @@ class Hand:
     def with_closing(self, closing: Mapping[str, int]) -> Hand:
         """The same hand with the closing sense of the named joints set to -1, 0 or +1.
 
-        A coupled joint follows its leader unless it is named too.
+        A coupled joint follows its driver unless it is named too.
         """
         signs = self.closing.copy()
         for name, sign in closing.items():
@@ -217,13 +218,13 @@ class Hand:
             signs[self.joint(name, field="closing")] = sign
         for c in self.couplings:
             if self.joints[c.joint].name not in closing:
-                signs[c.joint] = np.sign(c.ratio) * signs[c.leader] if c.leader >= 0 else 0
+                signs[c.joint] = np.sign(c.ratio) * signs[c.driver] if c.driver >= 0 else 0
         return replace(self, closing=signs)
 
     def configuration(self, values: Mapping[str, float] | None = None) -> Array:
         """(l,) full configuration from some joint values by name [rad, m].
 
-        A missing coupled joint follows its leader (or the leader it); any other missing joint is 0,
+        A missing coupled joint follows its driver (or the driver it); any other missing joint is 0,
         clipped to its limits. A joint given explicitly keeps its value even against a coupling, because
         a clutch may have opened.
 
@@ -239,8 +240,8 @@ class Hand:
             q[j] = value
         self._follow(q)
         for j in range(self.l):
-            leads = any(c.leader == j for c in self.couplings)
-            if np.isnan(q[j]) and (leads or not any(c.joint == j for c in self.couplings)):
+            drives = any(c.driver == j for c in self.couplings)
+            if np.isnan(q[j]) and (drives or not any(c.joint == j for c in self.couplings)):
                 q[j] = np.clip(0.0, self.joints[j].lower, self.joints[j].upper)
                 self._follow(q)
         for joint, value in zip(self.joints, q, strict=True):
@@ -255,12 +256,12 @@ class Hand:
         """Fill in the NaN of q that a coupling to a known joint determines, until nothing changes."""
         for _ in range(len(self.couplings)):
             for c in self.couplings:
-                if np.isnan(q[c.joint]) and c.leader < 0:
+                if np.isnan(q[c.joint]) and c.driver < 0:
                     q[c.joint] = c.offset
                 elif np.isnan(q[c.joint]):
-                    q[c.joint] = c.ratio * q[c.leader] + c.offset
-                elif c.leader >= 0 and np.isnan(q[c.leader]) and c.ratio:
-                    q[c.leader] = (q[c.joint] - c.offset) / c.ratio
+                    q[c.joint] = c.ratio * q[c.driver] + c.offset
+                elif c.driver >= 0 and np.isnan(q[c.driver]) and c.ratio:
+                    q[c.driver] = (q[c.joint] - c.offset) / c.ratio
 
     def values(self, q: Array) -> dict[str, float]:
         """A configuration by joint name."""
@@ -329,7 +330,7 @@ def guess_closing(joints: tuple[Joint, ...], couplings: tuple[Coupling, ...]) ->
 
     A joint that can go at least twice as far one way as the other closes that way; any other joint is
     taken for a spread or an abduction, which does not close (0). A spread with a one-sided range is
-    guessed wrong: say so with `Hand.with_closing`. Coupled joints follow their leaders.
+    guessed wrong: say so with `Hand.with_closing`. Coupled joints follow their drivers.
     """
     closing = np.zeros(len(joints))
     for j, joint in enumerate(joints):
@@ -338,15 +339,15 @@ def guess_closing(joints: tuple[Joint, ...], couplings: tuple[Coupling, ...]) ->
         elif abs(joint.lower) >= 2 * abs(joint.upper) and joint.lower < 0:
             closing[j] = -1
     for c in couplings:
-        closing[c.joint] = np.sign(c.ratio) * closing[c.leader] if c.leader >= 0 else 0
+        closing[c.joint] = np.sign(c.ratio) * closing[c.driver] if c.driver >= 0 else 0
     return closing
 
 
 def coupling_rows(couplings: tuple[Coupling, ...], joints: int) -> Array:
-    """(k, l) rows of A for l joints: q[joint] - ratio * q[leader] is constant."""
+    """(k, l) rows of A for l joints: q[joint] - ratio * q[driver] is constant."""
     A = np.zeros((len(couplings), joints))
     for row, c in zip(A, couplings, strict=True):
         row[c.joint] = 1.0
-        if c.leader >= 0:
-            row[c.leader] = -c.ratio
+        if c.driver >= 0:
+            row[c.driver] = -c.ratio
     return A

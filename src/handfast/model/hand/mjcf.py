@@ -12,9 +12,10 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import LARGEST
 from handfast.core.quiet import quiet
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, quaternion_matrix, transform
+from handfast.model.shape import Shape
 
 
 def read_mjcf(root: Element, path: Path) -> Hand:
@@ -139,11 +140,11 @@ def _coupling(m: Any, e: int) -> Coupling:
     a = m.eq_data[e, :5].tolist()
     if any(a[2:]):
         raise InputError(f"has polycoef {a}; it must be linear", field=f"equality {name}")
-    joint, leader = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
+    joint, driver = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
     ref = float(m.qpos0[m.jnt_qposadr[joint]])  # mujoco couples displacements from the reference pose
-    if leader < 0:
+    if driver < 0:
         return Coupling(joint, -1, 0.0, ref + a[0])
-    return Coupling(joint, leader, a[1], ref + a[0] - a[1] * float(m.qpos0[m.jnt_qposadr[leader]]))
+    return Coupling(joint, driver, a[1], ref + a[0] - a[1] * float(m.qpos0[m.jnt_qposadr[driver]]))
 
 
 def _mechanism(m: Any, joints: tuple[Joint, ...], couplings: tuple[Coupling, ...], A: Array) -> Mechanism:

@@ -15,9 +15,10 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
+from handfast.core.transforms import transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, transform
+from handfast.model.shape import Shape
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 PHALANGES = {2: ("proximal", "distal"), 3: ("proximal", "middle", "distal")}
@@ -63,7 +64,7 @@ class Design:
         title: as printed, with the table's reference.
         dof: the table's column DOF.
         fingers: structure of each finger, see `hand_from_structure`.
-        couplings: (joint, leader) with equal angles beside those in the structures.
+        couplings: (joint, driver) with equal angles beside those in the structures.
         note: where the reading of the table needs a reason.
     """
 
@@ -142,7 +143,7 @@ def hand_from_structure(
     Args:
         fingers: structure by name: little, ring, middle, index, thumb; those left out do not exist.
         dimensions: nominal ones by default.
-        couplings: (joint, leader) with equal angles beside those in brackets.
+        couplings: (joint, driver) with equal angles beside those in brackets.
 
     Raises:
         InputError: an unknown finger or a structure that is not understood.
@@ -159,11 +160,11 @@ def hand_from_structure(
     if "thumb" in fingers:
         _finger(made, "thumb", fingers["thumb"], 0.0, size)
     names = [j.name for j in made.joints]
-    for joint, leader in couplings:
-        for other in (joint, leader):
+    for joint, driver in couplings:
+        for other in (joint, driver):
             if other not in names:
                 raise unknown_name("joint", other, names, field="couplings")
-        made.couplings.append(Coupling(names.index(joint), names.index(leader), 1.0))
+        made.couplings.append(Coupling(names.index(joint), names.index(driver), 1.0))
     tied = {c.joint for c in made.couplings}
     driven = [j for j in range(len(names)) if j not in tied]
     mechanism = Mechanism(
@@ -227,7 +228,7 @@ def _finger(made: _Parts, finger: str, structure: str, y: float, size: Dimension
     flexing = joints[hinge:]
     if len(flexing) == 2:
         lengths = [lengths[0] + lengths[1], lengths[2]]
-    leaders: dict[int, int] = {}
+    drivers: dict[int, int] = {}
     for k, ((letter, bracket), part) in enumerate(zip(flexing, PHALANGES[len(flexing)], strict=True)):
         made_of = []
         if letter == "U":
@@ -241,9 +242,9 @@ def _finger(made: _Parts, finger: str, structure: str, y: float, size: Dimension
         parent = made.add(f"{finger}_{part}", parent, pose, made_of, shapes)
         pose = transform((lengths[k], 0, 0))
         if bracket >= 0:
-            leader = leaders.setdefault(bracket, len(made.joints) - 1)
-            if leader != len(made.joints) - 1:
-                made.couplings.append(Coupling(len(made.joints) - 1, leader, 1.0))
+            driver = drivers.setdefault(bracket, len(made.joints) - 1)
+            if driver != len(made.joints) - 1:
+                made.couplings.append(Coupling(len(made.joints) - 1, driver, 1.0))
 
 
 def _root(finger: str, y: float, size: Dimensions, hinge: bool) -> Array:

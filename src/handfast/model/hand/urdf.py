@@ -12,9 +12,10 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.transforms import transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, read_mesh, transform
+from handfast.model.shape import Shape, read_mesh
 
 TURN = 2 * np.pi  # limits of a continuous joint: a finger joint never needs more
 
@@ -102,12 +103,12 @@ def _mimic(e: Element, order: dict[str, int]) -> Coupling | None:
     mimic, name = e.find("mimic"), e.get("name", "")
     if mimic is None or name not in order:
         return None
-    leader = mimic.get("joint", "")
-    if leader not in order:
-        raise InputError(f"mimics joint '{leader}', which is not a moving joint", field=f"joint {name}")
+    driver = mimic.get("joint", "")
+    if driver not in order:
+        raise InputError(f"mimics joint '{driver}', which is not a moving joint", field=f"joint {name}")
     ratio = _numbers(mimic, "multiplier", 1, f"joint {name}", "1")[0]
     offset = _numbers(mimic, "offset", 1, f"joint {name}", "0")[0]
-    return Coupling(order[name], order[leader], ratio, offset)
+    return Coupling(order[name], order[driver], ratio, offset)
 
 
 def _shape(e: Element, link: str, number: int, path: Path) -> Shape:

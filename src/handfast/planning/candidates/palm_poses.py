@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.core.transforms import normal_frame, transform
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand.coupling import coupled
 from handfast.model.hand.hand import Hand
-from handfast.model.shape import transform
 
 MIDWAY = 0.5  # share of closing at which the fingertips surround what is grasped
 TOUCH = 2e-4  # [m] the push ends when the hand is this near
@@ -217,7 +217,7 @@ def _near(rng: np.random.Generator, direction: Array, angle: float) -> Array:
     """A unit vector, equally likely anywhere within an angle [rad] of a unit direction."""
     height = 1 - rng.random() * (1 - np.cos(angle))
     around = rng.uniform(0, 2 * np.pi)
-    frame = _frame(direction)
+    frame = normal_frame(direction)
     flat = np.sqrt(1 - height**2)
     return frame @ np.array([height, flat * np.cos(around), flat * np.sin(around)])
 
@@ -225,7 +225,7 @@ def _near(rng: np.random.Generator, direction: Array, angle: float) -> Array:
 def _turned(source: Array, target: Array, roll: float) -> Array:
     """(3, 3) a rotation that takes one unit vector to another and rolls about it [rad]."""
     turn = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
-    return _frame(target) @ turn @ _frame(source).T
+    return normal_frame(target) @ turn @ normal_frame(source).T
 
 
 def _squarely(
@@ -233,7 +233,7 @@ def _squarely(
 ) -> Array:
     """(3, 3) the approach against a normal, rolled so that the widest-apart fingertips face another normal."""
     tips = _middles(hand, q, fingertips(hand))
-    frame = _frame(palm.axis)
+    frame = normal_frame(palm.axis)
     flat = (tips - tips.mean(axis=0)) @ frame[:, 1:]
     across = np.linalg.svd(flat, full_matrices=True)[2][0] if len(tips) > 1 else np.array([1.0, 0.0])
     R = _turned(-normal, palm.axis, 0.0)
@@ -243,12 +243,3 @@ def _squarely(
             break
     roll = float(np.arctan2(across[1], across[0]) - np.arctan2(other[1], other[0]))
     return _turned(-normal, palm.axis, roll)
-
-
-def _frame(n: Array) -> Array:
-    """(3, 3) right-handed orthonormal columns, the first one n."""
-    e = np.zeros(3)
-    e[np.argmin(np.abs(n))] = 1.0
-    t = np.cross(n, e)
-    t /= np.linalg.norm(t)
-    return np.column_stack([n, t, np.cross(n, t)])

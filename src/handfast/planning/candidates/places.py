@@ -14,6 +14,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask, frozen
 from handfast.core.errors import InputError
+from handfast.core.transforms import normal_frame
 from handfast.geometry.region_fit import fit_grid
 from handfast.model.body import Body
 from handfast.model.region import Bezier
@@ -217,9 +218,8 @@ class _MeshSurface:
 
 def _frame(normal: Array) -> Array:
     """(3, 3) rows: two tangents and the normal, right-handed."""
-    e1 = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    e1 /= np.linalg.norm(e1)
-    return np.array([e1, np.cross(normal, e1), normal])
+    _, t1, t2 = normal_frame(normal).T
+    return np.array([t1, t2, normal])
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -16,15 +16,15 @@ from handfast.model.configuration import Configuration
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.filters.balance import friction_margin
 from handfast.stability.loads import Loads
-from handfast.synthesis.answers import Solution
 from handfast.synthesis.curvatures import relative_curvatures
+from handfast.synthesis.solution import Solution
 
 
 def contacts_at(solution: Solution, friction: float) -> tuple[Contact, ...]:
     """The certified contacts, object frame."""
     R, p = solution.pose[:3, :3], solution.pose[:3, 3]
     points, normals = (solution.points - p) @ R, solution.normals @ R
-    links = [touch.link for touch in solution.task.touches]
+    links = [pair.link for pair in solution.task.contact_pairs]
     return tuple(Contact(x, n, friction, link) for x, n, link in zip(points, normals, links, strict=True))
 
 
@@ -62,7 +62,7 @@ class Derived:
             preload,
             friction_margin(grasp, loads.wrenches),
             relative_curvatures(solution),
-            dexterity(task.hand, q, [t.link for t in task.touches], solution.points, grasp),
+            dexterity(task.hand, q, [t.link for t in task.contact_pairs], solution.points, grasp),
         )
 
     @property

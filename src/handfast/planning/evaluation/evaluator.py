@@ -20,10 +20,10 @@ from handfast.planning.filters.balance import CIRCUMSCRIBED, imbalance
 from handfast.planning.filters.non_contacting import NonContactingFingers
 from handfast.planning.rejection import RejectionReason
 from handfast.stability.loads import Loads
-from handfast.synthesis.answers import Solution
 from handfast.synthesis.curvatures import relative_curvatures
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.starts import Certified
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.task_problem import TaskProblem
 
 DEEP = 0.01  # [m] of penetration that costs 1
 NEAR = 1e-3  # [m] distances beyond this are not looked at in the search
@@ -73,7 +73,7 @@ class Evaluator:
     """Turns certified configurations of one task into candidates."""
 
     def __init__(
-        self, problem: Problem, collisions: Collisions, loads: Loads, friction: float, allowed: Allowed
+        self, problem: TaskProblem, collisions: Collisions, loads: Loads, friction: float, allowed: Allowed
     ) -> None:
         self.problem, self.task, self.collisions = problem, problem.task, collisions
         self.loads, self.friction, self.allowed = loads, friction, allowed
@@ -125,5 +125,5 @@ def requests(solution: Solution) -> list[Requested]:
     """The contacts of a configuration, for the collision check."""
     return [
         Requested(t.link, p, n)
-        for t, p, n in zip(solution.task.touches, solution.points, solution.normals, strict=True)
+        for t, p, n in zip(solution.task.contact_pairs, solution.points, solution.normals, strict=True)
     ]

@@ -10,19 +10,19 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.model.hand.coupling import led
-from handfast.synthesis.problem import Problem
+from handfast.model.hand.coupling import drivers
+from handfast.synthesis.task_problem import TaskProblem
 
 
 class Gradients:
     """Derivatives of distances with respect to the coordinates x (n,) of a problem."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: TaskProblem) -> None:
         self.problem, hand = problem, problem.task.hand
-        drivers = led(hand)
+        driven = drivers(hand)
         self._joint = np.zeros((hand.l, problem.n))  # dq/dx: drivers and the joints that mimic them
         for column, driver in enumerate(problem.free):
-            for j, (first, ratio, _) in drivers.items():
+            for j, (first, ratio, _) in driven.items():
                 if first == driver:
                     self._joint[j, column] = ratio * problem.lengths[column]
         self._pose = len(problem.free)

@@ -9,9 +9,9 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.geometry.collision import Clearances, Collisions, Requested
-from handfast.model.hand.coupling import coupled, leader_ranges, led
+from handfast.model.hand.coupling import coupled, driver_ranges, drivers
 from handfast.model.hand.hand import Hand
-from handfast.synthesis.answers import Solution
+from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
 
 BENT = 0.9  # of a joint's range, where its finger is folded away
@@ -26,8 +26,8 @@ def non_contacting_joints(hand: Hand, links: Sequence[str]) -> list[int]:
     """Closing joints, none of them coupled to another, that no link of some has anything to do with."""
     busy = {j for link in links for j in hand.moved_by(hand.link(link))}
     for _ in hand.couplings:
-        busy |= {c.leader for c in hand.couplings if c.joint in busy} - {-1}
-        busy |= {c.joint for c in hand.couplings if c.leader in busy}
+        busy |= {c.driver for c in hand.couplings if c.joint in busy} - {-1}
+        busy |= {c.joint for c in hand.couplings if c.driver in busy}
     tied = {c.joint for c in hand.couplings}
     return [j for j in range(hand.l) if j not in busy | tied and hand.closing[j]]
 
@@ -54,7 +54,7 @@ def placed(hand: Hand, q: Array, values: dict[str, float]) -> Array:
     q, moved = q.copy(), [hand.joint(name) for name in values]
     q[moved] = list(values.values())
     after = np.clip(coupled(hand, q), *hand.limits.T)
-    return np.where([driver in moved and driver != j for j, (driver, _, _) in led(hand).items()], after, q)
+    return np.where([driver in moved and driver != j for j, (driver, _, _) in drivers(hand).items()], after, q)
 
 
 # --- the first of many that is clear ----------------------------------------------------------------
@@ -87,8 +87,8 @@ class NonContactingFingers:
     def __init__(self, task: Task, collisions: Collisions) -> None:
         self.task, self.collisions = task, collisions
         hand, scene = task.hand, collisions.scene
-        drivers, ranges = led(hand), leader_ranges(hand)
-        used = {drivers[j][0] for j in task.involved.tolist()}
+        driven, ranges = drivers(hand), driver_ranges(hand)
+        used = {driven[j][0] for j in task.involved.tolist()}
         free = [j for j, (lo, hi) in ranges.items() if j not in used and lo < hi]
         chains: dict[int, list[int]] = {}
         for j in free:

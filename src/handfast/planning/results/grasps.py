@@ -29,7 +29,8 @@ from handfast.planning.results.verify_grasps import ReplayedGrasp, ReplayedGrasp
 from handfast.stability.answers import finite
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
-from handfast.synthesis.answers import Solution, Synthesis
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import Task
 
 

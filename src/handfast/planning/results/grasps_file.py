@@ -30,10 +30,10 @@ from handfast.planning.requirements import Requirements
 from handfast.stability.certify.certificate_file import Six
 from handfast.stability.loads import Loads, Weight
 from handfast.stability.model import State
-from handfast.synthesis.answers import Solution
 from handfast.synthesis.certify.existence import existence_to_dict
 from handfast.synthesis.embedded import digest, refuse_broken, sealed, task_from_dict, task_to_dict
-from handfast.synthesis.result_file import solution_of
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task
 
 SCHEMA, FIRST = "handfast/grasps/2", "handfast/grasps/1"

@@ -17,7 +17,7 @@ from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate, write_text
 from handfast.planning.rejection import RejectionReason, Tally
 from handfast.synthesis.certify.existence import Existence, existence_to_dict
-from handfast.synthesis.result_file import solution_of
+from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task
 
 REASONS = (  # that the file counts

@@ -28,8 +28,8 @@ from handfast.stability.certify.certificate import Question
 from handfast.stability.loads import Loads
 from handfast.stability.model import State
 from handfast.stability.witness import Witness
-from handfast.synthesis.answers import Solution
 from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
+from handfast.synthesis.solution import Solution
 
 CLOSE = 1e-9  # [rad, m]: joint values that a proof and the file give
 LONG = 60  # characters of a value that are shown
@@ -230,7 +230,7 @@ def joints_misfit(solution: Solution, joints: dict[str, float]) -> str:
         if not joint.lower - CLOSE <= value <= joint.upper + CLOSE:
             return f"{joint.name} is beyond its limits"
     for c in hand.couplings:
-        driver = joints[hand.joints[c.leader].name] if c.leader >= 0 else 0.0
+        driver = joints[hand.joints[c.driver].name] if c.driver >= 0 else 0.0
         if abs(joints[hand.joints[c.joint].name] - c.ratio * driver - c.offset) > CLOSE:
             return f"{hand.joints[c.joint].name} does not follow its coupling"
     return ""

@@ -11,6 +11,7 @@ import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
+from handfast.core.parallel import default_jobs
 from handfast.stability import witness
 from handfast.stability.goal import NEAR_END, Goal, Point, interval
 from handfast.stability.outcome import INF, Outcome
@@ -21,7 +22,7 @@ from handfast.stability.search.proof import Proof
 from handfast.stability.search.reduced import BOXES, Reduced, reduce
 from handfast.stability.search.search import Search
 from handfast.stability.search.warm_start import WarmStart
-from handfast.stability.settings import OnStep, Progress, Settings, default_jobs
+from handfast.stability.settings import OnStep, Progress, Settings
 from handfast.stability.witness import Witness
 
 TINY = 1e-10  # magnitudes, in other forces in play, that count as none

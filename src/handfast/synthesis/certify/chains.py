@@ -9,9 +9,20 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.model.hand.hand import Coupling
-from handfast.synthesis.certify.existence import moving_joints
-from handfast.synthesis.certify.interval import TINY, ULP, Dual, Interval, columns, cos, cross, dot, join, sin, unit
-from handfast.synthesis.certify.refused import Refused
+from handfast.synthesis.certify.existence import ProofRefused, moving_joints
+from handfast.synthesis.certify.interval_arithmetic import (
+    TINY,
+    ULP,
+    Dual,
+    Interval,
+    columns,
+    cos,
+    cross,
+    dot,
+    join,
+    sin,
+    unit,
+)
 from handfast.synthesis.task import Task
 
 CROOKED = 1e-12  # by which the floats of a link's rotation may miss a rotation
@@ -34,7 +45,7 @@ class Drive:
 
     @classmethod
     def of(cls, task: Task, column: Mapping[str, int]) -> Drive:
-        """`Refused` if a joint that its limits fix would have to move or to stand elsewhere."""
+        """`ProofRefused` if a joint that its limits fix would have to move or to stand elsewhere."""
         if not len(task.involved):
             return cls((), np.zeros(0, dtype=np.intp), Interval.of(np.zeros(0)), Interval.of(np.zeros(0)))
         moving = moving_joints(task)
@@ -42,30 +53,32 @@ class Drive:
         return cls(tuple(moving), np.array(lead, dtype=np.intp), join(gain, -1), join(shift, -1))
 
     def at(self, x: Dual) -> Dual:
-        """(2, J) joint values."""
+        """(N, J) joint values at coordinates (N, n)."""
         return x[..., self.column] * self.gain + self.shift
 
 
 def _driven(task: Task, j: int, path: Sequence[Coupling], column: Mapping[str, int]) -> tuple[int, Interval, Interval]:
-    """Column, gain (1,) and shift (1,) of a joint that the couplings of `path` tie to the one that leads it."""
-    joint, leader = task.hand.joints[j], path[-1].leader if path else j
+    """Column, gain (1,) and shift (1,) of a joint that the couplings of `path` tie to the one that drives it."""
+    joint, driver = task.hand.joints[j], path[-1].driver if path else j
     gain, shift, size = Interval.of([1.0]), Interval.of([0.0]), 0.0
     for c in path:  # q = gain q' + shift and q' = ratio q" + offset
         shift = gain * c.offset + shift
         size += float(gain.mag[0]) * abs(c.offset)
         gain = gain * c.ratio
-    if leader >= 0:
-        first = task.hand.joints[leader]
+    if driver >= 0:
+        first = task.hand.joints[driver]
         if f"joint:{first.name}" in column:
             if joint.lower == joint.upper:
-                raise Refused(f"joint {joint.name} is fixed by its limits, but follows {first.name}, which is free")
+                raise ProofRefused(
+                    f"joint {joint.name} is fixed by its limits, but follows {first.name}, which is free"
+                )
             return column[f"joint:{first.name}"], gain, shift
         shift = gain * first.lower + shift
         size += float(gain.mag[0]) * abs(first.lower)
     if joint.lower == joint.upper:
         if not np.abs(shift.mid[0] - joint.lower) <= 16 * ULP * size + 16 * TINY:
             stands = f"{joint.lower:.9g} by its limits, at {shift.mid[0]:.9g} by its coupling"
-            raise Refused(f"joint {joint.name} is fixed at {stands}")
+            raise ProofRefused(f"joint {joint.name} is fixed at {stands}")
         # the two agree but for rounding: whichever is meant, a solution exists
         shift = Interval(np.minimum(shift.lo, joint.lower), np.maximum(shift.hi, joint.lower))
     return 0, Interval.of([0.0]), shift if path else Interval.of([joint.lower])
@@ -77,7 +90,7 @@ class Arms:
 
     Attributes:
         chain: (K, D) steps from the palm outwards; step 0 stands still and fills up short chains.
-        joint: (S,) column of the joint's value in (2, J).
+        joint: (S,) column of the joint's value in (N, J).
         ref: (S,) its value at which it stands at the frame.
         R, p: (S, 3, 3), (S, 3, 1) the frame in the one before.
         turn, turn_twice: (S, 3, 3) cross product matrix of a revolute joint's axis and its square; else 0.
@@ -97,7 +110,7 @@ class Arms:
 
     @classmethod
     def of(cls, task: Task, joints: Sequence[int]) -> Arms:
-        """`Refused` for a link whose frame is not rotated rigidly."""
+        """`ProofRefused` for a link whose frame is not rotated rigidly."""
         hand, frames = task.hand, _frames(task)
         steps: dict[tuple[int, int], int] = {(-1, -1): 0}  # a joint and -1, or -1 and the link that ends a chain
         identity = Interval.of(np.eye(4)[:3])
@@ -144,7 +157,7 @@ class Arms:
         )
 
     def carry(self, joints: Dual, point: Dual, vector: Dual) -> Dual:
-        """(2, K, 3, 2) points and vectors (2, K, 3) of the contacts' links, in the palm frame."""
+        """(N, K, 3, 2) points and vectors (N, K, 3) of the contacts' links, in the palm frame."""
         if joints.value.shape[1]:
             by = joints[..., self.joint] - self.ref
             s, c = sin(by)[..., None, None], cos(by)[..., None, None]
@@ -177,7 +190,7 @@ def _frames(task: Task) -> dict[int, Interval]:
     crooked = np.abs(R.mid - pose[:, :3, :3]).max(axis=(1, 2))
     for i, by in zip(moved, crooked, strict=True):
         if not by <= CROOKED:
-            raise Refused(f"link {hand.links[i].name} does not stand at a rotation, but {by:.3g} off one")
+            raise ProofRefused(f"link {hand.links[i].name} does not stand at a rotation, but {by:.3g} off one")
     frames = join([R, Interval.of(pose[:, :3, 3:])], -1)
     return {i: frames[n] for n, i in enumerate(moved)}
 

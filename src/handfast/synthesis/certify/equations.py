@@ -11,10 +11,9 @@ import numpy as np
 from handfast.core.arrays import Array, Indices
 from handfast.model.region import Bezier
 from handfast.synthesis.certify.chains import Arms, Drive
-from handfast.synthesis.certify.existence import free_joints
-from handfast.synthesis.certify.interval import Dual, Interval, columns, join
-from handfast.synthesis.certify.refused import Refused
-from handfast.synthesis.certify.regions import Surface
+from handfast.synthesis.certify.existence import ProofRefused, free_joints
+from handfast.synthesis.certify.interval_arithmetic import Dual, Interval, columns, join
+from handfast.synthesis.certify.regions import ContactSide
 from handfast.synthesis.task import Task
 
 
@@ -51,8 +50,8 @@ class Equations:
     rows: Indices
     drive: Drive
     arms: Arms
-    hand: Surface
-    object: Surface
+    hand: ContactSide
+    object: ContactSide
     radius: Array
 
     @property
@@ -66,7 +65,7 @@ class Equations:
 
     def at(self, coordinates: Interval, slope: Interval) -> Values:
         """F at coordinates (2, N) with derivatives (E, 2, N)."""
-        x, K = Dual(coordinates, slope), len(self.task.touches)
+        x, K = Dual(coordinates, slope), len(self.task.contact_pairs)
         joints = self.drive.at(x)
         on_hand = self.arms.carry(joints, *self.hand.at(x)[:2])  # (2, K, 3, 2)
         R = _rotation(x[..., self.columns("quaternion:0", 4)])
@@ -81,17 +80,17 @@ class Equations:
 
 @lru_cache(maxsize=16)
 def equations_of(task: Task) -> Equations:
-    """The constants; `Refused` for a task in which no proof could hold."""
+    """The constants; `ProofRefused` for a task in which no proof could hold."""
     _refuse_impossible(task)
     labels = [f"joint:{name}" for name in free_joints(task)]
     labels += [f"position:{i}" for i in range(3)] + [f"quaternion:{i}" for i in range(4)]
     rows: list[int] = []
-    for k, touch in enumerate(task.touches):
-        patch = isinstance(touch.hand, Bezier)
+    for k, pair in enumerate(task.contact_pairs):
+        patch = isinstance(pair.hand, Bezier)
         labels += [f"contact:{k}:{name}" for name in ("stuv" if patch else "st")]
         rows += range(5 * k, 5 * k + (5 if patch else 3))
     column = {label: n for n, label in enumerate(labels)}
-    radius = [0.0 if isinstance(t.hand, Bezier) else t.hand.sign * t.hand.radius for t in task.touches]
+    radius = [0.0 if isinstance(t.hand, Bezier) else t.hand.sign * t.hand.radius for t in task.contact_pairs]
     drive = Drive.of(task, column)
     return Equations(
         task,
@@ -99,8 +98,8 @@ def equations_of(task: Task) -> Equations:
         np.array(rows, dtype=np.intp),
         drive,
         Arms.of(task, drive.joints),
-        Surface.of([t.hand for t in task.touches], "uv", column, still=True),
-        Surface.of([t.object for t in task.touches], "st", column, still=False),
+        ContactSide.of([t.hand for t in task.contact_pairs], "uv", column, still=True),
+        ContactSide.of([t.object for t in task.contact_pairs], "st", column, still=False),
         np.array(radius)[:, None],
     )
 
@@ -108,10 +107,10 @@ def equations_of(task: Task) -> Equations:
 def _refuse_impossible(task: Task) -> None:
     for i, (lo, hi) in enumerate(task.pose.position):
         if lo == hi:
-            raise Refused(f"pose.position[{i}] is bounded to {lo:g} alone; nothing lies strictly inside")
+            raise ProofRefused(f"pose.position[{i}] is bounded to {lo:g} alone; nothing lies strictly inside")
     for k, i in np.argwhere(task.pose.axes[..., 0] == task.pose.axes[..., 1]).tolist():
         only = task.pose.axes[k, i, 0]
-        raise Refused(f"pose.{'xyz'[k]}_axis[{i}] is bounded to {only:g} alone; nothing lies strictly inside")
+        raise ProofRefused(f"pose.{'xyz'[k]}_axis[{i}] is bounded to {only:g} alone; nothing lies strictly inside")
 
 
 def _rotation(q: Dual) -> Dual:

@@ -101,26 +101,30 @@ class Existence:
 # --- which joints a proof speaks of -----------------------------------------------------------------
 
 
-def led_by(hand: Hand, joint: int) -> tuple[Coupling, ...]:
-    """The couplings between a joint and the one that leads it in the end, nearest first; () if it is free."""
+class ProofRefused(Exception):
+    """Why a proof of existence is none."""
+
+
+def driving_couplings(hand: Hand, joint: int) -> tuple[Coupling, ...]:
+    """The couplings between a joint and the one that drives it in the end, nearest first; () if it is free."""
     tied = {c.joint: c for c in hand.couplings}
     path: list[Coupling] = []
     while joint in tied:
         path.append(tied[joint])
-        joint = tied[joint].leader
+        joint = tied[joint].driver
     return tuple(path)
 
 
 def moving_joints(task: Task) -> dict[int, tuple[Coupling, ...]]:
-    """The joints that move some contact, and all that move with them, with what leads each (`led_by`)."""
-    path = {j: led_by(task.hand, j) for j in range(task.hand.l)}
-    leader = {j: p[-1].leader if p else j for j, p in path.items()}
-    leaders = {leader[j] for j in task.involved.tolist()} - {-1}
-    return {j: path[j] for j in path if leader[j] in leaders or j in task.involved}
+    """The joints that move some contact, and all that move with them, with what drives each (`driving_couplings`)."""
+    path = {j: driving_couplings(task.hand, j) for j in range(task.hand.l)}
+    driver = {j: p[-1].driver if p else j for j, p in path.items()}
+    driving = {driver[j] for j in task.involved.tolist()} - {-1}
+    return {j: path[j] for j in path if driver[j] in driving or j in task.involved}
 
 
 def free_joints(task: Task) -> tuple[str, ...]:
-    """Names of the joints that are coordinates: of `moving_joints` those that lead and that their limits leave free."""
+    """Names of the joints that are coordinates: of `moving_joints` those that are free, by coupling and by limits."""
     joints = task.hand.joints
     free = [joints[j] for j, path in moving_joints(task).items() if not path]
     return tuple(joint.name for joint in free if joint.lower < joint.upper)
@@ -133,7 +137,7 @@ Numbers3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Numbers4 = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
-class ContactEntry(Strict):
+class ExistenceContactEntry(Strict):
     link: str
     object: Two
     hand: Two | None
@@ -146,7 +150,7 @@ class ExistenceEntry(Strict):
     joints: dict[str, float]
     position: Numbers3
     quaternion: Numbers4
-    contacts: list[ContactEntry]
+    contacts: list[ExistenceContactEntry]
     dependent: list[str]
     radii: list[float]
 

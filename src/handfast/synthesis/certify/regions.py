@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from handfast.core.arrays import Array, Indices
 from handfast.model.region import Bezier, Cap
 from handfast.synthesis.certify.chains import orthonormal
-from handfast.synthesis.certify.interval import Dual, Interval, columns, cos, cross, join, sin, unit
+from handfast.synthesis.certify.interval_arithmetic import Dual, Interval, columns, cos, cross, join, sin, unit
 
 ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # the derivatives of a patch that F and F' need
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class ContactSide:
     """The regions of one side of the contacts, patches and caps apart.
 
     Attributes:
@@ -31,7 +31,7 @@ class Surface:
     order: Indices
 
     @classmethod
-    def of(cls, regions: Sequence[Bezier | Cap], names: str, column: Mapping[str, int], *, still: bool) -> Surface:
+    def of(cls, regions: Sequence[Bezier | Cap], names: str, column: Mapping[str, int], *, still: bool) -> ContactSide:
         """With parameters of these names; `still`: of a cap only its centre and axis are wanted."""
         patches = {k: r for k, r in enumerate(regions) if isinstance(r, Bezier)}
         caps = {k: r for k, r in enumerate(regions) if isinstance(r, Cap)}
@@ -48,7 +48,7 @@ class Surface:
         )
 
     def at(self, x: Dual) -> tuple[Dual, ...]:
-        """(2, K, 3) each: point, outward unit normal (of a cap that stands still: axis), two tangents."""
+        """(N, K, 3) each at (N, n): point, outward unit normal (axis of a cap that stands still), two tangents."""
         parts = [part.at(x) for part in (self.patches, self.caps) if part is not None]
         return tuple(join(list(p), -2)[..., self.order, :] for p in zip(*parts, strict=True))
 
@@ -63,13 +63,12 @@ class _Centres:
     @classmethod
     def of(cls, caps: Sequence[Cap], at: Indices) -> _Centres:
         return cls(
-            Interval.of(np.tile([c.center for c in caps], (2, 1, 1))),
-            unit(Interval.of(np.tile([c.axis for c in caps], (2, 1, 1)))),
+            Interval.of([c.center for c in caps]),
+            unit(Interval.of([c.axis for c in caps])),
         )
 
     def at(self, x: Dual) -> tuple[Dual, ...]:
-        n = x.slope.shape[0]
-        centre, axis = Dual.constant(self.centre, n), Dual.constant(self.axis, n)
+        centre, axis = (Dual.constant(a.repeated(x.value.shape[0]), x.slope.shape[0]) for a in (self.centre, self.axis))
         return centre, axis, axis, axis  # a cap's equations have no tangents
 
 
@@ -144,8 +143,8 @@ class _Patches:
         uv = [x[..., column] for column in self.parameters]
         u, v = (_bernstein(w.value, *weights) for w, weights in zip(uv, self.weights, strict=True))
         du, dv = (list(order) for order in zip(*ORDERS, strict=True))
-        weight = u[..., du, :, None] * v[..., dv, None, :]  # (2, P, 6, I, J)
-        d = (weight.reshape(*weight.shape[:3], 1, -1) @ self.points)[..., 0, :] + self.base  # (2, P, 6, 3)
+        weight = u[..., du, :, None] * v[..., dv, None, :]  # (N, P, 6, I, J)
+        d = (weight.reshape(*weight.shape[:3], 1, -1) @ self.points)[..., 0, :] + self.base  # (N, P, 6, 3)
         by_u, by_v = (w.slope[..., None, None] for w in uv)
         jet = Dual(d[..., [0, 1, 2], :], by_u * d[..., [1, 3, 4], :] + by_v * d[..., [2, 4, 5], :])
         first, second = jet[..., 1, :], jet[..., 2, :]
@@ -166,13 +165,13 @@ def _weights(degrees: Sequence[int], size: int) -> tuple[Interval, NDArray[np.in
 
 
 def _bernstein(u: Interval, binomials: Interval, up: NDArray[np.intp], down: NDArray[np.intp]) -> Interval:
-    """(2, P, 3, I) Bernstein polynomials at u (2, P)."""
+    """(N, P, 3, I) Bernstein polynomials at u (N, P)."""
     patch = np.arange(u.shape[1])[:, None, None]
     return _powers(u, up.shape[-1])[..., patch, up] * _powers(1.0 - u, up.shape[-1])[..., patch, down] * binomials
 
 
 def _powers(u: Interval, count: int) -> Interval:
-    """(2, P, count) powers 0, 1, .. of u."""
+    """(N, P, count) powers 0, 1, .. of u."""
     powers = [Interval.of(np.ones(u.shape))]
     for _ in range(count - 1):
         powers.append(powers[-1] * u if len(powers) > 1 else u)

@@ -29,9 +29,8 @@ from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier
 from handfast.synthesis.certify.equations import Equations, Values, equations_of
-from handfast.synthesis.certify.existence import Existence, free_joints
-from handfast.synthesis.certify.interval import ULP, Interval, cos, sqr, sqrt
-from handfast.synthesis.certify.refused import Refused
+from handfast.synthesis.certify.existence import Existence, ProofRefused, free_joints
+from handfast.synthesis.certify.interval_arithmetic import ULP, Interval, cos, sqr, sqrt
 from handfast.synthesis.task import Task
 
 SHORTEST = 1e-3  # length of a quaternion below which it is none
@@ -68,7 +67,7 @@ def verify_existence(task: Task, proof: Existence) -> Report:
             at = equations.at(box.coordinates, box.slope)
             reasons, contraction, step, gap = _krawczyk(box, at)
             bounds = _bounds(equations, box, at)
-    except (Refused, InputError) as fault:
+    except (ProofRefused, InputError) as fault:
         return Report(False, (str(fault),), {}, np.inf, np.inf, np.inf)
     reasons += [bound.fault for bound in bounds if not bound.slack > 0]
     slacks = {bound.label: bound.slack for bound in bounds}
@@ -97,23 +96,23 @@ class _Box:
 
 
 def _box(equations: Equations, proof: Existence) -> _Box:
-    """The box; `Refused` for a proof that does not fit the task or contradicts itself."""
+    """The box; `ProofRefused` for a proof that does not fit the task or contradicts itself."""
     e = equations
     _refuse_misfit(e.task, proof)
     values, labels = proof.coordinates, proof.dependent
     if len(labels) != e.count:
-        raise Refused(f"{len(labels)} coordinates are dependent; the {e.count} equations need as many")
+        raise ProofRefused(f"{len(labels)} coordinates are dependent; the {e.count} equations need as many")
     unknown = [label for label in labels if label not in e.column]
     if unknown:
-        raise Refused(f"'{unknown[0]}' is no coordinate of this task; they are {', '.join(e.column)}")
+        raise ProofRefused(f"'{unknown[0]}' is no coordinate of this task; they are {', '.join(e.column)}")
     twice = [label for label in labels if labels.count(label) > 1]
     if twice:
-        raise Refused(f"{twice[0]} is dependent twice")
+        raise ProofRefused(f"{twice[0]} is dependent twice")
     if all(f"quaternion:{i}" in labels for i in range(4)):
-        raise Refused("all of the quaternion is dependent; its length is free, so one component must be frozen")
+        raise ProofRefused("all of the quaternion is dependent; its length is free, so one component must be frozen")
     for label, radius in zip(labels, proof.radii.tolist(), strict=True):
         if not radius > 0:
-            raise Refused(f"the radius of {label} is {radius:g}; it must be positive")
+            raise ProofRefused(f"the radius of {label} is {radius:g}; it must be positive")
     dependent = np.array([e.column[label] for label in labels], dtype=np.intp)
     middle, radii = np.array([values[label] for label in e.column]), np.zeros(len(e.column))
     radii[dependent] = proof.radii
@@ -129,21 +128,21 @@ def _refuse_misfit(task: Task, proof: Existence) -> None:
     free = free_joints(task)
     for name in free:
         if name not in proof.joints:
-            raise Refused(f"has no value for joint {name}; the free joints are {', '.join(free)}")
+            raise ProofRefused(f"has no value for joint {name}; the free joints are {', '.join(free)}")
     for name in proof.joints:
         if name not in free:
-            raise Refused(f"has a value for joint {name}; the free joints are {', '.join(free) or 'none'}")
-    if len(proof.contacts) != len(task.touches):
-        raise Refused(f"has {len(proof.contacts)} contacts; the task has {len(task.touches)}")
-    for k, (point, touch) in enumerate(zip(proof.contacts, task.touches, strict=True)):
-        if point.link != touch.link:
-            raise Refused(f"contact {k} is on {point.link}; in the task it is on {touch.link}")
-        patch = isinstance(touch.hand, Bezier)
+            raise ProofRefused(f"has a value for joint {name}; the free joints are {', '.join(free) or 'none'}")
+    if len(proof.contacts) != len(task.contact_pairs):
+        raise ProofRefused(f"has {len(proof.contacts)} contacts; the task has {len(task.contact_pairs)}")
+    for k, (point, pair) in enumerate(zip(proof.contacts, task.contact_pairs, strict=True)):
+        if point.link != pair.link:
+            raise ProofRefused(f"contact {k} is on {point.link}; in the task it is on {pair.link}")
+        patch = isinstance(pair.hand, Bezier)
         if patch != (point.hand is not None):
             needed = "a patch, which needs u and v" if patch else "a cap, which has no u and v"
-            raise Refused(f"contact {k}: the hand region is {needed}")
+            raise ProofRefused(f"contact {k}: the hand region is {needed}")
     if not (proof.quaternion**2).sum() > SHORTEST**2:
-        raise Refused(f"the quaternion is shorter than {SHORTEST:g}")
+        raise ProofRefused(f"the quaternion is shorter than {SHORTEST:g}")
 
 
 # --- is there a solution? ---------------------------------------------------------------------------
@@ -246,22 +245,22 @@ def _pose_bounds(task: Task, position: Interval, rotation: Interval) -> list[_Bo
 def _contact_bounds(equations: Equations, x: Interval, facing: Interval) -> list[_Bound]:
     """`facing` (K,): hand axis (cap) or outward normal (patch) times the object's outward normal."""
     out = []
-    for k, touch in enumerate(equations.task.touches):
+    for k, pair in enumerate(equations.task.contact_pairs):
         for name in "stuv":
             label = f"contact:{k}:{name}"
-            region = touch.object if name in "st" else touch.hand
+            region = pair.object if name in "st" else pair.hand
             if isinstance(region, Bezier):
                 out.append(_between(label, label, x[equations.column[label]], 0.0, 1.0))
             elif name == "s" and region.half_angle < np.pi:  # -s is the point opposite, as far from the axis
                 s, most = x[equations.column[label]], region.half_angle
                 out.append(_between(label, label, s, -most, most))
-        if isinstance(touch.hand, Bezier):
+        if isinstance(pair.hand, Bezier):
             cosine = -facing[k]
             comes = f"their cosine comes to [{float(-cosine.hi):.9g}, {float(-cosine.lo):.9g}] in the box"
             fault = f"contact {k}: the normals are not opposite: {comes}"
             out.append(_Bound(f"contact:{k}:normals", float(cosine.lo), fault))
-        elif touch.hand.half_angle < np.pi:
-            inside = -touch.hand.sign * facing[k] - cos(Interval.of(touch.hand.half_angle))
+        elif pair.hand.half_angle < np.pi:
+            inside = -pair.hand.sign * facing[k] - cos(Interval.of(pair.hand.half_angle))
             fault = f"contact {k} may leave the hand's cap, by a cosine of {-inside.lo:.3g}"
             out.append(_Bound(f"contact:{k}:cone", float(inside.lo), fault))
     return out

@@ -27,12 +27,12 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.branch import Discarded, Final, Order, Outcome, Search, Split
+from handfast.core.branch import BranchAndPrune, Discarded, Final, Order, Outcome, Split
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
 from handfast.synthesis.paper.canonical import Canonical
 from handfast.synthesis.paper.dual_bound import DualBound
-from handfast.synthesis.paper.highs import Program, highspy
+from handfast.synthesis.paper.highs import LinearProgram, highspy
 from handfast.synthesis.paper.polytopes import relaxation
 
 
@@ -44,7 +44,7 @@ class Over(StrEnum):
 
 
 @dataclass(frozen=True)
-class Settings:
+class ShrinkingSettings:
     """How the search is made.
 
     Attributes:
@@ -74,7 +74,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class SystemBox:
     """A box of x.
 
     Attributes:
@@ -108,8 +108,8 @@ class Emptiness:
         margin: by how much, at least.
     """
 
-    box: Box
-    start: Box
+    box: SystemBox
+    start: SystemBox
     multipliers: Array
     column: int | None
     sign: float
@@ -138,7 +138,7 @@ class Statistics:
         return self.program_seconds / self.seconds if self.seconds else 0.0
 
 
-class SavedBox(Strict):
+class SystemBoxEntry(Strict):
     """A box as JSON-able data."""
 
     lower: list[float]
@@ -157,7 +157,7 @@ class PaperSolver:
     """
 
     system: Canonical
-    settings: Settings = field(default_factory=Settings)
+    settings: ShrinkingSettings = field(default_factory=ShrinkingSettings)
     statistics: Statistics = field(default_factory=Statistics)
 
     def __post_init__(self) -> None:
@@ -165,21 +165,21 @@ class PaperSolver:
         self._lock = threading.Lock()
 
     @property
-    def root(self) -> Box:
+    def root(self) -> SystemBox:
         """The initial box of (29)."""
         x = self.system.expanded
-        return Box(x.lower, x.upper)
+        return SystemBox(x.lower, x.upper)
 
     @property
     def width(self) -> int:
         """How many of the variables of x, the first ones, are shrunk, split and held against sigma."""
         return self.system.expanded.n if self.settings.over is Over.ALL else self.system.n_v
 
-    def examine(self, region: Box) -> Outcome[Box]:
+    def examine(self, region: SystemBox) -> Outcome[SystemBox]:
         """One pass over a box, then what it calls for: another pass, bisection, or the end."""
         begun, n = time.perf_counter(), self.width
         after = self.shrink(region)
-        out: Outcome[Box]
+        out: Outcome[SystemBox]
         if isinstance(after, Emptiness):
             out = Discarded(after)
         elif after.sides[:n].max() <= self.settings.sigma:
@@ -193,13 +193,13 @@ class PaperSolver:
             self.statistics.boxes += out.nodes
         return out
 
-    def shrink(self, start: Box) -> Box | Emptiness:
+    def shrink(self, start: SystemBox) -> SystemBox | Emptiness:
         """One pass of LP1 and LP2 over the variables (4.3): a box that holds all solutions of `start`, or why none."""
         s, x = self.settings, self.system.expanded
         lower, upper = start.lower.copy(), start.upper.copy()
         rows = relaxation(x, lower, upper, s.slack)
         dual = DualBound(rows)
-        program = Program(rows, lower, upper, iterations=s.iterations, seconds=s.seconds)
+        program = LinearProgram(rows, lower, upper, iterations=s.iterations, seconds=s.seconds)
         programs = unproved = 0
         spent = 0.0
         empty: Emptiness | None = None
@@ -212,7 +212,7 @@ class PaperSolver:
                 spent += time.perf_counter() - begun
                 programs += 1
                 unproved += not tried
-                box = Box(lower.copy(), upper.copy(), start.share)
+                box = SystemBox(lower.copy(), upper.copy(), start.share)
                 for y in tried:
                     margin = dual.below(y, lower, upper)
                     if margin > 0:
@@ -237,7 +237,7 @@ class PaperSolver:
             return empty
         if self.settings.over is Over.ORIGINAL:
             self._follow(lower, upper)
-        return Box(lower, upper, start.share)
+        return SystemBox(lower, upper, start.share)
 
     def _follow(self, lower: Array, upper: Array) -> None:
         """Monomials within what interval arithmetic makes of their factors; never empties a box."""
@@ -254,29 +254,29 @@ class PaperSolver:
         good = low <= high  # where not there is no solution, which the next pass has to prove by a ray
         lower[columns[good]], upper[columns[good]] = low[good], high[good]
 
-    def share(self, region: Box) -> float:
+    def share(self, region: SystemBox) -> float:
         """See `branch.Domain`."""
         return region.share
 
-    def encode(self, region: Box) -> Any:
+    def encode(self, region: SystemBox) -> Any:
         """See `branch.Domain`."""
         return {"lower": region.lower.tolist(), "upper": region.upper.tolist(), "share": region.share}
 
-    def decode(self, data: Any) -> Box:
+    def decode(self, data: Any) -> SystemBox:
         """See `branch.Domain`; `InputError` for a box of another system."""
-        saved = validate(SavedBox, data)
+        saved = validate(SystemBoxEntry, data)
         n = self.system.expanded.n
         if not len(saved.lower) == len(saved.upper) == n:
             raise InputError(
                 f"has {len(saved.lower)} lower and {len(saved.upper)} upper ends; {n} are needed", field="box"
             )
-        box = Box(np.array(saved.lower), np.array(saved.upper), saved.share)
+        box = SystemBox(np.array(saved.lower), np.array(saved.upper), saved.share)
         if (box.lower > box.upper).any():
             raise InputError("has a lower end above the upper one", field="box")
         return box
 
 
-def bisect(box: Box, n: int) -> tuple[Box, Box]:
+def bisect(box: SystemBox, n: int) -> tuple[SystemBox, SystemBox]:
     """The two halves across the longest of the first n sides."""
     k = int(box.sides[:n].argmax())
     middle = (box.lower[k] + box.upper[k]) / 2
@@ -286,11 +286,13 @@ def bisect(box: Box, n: int) -> tuple[Box, Box]:
     return replace(box, upper=upper, share=half), replace(box, lower=lower, share=half)
 
 
-def search(system: Canonical, settings: Settings | None = None, *, order: Order = Order.DEPTH) -> Search[Box]:
+def search(
+    system: Canonical, settings: ShrinkingSettings | None = None, *, order: Order = Order.DEPTH
+) -> BranchAndPrune[SystemBox]:
     """The search for solution boxes: depth first for one of them, breadth first for all (4.2).
 
     Raises:
         InputError: highspy is not installed.
     """
-    domain = PaperSolver(system, settings or Settings())
-    return Search(domain, [domain.root], order=order)
+    domain = PaperSolver(system, settings or ShrinkingSettings())
+    return BranchAndPrune(domain, [domain.root], order=order)

@@ -20,7 +20,7 @@ from handfast.core.errors import InputError
 from handfast.model.region import evaluate
 from handfast.synthesis.paper.canonical import Canonical, Layout, Limit, Patch, Quadratic, Side
 from handfast.synthesis.paper.loops import HELD, Assembly, Kind, Loops, loops
-from handfast.synthesis.paper.patch_form import ROUNDING, PatchForm
+from handfast.synthesis.paper.patch_form import COEFFICIENT_ROUNDING, PatchForm
 from handfast.synthesis.paper.polynomial import Polynomial, monomial, multiplied, scaled, total
 from handfast.synthesis.task import Task
 
@@ -90,7 +90,7 @@ class _Builder:
         self.position, self.axes = np.zeros((count, 3), dtype=np.intp), np.zeros((count, 3, 3), dtype=np.intp)
         forms = [
             (PatchForm.of(t.hand, pose, self.unit), PatchForm.of(t.object, np.eye(4), self.unit))
-            for t, (_, pose) in zip(self.task.touches, self.loops.carriers, strict=True)
+            for t, (_, pose) in zip(self.task.contact_pairs, self.loops.carriers, strict=True)
         ]
         self._poses(forms)
         slides, limits = [], []
@@ -195,7 +195,7 @@ class _Builder:
             name = self.task.hand.joint_names[angle.joint]
             a, b = self._vector(f"a[{name}]", ball), self._vector(f"b[{name}]", ball)
             half = min((angle.upper - angle.lower) / 2, np.pi)
-            c = self._variable(f"cos[{name}]", max(np.cos(half) - ROUNDING, -1.0), 1.0)
+            c = self._variable(f"cos[{name}]", max(np.cos(half) - COEFFICIENT_ROUNDING, -1.0), 1.0)
             self._equations("(12)", name, total(*(monomial(i, j) for i, j in zip(a, b, strict=True)), {(c,): -1.0}))
             vectors = angle.vectors(angle.middle)
             sides = ("(13)", a, assembly.parent, vectors[0]), ("(14)", b, assembly.child, vectors[1])
@@ -287,13 +287,13 @@ def _position_boxes(loops: Loops, task: Task, forms: list[tuple[PatchForm, Patch
         ends.append((center, radius, a.q))
     # a body's origin is as far from its point q as the point from it
     balls = [(center / unit, (radius + float(size(q))) / unit) for center, radius, q in ends]
-    out = [np.array([c - r * (1 + ROUNDING), c + r * (1 + ROUNDING)]) for c, r in balls]
+    out = [np.array([c - r * (1 + COEFFICIENT_ROUNDING), c + r * (1 + COEFFICIENT_ROUNDING)]) for c, r in balls]
     bounds = task.pose.position.T / unit
     box = bounds
     for (hand, obj), (body, _) in zip(forms, loops.carriers, strict=True):
         center, radius = balls[body]
         radius += sum(float(size(np.abs(form.point_box).max(axis=0))) for form in (hand, obj))
-        near = np.array([center - radius * (1 + ROUNDING), center + radius * (1 + ROUNDING)])
+        near = np.array([center - radius * (1 + COEFFICIENT_ROUNDING), center + radius * (1 + COEFFICIENT_ROUNDING)])
         both = np.array([np.maximum(box[0], near[0]), np.minimum(box[1], near[1])])
         # where the bounds contradict each other there is no solution and any of them is a bound
         box = np.where(both[0] <= both[1], both, near)

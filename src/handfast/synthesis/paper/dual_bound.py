@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from handfast.core.arrays import Array
-from handfast.synthesis.paper.polytopes import UNIT, Rows
+from handfast.synthesis.paper.polytopes import UNIT, LinearRows
 
 TINY = 1e-290  # more than underflow can lose
 
@@ -26,7 +26,7 @@ class DualBound:
         rows: the program's.
     """
 
-    def __init__(self, rows: Rows) -> None:
+    def __init__(self, rows: LinearRows) -> None:
         self.rows = rows
         self.AT = sparse.csr_array(rows.A.T)
         self.size = abs(self.AT)

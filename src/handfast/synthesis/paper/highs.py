@@ -8,7 +8,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.synthesis.paper.polytopes import Rows
+from handfast.synthesis.paper.polytopes import LinearRows
 
 
 def highspy() -> Any:
@@ -20,7 +20,7 @@ def highspy() -> Any:
     return module
 
 
-class Program:
+class LinearProgram:
     """min or max of one variable after the other over the same rows, each from the last one's basis.
 
     Args:
@@ -29,7 +29,7 @@ class Program:
         iterations, seconds: limits of every single program.
     """
 
-    def __init__(self, rows: Rows, lower: Array, upper: Array, *, iterations: int, seconds: float) -> None:
+    def __init__(self, rows: LinearRows, lower: Array, upper: Array, *, iterations: int, seconds: float) -> None:
         self._module = highspy()
         self._solver = H = self._module.Highs()
         for name, value in {

@@ -6,7 +6,7 @@ perpendicular axes a universal joint, a revolute and a prismatic one along one a
 unlimited revolutes through one point with consecutive axes perpendicular a spherical joint. (With limits the
 last is a universal and a revolute joint, which is the same mechanism.) Joints that cannot move, because
 their limits are equal or a coupling holds them, and fixed links make bodies one. Fingers without a contact
-do not occur; a coupling to a joint outside of the loops passes that joint's limits on if it is the leader.
+do not occur; a coupling to a joint outside of the loops passes that joint's limits on if it is the driver.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.model.hand.coupling import leader_ranges, led
+from handfast.core.transforms import normal_frame
+from handfast.model.hand.coupling import driver_ranges, drivers
 from handfast.model.hand.hand import Hand, Joint
 from handfast.synthesis.task import Task
 
@@ -123,7 +124,7 @@ class Loops:
         assemblies: one per body but the palm, in the order of the bodies.
         carriers: per contact its body and the (4, 4) pose of the touched link in it.
         ranges: (l, 2) what limits and couplings leave to each joint.
-        coupled: (joint, leader, ratio, offset): q[joint] = ratio q[leader] + offset, both moving, in the loops.
+        coupled: (joint, driver, ratio, offset): q[joint] = ratio q[driver] + offset, both moving, in the loops.
     """
 
     hand: Hand
@@ -155,7 +156,7 @@ def loops(task: Task) -> Loops:
         InputError: joints whose limits and couplings leave nothing, by name.
     """
     hand, involved = task.hand, set(task.involved.tolist())
-    ranges, follows = _ranges(hand, involved), led(hand)
+    ranges, follows = _ranges(hand, involved), drivers(hand)
     moving = [j for j in sorted(involved) if ranges[j, 1] - ranges[j, 0] > HELD]
     needed = {0}
     for end in task.links:
@@ -210,21 +211,21 @@ def loops(task: Task) -> Loops:
 
 
 def _ranges(hand: Hand, involved: set[int]) -> Array:
-    """(l, 2) of each joint: its limits, its leader's and those of all joints with the same leader."""
-    follows, names = led(hand), hand.joint_names
+    """(l, 2) of each joint: its limits, its driver's and those of all joints with the same driver."""
+    follows, names = drivers(hand), hand.joint_names
     ranges = np.array(hand.limits)
-    for j, ends in leader_ranges(hand).items():
+    for j, ends in driver_ranges(hand).items():
         ranges[j] = ends
     for j in range(hand.l):
-        leader, ratio, offset = follows[j]
-        if leader < 0 or not ratio:
-            value = offset + (ratio * ranges[leader].mean() if leader >= 0 else 0.0)
+        driver, ratio, offset = follows[j]
+        if driver < 0 or not ratio:
+            value = offset + (ratio * ranges[driver].mean() if driver >= 0 else 0.0)
             low, high = hand.limits[j]
             if j in involved and not low - HELD <= value <= high + HELD:
                 raise InputError(f"excludes {value:g}, at which a coupling holds it", field=f"limits.{names[j]}")
             ranges[j] = value
-        elif leader != j:
-            ranges[j] = np.sort(ratio * ranges[leader] + offset)
+        elif driver != j:
+            ranges[j] = np.sort(ratio * ranges[driver] + offset)
     return ranges
 
 
@@ -250,7 +251,7 @@ def _assembly(hand: Hand, ranges: Array, parent: int, child: int, motions: Seque
 
 def _revolute(ranges: Array, parent: int, child: int, motion: Motion, joint: Joint) -> Assembly:
     R, p = motion.place[:3, :3], _moved(motion.place, joint.anchor)
-    e = _normal(joint.axis)
+    e = -normal_frame(joint.axis)[:, 1]
     angle = _angle(ranges, motion.joint, joint, True, e, R @ e, R @ joint.axis)
     return Assembly(
         Kind.REVOLUTE, parent, child, (motion,), p, joint.anchor, ((R @ joint.axis, joint.axis),), angles=angle
@@ -258,7 +259,7 @@ def _revolute(ranges: Array, parent: int, child: int, motion: Motion, joint: Joi
 
 
 def _prismatic(parent: int, child: int, motion: Motion, joint: Joint) -> Assembly:
-    R, e = motion.place[:3, :3], _normal(joint.axis)
+    R, e = motion.place[:3, :3], -normal_frame(joint.axis)[:, 1]
     pairs = ((R @ joint.axis, joint.axis), (R @ e, e))
     p = motion.place[:3, 3]
     return Assembly(Kind.PRISMATIC, parent, child, (motion,), p, np.zeros(3), pairs, slide=motion.joint)
@@ -314,7 +315,7 @@ def _cylindrical(
     place = first.place @ second.place
     R = place[:3, :3]
     revolute = joints[turn]
-    e = _normal(joints[1].axis)
+    e = -normal_frame(joints[1].axis)[:, 1]
     # of the turning axis, which has the same direction in every position: a point in the parent's frame, at
     # no travel, and in the child's
     p = _moved(first.place if turn == 0 else place, revolute.anchor)
@@ -346,12 +347,6 @@ def _crossing(joint: Joint, direction: Array, point: Array) -> Array | None:
     if abs(between @ np.cross(joint.axis, direction)) > SAME:
         return None
     return joint.anchor + (between @ joint.axis) * joint.axis
-
-
-def _normal(axis: Array) -> Array:
-    """(3,) a unit vector perpendicular to a unit vector."""
-    e = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)
-    return e / np.linalg.norm(e)
 
 
 def _moved(T: Array, point: Array) -> Array:

@@ -29,7 +29,7 @@ from handfast.core.arrays import Array
 from handfast.model.region import Bezier, Cap, Region, evaluate, hull_box
 
 STEEP = np.pi / 2 + 1e-9  # [rad] half angles above this take the second map
-ROUNDING = 1e-12  # relative; more than the rounding of the coefficients moves a value
+COEFFICIENT_ROUNDING = 1e-12  # relative; more than the rounding of the coefficients moves a value
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def _of_bezier(region: Bezier, pose: Array, unit: float) -> PatchForm:
     size = float(np.linalg.norm(along))
     # no value is shorter than the shortest shadow of a control point on one direction
     shortest = float((flat @ along).min()) / size if size > 0 else 0.0
-    norm = (max(shortest - ROUNDING, 0.0), 1.0 + ROUNDING)
+    norm = (max(shortest - COEFFICIENT_ROUNDING, 0.0), 1.0 + COEFFICIENT_ROUNDING)
     unit_box = np.array([-np.ones(3), np.ones(3)])
     return PatchForm(normals, points, np.zeros(3), 0.0, norm, hull_box(points), hull_box(normals), unit_box)
 
@@ -95,12 +95,13 @@ def _of_cap(cap: Cap, pose: Array, unit: float) -> PatchForm:
     S = _to_bernstein(len(x) - 1, T)
     turn = cap.sign * R @ cap.frame
     normals = np.einsum("ai,bj,ijk,lk->abl", S, S, x, turn)
-    longest = (1 + T**2) ** (2 if steep else 1) * (1 + ROUNDING)
+    longest = (1 + T**2) ** (2 if steep else 1) * (1 + COEFFICIENT_ROUNDING)
     unit_box = _directions(cap.sign * R @ cap.axis, cap.half_angle)
     ends = center + radius * unit_box
-    point_box = np.array([ends.min(axis=0) - ROUNDING, ends.max(axis=0) + ROUNDING])
+    point_box = np.array([ends.min(axis=0) - COEFFICIENT_ROUNDING, ends.max(axis=0) + COEFFICIENT_ROUNDING])
     normal_box = np.array([np.maximum(-longest, hull_box(normals)[0]), np.minimum(longest, hull_box(normals)[1])])
-    return PatchForm(normals, None, center, radius, (1.0 - ROUNDING, longest), point_box, normal_box, unit_box)
+    norm = (1.0 - COEFFICIENT_ROUNDING, longest)
+    return PatchForm(normals, None, center, radius, norm, point_box, normal_box, unit_box)
 
 
 def cap_parameters(cap: Cap, direction: Array) -> tuple[float, float]:
@@ -127,7 +128,7 @@ def _directions(axis: Array, half_angle: float) -> Array:
     """(2, 3) box of the unit vectors within an angle of an axis."""
     angle = np.arccos(np.clip(axis, -1, 1))
     low, high = np.cos(np.minimum(angle + half_angle, np.pi)), np.cos(np.maximum(angle - half_angle, 0.0))
-    return np.clip([low - ROUNDING, high + ROUNDING], -1, 1)
+    return np.clip([low - COEFFICIENT_ROUNDING, high + COEFFICIENT_ROUNDING], -1, 1)
 
 
 def _to_bernstein(degree: int, T: float) -> Array:

@@ -23,7 +23,7 @@ MERGED = 9  # decimals to which two facets of a hull are one
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class LinearRows:
     """lo <= A x <= hi: A sparse (rows, n_x)."""
 
     A: sparse.csr_array
@@ -31,7 +31,7 @@ class Rows:
     hi: Array
 
 
-def relaxation(x: Expanded, lower: Array, upper: Array, slack: float) -> Rows:
+def relaxation(x: Expanded, lower: Array, upper: Array, slack: float) -> LinearRows:
     """Lambda, each equation to within `slack`, and the polytopes of all Psi over the box [lower, upper].
 
     The slack is for the rounding of the coefficients: the true mechanism fulfils the equations to within it.
@@ -51,7 +51,7 @@ def relaxation(x: Expanded, lower: Array, upper: Array, slack: float) -> Rows:
     P = sparse.csr_array((np.concatenate(values), where), shape=(n - len(x.b), x.n))
     A = sparse.vstack([x.A, P], format="csr")
     A.eliminate_zeros()
-    return Rows(A, np.concatenate(lo), np.concatenate(hi))
+    return LinearRows(A, np.concatenate(lo), np.concatenate(hi))
 
 
 Part = tuple[Indices, Array, Array, Array]  # columns and slopes (rows, terms), lo and hi (rows,)

@@ -13,8 +13,8 @@ from handfast.core.branch import Discarded, Outcome, Split, Unfinished
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
 from handfast.model.region import Bezier
-from handfast.synthesis.problem import POSE, Problem
 from handfast.synthesis.search.kernel import exclude, hub
+from handfast.synthesis.task_problem import POSE, TaskProblem
 
 STEP = 2000  # nodes of one call of a kernel
 RESOLUTION = 1e-5  # [m] a box within which no point strays farther is set aside, undecided
@@ -56,7 +56,7 @@ class Boxes:
         roots: everything.
     """
 
-    problem: Problem
+    problem: TaskProblem
     use: Indices
     concern: Indices
     words: str
@@ -101,7 +101,7 @@ class Boxes:
 class Together(Boxes):
     """One set of contacts: can these be made together, in any pose of the object?"""
 
-    def __init__(self, problem: Problem, subset: tuple[int, ...], bend: Array, cones: Array) -> None:
+    def __init__(self, problem: TaskProblem, subset: tuple[int, ...], bend: Array, cones: Array) -> None:
         flat = problem.flat
         self.problem, self.subset, self.bend, self.cones = problem, np.array(subset, dtype=np.intp), bend, cones
         b = len(flat.steps)
@@ -130,8 +130,8 @@ class Hub(Boxes):
     other coordinates is where they can be for poses of the box.
     """
 
-    def __init__(self, problem: Problem, bend: Array) -> None:
-        flat, b = problem.flat, len(problem.task.touches)
+    def __init__(self, problem: TaskProblem, bend: Array) -> None:
+        flat, b = problem.flat, len(problem.task.contact_pairs)
         self.problem, self.bend = problem, bend
         self.at = at = int(flat.params[0]) - POSE
         joints = [_joints(problem, k) for k in range(b)]
@@ -144,7 +144,7 @@ class Hub(Boxes):
             self.each[k, : len(row)] = row
         self.use, self.concern = np.array(pose, dtype=np.intp), np.arange(problem.n)
         self.words = "all contacts, pose by pose"
-        regions = [t.object for t in problem.task.touches]
+        regions = [t.object for t in problem.task.contact_pairs]
         middles = [r.points.reshape(-1, 3).mean(axis=0) if isinstance(r, Bezier) else r.center for r in regions]
         self.middle = np.mean(middles, axis=0) / problem.unit
         self.near = np.column_stack([flat.lower, flat.upper])[at : at + 3]
@@ -170,11 +170,11 @@ class Hub(Boxes):
         )  # fmt: skip
 
 
-def _joints(problem: Problem, k: int) -> set[int]:
+def _joints(problem: TaskProblem, k: int) -> set[int]:
     return {int(v) for v in problem.flat.var[k, : problem.flat.steps[k]]}
 
 
-def _parameters(problem: Problem, k: int) -> set[int]:
+def _parameters(problem: TaskProblem, k: int) -> set[int]:
     return {int(problem.flat.params[k]) + i for i in range(4 if problem.flat.hand[k] else 2)}
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.synthesis.distance import LENGTH
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.kernel.walk import walk
 from handfast.synthesis.search.starts import Certified, Starts
+from handfast.synthesis.task_problem import TaskProblem
 
 STEP = 1.0  # longest step, in the measure of `distance`
 WALKS = 256  # steps of one call
@@ -54,7 +54,7 @@ class Walks:
         return [Certified(xs[i], chosen[i], radii[i]) for i in range(proved)]
 
 
-def _weights(problem: Problem) -> Array:
+def _weights(problem: TaskProblem) -> Array:
     """(n,) how much a coordinate counts in the length of a step: as in `distance`, a patch's whole side as 1."""
     straight = {f"joint:{j.name}" for j in problem.task.hand.joints if j.type == "prismatic"}
     out = np.ones(problem.n)

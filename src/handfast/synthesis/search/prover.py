@@ -2,14 +2,13 @@
 
 Any set of contacts that cannot be made together settles the task, so each pair, each triple and the whole set
 is searched on its own, in turns, over the joints and region parameters that concern it; the object's pose is
-eliminated (`engine.exclude`). Where the task bounds the object's position, its origin counts as a contact.
-With three contacts and more the poses are searched too: one at a time the fingers decouple (`engine.hub`).
+eliminated (`kernel.exclude`). Where the task bounds the object's position, its origin counts as a contact.
+With three contacts and more the poses are searched too: one at a time the fingers decouple (`kernel.hub`).
 Every solution's coordinates lie in a box that was not discarded.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -19,18 +18,19 @@ import numpy as np
 from pydantic import Field
 
 from handfast.core.arrays import Array
-from handfast.core.branch import Search
+from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.synthesis.problem import Problem
-from handfast.synthesis.search.bends import bends, cones
+from handfast.core.limits import Limits
 from handfast.synthesis.search.boxes import Boxes, Hub, Part, Together
+from handfast.synthesis.search.derivative_bounds import cones, derivative_bounds
+from handfast.synthesis.task_problem import TaskProblem
 
 SLICE = 20  # calls before another search has its turn, doubled each time round
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
-POSES = "poses"  # name of the search of the hub
+POSES = "poses"  # name of the pose-space search
 CHEAP = 3  # times as many calls for the poses, whose boxes cost a fraction of the others
-FROM = 3  # contacts, for the hub: with two of them the pose is too free
+FROM = 3  # contacts, for the pose-space search: with two of them the pose is too free
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,22 +74,22 @@ class Prover:
         workers: threads.
     """
 
-    def __init__(self, problem: Problem, *, workers: int = 2) -> None:
+    def __init__(self, problem: TaskProblem, *, workers: int = 2) -> None:
         self.problem, self.workers = problem, workers
-        b = len(problem.task.touches)
+        b = len(problem.task.contact_pairs)
         points = b + bool(np.isfinite(problem.task.pose.position).any())  # the last one: the object's origin
         sizes = range(2, points + 1) if points > 1 else range(1, 2)
         subsets = [s for size in sizes for s in combinations(range(points), size)]
-        bend, bounds = bends(problem), cones(problem)
+        bend, bounds = derivative_bounds(problem), cones(problem)
         self.domains: dict[str, Boxes] = {"-".join(map(str, s)): Together(problem, s, bend, bounds) for s in subsets}
         self.whole = next(reversed(self.domains))
         if b >= FROM:
             self.domains[POSES] = Hub(problem, bend)
-        self.searches: dict[str, Search[Part]] = {
-            name: Search(d, d.roots, workers=workers) for name, d in self.domains.items()
+        self.searches: dict[str, BranchAndPrune[Part]] = {
+            name: BranchAndPrune(d, d.roots, workers=workers) for name, d in self.domains.items()
         }
         self._ready: set[type[Boxes]] = set()
-        self._compiling = 0.0  # [s] spent so far, beside any time limit
+        self._limits = Limits()  # of the latest run
 
     def run(
         self,
@@ -106,17 +106,15 @@ class Prover:
         """
         if state:
             self.restore(state)
-        before, begin = self.nodes, time.monotonic() - self._compiling
-        interrupted = False
+        before, interrupted = self.nodes, False
+        self._limits = Limits(seconds, nodes)
         try:
             for _ in self._turns():
                 if self._empty() is not None:
                     break
                 if on_step is not None:
                     on_step(self._standing())
-                if seconds is not None and time.monotonic() - self._compiling - begin >= seconds:
-                    break
-                if nodes is not None and self.nodes - before >= nodes:
+                if self._limits.stop(self.nodes - before):
                     break
             if self._empty() is None:
                 self.compile()  # a later run may have a limit from without
@@ -142,7 +140,7 @@ class Prover:
             what = f"it lacks {', '.join(missing)}" if missing else "it has too many"
             raise InputError(f"has other searches than this task needs: {what}; start anew", field="state.sets")
         for name, domain in self.domains.items():
-            self.searches[name] = Search.restored(domain, saved.sets[name], workers=self.workers)
+            self.searches[name] = BranchAndPrune.restored(domain, saved.sets[name], workers=self.workers)
 
     def save(self) -> dict[str, Any]:
         """The state, JSON-able."""
@@ -177,10 +175,9 @@ class Prover:
     def _compile(self, domain: Boxes) -> None:
         """Compiled before its first turn, at nobody's expense."""
         if type(domain) not in self._ready:
-            begin = time.monotonic()
-            domain.examine(domain.roots[0], budget=0)
+            with self._limits.paused():
+                domain.examine(domain.roots[0], budget=0)
             self._ready.add(type(domain))
-            self._compiling += time.monotonic() - begin
 
     def _open(self, name: str) -> bool:
         state = self.searches[name].state

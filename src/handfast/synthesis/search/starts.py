@@ -9,9 +9,9 @@ import numpy as np
 from handfast.core.arrays import Array, Indices
 from handfast.model.region import Cap
 from handfast.synthesis.certify.existence import ContactPoint, Existence
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.kernel.local import ALIGNED, NUMBERS
 from handfast.synthesis.search.kernel.search import find
+from handfast.synthesis.task_problem import TaskProblem
 
 BLOCK = 256  # starts that share one seed: the unit in which a search is resumed
 
@@ -30,20 +30,20 @@ class Certified:
     radii: Array
 
     @classmethod
-    def of(cls, proof: Existence, problem: Problem) -> Certified:
+    def of(cls, proof: Existence, problem: TaskProblem) -> Certified:
         """That of a proof of the problem's task: `existence` undone, to the last bit, for units are powers of two."""
         value = proof.coordinates
         x = np.array([value[label] for label in problem.labels]) / problem.lengths
         chosen = np.array([problem.labels.index(label) for label in proof.dependent], dtype=np.intp)
         return cls(x, chosen, proof.radii / problem.lengths[chosen])
 
-    def existence(self, problem: Problem) -> Existence:
+    def existence(self, problem: TaskProblem) -> Existence:
         """The proof in SI units, by labels."""
         value = dict(zip(problem.labels, (self.x * problem.lengths).tolist(), strict=True))
         contacts = []
-        for k, touch in enumerate(problem.task.touches):
+        for k, pair in enumerate(problem.task.contact_pairs):
             s, t, u, v = (value.get(f"contact:{k}:{name}", 0.0) for name in "stuv")
-            contacts.append(ContactPoint(touch.link, (s, t), None if isinstance(touch.hand, Cap) else (u, v)))
+            contacts.append(ContactPoint(pair.link, (s, t), None if isinstance(pair.hand, Cap) else (u, v)))
         return Existence(
             joints={name.removeprefix("joint:"): y for name, y in value.items() if name.startswith("joint:")},
             position=np.array([value[f"position:{i}"] for i in range(3)]),
@@ -64,7 +64,7 @@ class Starts:
         block: to begin with.
     """
 
-    def __init__(self, problem: Problem, seed: int, block: int = 0) -> None:
+    def __init__(self, problem: TaskProblem, seed: int, block: int = 0) -> None:
         self.problem, self.seed, self.block = problem, seed, block
         self.count = block * BLOCK
         self.unproved = 0
@@ -110,7 +110,7 @@ class Starts:
 class _Rows:
     """Arrays that a kernel writes its certified configurations into."""
 
-    def __init__(self, problem: Problem, many: int) -> None:
+    def __init__(self, problem: TaskProblem, many: int) -> None:
         n, e = problem.n, problem.equations
         self.xs, self.radii = np.zeros((many, n)), np.zeros((many, e))
         self.chosen, self.which = np.zeros((many, e), dtype=np.intp), np.zeros(many, dtype=np.intp)

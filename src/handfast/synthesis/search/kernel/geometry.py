@@ -1,6 +1,6 @@
 """Where hand and object touch, compiled, in balls: chains of joints, surfaces, and the problem's equations.
 
-`evaluate` fills the equations F and inequalities G of `synthesis.problem` with their derivatives. Points of
+`evaluate` fills the equations F and inequalities G of `synthesis.task_problem` with their derivatives. Points of
 radius zero give what a search needs, boxes give enclosures for a proof.
 """
 

@@ -81,6 +81,11 @@ class Interval:
         """As numpy's."""
         return Interval(self.lo.reshape(shape), self.hi.reshape(shape))
 
+    def repeated(self, count: int) -> Interval:
+        """(count, ...) this array as many times."""
+        shape = (count, *self.shape)
+        return Interval(np.broadcast_to(self.lo, shape), np.broadcast_to(self.hi, shape))
+
     def swapped(self) -> Interval:
         """The transpose of the last two axes."""
         return Interval(self.lo.swapaxes(-1, -2), self.hi.swapaxes(-1, -2))

@@ -1,6 +1,6 @@
 """Problem: a task in minimal coordinates, as flat arrays for the compiled kernels.
 
-Coordinates x, in this order: the free joints (those that move a contact, neither led by another joint nor
+Coordinates x, in this order: the free joints (those that move a contact, neither driven by another joint nor
 fixed by equal limits), the object's position (3), its unnormalised quaternion (4; w, x, y, z), and for
 each contact the parameters s, t of the object region and, if the hand region is a patch, u, v of that one.
 
@@ -16,7 +16,7 @@ and a patch on the hand is tangent to the region with coinciding points,
 
 No equation is redundant, so the solutions have the dimension that the paper's d predicts. Inequalities:
 the contact lies within the cap's cone (or the patch normals oppose), the object's axes lie within the
-pose bounds. Bounds of x: joint limits (those of led joints carried over), pose and [0, 1].
+pose bounds. Bounds of x: joint limits (those of mimic joints carried over), pose and [0, 1].
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from handfast.core.arrays import Array, Indices
-from handfast.model.hand.coupling import leader_ranges, led
+from handfast.model.hand.coupling import driver_ranges, drivers
 from handfast.model.hand.hand import Hand
 from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.task import Task
@@ -39,7 +39,7 @@ POSE = 7  # coordinates of the object's pose
 
 
 class Flat(NamedTuple):
-    """The arrays that the kernels take; lengths in units of `Problem.unit`, b contacts, n coordinates.
+    """The arrays that the kernels take; lengths in units of `TaskProblem.unit`, b contacts, n coordinates.
 
     `steps` (b,) joints of each chain, `turn` (b, k+1, 3, 3) and `shift` (b, k+1, 3) the rigid motion before
     each joint (the joint's axis is then z) and after the last one, `kind`, `var` (-1: none), `ratio`,
@@ -77,7 +77,7 @@ class Flat(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class TaskProblem:
     """A task in minimal coordinates.
 
     Attributes:
@@ -97,22 +97,24 @@ class Problem:
     equations: int
 
     @classmethod
-    def of(cls, task: Task) -> Problem:
+    def of(cls, task: Task) -> TaskProblem:
         """The problem of a task.
 
         Raises:
             InputError: joints whose limits and couplings leave nothing, by name.
         """
         hand = task.hand
-        follows = led(hand)
-        ranges = leader_ranges(hand, task.involved.tolist())
+        follows = drivers(hand)
+        ranges = driver_ranges(hand, task.involved.tolist())
         lower, upper = np.array([ranges.get(j, (0.0, 0.0)) for j in range(hand.l)]).T
-        leaders = sorted({follows[j][0] for j in task.involved.tolist() if follows[j][0] >= 0})
-        free = tuple(j for j in leaders if lower[j] < upper[j])
-        reach = [_reach(hand, link) + _outermost(t.hand) for link, t in zip(task.links, task.touches, strict=True)]
+        driving = sorted({follows[j][0] for j in task.involved.tolist() if follows[j][0] >= 0})
+        free = tuple(j for j in driving if lower[j] < upper[j])
+        reach = [
+            _reach(hand, link) + _outermost(t.hand) for link, t in zip(task.links, task.contact_pairs, strict=True)
+        ]
         unit = float(2.0 ** np.round(np.log2(max(max(reach), 1e-6))))
         # no contact lets the origin be farther from the palm than it is from the region beyond the hand's reach
-        far = min(r + _outermost(t.object) for r, t in zip(reach, task.touches, strict=True)) * (1 + 1e-9)
+        far = min(r + _outermost(t.object) for r, t in zip(reach, task.contact_pairs, strict=True)) * (1 + 1e-9)
         position = np.clip(task.pose.position, -far, far) / unit
         labels = [f"joint:{hand.joint_names[j]}" for j in free]
         labels += [f"position:{i}" for i in range(3)] + [f"quaternion:{i}" for i in range(4)]
@@ -120,7 +122,7 @@ class Problem:
         box = [(lower[j] / p, upper[j] / p) for j, p in zip(free, per, strict=True)]
         box += [(lo, hi) for lo, hi in position] + [(-2.0, 2.0)] * 4
         params, rows, row = [], [], 0
-        for k, t in enumerate(task.touches):
+        for k, t in enumerate(task.contact_pairs):
             params.append(len(labels))
             rows.append(row)
             names = "st" if isinstance(t.hand, Cap) else "stuv"
@@ -201,9 +203,9 @@ def _chain(
         T = T @ hand.links[i].pose if hand.links[i].parent >= 0 else T
         for j in hand.links[i].joints:
             joint = hand.joints[j]
-            leader, ratio, offset = follows[j]
-            if leader not in free:
-                value = ratio * fixed[leader] + offset if leader >= 0 else offset
+            driver, ratio, offset = follows[j]
+            if driver not in free:
+                value = ratio * fixed[driver] + offset if driver >= 0 else offset
                 T = T @ joint.motion(value)
                 continue
             to_axis = np.eye(4)
@@ -211,9 +213,9 @@ def _chain(
             to_axis[:3, 3] = joint.anchor
             motions.append(T @ to_axis)
             scale = unit if joint.type == "prismatic" else 1.0
-            led_by = unit if hand.joints[leader].type == "prismatic" else 1.0
+            per_unit = unit if hand.joints[driver].type == "prismatic" else 1.0
             kind = PRISMATIC if joint.type == "prismatic" else REVOLUTE
-            joints.append((kind, free.index(leader), ratio * led_by / scale, (offset - joint.ref) / scale))
+            joints.append((kind, free.index(driver), ratio * per_unit / scale, (offset - joint.ref) / scale))
             T = np.eye(4)
             T[:3, :3] = to_axis[:3, :3].T
             T[:3, 3] = -to_axis[:3, :3].T @ joint.anchor
@@ -250,13 +252,13 @@ def _chains(chains: list[_Chain]) -> dict[str, Any]:
 
 
 def _regions(task: Task, unit: float) -> dict[str, Any]:
-    b = len(task.touches)
+    b = len(task.contact_pairs)
     center, axis = np.zeros((b, 3)), np.zeros((b, 3))
     radius, cone, sign = np.zeros(b), np.full(b, -2.0), np.ones(b)
     degree, first = np.zeros((2 * b, 2), dtype=np.intp), np.zeros(2 * b, dtype=np.intp)
     ball, face = np.zeros((b, 13)), np.ones(2 * b)
     points: list[Array] = [np.zeros((1, 3))]
-    for k, t in enumerate(task.touches):
+    for k, t in enumerate(task.contact_pairs):
         if isinstance(t.hand, Cap):
             center[k], axis[k], sign[k] = t.hand.center / unit, t.hand.axis, t.hand.sign
             radius[k] = t.hand.sign * t.hand.radius / unit
@@ -270,8 +272,8 @@ def _regions(task: Task, unit: float) -> dict[str, Any]:
                 degree[i], first[i] = region.degree, sum(len(p) for p in points)
                 points.append(region.points.reshape(-1, 3) / unit)
     return {
-        "hand": np.array([int(isinstance(t.hand, Bezier)) for t in task.touches], dtype=np.intp),
-        "object": np.array([int(isinstance(t.object, Bezier)) for t in task.touches], dtype=np.intp),
+        "hand": np.array([int(isinstance(t.hand, Bezier)) for t in task.contact_pairs], dtype=np.intp),
+        "object": np.array([int(isinstance(t.object, Bezier)) for t in task.contact_pairs], dtype=np.intp),
         "center": center,
         "axis": axis,
         "radius": radius,

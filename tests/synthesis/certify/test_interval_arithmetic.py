@@ -1,4 +1,4 @@
-"""Interval arithmetic against exact oracles: fractions for the field operations, balls for the functions."""
+"""Interval arithmetic: every operation encloses exact results, and is no wider than it has to be."""
 
 from __future__ import annotations
 
@@ -11,51 +11,19 @@ import numpy as np
 import pytest
 
 from handfast.core.arrays import Array
-from handfast.synthesis.certify.interval import Dual, Interval, columns, cos, cross, dot, join, sin, sqr, sqrt, unit
-
-LARGEST = Fraction(float(np.finfo(float).max))
-
-
-def floats(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Of all sizes: ordinary ones, zeros, subnormal ones, ones whose products overflow or underflow."""
-    x = rng.normal(size=shape) * 10.0 ** rng.integers(-3, 4, size=shape)
-    odd = rng.choice([0.0, -0.0, 1.0, -1.0, 5e-324, -3e-310, 1e-200, -1e-160, 1e160, -1e300, 2.0**-52, 3.0], size=shape)
-    return np.where(rng.uniform(size=shape) < 0.3, odd, x)
-
-
-def intervals(rng: np.random.Generator, shape: tuple[int, ...]) -> Interval:
-    """Thin ones, narrow ones and wide ones."""
-    a = floats(rng, shape)
-    b = np.where(
-        rng.uniform(size=shape) < 0.3, a, np.where(rng.uniform(size=shape) < 0.5, a * (1 + 1e-15), floats(rng, shape))
-    )
-    return Interval(np.minimum(a, b), np.maximum(a, b))
-
-
-def points(rng: np.random.Generator, x: Interval) -> list[Array]:
-    """Float arrays within: both ends, and some between."""
-    inner = [np.clip(x.lo + rng.uniform(size=x.shape) * (x.hi - x.lo), x.lo, x.hi) for _ in range(3)]
-    mixed = np.where(rng.uniform(size=x.shape) < 0.5, x.lo, x.hi)
-    return [x.lo, x.hi, mixed, *inner]
-
-
-def exact(x: Array) -> Array:
-    out = np.empty(x.shape, dtype=object)
-    out.ravel()[:] = [Fraction(v) for v in np.ravel(x).tolist()]
-    return out
-
-
-def holds(x: Interval, values: Array) -> bool:
-    """Is every fraction inside, or out of the range of floats and its interval without a bound?"""
-    ends = zip(x.lo.ravel().tolist(), np.ravel(values), x.hi.ravel().tolist(), strict=True)
-    return x.shape == np.shape(values) and all(_holds(*each) for each in ends)
-
-
-def _holds(lo: float, v: Fraction, hi: float) -> bool:
-    if math.isnan(lo) or math.isnan(hi):  # proves nothing, and may only come of overflow
-        return abs(v) > LARGEST / 2**60
-    return (lo == -math.inf or Fraction(lo) <= v) and (hi == math.inf or v <= Fraction(hi))
-
+from handfast.synthesis.certify.interval_arithmetic import (
+    Dual,
+    Interval,
+    cos,
+    cross,
+    dot,
+    join,
+    sin,
+    sqr,
+    sqrt,
+    unit,
+)
+from tests.support.enclosures import exact, holds, intervals, points
 
 FIELD: dict[str, Callable] = {
     "+": operator.add,
@@ -228,94 +196,6 @@ def test_the_platform_keeps_what_is_assumed() -> None:
             value = function(v)
             with flint.ctx.workprec(200):
                 assert abs(getattr(flint.arb(v), name)() - value) < 4 * math.ulp(value)
-
-
-# --- derivatives ------------------------------------------------------------------------------------
-
-RULES: dict[str, Callable] = {
-    "+": lambda x, y: x + y + 2.0,
-    "-": lambda x, y: 1.0 - (x - y) - 3.0,
-    "*": lambda x, y: 0.5 * x * y * x,
-    "/": lambda x, y: x / (y * y + 1.0) / 3.0,
-    "negative": lambda x, y: -x * y,
-    "power": lambda x, y: _of(x, sqr, lambda v: v * v) - y,
-    "root": lambda x, y: _of(x * x + y * y + 1.0, sqrt, np.sqrt),
-    "sine": lambda x, y: _of(x * y, sin, np.sin),
-    "cosine": lambda x, y: _of(x * y + y, cos, np.cos),
-    "constant": lambda x, y: x * C - C * y + C + (C - x) / C,
-}
-C = np.array([1.5, -2.0, 0.25])
-
-
-def _of(x: object, function: Callable, plain: Callable) -> object:
-    return function(x) if isinstance(x, Dual) else plain(x)
-
-
-def balls(x: Array) -> Array:
-    arb = pytest.importorskip("flint").arb
-    return np.array([arb(v) for v in np.ravel(x).tolist()], dtype=object).reshape(np.shape(x))
-
-
-def encloses(x: Interval, values: Array, by: float = 0.0) -> bool:
-    ends = zip(balls(x.lo).ravel(), np.ravel(values), balls(x.hi).ravel(), strict=True)
-    return x.shape == np.shape(values) and all(lo - by <= v and v <= hi + by for lo, v, hi in ends)
-
-
-@pytest.mark.parametrize("name", RULES)
-def test_derivatives_enclose_exact_ones(name: str) -> None:
-    """At random points of a box, by differences in 600 bits."""
-    flint, rng, rule = pytest.importorskip("flint"), np.random.default_rng(7), RULES[name]
-    h = 2.0**-150
-    for radius in (0.0, 1e-6, 0.1):
-        middle = rng.normal(size=(2, 3))
-        X = Interval.around(middle, radius)
-        x, y = (Dual(X[i], Interval.of(np.repeat(np.eye(2)[i][:, None], 3, axis=1))) for i in range(2))
-        r = rule(x, y)
-        with flint.ctx.workprec(600):
-            for _ in range(5):
-                p = balls(middle + radius * rng.uniform(-1, 1, size=(2, 3)))
-                value = rule(*p)
-                assert encloses(r.value, value)
-                slopes = [
-                    (rule(*(p + d)) - rule(*(p - d))) / (2 * h)
-                    for d in (np.array([[h], [0.0]]), np.array([[0.0], [h]]))
-                ]
-                assert encloses(r.slope, np.array(slopes), 1e-60)
-
-
-def test_derivatives_of_products_of_matrices_and_vectors() -> None:
-    """@, sum, cross, unit and columns, in one function of two variables."""
-    flint, rng = pytest.importorskip("flint"), np.random.default_rng(8)
-    A, B = rng.normal(size=(2, 3, 3)), rng.normal(size=(3, 3))
-
-    def function(x: object, y: object) -> tuple:
-        """With x and y as (2, 1, 1)."""
-        M = x * A + y * y * B
-        N = (M @ B) @ (A @ M)
-        if isinstance(x, Dual):
-            u, v = N[..., 0, :], unit(N[..., 1, :])
-            return columns([cross(u, v), u])[..., 0], dot(u, v), join([u, v], -1), N.sum()
-        u, v = N[..., 0, :], N[..., 1, :]
-        v = v / np.sqrt((v * v).sum(axis=-1))[..., None]
-        w = np.stack([u[..., i - 2] * v[..., i - 1] - u[..., i - 1] * v[..., i - 2] for i in range(3)], -1)
-        return w, (u * v).sum(axis=-1), np.concatenate([u, v], -1), N.sum(axis=-1)
-
-    middle, radius, h = np.array([0.4, -0.7]), 1e-7, 2.0**-150
-    X = Interval.around(middle, radius)
-    x, y = (
-        Dual(X[i] + np.zeros((2, 1, 1)), Interval.of(np.eye(2)[i].reshape(2, 1, 1, 1) + np.zeros((2, 2, 1, 1))))
-        for i in range(2)
-    )
-    results = function(x, y)
-    with flint.ctx.workprec(600):
-        p = balls(np.tile((middle + 0.5 * radius).reshape(2, 1, 1, 1), (1, 2, 1, 1)))
-        steps = [h * np.eye(2)[i].reshape(2, 1, 1, 1) for i in range(2)]
-        slopes = [
-            [(a - b) / (2 * h) for a, b in zip(function(*(p + d)), function(*(p - d)), strict=True)] for d in steps
-        ]
-        for r, value, *slope in zip(results, function(*p), *slopes, strict=True):
-            assert encloses(r.value, value)
-            assert encloses(r.slope, np.array(slope), 1e-60)
 
 
 # --- shapes, whole numbers, and bounds that are no wider than they have to be ---------------------------

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,13 +18,15 @@ import numpy as np
 
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
-from handfast.synthesis.answers import Searched, Solution, Synthesis
+from handfast.core.limits import Limits
 from handfast.synthesis.distance import farthest, features_of
 from handfast.synthesis.embedded import fingerprint, task_to_dict
-from handfast.synthesis.problem import Problem
 from handfast.synthesis.search import diverse
 from handfast.synthesis.search.starts import BLOCK, Certified, Starts
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.synthesis_answer import Searched, Synthesis
 from handfast.synthesis.task import Task
+from handfast.synthesis.task_problem import TaskProblem
 
 if TYPE_CHECKING:
     from handfast.synthesis.search.prover import Disproof, Prover
@@ -37,7 +40,7 @@ GROWN = 4  # times that a pool is doubled where too few in it differ
 
 
 @dataclass(frozen=True)
-class Progress:
+class SynthesisProgress:
     """Where a synthesis is.
 
     Attributes:
@@ -54,7 +57,7 @@ class Progress:
     discarded: float = 0.0
 
 
-OnStep = Callable[[Progress], None]
+OnStep = Callable[[SynthesisProgress], None]
 
 
 def synthesize(
@@ -83,12 +86,12 @@ def synthesize(
         InputError: count, seed or a limit out of range; limits and couplings that leave nothing; an answer
             to resume that is of another task, or not undecided.
     """
-    clock = time.monotonic()
     _refuse_numbers(count, seed, timeout, nodes, workers)
+    limits = Limits(timeout, nodes)
     state = _state_of(task, resume) if resume is not None else {}
-    starts = Starts(Problem.of(task), int(state.get("seed", seed)), int(state.get("block", 0)))
-    run = _Run(starts, count, timeout, nodes, workers, state.get("prover") or None, on_step)
-    run.begin = clock
+    with limits.paused():  # it compiles
+        starts = Starts(TaskProblem.of(task), int(state.get("seed", seed)), int(state.get("block", 0)))
+    run = _Run(starts, count, limits, workers, state.get("prover") or None, on_step)
     try:
         run.search()
     except KeyboardInterrupt:
@@ -103,16 +106,13 @@ class _Run:
         self,
         starts: Starts,
         count: int,
-        timeout: float | None,
-        nodes: int | None,
+        limits: Limits,
         workers: int,
         state: dict[str, Any] | None,
         on_step: OnStep | None,
     ) -> None:
         self.starts, self.problem, self.count = starts, starts.problem, count
-        self.begin = time.monotonic()
-        self.end = np.inf if timeout is None else self.begin + timeout  # what compiles puts it off
-        self.node_limit, self.workers, self.on_step = nodes, workers, on_step
+        self.limits, self.workers, self.on_step = limits, workers, on_step
         self.state = state
         self.pool: list[Certified] = []
         self.chosen: list[Certified] = []
@@ -146,7 +146,7 @@ class _Run:
             task,
             verdict,
             self.stop,
-            time.monotonic() - self.begin,
+            time.monotonic() - self.limits.begin,
             starts.count,
             starts.unproved,
             tuple(Solution.of(task, c.existence(self.problem)) for c in found),
@@ -162,12 +162,12 @@ class _Run:
         for _ in range(blocks):
             self.pool += self.starts.run(1 if self.count == 1 else BLOCK)
             self._tell()
-            if self.pool or self._late():
+            if self.pool or self.limits.late:
                 return
 
     def _contradiction(self) -> None:
         """The prover and more starts, in turns."""
-        if self._late():
+        if self.limits.late:
             return
         from handfast.synthesis.search.prover import Prover
 
@@ -176,22 +176,20 @@ class _Run:
             _restore(prover, self.state)
         self.prover, begin = prover, prover.nodes
         while not self.pool:
-            before, clock = prover.nodes, time.monotonic()
-            seconds = max(min(turn, self.end - clock), 0.0)
-            left = None if self.node_limit is None else self.node_limit - (before - begin)
-            self.disproof = prover.run(seconds=seconds, nodes=left, on_step=self._tell)
+            before = prover.nodes
+            seconds, left = min(turn, self.limits.seconds_left), self.limits.nodes_left(before - begin)
+            with nullcontext() if turn else self.limits.paused():  # the first turn compiles
+                self.disproof = prover.run(seconds=seconds, nodes=left, on_step=self._tell)
             if self.disproof.interrupted:
                 raise KeyboardInterrupt
-            if not turn:
-                self.end += time.monotonic() - clock
             last -= BETWEEN if prover.nodes == before else 0
             if self.disproof.empty:
                 self.stop = Stop.COMPLETE
-            elif self.node_limit is not None and prover.nodes - begin >= self.node_limit:
+            elif self.limits.nodes_left(prover.nodes - begin) == 0:
                 self.stop = Stop.NODES
             elif last <= 0:
                 self.stop = Stop.RESOLUTION
-            elif not self._late():
+            elif not self.limits.late:
                 self.pool += self.starts.near(prover.leaves())
                 if not self.pool:
                     self._some_starts(BETWEEN)
@@ -203,16 +201,16 @@ class _Run:
 
     def _several(self) -> None:
         """`count` configurations that differ, from a pool; sets `chosen`."""
-        clock, wanted = time.monotonic(), max(POOL * self.count, SMALLEST_POOL)
-        walks = diverse.Walks(self.starts)
-        self.end += time.monotonic() - clock
+        wanted = max(POOL * self.count, SMALLEST_POOL)
+        with self.limits.paused():  # it compiles
+            walks = diverse.Walks(self.starts)
         for _ in range(GROWN):
             self._grow(walks, wanted)
             self.chosen = self._differing()
             if len(self.chosen) == self.count:
                 self.stop = Stop.COMPLETE
                 return
-            if self._late():
+            if self.limits.late:
                 return
             wanted *= 2
         self.stop = Stop.RESOLUTION
@@ -228,26 +226,23 @@ class _Run:
     def _grow(self, walks: diverse.Walks, wanted: int) -> None:
         """Fill the pool, by halves from random starts and from steps, as long as there is time."""
         blocks = rounds = 2 * -(-wanted // BLOCK)
-        while len(self.pool) < wanted / 2 and blocks and not self._late():
+        while len(self.pool) < wanted / 2 and blocks and not self.limits.late:
             self.pool += self.starts.run()
             self._tell(wanted=wanted)
             blocks -= 1
-        while len(self.pool) < wanted and rounds and not self._late():
+        while len(self.pool) < wanted and rounds and not self.limits.late:
             self.pool += walks.run(self.pool)
             self._tell(wanted=wanted)
             rounds -= 1
 
     # --- limits and progress ---
 
-    def _late(self) -> bool:
-        return time.monotonic() >= self.end
-
     def _tell(self, disproof: Disproof | None = None, *, wanted: int = 1) -> None:
         if self.on_step is None:
             return
         d = disproof or self.disproof
         far = (d.nodes, d.depth, d.pending, d.discarded) if d else ()
-        self.on_step(Progress(self.starts.count, len(self.pool), wanted, *far))
+        self.on_step(SynthesisProgress(self.starts.count, len(self.pool), wanted, *far))
 
 
 def _refuse_numbers(count: int, seed: int, timeout: float | None, nodes: int | None, workers: int) -> None:
@@ -262,7 +257,7 @@ def _state_of(task: Task, resume: Synthesis | str | Path) -> Mapping[str, Any]:
     """The state to go on from; `InputError` if there is none for this task."""
     source = None
     if not isinstance(resume, Synthesis):
-        from handfast.synthesis.result_file import load_synthesis
+        from handfast.synthesis.synthesis_file import load_synthesis
 
         source, resume = str(resume), load_synthesis(resume)
     if resume.verdict is not Reach.UNDECIDED:

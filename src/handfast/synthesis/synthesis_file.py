@@ -6,8 +6,7 @@ all the rest: a file that was changed after it was written is refused as a whole
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,11 +14,12 @@ from pydantic import ConfigDict, Field
 
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
-from handfast.core.files import Strict, read_json, validate, write_text
+from handfast.core.files import Strict, read_json, same_json, validate
 from handfast.model.region import Cap
-from handfast.synthesis.answers import Searched, Solution, Synthesis
 from handfast.synthesis.certify.existence import Existence, existence_from_dict, free_joints
-from handfast.synthesis.embedded import fingerprint, refuse_broken, sealed, task_from_dict, task_to_dict
+from handfast.synthesis.embedded import fingerprint, refuse_broken, task_from_dict
+from handfast.synthesis.solution import Solution
+from handfast.synthesis.synthesis_answer import ReplayedSynthesis, Searched, Synthesis
 from handfast.synthesis.task import Task
 
 Count = Annotated[int, Field(ge=0)]
@@ -45,7 +45,7 @@ class SearchedEntry(Strict):
     largest: float
 
 
-class AnswerEntry(Strict):
+class SynthesisAnswerEntry(Strict):
     """What `handfast synthesize --json` prints."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True)
@@ -64,7 +64,7 @@ class AnswerEntry(Strict):
     searched: SearchedEntry | None
 
 
-class StateEntry(Strict):
+class SynthesisStateEntry(Strict):
     """Where an undecided search stands; `prover` is its own, {} if it did not begin."""
 
     fingerprint: str
@@ -79,31 +79,36 @@ class SynthesisFile(Strict):
     format: Literal["handfast/synthesis/1"] = Field(alias="schema")
     checksum: str
     task: dict[str, Any]
-    answer: AnswerEntry
-    state: StateEntry | None
+    answer: SynthesisAnswerEntry
+    state: SynthesisStateEntry | None
 
 
 @dataclass(frozen=True, eq=False)
-class Saved:
+class SavedSynthesis:
     """A synthesis as it stands in a file, with what the file says of each configuration and of their spread."""
 
     synthesis: Synthesis
     said: tuple[dict[str, Any], ...]
     spread: float | None
 
+    def verify(self) -> ReplayedSynthesis:
+        """`Synthesis.verify`, and whether what the file says of each configuration is what follows from its proof."""
+        done = self.synthesis.verify()
+        return done if done.reason else replace(done, reason=self._contradiction())
 
-def to_dict(answer: Synthesis) -> dict[str, Any]:
-    """The synthesis as a `handfast/synthesis/1` object; numbers come back exactly."""
-    data = {
-        "schema": "handfast/synthesis/1",
-        "task": task_to_dict(answer.task),
-        "answer": answer.to_json(),
-        "state": dict(answer.state) or None,
-    }
-    return sealed(data)
+    def _contradiction(self) -> str:
+        """What the file says that does not follow from its proofs; '' if nothing."""
+        answer = self.synthesis
+        for i, (solution, said) in enumerate(zip(answer.solutions, self.said, strict=True)):
+            for key, value in solution.to_json().items():
+                if not same_json(value, said[key]):
+                    return f"configuration {i}: {key} are not those of its proof"
+        if answer.verdict is Reach.FOUND and not same_json(answer.spread, self.spread):
+            return f"spread is {self.spread}, of these configurations {answer.spread}"
+        return ""
 
 
-def from_dict(data: Any) -> Saved:
+def from_dict(data: Any) -> SavedSynthesis:
     """The synthesis in a parsed object; raises `InputError` with field and fault."""
     entry = validate(SynthesisFile, data)
     refuse_broken(data)
@@ -132,7 +137,7 @@ def from_dict(data: Any) -> Saved:
         said.seed,
         entry.state.model_dump() if entry.state else {},
     )
-    return Saved(synthesis, tuple(data["answer"]["configurations"]), said.spread)
+    return SavedSynthesis(synthesis, tuple(data["answer"]["configurations"]), said.spread)
 
 
 def solution_of(task: Task, existence: dict[str, Any], field: str) -> Solution:
@@ -147,16 +152,16 @@ def solution_of(task: Task, existence: dict[str, Any], field: str) -> Solution:
 
 def _refuse_misfit(task: Task, proof: Existence) -> None:
     """What a configuration cannot be computed from."""
-    free, b = free_joints(task), len(task.touches)
+    free, b = free_joints(task), len(task.contact_pairs)
     if set(proof.joints) != set(free):
         raise InputError(f"are not the free joints of the task: {', '.join(free) or 'none'}", field="joints")
     if len(proof.contacts) != b:
         raise InputError(f"has {len(proof.contacts)} entries; the task has {b} contacts", field="contacts")
     if not (proof.quaternion**2).sum() > 0:
         raise InputError("is zero", field="quaternion")
-    for k, (touch, spot) in enumerate(zip(task.touches, proof.contacts, strict=True)):
-        if isinstance(touch.hand, Cap) != (spot.hand is None):
-            needed = "null, the region is a cap" if isinstance(touch.hand, Cap) else "u and v, the region is a patch"
+    for k, (pair, spot) in enumerate(zip(task.contact_pairs, proof.contacts, strict=True)):
+        if isinstance(pair.hand, Cap) != (spot.hand is None):
+            needed = "null, the region is a cap" if isinstance(pair.hand, Cap) else "u and v, the region is a patch"
             raise InputError(f"needs {needed}", field=f"contacts[{k}].hand")
 
 
@@ -165,7 +170,7 @@ def load_synthesis(path: str | Path) -> Synthesis:
     return load(path).synthesis
 
 
-def load(path: str | Path) -> Saved:
+def load(path: str | Path) -> SavedSynthesis:
     """The same with what the file says beside the proofs."""
     data = read_json(path, "synthesis")
     try:
@@ -174,8 +179,3 @@ def load(path: str | Path) -> Saved:
         return from_dict(data)
     except InputError as fault:
         raise fault.at(str(path)) from None
-
-
-def save_synthesis(answer: Synthesis, path: str | Path, *, force: bool = False) -> None:
-    """Write the file. Raises `InputError` if it exists and `force` is not set."""
-    write_text(path, json.dumps(to_dict(answer), allow_nan=False) + "\n", force=force)

@@ -1,4 +1,4 @@
-"""Constants of a problem for the prover: how far regions bend, and the cones that hold the object's axes."""
+"""Constants of a problem for the prover: bounds of its regions' derivatives, and cones that hold the object's axes."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.model.region import Bezier, Cap, Region, differences, restrict
-from handfast.synthesis.problem import Problem
+from handfast.synthesis.task_problem import TaskProblem
 
 CELLS = 8  # each way, of a region: each has constants of its own
 UP = 1.0 + 1e-9  # over the rounding of the constants below
 
 
-def bends(problem: Problem) -> Array:
+def derivative_bounds(problem: TaskProblem) -> Array:
     """(b, 2, CELLS, CELLS, 10) constants of the object's and the hand's regions, see `taylor.worst`; units."""
-    out = np.zeros((len(problem.task.touches), 2, CELLS, CELLS, 10))
-    for k, touch in enumerate(problem.task.touches):
-        radius = touch.hand.radius if isinstance(touch.hand, Cap) else 0.0
-        for i, region in enumerate((touch.object, touch.hand)):
+    out = np.zeros((len(problem.task.contact_pairs), 2, CELLS, CELLS, 10))
+    for k, pair in enumerate(problem.task.contact_pairs):
+        radius = pair.hand.radius if isinstance(pair.hand, Cap) else 0.0
+        for i, region in enumerate((pair.object, pair.hand)):
             if isinstance(region, Bezier) or i == 0:
                 surface, normal = bounds(region)
                 outward = radius * normal if i == 0 else 0.0
@@ -67,7 +67,7 @@ def _least(n: Array, depth: int = 0) -> float:
     return min(_least(restrict(n, u, v), depth + 1) for u in halves for v in halves)
 
 
-def cones(problem: Problem) -> Array:
+def cones(problem: TaskProblem) -> Array:
     """(m, 5) bounds of the object's axes: index of the axis, unit direction in the palm frame, angle from it."""
     rows = []
     for k, box in enumerate(problem.task.pose.axes):
