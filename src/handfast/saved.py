@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from handfast.planning.tasks.replay import ReplayedGrasps
     from handfast.stability.answers import Answer
     from handfast.stability.certify.certificate import Certificate
-    from handfast.stability.certify.replay import Verified
-    from handfast.stability.result_file import Result
+    from handfast.stability.query import SavedAnswer
+    from handfast.stability.verification import Verified
     from handfast.synthesis.answers import Replayed, Synthesis
     from handfast.synthesis.result_file import Saved
 
@@ -29,7 +29,7 @@ SCHEMAS = (
 
 
 def verify(
-    what: str | Path | Answer | Result | Certificate | Synthesis | Saved | SavedGrasps,
+    what: str | Path | Answer | SavedAnswer[Any] | Certificate | Synthesis | Saved | SavedGrasps,
 ) -> Verified | Replayed | ReplayedGrasps:
     """Is everything that an answer claims proved? Replayed without any search and without any solver.
 
@@ -41,7 +41,8 @@ def verify(
     """
     from handfast.planning.tasks import replay as grasps
     from handfast.planning.tasks.grasps_file import SavedGrasps
-    from handfast.stability.certify import replay as stability
+    from handfast.stability.certify.certificate import Certificate
+    from handfast.stability.verification import verified_certificate
     from handfast.synthesis.answers import Synthesis
     from handfast.synthesis.certify import replay as synthesis
     from handfast.synthesis.result_file import Saved
@@ -49,7 +50,9 @@ def verify(
     loaded = load(what) if isinstance(what, str | Path) else what
     if isinstance(loaded, SavedGrasps):
         return grasps.verify(loaded)
-    return synthesis.verify(loaded) if isinstance(loaded, Synthesis | Saved) else stability.verify(loaded)
+    if isinstance(loaded, Synthesis | Saved):
+        return synthesis.verify(loaded)
+    return verified_certificate(loaded) if isinstance(loaded, Certificate) else loaded.verify()
 
 
 def load(path: str | Path) -> Any:
@@ -68,8 +71,8 @@ def load(path: str | Path) -> Any:
         if schema not in SCHEMAS:
             needed = f"{', '.join(SCHEMAS[:-1])} or {SCHEMAS[-1]} is needed"
             raise InputError(f"is missing; {needed}" if schema is None else f"is '{schema}'; {needed}", field="schema")
-        from handfast.stability.certify import replay
+        from handfast.stability import answer_file
 
-        return replay.from_dict(data)
+        return answer_file.from_dict(data)
     except InputError as fault:
         raise fault.at(str(path)) from None

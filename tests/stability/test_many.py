@@ -9,7 +9,7 @@ from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 from handfast.model.grasp_file import load_grasp
 from handfast.stability import many
-from handfast.stability.certify.verify import verify
+from handfast.stability.certify.checker import verify
 from handfast.stability.many import FEW, max_many
 from handfast.stability.queries import maximum
 from handfast.stability.settings import Settings

@@ -30,7 +30,7 @@ class Verify(Command):
         from handfast.cli.question_tables import question_json, task_json
         from handfast.planning.tasks.replay import ReplayedGrasps
         from handfast.saved import load, verify
-        from handfast.stability.certify.replay import Verified
+        from handfast.stability.verification import Verified
         from handfast.synthesis.answers import Replayed
 
         what = load(self.result)

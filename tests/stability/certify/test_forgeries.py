@@ -18,7 +18,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
 from handfast.stability import model
-from handfast.stability.certify import verify
+from handfast.stability.certify import checker
 from handfast.stability.model import State
 from handfast.stability.queries import check, maximum, torques
 from tests.stability.test_limit import cup
@@ -26,7 +26,7 @@ from tests.stability.test_limit import cup
 Y = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 
 
-def forged(answer: Any, path: Path, change: Any) -> handfast.stability.certify.replay.Verified:
+def forged(answer: Any, path: Path, change: Any) -> handfast.stability.verification.Verified:
     """What `verify` says of a saved answer after a change of its JSON."""
     answer.save(path)
     data = json.loads(path.read_text())
@@ -57,7 +57,7 @@ def test_what_a_witness_may_miss_proves_no_slip(torque: float) -> None:
     root = {name: getattr(c, name)[:1] for name in ("parent", "part", "state", "left", "right")}
     none = {name: getattr(c, name)[:0] for name in ("kind", "index", "a", "b", "multiplier")}
     leaf = replace(c, question=held.question, leaves=np.array([0]), start=np.array([0, 0]), **root, **none)
-    assert not verify.verify(leaf).ok
+    assert not checker.verify(leaf).ok
 
 
 def test_nothing_is_no_magnitude(tmp_path: Path) -> None:

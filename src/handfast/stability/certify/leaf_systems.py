@@ -1,0 +1,232 @@
+"""The proofs of many leaves as padded systems of numbers, and a bound on how far multipliers are from cancelling.
+
+The rows of a leaf and the equations of the model, in floating point: see `farkas`, whose first way this is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handfast.core.arrays import Array, Mask
+from handfast.model.grasp import Grasp
+from handfast.stability.certify.certificate import Certificate, Columns, ContactState, Integers, Question
+from handfast.stability.certify.leaf_rows import UNIT, LeafRows, equations
+
+MISSED = 1e-9  # relative: what a witness may miss the equilibrium by
+NEGLIGIBLE = 1e-13  # relative: multipliers of equalities below this are taken for 0
+LEAST = 1e-4  # a small multiplier may change by this share of what an equality's may, relative to the rows' size
+TILT = 1e-16  # relative, of a diagonal: enough for an inverse to exist, which may be useless
+
+
+@dataclass(frozen=True, eq=False)
+class SharedSystem:
+    """What all leaves share.
+
+    Attributes:
+        E, h: (p, n), (p,) equalities, E rounded; reach: (p,) what a witness may miss them by is `MISSED` of it.
+        Z: (3m+a, n) motions (d, t) over x, rounded.
+        E_size, Z_size: sums of absolute values: |rounded - exact| <= error * size.
+        scale: (n,) powers of two by which unknowns are scaled.
+        error: relative error of every sum.
+    """
+
+    E: Array
+    h: Array
+    reach: Array
+    E_size: Array
+    Z: Array
+    Z_size: Array
+    scale: Array
+    error: float
+
+    @classmethod
+    def of(cls, question: Question) -> SharedSystem:
+        """The equations (1), (2), couplings, locked actuators, and (3)."""
+        g, at = question.grasp, Columns.of(question)
+        E, h, Z = equations(question, g.G, g.J)
+        G, J = sizes(g)
+        E_size, _, Z_size = (np.abs(a) for a in equations(question, G, J))
+        largest = np.maximum(np.abs(E).max(axis=0, initial=0.0), np.abs(Z).max(axis=0, initial=0.0))
+        scale: Array = np.exp2(-np.round(np.log2(np.where(largest > 0, largest, 1.0))))
+        scale[at.c] = 1.0
+        load = question.load.w_a
+        force = max(np.linalg.norm(load[:3]), np.linalg.norm(load[3:]) / g.size)
+        reach = np.zeros(len(h))
+        reach[:6] = force * np.repeat([1.0, g.size], 3)
+        return cls(E * scale, h, reach, E_size * scale, Z * scale, Z_size * scale, scale, 64 * UNIT)
+
+
+def sizes(grasp: Grasp) -> tuple[Array, Array]:
+    """(6, 3m), (3m, l): sums of the absolute values of what the entries of G and J are made of."""
+    G, J = np.zeros((6, 3 * grasp.m)), np.zeros((3 * grasp.m, grasp.l))
+
+    def crossed(a: Array, b: Array) -> Array:
+        return np.array([a[1] * b[2] + a[2] * b[1], a[2] * b[0] + a[0] * b[2], a[0] * b[1] + a[1] * b[0]])
+
+    for i, c in enumerate(grasp.contacts):
+        frame, p = np.abs(c.frame), np.abs(c.position)
+        G[:3, 3 * i : 3 * i + 3] = frame
+        for k in range(3):
+            G[3:, 3 * i + k] = crossed(p, frame[:, k])
+        for j, joint in enumerate(grasp.joints):
+            if i in joint.moves:
+                axis = np.abs(joint.axis)
+                speed = axis if joint.type == "prismatic" else crossed(axis, p + np.abs(joint.origin))
+                J[3 * i : 3 * i + 3, j] = frame.T @ speed
+    return G, J
+
+
+@dataclass(frozen=True, eq=False)
+class LeafSystems:
+    """Some leaves as padded systems: w B = 0 is to be shown for w near the given one.
+
+    Attributes:
+        B: (L, K, n) rows of the leaf, then equalities; zero where a contact is open, whose force is zero.
+        size: (L, K, n) sums of absolute values behind B.
+        w: (L, K) multipliers. free: (L, K) bool, may have any sign. b: (L, K) right-hand sides; slack: (L, K) by
+            how much they may be missed.
+        unit: (L, K) powers of two that rows were divided by.
+        index: (L, k) which rows of the certificate, -1 for padding; the last p of K are the equalities.
+        closed: (L, n) bool: unknowns that are not known to be zero.
+        error: relative error of sums.
+    """
+
+    B: Array
+    size: Array
+    w: Array
+    free: Mask
+    b: Array
+    slack: Array
+    unit: Array
+    index: Integers
+    closed: Mask
+    error: float
+
+    @classmethod
+    def of(
+        cls,
+        c: Certificate,
+        rows: LeafRows,
+        system: SharedSystem,
+        cases: Integers,
+        chosen: Integers,
+        *,
+        whole: bool = False,
+    ) -> LeafSystems:
+        """The systems of the chosen leaves, with v by least squares; whole: forces of open contacts included."""
+        at, g = Columns.of(c.question), c.question.grasp
+        counts = np.diff(c.start)[chosen]
+        k, p, n = int(counts.max(initial=0)), len(system.E), at.n
+        index = np.full((len(chosen), k), -1)
+        for i, leaf in enumerate(chosen):
+            index[i, : counts[i]] = np.arange(c.start[leaf], c.start[leaf + 1])
+        there = index >= 0
+        value = np.where(there[..., None], rows.value[index], 0.0)
+        x, motions = value[..., :n] * system.scale, value[..., n:]
+        F, F_size = x + motions @ system.Z, np.abs(x) + np.abs(motions) @ system.Z_size
+        y = np.where(there, c.multiplier[index], 0.0)
+        y = y / np.maximum(y.max(axis=1, initial=0.0), 1e-300)[:, None]
+
+        norms = np.linalg.norm(system.E, axis=1)
+        unit = np.exp2(-np.round(np.log2(np.where(norms > 0, norms, 1.0))))[:, None]
+        E, h = unit * system.E, unit[:, 0] * system.h
+        inverse = np.linalg.pinv(E, rcond=1e-12)
+        rest = np.einsum("lk,lkn->ln", y, F)
+        v = -(rest @ inverse)
+        alone = counts == 0  # the equilibrium contradicts itself
+        v[alone] = h - E @ (inverse @ h)
+        v -= (rest + v @ E) @ inverse  # once more for what rounding left
+        v *= unit[:, 0]
+
+        closed = np.ones((len(chosen), n), bool)
+        opened = (cases[chosen, : g.m, 0] == ContactState.OPEN) & (not whole)
+        closed[:, at.c] = ~np.repeat(opened, 3, axis=1)
+        shape = len(chosen), p, n
+        B = np.concatenate([F, np.broadcast_to(system.E, shape)], axis=1) * closed[:, None]
+        size = np.concatenate([F_size, np.broadcast_to(system.E_size, shape)], axis=1) * closed[:, None]
+        free = np.concatenate([there & rows.either[index], np.ones((len(chosen), p), bool)], axis=1)
+        b = np.concatenate([np.where(there, rows.b[index], 0.0), np.broadcast_to(system.h, (len(chosen), p))], axis=1)
+        slack = np.concatenate(
+            [np.zeros((len(chosen), k)), np.broadcast_to(MISSED * system.reach, (len(chosen), p))], axis=1
+        )
+        w = np.concatenate([y, v], axis=1)
+        # rows to a like size, so that a multiplier says how much its row counts
+        most = np.abs(B).max(axis=2, initial=0.0)
+        divisor: Array = np.exp2(np.round(np.log2(np.where(most > 0, most, 1.0))))
+        B, size, b, slack, w = (
+            B / divisor[..., None],
+            size / divisor[..., None],
+            b / divisor,
+            slack / divisor,
+            w * divisor,
+        )
+        terms = 4 * (k + p + n + 3 * g.m)
+        return cls(B, size, w, free, b, slack, divisor, index, closed, system.error + terms * UNIT)
+
+    def margins(self) -> Array:
+        """(L,) by enclosure, first with what counts only, then with all equalities; -inf where ranks are lost."""
+        used = self.used
+        out = self._enclosed(used)
+        again = np.flatnonzero(~(out > 0))
+        if len(again):
+            out[again] = self.some(again)._enclosed((used | (self.free & (self.index_of_all() < 0)))[again])
+        return out
+
+    @property
+    def used(self) -> Mask:
+        """(L, K) which rows count: inequalities with a multiplier above 0, equalities with more than a tiny one."""
+        size = np.abs(self.w)
+        enough: Mask = size > np.where(self.free, NEGLIGIBLE * size.max(axis=1, initial=0.0)[:, None], 0.0)
+        return enough & (self.free | (self.w > 0))
+
+    def index_of_all(self) -> Integers:
+        """(L, K) `index`, -1 for the equalities."""
+        p = self.B.shape[1] - self.index.shape[1]
+        return np.concatenate([self.index, np.full((len(self.w), p), -1)], axis=1)
+
+    def some(self, chosen: Integers) -> LeafSystems:
+        """Of these leaves only."""
+        names = ("B", "size", "w", "free", "b", "slack", "unit", "index", "closed")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+    def _enclosed(self, used: Mask) -> Array:
+        """(L,) a lower bound on w b for a w that cancels exactly, using some rows (L, K) only; relative.
+
+        With D what a multiplier may change by, and P = D^2 B (B^T D^2 B)^-1 rounded: |B^T P - 1| < 1 shows that
+        w + P z cancels for some z, no larger than `z` below.
+        """
+        w = np.where(used, self.w, 0.0)
+        B, size = self.B * used[..., None], self.size * used[..., None]
+        alive = (size != 0).any(axis=1)  # (L, n); the others are zero in every row that is used
+        most = np.maximum(np.abs(w).max(axis=1, initial=0.0), 1e-300)[:, None]
+        D = np.where(self.free, 1.0, np.clip(np.sqrt(np.abs(w) / most), LEAST, 1.0)) * used
+        DB = D[..., None] * B
+        M = DB.transpose(0, 2, 1) @ DB
+        n = M.shape[1]
+        M[:, np.arange(n), np.arange(n)] += ~alive + TILT * M.max(axis=(1, 2), initial=0.0)[:, None]
+        ok = np.isfinite(M).all(axis=(1, 2))
+        M[~ok] = np.eye(n)
+        try:
+            X = np.linalg.inv(M)
+        except np.linalg.LinAlgError:  # some leaf's is singular, in spite of the tilt
+            return np.full(len(M), -np.inf)
+        P = D[..., None] * (DB @ (X * alive[:, None, :]))
+        PT, BT = np.abs(P), B.transpose(0, 2, 1)
+        off = BT @ P
+        off[:, np.arange(n), np.arange(n)] -= alive
+        e = np.abs(off) + self.error * (size.transpose(0, 2, 1) @ PT)
+        miss = e.sum(axis=2)
+        worst = miss.max(axis=1, initial=0.0)
+        r = np.abs(np.einsum("lkn,lk->ln", B, w)) + self.error * np.einsum("lkn,lk->ln", size, np.abs(w))
+        r = (r + 1e-300) * alive
+        z = r + miss * (r.max(axis=1, initial=0.0) / np.maximum(1 - worst, 1e-300))[:, None]
+        change = np.einsum("lkn,ln->lk", PT, z) * (1 + 1e-9)
+        terms = np.abs(w * self.b)
+        value = (w * self.b).sum(axis=1) - (change * np.abs(self.b)).sum(axis=1) * (1 + 1e-9)
+        value -= ((np.abs(w) + change) * self.slack).sum(axis=1) * (1 + 1e-9)
+        value -= self.error * terms.sum(axis=1)
+        out = value / np.maximum(terms.sum(axis=1), 1e-300)
+        kept = (self.free | (w >= change)).all(axis=1)
+        return np.where(ok & (worst < 0.5) & kept & np.isfinite(out), out, -np.inf)
