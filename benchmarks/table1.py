@@ -52,7 +52,7 @@ def cell(solver: mip.Solver, q: int, full: bool, eta: float, limit: float) -> di
         "method": "full" if full else "refined",
         "eta": eta,
         "status": "finished" if done else str(last.result.status),
-        "value": 1.0 / last.point.sigma if done and last.point is not None else None,
+        "value": 1.0 / last.point.scalar if done and last.point is not None else None,
         "upper": 1.0 / bound if bound > 0 else None,
         "seconds": sum(s.seconds for s in steps),
         "programs": len(steps),

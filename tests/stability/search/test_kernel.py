@@ -108,10 +108,10 @@ def test_the_balance_of_energy_holds_for_exact_solutions(goal: Goal) -> None:
             pass
         z = search.z
         x = r.point(z)
-        put_in = r.load.w_a @ x.r + (r.load.f_a + x.sigma * r.load.f_b) @ (r.p.R @ x.q)
+        put_in = r.load.w_a @ x.r + (r.load.f_a + x.scalar * r.load.f_b) @ (r.p.R @ x.q)
         at = *r.sizes, np.cos(s.eta), np.sin(s.eta), r.C, r.D, r.off, r.p.mu, r.lo, r.hi
         for noise in (0.0, 0.1, 10.0):
-            data = np.append(z + noise * rng.normal(size=len(z)), x.sigma * (1 + noise))[None]
+            data = np.append(z + noise * rng.normal(size=len(z)), x.scalar * (1 + noise))[None]
             out, rhs = _balance(*at, r.box, data)
             assert out @ z - rhs >= -1e-9 * (1 + abs(put_in)), (seed, noise)
             if noise == 0.0:
