@@ -98,7 +98,7 @@ def test_snippets(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             tree = ast.parse(block.text, f"{page.name}:{block.line}")
             ast.increment_lineno(tree, block.line - 1)
             with contextlib.redirect_stdout(io.StringIO()):
-                exec(compile(tree, str(page), "exec"), names)
+                exec(compile(tree, str(page), "exec", dont_inherit=True), names)
         elif block.kind == "console":
             for arguments in block.commands():
                 said, complaint = io.StringIO(), io.StringIO()
