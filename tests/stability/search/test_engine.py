@@ -256,7 +256,7 @@ def tampered(c: Certificate) -> list[Certificate]:
     if c.scalar:
         lo, hi = c.scalar
         wider = {"largest": (0.9 * lo, hi), "smallest preload": (lo, np.inf)}
-        out.append(replace(c, scalar=wider.get(c.question.goal, (lo, 1.1 * hi))))
+        out.append(replace(c, scalar=wider.get(c.question.goal.word, (lo, 1.1 * hi))))
     return out
 
 

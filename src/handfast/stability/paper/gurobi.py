@@ -65,7 +65,7 @@ def _solve(model: gurobipy.Model, program: MixedIntegerProgram, time_limit: floa
         for members in sets:
             model.addSOS(kind, [xs[int(i)] for i in members])
     model.optimize()
-    status = STATUS.get(model.SolverStatus, SolverStatus.FAILED)
+    status = STATUS.get(model.Status, SolverStatus.FAILED)
     x = np.array([xs[i].X for i in range(n)]) if model.SolCount else None
     bound = -INF
     if status in (SolverStatus.OPTIMAL, SolverStatus.TIME, SolverStatus.INTERRUPTED):
