@@ -33,9 +33,9 @@ import numpy as np
 from benchmarks.grasps import FAMILIES, Case, cases, fingerprint
 from benchmarks.machine import describe
 from handfast.core.errors import InputError
-from handfast.stability.answers import MaxAnswer, finite
-from handfast.stability.certify.verify import verify
-from handfast.stability.queries import maximum
+from handfast.stability.answers import finite
+from handfast.stability.certify.checker import verify
+from handfast.stability.queries import MaxAnswer, maximum
 from handfast.stability.settings import Settings
 
 HERE = Path(__file__).parent

@@ -36,9 +36,8 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.stability import maps, queries
-from handfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
-from handfast.stability.certify import replay
-from handfast.stability.goal import search_end, unit
+from handfast.stability.answers import Answer
+from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "laws.json"
@@ -150,7 +149,7 @@ class Subject:
     def _proved(self, answer: A) -> A:
         """The answer, after the law of proofs has been applied to it."""
         tally, name = self.tally("proofs"), type(answer).__name__
-        done = replay.verify(answer)
+        done = answer.verify()
         tally.claim(f"{name} refused: {done.reason}", done.ok)
         tally.claim(f"{name} not verified", answer.verified)
         tally.claim(f"{name} stopped: {answer.stop}", not stopped(answer), sure=False)
@@ -180,7 +179,7 @@ def shown(answer: MaxAnswer, s: float) -> Verdict | None:
     """What a maximum says of a magnitude; None if nothing."""
     p, _ = answer.posed
     if s > answer.upper:
-        return Verdict.SLIPS if s < p.stretch * search_end(p) else None
+        return Verdict.SLIPS if s < p.last_magnitude else None
     if s == answer.lower and answer.verdict is Verdict.HOLDS:
         return Verdict.HOLDS
     said = answer.interval
@@ -188,7 +187,7 @@ def shown(answer: MaxAnswer, s: float) -> Verdict | None:
         return None
     if any(first < s < last for first, last in said.holes):
         return Verdict.SLIPS
-    fine = said.resolution * max(s, min(unit(p), answer.lower))
+    fine = said.resolution * max(s, min(p.unit_magnitude, answer.lower))
     near = any(first - fine <= s <= last + fine for first, last in said.holes)
     return None if near or any(first <= s <= last for first, last in said.unproved) else Verdict.HOLDS
 
@@ -202,7 +201,7 @@ def interval(subject: Subject) -> None:
     sizes = [answer.lower, BELOW * answer.lower, *(inside * answer.lower)] if answer.lower > 0 else []
     if answer.interval:
         sizes += [(1 - t) * a + t * b for a, b in answer.interval.holes for t in (0.001, 0.5, 0.999)]
-    sizes += list(outside * (answer.upper or unit(p) * 1e-3))
+    sizes += list(outside * (answer.upper or p.unit_magnitude * 1e-3))
     for s in sizes:
         expected = shown(answer, s)
         if expected is not None:
@@ -296,7 +295,7 @@ def frames(subject: Subject) -> None:
     tally, rng = subject.tally("frames"), subject.rng("frames")
     answer = subject.maximum(subject.direction)
     p, _ = answer.posed
-    bound = answer.upper if 0 < answer.upper < np.inf else unit(p)
+    bound = answer.upper if 0 < answer.upper < np.inf else p.unit_magnitude
     sizes = [ABOVE * bound, bound * rng.uniform(0, 1), *([BELOW * answer.lower] if answer.lower > 0 else [])]
     checks = [subject.check(subject.base + s * subject.direction) for s in sizes]
     for name, change in changes(rng).items():
@@ -329,7 +328,7 @@ def commands(subject: Subject) -> None:
     tally, rng, grasp = subject.tally("commands"), subject.rng("commands"), subject.grasp
     largest = subject.maximum(subject.direction)
     p, _ = largest.posed
-    wrench = subject.base + rng.uniform(0.2, 1.5) * min(largest.lower or np.inf, unit(p)) * subject.direction
+    wrench = subject.base + rng.uniform(0.2, 1.5) * min(largest.lower or np.inf, p.unit_magnitude) * subject.direction
     own = subject.check(wrench)
     for objective, effort in (("max", lambda f: np.abs(f).max()), ("sum", lambda f: np.abs(f).sum())):
         answer = subject.torques(wrench, objective)

@@ -29,8 +29,9 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
-from handfast.stability import problem, witness
-from handfast.stability.queries import check, max_goal, maximum
+from handfast.stability import scaled_problem
+from handfast.stability.queries import check, maximum
+from handfast.stability.queries.max_query import max_goal
 from handfast.stability.search import exact
 from handfast.stability.search.reduced import reduce
 from handfast.stability.settings import Settings
@@ -83,21 +84,21 @@ def attacked(grasp: Grasp, direction: Array, options: dict[str, Any], upper: flo
         answer = check(grasp, base + s * direction, settings=Settings(time_limit=ATTACK), **rest)
         if answer.verdict is Verdict.HOLDS:
             found.append(f"check holds at {factor:g} times the bound")
-    p = problem.build(grasp, base, direction, **rest)
+    p = scaled_problem.build(grasp, base, direction, **rest)
     goal = max_goal(p)
     if upper > 0 and p.f_c.any():
         r, rng = reduce(p, goal), np.random.default_rng(seed)
         nu = r.M.shape[1]
         for _ in range(STARTS):
-            s = upper / p.stretch * (1 + 10 ** rng.uniform(-4, 1))
+            s = upper / p.direction_scale * (1 + 10 ** rng.uniform(-4, 1))
             held = -s if "scalar" in r.names[0] and r.hi[0] == 0 else 1 / s
             z = rng.standard_normal(len(r.cost))
             z[:nu] *= 10 ** rng.uniform(0, 9)
             z[nu:] *= 10 ** rng.uniform(-1, 2)
             near = replace(r, lo=np.r_[held, r.lo[1:]])
             y = exact.solve(near, z, hold=True)
-            if y is not None and witness.as_witness(r, r.point(y)).valid:
-                found.append(f"a state at {s * p.stretch / upper:.6g} times the bound")
+            if y is not None and r.witness(r.point(y)).valid:
+                found.append(f"a state at {s * p.direction_scale / upper:.6g} times the bound")
     return found
 
 

@@ -17,8 +17,8 @@ from typing import Any
 
 from benchmarks.grasps import Case, cases
 from benchmarks.machine import describe
-from handfast.stability import problem, witness
-from handfast.stability.queries import max_goal
+from handfast.stability import scaled_problem
+from handfast.stability.queries.max_query import max_goal
 from handfast.stability.search import arrays
 from handfast.stability.search.reduced import reduce
 from handfast.stability.search.search import Search
@@ -35,7 +35,7 @@ def once(case: Case) -> dict[str, Any]:
         clock.append(time.thread_time())
         return clock[-1] - clock[-2]
 
-    p = problem.build(case.grasp, case.base, case.direction)
+    p = scaled_problem.build(case.grasp, case.base, case.direction)
     scaled = lap()
     r = reduce(p, max_goal(p))
     reduced = lap()
@@ -44,7 +44,7 @@ def once(case: Case) -> dict[str, Any]:
         pass
     searched = lap()
     if search.z is not None:
-        assert witness.as_witness(r, r.point(search.z)).valid
+        assert r.witness(r.point(search.z)).valid
     judged = lap()
     return {
         "scale": scaled,

@@ -25,9 +25,8 @@ from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from handfast.core.answer import Verdict
 from handfast.model.grasp import Grasp
-from handfast.stability.answers import CheckAnswer
-from handfast.stability.certify.verify import verify
-from handfast.stability.queries import check
+from handfast.stability.certify.checker import verify
+from handfast.stability.queries import CheckAnswer, check
 from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "random_checks.json"

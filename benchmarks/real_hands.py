@@ -45,7 +45,7 @@ from handfast.planning.closing import Closed
 from handfast.report import Entry, write_report
 from handfast.report.drawing import Mesh, draw_grasp, scene_meshes
 from handfast.report.plot import picture
-from handfast.stability.answers import CheckAnswer
+from handfast.stability.queries.check_query import CheckAnswer
 
 HERE = Path(__file__).parent
 POSES = HERE / "real_hands"

@@ -23,9 +23,9 @@ import numpy as np
 from benchmarks.machine import describe
 from handfast.core.errors import InputError
 from handfast.model.grasp_file import load_grasp
-from handfast.stability import problem
+from handfast.stability import scaled_problem
+from handfast.stability.goal import SMALLEST_PRELOAD
 from handfast.stability.paper import algorithm1, mip
-from handfast.stability.paper.relaxation import Goal
 from handfast.stability.queries import maximum
 from handfast.stability.settings import Settings
 
@@ -37,10 +37,8 @@ LEVELS = range(10)  # 4 * 2^q sectors
 
 def cell(solver: mip.Solver, q: int, full: bool, eta: float, limit: float) -> dict[str, Any]:
     """One run of Algorithm 1: value, seconds, programs, nodes, status."""
-    p = problem.build(load_grasp("fig9"), np.zeros(6), DIRECTION, eta=np.radians(eta))
-    run = algorithm1.run(
-        p, Goal.SMALLEST_PRELOAD, q=q, solver=solver, full=full, printed_robustness=True, time_limit=limit
-    )
+    p = scaled_problem.build(load_grasp("fig9"), np.zeros(6), DIRECTION, eta=np.radians(eta))
+    run = algorithm1.run(p, SMALLEST_PRELOAD, q=q, solver=solver, full=full, printed_robustness=True, time_limit=limit)
     try:
         steps = list(run)
     except InputError:
@@ -53,12 +51,12 @@ def cell(solver: mip.Solver, q: int, full: bool, eta: float, limit: float) -> di
         "sectors": 4 * 2**q,
         "method": "full" if full else "refined",
         "eta": eta,
-        "status": "finished" if done else str(last.solution.status),
-        "value": 1.0 / last.point.sigma if done and last.point is not None else None,
+        "status": "finished" if done else str(last.result.status),
+        "value": 1.0 / last.point.scalar if done and last.point is not None else None,
         "upper": 1.0 / bound if bound > 0 else None,
         "seconds": sum(s.seconds for s in steps),
         "programs": len(steps),
-        "nodes": sum(s.solution.nodes for s in steps),
+        "nodes": sum(s.result.nodes for s in steps),
         "edges": last.edges,
     }
 

@@ -40,9 +40,9 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import to_dict
-from handfast.stability.answers import Answer, CheckAnswer, finite
+from handfast.stability.answers import Answer, finite
 from handfast.stability.loads import Loads
-from handfast.stability.queries import check, maximum, torques
+from handfast.stability.queries import CheckAnswer, check, maximum, torques
 from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "table2.json"

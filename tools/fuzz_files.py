@@ -57,7 +57,7 @@ from handfast.saved import verify
 from handfast.stability.certify.certificate_file import question_to_dict, save_certificate
 from handfast.stability.loads import Loads
 from handfast.stability.loads_file import load_loads
-from handfast.stability.result_file import Result
+from handfast.stability.query import SavedAnswer
 from handfast.stability.settings import Settings
 from handfast.synthesis.embedded import digest
 from handfast.synthesis.query import synthesize
@@ -421,7 +421,7 @@ def outcome(kind: str, path: Path) -> tuple[str, str]:
 def claim(path: Path) -> Any:
     """What a file of results claims: the question, and what is said to be proved."""
     what = load_answer(path)
-    if not isinstance(what, Result):
+    if not isinstance(what, SavedAnswer):
         return None
     said = what.answer.model_dump(mode="json", by_alias=True)
     for key in ("seconds", "nodes", "stop", "witness", "steps"):
@@ -436,7 +436,7 @@ def claim(path: Path) -> Any:
 def contradicted(path: Path) -> str:
     """Why an accepted result is not so, asked anew; '' if it may be."""
     what = load_answer(path)
-    assert isinstance(what, Result)
+    assert isinstance(what, SavedAnswer)
     q, said = what.question, what.answer
     settings = Settings(time_limit=20.0, workers=1)
     limits: dict[str, Any] = {

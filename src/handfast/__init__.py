@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from handfast.stability.maps import force_map as force_map
     from handfast.stability.maps import sweep as sweep
     from handfast.stability.margin import Margin as Margin
-    from handfast.stability.margin import margin as margin
+    from handfast.stability.margin_search import margin as margin
     from handfast.stability.queries import check as check
     from handfast.stability.queries import maximum as maximum
     from handfast.stability.queries import torques as torques
@@ -87,7 +87,7 @@ _HOME = {
     "force_map": "stability.maps",
     "sweep": "stability.maps",
     "Margin": "stability.margin",
-    "margin": "stability.margin",
+    "margin": "stability.margin_search",
     "check": "stability.queries",
     "maximum": "stability.queries",
     "torques": "stability.queries",

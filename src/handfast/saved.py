@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from handfast.planning.results.verify_grasps import ReplayedGrasps
     from handfast.stability.answers import Answer
     from handfast.stability.certify.certificate import Certificate
-    from handfast.stability.certify.replay import Verified
-    from handfast.stability.result_file import Result
+    from handfast.stability.query import SavedAnswer
+    from handfast.stability.verification import Verified
     from handfast.synthesis.synthesis_answer import ReplayedSynthesis, Synthesis
     from handfast.synthesis.synthesis_file import SavedSynthesis
 
@@ -29,7 +29,7 @@ SCHEMAS = (
 
 
 def verify(
-    what: str | Path | Answer | Result | Certificate | Synthesis | SavedSynthesis | SavedGrasps,
+    what: str | Path | Answer | SavedAnswer[Any] | Certificate | Synthesis | SavedSynthesis | SavedGrasps,
 ) -> Verified | ReplayedSynthesis | ReplayedGrasps:
     """Is everything that an answer claims proved? Replayed without any search and without any solver.
 
@@ -41,14 +41,13 @@ def verify(
     """
     from handfast.planning.results import verify_grasps as grasps
     from handfast.planning.results.grasps_file import SavedGrasps
-    from handfast.stability.certify import replay as stability
-    from handfast.synthesis.synthesis_answer import Synthesis
-    from handfast.synthesis.synthesis_file import SavedSynthesis
+    from handfast.stability.certify.certificate import Certificate
+    from handfast.stability.verification import verified_certificate
 
     loaded = load(what) if isinstance(what, str | Path) else what
     if isinstance(loaded, SavedGrasps):
         return grasps.verify(loaded)
-    return loaded.verify() if isinstance(loaded, Synthesis | SavedSynthesis) else stability.verify(loaded)
+    return verified_certificate(loaded) if isinstance(loaded, Certificate) else loaded.verify()
 
 
 def load(path: str | Path) -> Any:
@@ -67,8 +66,8 @@ def load(path: str | Path) -> Any:
         if schema not in SCHEMAS:
             needed = f"{', '.join(SCHEMAS[:-1])} or {SCHEMAS[-1]} is needed"
             raise InputError(f"is missing; {needed}" if schema is None else f"is '{schema}'; {needed}", field="schema")
-        from handfast.stability.certify import replay
+        from handfast.stability import answer_file
 
-        return replay.from_dict(data)
+        return answer_file.from_dict(data)
     except InputError as fault:
         raise fault.at(str(path)) from None

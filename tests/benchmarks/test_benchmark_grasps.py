@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from handfast.core.answer import Stop
-from handfast.stability import problem
-from handfast.stability.certify.verify import verify
+from handfast.stability import scaled_problem
+from handfast.stability.certify.checker import verify
 from handfast.stability.queries import maximum
 from handfast.stability.settings import Settings
 
@@ -47,7 +47,7 @@ def test_the_set_is_the_published_one(grasps: ModuleType, chosen: list[Any]) -> 
 def test_every_case_is_a_question_that_can_be_asked(grasps: ModuleType, chosen: list[Any]) -> None:
     for case in chosen:
         g = case.grasp
-        p = problem.build(g, case.base, case.direction)  # raises if no forces could balance it
+        p = scaled_problem.build(g, case.base, case.direction)  # raises if no forces could balance it
 
         assert p.sizes[0] == case.contacts == g.m
         assert np.linalg.norm(case.direction[:3]) == pytest.approx(1.0)

@@ -21,8 +21,8 @@ from handfast.model.hand_regions import load_hand_regions
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import SMALLEST, Shape
 from handfast.saved import load as load_result
-from handfast.stability import problem
-from handfast.stability.goal import Goal
+from handfast.stability import scaled_problem
+from handfast.stability.goal import GOALS, SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS
 from handfast.stability.loads_file import load_loads
 from handfast.stability.search import rows
 from handfast.stability.search.reduced import reduce
@@ -178,10 +178,10 @@ def test_the_largest_grasp_is_one_that_the_search_can_name_by_a_byte(sizes: tupl
     grasp, byte = of_size(*sizes), 1 << (rows.KIND - rows.INDEX)
     assert byte == 256
     limits = {"torque_limits": dict.fromkeys(grasp.mechanism.actuators, 1.0), "force_limit": 10.0}
-    for goal in Goal:
-        torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
+    for goal in GOALS:
+        torques = goal in (SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS)
         driven = np.ones(sizes[2], dtype=bool) if torques else None
-        p = problem.build(grasp, np.zeros(6), grasp.G[:, 0], driven=driven, **limits)  # type: ignore[arg-type]
+        p = scaled_problem.build(grasp, np.zeros(6), grasp.G[:, 0], driven=driven, **limits)  # type: ignore[arg-type]
         r = reduce(p, goal)
         assert len(r.cost) <= byte
         assert len(r.lo) <= byte

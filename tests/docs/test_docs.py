@@ -30,9 +30,14 @@ from handfast.model.body import load_body
 from handfast.model.configuration import Configuration, load_configuration
 from handfast.model.grasp_file import GraspFile, load_grasp
 from handfast.model.hand_regions import load_hand_regions
-from handfast.stability.certify.certificate_file import CertificateFile, NodesEntry, QuestionEntry, RowsEntry
+from handfast.stability.certify.certificate_file import (
+    CertificateFile,
+    CertificateNodesEntry,
+    CertificateQuestionEntry,
+    CertificateRowsEntry,
+)
 from handfast.stability.loads_file import load_loads
-from handfast.stability.result_file import ArcEntry, ResultFile, WitnessEntry
+from handfast.stability.saved_answer import ResultArcEntry, ResultFile, ResultWitnessEntry
 from handfast.synthesis.certify.existence import ExistenceEntry
 from handfast.synthesis.synthesis_file import SynthesisAnswerEntry, SynthesisFile, SynthesisStateEntry
 from handfast.synthesis.task_file import TaskFile, load_task
@@ -93,7 +98,7 @@ def test_snippets(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             tree = ast.parse(block.text, f"{page.name}:{block.line}")
             ast.increment_lineno(tree, block.line - 1)
             with contextlib.redirect_stdout(io.StringIO()):
-                exec(compile(tree, str(page), "exec"), names)
+                exec(compile(tree, str(page), "exec", dont_inherit=True), names)
         elif block.kind == "console":
             for arguments in block.commands():
                 said, complaint = io.StringIO(), io.StringIO()
@@ -209,10 +214,14 @@ def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
         lines = [line for line in section(page, heading).splitlines() if line.startswith("| `")]
         written = {name for line in lines for name in re.findall(r"`([^`]+)`", line.split("|")[1])}
         top = {info.alias or name for name, info in model.model_fields.items()}
-        inside = {f"witness.{name}" for name in WitnessEntry.model_fields} if model is ResultFile else {"question.goal"}
-        inside |= {f"arcs[].{name}" for name in ArcEntry.model_fields} if model is ResultFile else set()
+        inside = (
+            {f"witness.{name}" for name in ResultWitnessEntry.model_fields}
+            if model is ResultFile
+            else {"question.goal"}
+        )
+        inside |= {f"arcs[].{name}" for name in ResultArcEntry.model_fields} if model is ResultFile else set()
         assert written == top | inside
-    for entry in (NodesEntry, RowsEntry, QuestionEntry):
+    for entry in (CertificateNodesEntry, CertificateRowsEntry, CertificateQuestionEntry):
         assert all(f"`{name}`" in page for name in entry.model_fields), entry.__name__
 
 

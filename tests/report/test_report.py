@@ -16,9 +16,10 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.report import Entry, words, write_report
 from handfast.report.words import num
-from handfast.stability.answers import CheckAnswer, MaxAnswer
 from handfast.stability.maps import Curve, MapAnswer
 from handfast.stability.queries import check, maximum, torques
+from handfast.stability.queries.check_query import CheckAnswer
+from handfast.stability.queries.max_query import MaxAnswer
 from handfast.stability.settings import Settings
 
 Y = np.eye(6)[1]
@@ -117,7 +118,7 @@ def test_undecided_says_why(grasp: Grasp, tmp_path: Path) -> None:
 def test_algorithm_1_is_told_by_its_steps(grasp: Grasp, tmp_path: Path) -> None:
     settings = Settings(method="algorithm1", sectors=64)
     point = SimpleNamespace(nodes=7, status="infeasible")
-    step = SimpleNamespace(number=1, edges=8, width=0.1, seconds=0.5, solution=point, finished=True)
+    step = SimpleNamespace(number=1, edges=8, width=0.1, seconds=0.5, result=point, finished=True)
     answer = CheckAnswer(Verdict.SLIPS, Stop.COMPLETE, 1.0, 7, (step,), None, None)
     write_report(tmp_path / "a.html", grasp, [Entry("?", answer)], settings=settings)
     text = page(tmp_path / "a.html")

@@ -22,8 +22,8 @@ from handfast.model.grasp import Contact, Grasp
 from handfast.report import Entry, view3d, write_report
 from handfast.report.drawing import Mesh, applied
 from handfast.report.view3d import Load, packed, scene
-from handfast.stability.answers import CheckAnswer
 from handfast.stability.queries import check
+from handfast.stability.queries.check_query import CheckAnswer
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, nest, pinch
 

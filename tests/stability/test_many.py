@@ -12,10 +12,9 @@ from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool
 from handfast.model.grasp_file import load_grasp
 from handfast.stability import many
-from handfast.stability.answers import MaxAnswer
-from handfast.stability.certify.verify import verify
+from handfast.stability.certify.checker import verify
 from handfast.stability.many import FEW, max_many
-from handfast.stability.queries import maximum
+from handfast.stability.queries import MaxAnswer, maximum
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, table
 

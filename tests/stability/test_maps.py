@@ -19,9 +19,9 @@ from handfast.core.parallel import default_jobs
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import save_grasp
 from handfast.stability import maps
-from handfast.stability.answers import MaxAnswer
 from handfast.stability.many import Case, maxima
 from handfast.stability.maps import force_map, sweep
+from handfast.stability.queries import MaxAnswer
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, table
 

@@ -17,10 +17,10 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.report import Entry, write_report
-from handfast.stability import margin as margins
-from handfast.stability import model
-from handfast.stability.least_motion import largest_motion, least_motion
-from handfast.stability.margin import FRICTION_RESOLUTION, TILT_RESOLUTION, Flip, Margin, margin
+from handfast.stability import margin_search, model
+from handfast.stability.least_motion import least_motion
+from handfast.stability.margin import FRAGILE_MOTION, Flip, Margin
+from handfast.stability.margin_search import FRICTION_RESOLUTION, TILT_RESOLUTION, margin
 from handfast.stability.model import State
 from handfast.stability.witness import Witness
 from tests.support.problems import Solved, pinch, solved, table
@@ -86,7 +86,7 @@ def test_a_pinch() -> None:
     m = asked(pinch(), np.array([0, -0.5, 0, 0, 0, 0]))
     assert_brackets(m.less, 0.5, FRICTION_RESOLUTION)
     assert_brackets(m.tilt, np.degrees(np.arctan(0.5) - np.arctan(0.25)), TILT_RESOLUTION)
-    assert m.motion == pytest.approx(1e3 * 1.0 / margins.RUBBER_PAD, rel=1e-3)
+    assert m.motion == pytest.approx(1e3 * 1.0 / margin_search.RUBBER_PAD, rel=1e-3)
     assert not m.fragile
 
 
@@ -148,9 +148,9 @@ def test_no_planted_state_moves_less(seed: int, m: int, eta: float) -> None:
     assert planted.valid
     assert found.valid
     np.testing.assert_allclose(found.wrench, s.wrench, rtol=1e-12, atol=1e-15)
-    assert largest_motion(found) <= min(largest_motion(first), 1.1 * largest_motion(planted))
+    assert found.largest_motion <= min(first.largest_motion, 1.1 * planted.largest_motion)
     if eta == 0:
-        assert largest_motion(found) >= found.state.c[::3].max() * (1 - 1e-9)
+        assert found.largest_motion >= found.state.c[::3].max() * (1 - 1e-9)
 
 
 def test_a_witness_that_swings_far_is_brought_back() -> None:
@@ -162,25 +162,25 @@ def test_a_witness_that_swings_far_is_brought_back() -> None:
     found = least_motion(answer.posed[0], w)
     assert found.valid
     # a tip presses with about 0.1 N m / 0.09 m; the other contacts need not take part
-    assert largest_motion(found) < 2.5
+    assert found.largest_motion < 2.5
     again = least_motion(answer.posed[0], found)
-    assert largest_motion(again) <= largest_motion(found) * (1 + 1e-9)
+    assert again.largest_motion <= found.largest_motion * (1 + 1e-9)
 
 
 def test_motion_is_that_of_object_or_relative_whichever_is_larger() -> None:
     """A finger that turns by 10 N / m at 0.1 m below an object that stays: 1 N, all of it relative."""
     grasp = pinch()
     still = State(np.zeros(6), np.array([10.0, 0.0]), np.zeros(6), np.zeros(2), np.zeros(0))
-    assert largest_motion(Witness(grasp, np.zeros(6), still, 0.0, True)) == pytest.approx(1.0)
+    assert Witness(grasp, np.zeros(6), still, 0.0, True).largest_motion == pytest.approx(1.0)
     moved = State(np.array([0, 3.0, 0, 0, 0, 0]), np.zeros(2), np.zeros(6), np.zeros(2), np.zeros(0))
-    assert largest_motion(Witness(grasp, np.zeros(6), moved, 0.0, True)) == pytest.approx(3.0)
+    assert Witness(grasp, np.zeros(6), moved, 0.0, True).largest_motion == pytest.approx(3.0)
 
 
 def test_a_strong_squeeze_alone_is_not_fragile() -> None:
     """100 N on a rubber pad give way by 10 mm in this model, without any leaning."""
     grasp, wrench = slope(0.2, 0.5, 1)
     m = asked(grasp, 100 * wrench)
-    assert m.motion > margins.FRAGILE_MOTION
+    assert m.motion > FRAGILE_MOTION
     assert m.why == ()
     r = model.State(10 * m.witness.state.r, *(getattr(m.witness.state, n) for n in ("q", "c", "f", "coupling")))
     assert replace(m, witness=replace(m.witness, state=r)).why == ("motion",)
@@ -250,25 +250,27 @@ def test_the_four_sides_of_a_contact() -> None:
     """A pinch along x: the first side is where the load pulls, then away, then both ways along its joint's axis."""
     load, twist = np.array([0, -2.0, 0, 0, 0, 0]), np.array([0, 0, 0, 0, 0, 3.0])
     y, z = np.eye(3)[1:]
-    right, left = margins.sides(pinch(), load)
+    right, left = margin_search.sides(pinch(), load)
     np.testing.assert_allclose(right, [-y, y, z, -z, 0 * z], atol=1e-12)
     np.testing.assert_allclose(left, [-y, y, -z, z, 0 * z], atol=1e-12)  # the normal points the other way
-    right, left = margins.sides(pinch(), twist)  # about +z, it pulls the right contact along +y, the left one along -y
+    right, left = margin_search.sides(
+        pinch(), twist
+    )  # about +z, it pulls the right contact along +y, the left one along -y
     np.testing.assert_allclose([right[0], left[0]], [y, -y], atol=1e-12)
     # nothing pulls across the normals, and outwards is along them: the joints' axes tell
-    right, left = margins.sides(pinch(), np.zeros(6))
+    right, left = margin_search.sides(pinch(), np.zeros(6))
     np.testing.assert_allclose([right[0], left[0]], [z, -z], atol=1e-12)
     # a load of the same kind about another origin is told the same way
     shift = np.array([0.5, -0.3, 0.2])
     away = moved(pinch(), np.eye(3), shift, [0, 1], 1.0, 1.0)
-    np.testing.assert_allclose(margins.sides(away, twist), margins.sides(pinch(), twist), atol=1e-12)
+    np.testing.assert_allclose(margin_search.sides(away, twist), margin_search.sides(pinch(), twist), atol=1e-12)
     there = np.r_[load[:3], np.cross(shift, load[:3])]
-    np.testing.assert_allclose(margins.sides(away, there), margins.sides(pinch(), load), atol=1e-12)
+    np.testing.assert_allclose(margin_search.sides(away, there), margin_search.sides(pinch(), load), atol=1e-12)
     flat = table(0.5, 4)  # pushed onto it: its sides are turned by the moment about its middle, wherever the origin is
     push = np.array([0, 0, -5.0, 0, 0, 0.2])
     there = push + np.r_[np.zeros(3), np.cross(shift, push[:3])]
     moved_ = moved(flat, np.eye(3), shift, [0, 1, 2, 3], 1.0, 1.0)
-    np.testing.assert_allclose(margins.sides(moved_, there), margins.sides(flat, push), atol=1e-9)
+    np.testing.assert_allclose(margin_search.sides(moved_, there), margin_search.sides(flat, push), atol=1e-9)
 
 
 def test_what_is_undecided_is_neither(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -280,7 +282,7 @@ def test_what_is_undecided_is_neither(monkeypatch: pytest.MonkeyPatch) -> None:
         factor = grasp.contacts[0].friction / 0.5
         return replace(answer, verdict=Verdict.UNDECIDED) if 0.85 < factor < 0.97 else answer
 
-    monkeypatch.setattr(margins, "check", doubtful)
+    monkeypatch.setattr(margin_search, "check", doubtful)
     less = asked(pinch(), np.array([0, -0.5, 0, 0, 0, 0])).less
     assert (less.holds, less.slips, less.undecided) == (0.02, 0.7, 2)
 
@@ -293,7 +295,7 @@ def test_ctrl_c_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
         answer = real(grasp, wrench, **options)
         return replace(answer, stop=Stop.INTERRUPTED) if len(asked_for) == 4 else answer
 
-    monkeypatch.setattr(margins, "check", interrupted)
+    monkeypatch.setattr(margin_search, "check", interrupted)
     m = asked(pinch(), np.array([0, -0.5, 0, 0, 0, 0]))
     assert (m.stop, m.checks) == (Stop.INTERRUPTED, 3)
     assert len(asked_for) == 4  # the question itself, and three changes
@@ -318,16 +320,16 @@ def test_every_change_is_asked_of_check(monkeypatch: pytest.MonkeyPatch) -> None
         seen.append(grasp)
         return real(grasp, wrench, **options)
 
-    monkeypatch.setattr(margins, "check", noted)
+    monkeypatch.setattr(margin_search, "check", noted)
     grasp, wrench = slope(0.05, 2.0, 1)
     m = asked(grasp, wrench)
     assert m.tilt.slips is None
-    assert m.tilt.holds == m.tilt.limit == margins.TILTS[-1]
+    assert m.tilt.holds == m.tilt.limit == margin_search.TILTS[-1]
     angles = [float(np.degrees(np.arccos(np.clip(g.contacts[0].normal[2], -1, 1)))) for g in seen]
     tilted = sorted(round(a, 6) for a in angles if a > 1e-3)
-    assert tilted == sorted(4 * list(margins.TILTS))
+    assert tilted == sorted(4 * list(margin_search.TILTS))
     frictions = {round(g.contacts[0].friction / 2, 6) for g in seen}
-    assert {round(1 + x, 6) for x in margins.FRICTION_CHANGES} <= frictions
+    assert {round(1 + x, 6) for x in margin_search.FRICTION_CHANGES} <= frictions
 
 
 # --- where it is said ---------------------------------------------------------------------------

@@ -52,7 +52,7 @@ def test_energy_law(seed: int) -> None:
     cn = s.state.c.reshape(-1, 3)[:, 0]
     total = abs(e.disturbance) + abs(e.preload) + e.stored + e.maximum.sum()
     assert e.disturbance + e.preload == pytest.approx(float(cn @ cn) + float(e.maximum.sum()), abs=1e-9 * total)
-    assert abs(e.imbalance) <= 1e-9 * total
+    assert abs(e.residual) <= 1e-9 * total
     assert e.created <= 1e-12 * total
     np.testing.assert_allclose(e.friction, e.maximum, atol=1e-9 * total)
 

@@ -15,10 +15,9 @@ from handfast.model.configuration import load_configuration
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import load_grasp
 from handfast.model.hand import load_hand
-from handfast.stability.answers import MaxAnswer
-from handfast.stability.certify import verify
+from handfast.stability.certify import checker
 from handfast.stability.maps import force_map
-from handfast.stability.queries import check, maximum, torques
+from handfast.stability.queries import MaxAnswer, check, maximum, torques
 from handfast.stability.settings import Settings
 from tests.support.places import ROOT
 
@@ -179,7 +178,7 @@ def assert_next_to_nothing(answer: MaxAnswer) -> None:
     """Slips but for magnitudes that are nothing beside the commands, which numbers do not decide."""
     assert answer.witness is None
     assert answer.upper < 1e-4 * 0.1 / 0.05
-    assert verify.verify(answer.certificate).ok
+    assert checker.verify(answer.certificate).ok
 
 
 @pytest.mark.parametrize("third", [0.0, 0.045, 0.08, 0.0895])

@@ -22,12 +22,18 @@ from handfast.stability.certify.certificate import (
     Certificate,
     Columns,
     ContactState,
-    Goal,
     Question,
     Row,
 )
 from handfast.stability.certify.certificate import directions as float_directions
 from handfast.stability.certify.claim import Claim
+from handfast.stability.goal import (
+    ANY_STATE,
+    LARGEST,
+    SMALLEST_LARGEST_COMMAND,
+    SMALLEST_PRELOAD,
+    SMALLEST_SUM_OF_COMMANDS,
+)
 from tests.support.problems import nest, pinch
 
 FREE, LOCKED, MOVES = ActuatorState
@@ -95,8 +101,8 @@ def row(certificate, claim, kind, index, a, b, arithmetic=FLOATS):
         return {index: 1 if up else -1}, number(claim.lo[index]) if up else -number(claim.hi[index])
     if kind is Row.ENERGY:
         *normal, scalar = (number(v) for v in certificate.references[index].tolist())
-        scalar = (scalar if q.goal is Goal.SMALLEST_PRELOAD else 1) * (1 + 4 * ROUNDED if more else 1)
-        entries = {at.r.start + k: number(w) for k, w in enumerate(q.loads[0].tolist())}
+        scalar = (scalar if q.goal == SMALLEST_PRELOAD else 1) * (1 + 4 * ROUNDED if more else 1)
+        entries = {at.r.start + k: number(w) for k, w in enumerate(q.load.w_a.tolist())}
         entries |= {at.c.start + 3 * i: -2 * x for i, x in enumerate(normal)}
         commands = np.abs(q.grasp.command).tolist()
         entries |= {at.n + 3 * q.grasp.m + j: scalar * number(f_c) for j, f_c in enumerate(commands)}
@@ -105,10 +111,10 @@ def row(certificate, claim, kind, index, a, b, arithmetic=FLOATS):
         if kind in (Row.T_UP, Row.T_DOWN):
             return {t: 1 if kind is Row.T_UP else -1}, 0
         if kind is Row.S_UP:
-            return {f: -1, (at.scalar.start if q.objective == "max" else at.e.start + index): 1}, 0
+            return {f: -1, (at.scalar.start if not q.goal.sums_commands else at.e.start + index): 1}, 0
         sign = 1 if kind is Row.E_UP else -1
-        f_c = 0 if q.goal is Goal.TORQUES else number(abs(q.grasp.command[index]))
-        if q.goal is Goal.SMALLEST_PRELOAD:
+        f_c = 0 if q.goal.seeks_commands else number(abs(q.grasp.command[index]))
+        if q.goal == SMALLEST_PRELOAD:
             return {f: sign, at.scalar.start: -sign * f_c}, 0
         return {f: sign}, sign * f_c
     mu = number(q.grasp.mu[index])
@@ -197,8 +203,8 @@ def exact_equations(q):
                     value = sum(a * b for a, b in zip(axis, speed, strict=True))
                     torque[j][at.c.start + 3 * i + k] = value
                     Z[3 * i + k][at.q.start + j] = -value
-    constant, per_scalar = q.loads
-    if q.goal is not Goal.CHECK:
+    constant, per_scalar = q.load.w_a, q.load.w_b
+    if q.goal != ANY_STATE:
         for k in range(6):
             wrench[k][at.scalar.start] = Fraction(float(per_scalar[k]))
     for j in range(g.l):
@@ -370,11 +376,11 @@ def slack(grasp: Grasp) -> Grasp:
 BOTH = ("left", "right")
 CASES = {  # question, range of the scalar; the pinch resists 1 N, the nest with mu > sqrt(3) only without (6)
     "check": (Question(pinch(), wrench=1.1 * PULL_Y), None),
-    "smallest preload": (Question(pinch(), "smallest preload", direction=PULL_Y), (0.0, 0.95)),
-    "largest": (Question(pinch(), "largest", 0.2 * PULL_Y, direction=PULL_Y), (0.85, 3.0)),
-    "max": (Question(pinch(), "torques", PULL_Y, driven=BOTH), (0.0, 0.095)),
-    "sum": (Question(pinch(), "torques", PULL_Y, driven=BOTH, objective="sum"), (0.0, 0.095)),
-    "max of turned": (Question(turned(pinch()), "torques", PULL_Y, driven=BOTH), (0.0, 0.095)),
+    "smallest preload": (Question(pinch(), SMALLEST_PRELOAD, direction=PULL_Y), (0.0, 0.95)),
+    "largest": (Question(pinch(), LARGEST, 0.2 * PULL_Y, direction=PULL_Y), (0.85, 3.0)),
+    "max": (Question(pinch(), SMALLEST_LARGEST_COMMAND, PULL_Y, driven=BOTH), (0.0, 0.095)),
+    "sum": (Question(pinch(), SMALLEST_SUM_OF_COMMANDS, PULL_Y, driven=BOTH), (0.0, 0.095)),
+    "max of turned": (Question(turned(pinch()), SMALLEST_LARGEST_COMMAND, PULL_Y, driven=BOTH), (0.0, 0.095)),
     "eta": (Question(pinch(), wrench=1.1 * PULL_Y, eta=0.05), None),
     "no dissipation": (Question(pinch(), wrench=1.1 * PULL_Y, mdp=False), None),
     "turned": (Question(turned(pinch()), wrench=1.1 * PULL_Y), None),

@@ -26,7 +26,7 @@ class Check(Load, QueryOptions, Saved, FrictionModel, Command):
         from handfast.core.answer import Verdict
         from handfast.report import Entry, write_report
         from handfast.report.words import load_text
-        from handfast.stability.margin import RUBBER_PAD, margin
+        from handfast.stability.margin_search import RUBBER_PAD, margin
         from handfast.stability.queries import check, maximum
         from handfast.stability.settings import Settings
 

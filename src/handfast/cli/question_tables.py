@@ -12,7 +12,7 @@ from handfast.cli.table import table
 from handfast.model import grasp_file
 from handfast.report import words
 from handfast.report.words import num
-from handfast.stability.certify.certificate import Goal, Question
+from handfast.stability.certify.certificate import Question
 from handfast.stability.certify.certificate_file import question_to_dict
 from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
 
@@ -41,7 +41,7 @@ def grasp_digest(grasp: Grasp) -> str:
 def show_question(out: Console, q: Question, *, proved: bool) -> None:
     """The question of an answer about one disturbance."""
     out.print(f"\n{_opening(proved)} {_asked(q)}", soft_wrap=True)
-    facts = [words.grasp_text(q.grasp), f"preload {words.preload_text(q.grasp)}" if q.goal is not Goal.TORQUES else ""]
+    facts = [words.grasp_text(q.grasp), f"preload {words.preload_text(q.grasp)}" if not q.goal.seeks_commands else ""]
     out.print("; ".join(filter(None, [*facts, *_terms(q.eta, q.mdp, q.torque_limits, q.force_limit)])), soft_wrap=True)
     told = f"relative to grasp '{q.grasp.name}' sha256 {grasp_digest(q.grasp)[:DIGITS]}…"
     out.print(told, style="dim", soft_wrap=True)
@@ -87,10 +87,12 @@ def _opening(proved: bool) -> str:
 
 
 def _asked(q: Question) -> str:
-    if q.goal is Goal.CHECK:
+    if not q.goal.has_scalar:
         return words.load_text(q.wrench)
-    if q.goal is Goal.TORQUES:
-        return f"commands of {words.listed(q.driven) or 'no actuator'} ({q.objective}) for {words.load_text(q.wrench)}"
+    if q.goal.seeks_commands:
+        return (
+            f"commands of {words.listed(q.driven) or 'no actuator'} ({q.goal.effort}) for {words.load_text(q.wrench)}"
+        )
     base = f", beside {words.load_text(q.wrench)}" if q.wrench.any() else ""
     return f"multiples of {words.load_text(q.direction if q.direction is not None else np.zeros(6))}{base}"
 

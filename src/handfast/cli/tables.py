@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -19,11 +19,12 @@ from handfast.stability.certify.certificate import Certificate
 if TYPE_CHECKING:
     from handfast.cli.options import QueryOptions
     from handfast.model.grasp import Contact, Grasp
-    from handfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
-    from handfast.stability.certify.replay import Verified
+    from handfast.stability.answers import Answer
     from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
     from handfast.stability.margin import Margin
-    from handfast.stability.result_file import Result
+    from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
+    from handfast.stability.query import SavedAnswer
+    from handfast.stability.verification import Verified
     from handfast.stability.witness import Witness
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
@@ -90,7 +91,7 @@ def show_torques(
     _written(out, asked)
 
 
-def show_verified(out: Console, what: Result | Certificate, done: Verified) -> None:
+def show_verified(out: Console, what: SavedAnswer[Any] | Certificate, done: Verified) -> None:
     """What a saved answer claims and what of it was proved."""
     word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
     if done.ok and not (done.witness or done.certificate):
@@ -98,7 +99,7 @@ def show_verified(out: Console, what: Result | Certificate, done: Verified) -> N
     if isinstance(what, Certificate):
         query, said = "certificate", "by itself"
     else:
-        query, said = str(what.said["query"]), f"{what.answer.verdict.upper()}, stop {what.answer.stop}"
+        query, said = what.query.name, f"{what.answer.verdict.upper()}, stop {what.answer.stop}"
     out.print(Text.assemble((word, style), "  ", f"{query} of {what.question.grasp.name}: {said}"))
     if not done.ok:
         out.print(done.reason, style="yellow")

@@ -30,7 +30,7 @@ class Verify(Command):
         from handfast.cli.question_tables import question_json, task_json
         from handfast.planning.results.verify_grasps import ReplayedGrasps
         from handfast.saved import load, verify
-        from handfast.stability.certify.replay import Verified
+        from handfast.stability.verification import Verified
         from handfast.synthesis.synthesis_answer import ReplayedSynthesis
 
         what = load(self.result)

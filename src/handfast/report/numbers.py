@@ -11,14 +11,15 @@ import numpy as np
 from handfast.report import words
 from handfast.report.words import num, vector
 from handfast.stability import model
-from handfast.stability.answers import MaxAnswer
+from handfast.stability.queries import MaxAnswer
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
     from handfast.report import Entry
-    from handfast.stability.answers import Answer, TorquesAnswer
+    from handfast.stability.answers import Answer
     from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
     from handfast.stability.margin import Margin
+    from handfast.stability.queries import TorquesAnswer
     from handfast.stability.settings import Settings
     from handfast.stability.witness import Witness
 
@@ -135,7 +136,7 @@ def energy_table(witness: Witness) -> str:
     if e.created > 0 and words.unphysical(witness):
         rows.append(["created out of nothing", BAD + num(e.created), "0"])
     heads = ["#virtual work", "N²", "the maximum dissipation principle demands"]
-    note = f'<p class="note">In minus out: {abs(e.imbalance) / scale:.1e} of the total.</p>'
+    note = f'<p class="note">In minus out: {abs(e.residual) / scale:.1e} of the total.</p>'
     return table(heads, rows, "Energy") + note
 
 
@@ -218,9 +219,9 @@ def search_table(answer: Answer, settings: Settings) -> str:
             str(s.number),
             str(s.edges),
             num(np.degrees(s.width), 3),
-            str(s.solution.nodes),
+            str(s.result.nodes),
             f"{s.seconds:.2f}",
-            str(s.solution.status),
+            str(s.result.status),
         ]
         for s in answer.steps
     ]

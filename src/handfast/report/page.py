@@ -17,8 +17,9 @@ from handfast.report.drawing import draw_grasp, draw_scene
 from handfast.report.numbers import table
 from handfast.report.plot import draw_map, draw_sweep, picture
 from handfast.report.words import num
-from handfast.stability.answers import Answer, CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.answers import Answer
 from handfast.stability.maps import MapAnswer, SweepAnswer
+from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.settings import Settings
 
 if TYPE_CHECKING:

@@ -1,36 +1,36 @@
-"""What the queries return: verdict, bounds, witness, cost; each as the JSON object of the command line."""
+"""What every answer about one disturbance has: verdict, witness, proof, cost; it saves and checks itself."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
-from handfast.core.arrays import Array
-from handfast.stability import asked
+from handfast.core.errors import InputError
+from handfast.core.files import validate
+from handfast.stability import saved_answer
 from handfast.stability.certify.certificate import Certificate, Question
-from handfast.stability.goal import Goal
-from handfast.stability.paper.program import INF
-from handfast.stability.problem import Problem
-from handfast.stability.witness import KEYS, Witness
+from handfast.stability.posed import Posed
+from handfast.stability.query import Query, SavedAnswer
+from handfast.stability.refinement import RefinementStep
+from handfast.stability.verification import Verified
+from handfast.stability.witness import Witness
 
 if TYPE_CHECKING:
-    from handfast.stability.interval import Interval
-    from handfast.stability.limit import Supremum
-    from handfast.stability.margin import Margin
-    from handfast.stability.paper.algorithm1 import Step
     from handfast.stability.search.proof import Proof
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class Answer(ABC):
     """What every query answers.
 
     Attributes:
+        query: what kind of answer it is.
         verdict: HOLDS with a valid witness; SLIPS if every case is refuted; else UNDECIDED.
         stop: why the search ended.
         seconds, nodes: its cost: wall time, nodes of the tree. steps: those of Algorithm 1.
@@ -40,14 +40,16 @@ class Answer:
         verified: was everything that it says replayed, the proof by the independent checker?
     """
 
+    query: ClassVar[Query[Any]]
+
     verdict: Verdict
     stop: Stop
     seconds: float
     nodes: int
-    steps: tuple[Step, ...]
+    steps: tuple[RefinementStep, ...]
     witness: Witness | None
     proof: Proof | None = field(repr=False)
-    posed: tuple[Problem, Goal] | None = field(default=None, kw_only=True, repr=False)
+    posed: Posed | None = field(default=None, kw_only=True, repr=False)
     verified: bool = field(default=False, kw_only=True)
 
     @cached_property
@@ -58,7 +60,11 @@ class Answer:
     @cached_property
     def question(self) -> Question | None:
         """What was asked, as certificates and result files say it."""
-        return asked.question(*self.posed) if self.posed else None
+        return self.posed.question if self.posed else None
+
+    @abstractmethod
+    def said(self) -> dict[str, Any]:
+        """The keys of its query's JSON."""
 
     def proof_json(self) -> dict[str, Any]:
         """Keys of every answer: is there a certificate, was all replayed, and up to which motions [N] if not all?"""
@@ -67,7 +73,16 @@ class Answer:
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
-        raise NotImplementedError
+        return header(self, self.query.name) | self.proof_json() | self.said()
+
+    def saved(self) -> SavedAnswer[Any]:
+        """The answer as a file has it; `InputError` if it does not know its question."""
+        if self.question is None:
+            raise InputError("does not know its question; save what a query returned", field="answer")
+        said = self.to_json()
+        return SavedAnswer(
+            self.query, self.question, validate(self.query.entry, said), said, self.witness, self.certificate
+        )
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a `handfast/result/2` file: question, answer, witness, certificate. For `handfast.verify`.
@@ -75,110 +90,15 @@ class Answer:
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.
         """
-        from handfast.stability import result_file
+        saved_answer.save_answer(self.saved(), path, force=force)
 
-        result_file.save_result(result_file.Result.of(self), path, force=force)
+    def verify(self) -> Verified:
+        """Is everything that it claims proved? Replayed without the engine and without any solver.
 
-
-@dataclass(frozen=True, eq=False)
-class CheckAnswer(Answer):
-    """Is this disturbance resisted?
-
-    Attributes:
-        margin: how much a HOLDS leans on, if that was asked: `handfast.margin`.
-    """
-
-    margin: Margin | None = field(default=None, kw_only=True)
-
-    def to_json(self) -> dict[str, Any]:
-        state = self.witness.to_json() if self.witness else dict.fromkeys(KEYS)
-        leans = {"margin": self.margin.to_json() if self.margin else None}
-        return header(self, "check") | self.proof_json() | state | leans
-
-
-@dataclass(frozen=True, eq=False)
-class MaxAnswer(Answer):
-    """How large a disturbance is resisted?
-
-    Attributes:
-        lower: the largest magnitude that was witnessed, 0 if none.
-        upper: no larger magnitude is possible; inf if that could not be shown.
-        unbounded: resisted as far as the search goes, ten thousand times the preload (or the base load,
-            or the limits); `lower` is that magnitude and its witness, `upper` is inf.
-        interval: which magnitudes below are resisted too, if that was asked.
-        point: (n,) the witness in the engine's unknowns.
-    """
-
-    lower: float
-    upper: float
-    unbounded: bool
-    interval: Interval | None = field(default=None, kw_only=True)
-    point: Array | None = field(default=None, kw_only=True, repr=False)
-
-    @cached_property
-    def limit(self) -> Supremum | None:
-        """What the magnitudes tend to as the virtual motion grows without end, where no state attains the largest.
-
-        None where nothing shows that.
+        Raises:
+            InputError: it does not know its question.
         """
-        if self.posed is None or self.witness is None or not (self.lower > 0 and np.isfinite(self.upper)):
-            return None
-        from handfast.stability.limit import limit_from
-
-        return limit_from(*self.posed, self.witness.state, self.lower, self.upper)
-
-    @property
-    def attained(self) -> bool:
-        """False if the largest magnitude is shown to be approached only, by states that move ever farther."""
-        return self.limit is None
-
-    @property
-    def gap(self) -> float:
-        """(upper - lower) / lower; 0 if unbounded or both are 0, inf if one bound is missing."""
-        if self.unbounded or self.upper == 0:
-            return 0.0
-        return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
-
-    def to_json(self) -> dict[str, Any]:
-        return (
-            header(self, "max")
-            | self.proof_json()
-            | {
-                "lower": self.lower,
-                "upper": finite(self.upper),
-                "gap": finite(self.gap),
-                "unbounded": self.unbounded,
-                "attained": self.attained,
-                "limit": self.limit.to_json() if self.limit else None,
-                "holds_from_zero_to": self.interval.holds_from_zero_to if self.interval else None,
-            }
-            | (self.interval.to_json() if self.interval else {})
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class TorquesAnswer(Answer):
-    """Which commands resist a disturbance with the least effort?
-
-    Attributes:
-        preload: actuator name -> command [N m or N]; None without a witness. 0 is a locked actuator.
-        lower, upper: certified and witnessed bound on the objective [N m or N].
-    """
-
-    preload: dict[str, float] | None
-    lower: float
-    upper: float
-
-    def to_json(self) -> dict[str, Any]:
-        return (
-            header(self, "torques")
-            | self.proof_json()
-            | {
-                "preload": self.preload,
-                "lower": finite(self.lower),
-                "upper": finite(self.upper),
-            }
-        )
+        return self.saved().verify()
 
 
 def finite(x: float) -> float | None:

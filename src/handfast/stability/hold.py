@@ -18,15 +18,19 @@ from typing import Any
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
+from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.stability.answers import Answer, CheckAnswer, TorquesAnswer, finite
+from handfast.model.grasp_file import to_dict
+from handfast.stability.answers import Answer, finite
 from handfast.stability.loads import Loads
-from handfast.stability.problem import beyond_range
-from handfast.stability.queries import check, maximum, torques
+from handfast.stability.queries import CheckAnswer, TorquesAnswer, check, maximum, torques
+from handfast.stability.scaled_problem import beyond_range
 from handfast.stability.settings import Settings
+from handfast.stability.verification import Verified
 
 STRONG = 10.0  # times the largest load: a moderate command
-DUST = 1e-6  # share of the largest command below which one is rounding
+NEGLIGIBLE = 1e-6  # share of the largest command below which one is rounding
+HARDEST = ("hardest: which load asked most is the course of the search",)
 FACTORS = (1.0, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
 
 
@@ -45,6 +49,8 @@ class HoldAnswer:
         refuted: name and answer of the load that no preload resists, no answer where the grasp map G cannot
             even produce it; None unless SLIPS.
         hardest: name of the load that asked most of the commands, or that was not met; "" if none was.
+        bounding: name and answer of the load whose least commands are `lower`; None where nothing is behind it.
+        grasp, command_limit: as asked.
     """
 
     verdict: Verdict
@@ -58,6 +64,71 @@ class HoldAnswer:
     checks: tuple[CheckAnswer, ...] = field(default=(), repr=False)
     refuted: tuple[str, Answer | None] | None = field(default=None, repr=False)
     hardest: str = ""
+    bounding: tuple[str, TorquesAnswer] | None = field(default=None, repr=False)
+    grasp: Grasp | None = field(default=None, repr=False)
+    command_limit: float = field(default=np.inf, repr=False)
+
+    def verify(self) -> Verified:
+        """Replays every load's witness under the preload, the bound of the commands, or why some load is not held."""
+        start, reason = time.monotonic(), ""
+        parts = {name: answer.verify() for name, answer in zip(self.loads.names, self.checks, strict=False)}
+        if self.verdict is Verdict.HOLDS:
+            reason = self._held_fault()
+        if self.verdict is Verdict.SLIPS:
+            reason = self._refuted_fault()
+            if self.refuted and self.refuted[1]:
+                parts[f"{self.refuted[0]}, no commands"] = self.refuted[1].verify()
+        elif self.lower > 0:
+            reason = reason or self._bound_fault()
+            if self.bounding:
+                parts[f"{self.bounding[0]}, least commands"] = self.bounding[1].verify()
+        return Verified.of_parts(parts, time.monotonic() - start, reason, HARDEST)
+
+    def _held_fault(self) -> str:
+        """What is missing for the claim that one preload holds every load, if all answers are right."""
+        if len(self.checks) != len(self.loads) or self.preload is None:
+            return "HOLDS without a preload and an answer for each load"
+        for name, answer in zip(self.loads.names, self.checks, strict=True):
+            if answer.verdict is not Verdict.HOLDS or answer.question is None:
+                return f"{name} is not resisted"
+            if not self._is_load(name, answer):
+                return f"{name}: the answer is about another load"
+            if {n: f for n, f in self.preload.items() if f} != answer.question.grasp.preload:
+                return f"{name}: the answer is about another preload"
+        if max(map(abs, self.preload.values()), default=0.0) != self.upper:
+            return f"the largest command is not {self.upper:.6g}"
+        return ""
+
+    def _bound_fault(self) -> str:
+        """What is missing for the lower bound, if its answer is right."""
+        if self.bounding is None:
+            return f"nothing is there that shows the bound {self.lower:.6g}"
+        name, answer = self.bounding
+        if answer.lower != self.lower or answer.question is None or answer.question.goal.effort != "max":
+            return f"the bound {self.lower:.6g} is not that of {name}"
+        return "" if self._is_load(name, answer) else f"{name}: the answer is about another load"
+
+    def _refuted_fault(self) -> str:
+        """What is missing for the claim that no preload holds some load, if its answer is right."""
+        if self.refuted is None or self.refuted[0] not in self.loads.names:
+            return "SLIPS without a load that no preload resists"
+        name, answer = self.refuted
+        if answer is None:
+            wrench = self.loads.wrenches[self.loads.names.index(name)]
+            cannot = self.grasp is not None and _beyond(self.grasp, wrench)
+            return "" if cannot else f"{name}: forces can balance it"
+        if not self._is_load(name, answer):
+            return f"{name}: the answer is about another load"
+        more = isinstance(answer, TorquesAnswer) and answer.lower > self.command_limit
+        return "" if answer.verdict is Verdict.SLIPS or more else f"{name}: the answer does not say that it slips"
+
+    def _is_load(self, name: str, answer: Answer) -> bool:
+        """Is the answer about this load, and about the grasp, whatever its preload?"""
+        wrench = dict(zip(self.loads.names, self.loads.wrenches, strict=True)).get(name)
+        if wrench is None or answer.question is None or not np.array_equal(answer.question.wrench, wrench):
+            return False
+        bare, asked = (g and to_dict(g.with_preload(None)) for g in (answer.question.grasp, self.grasp))
+        return asked is None or bare == asked
 
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints."""
@@ -97,7 +168,7 @@ def hold(
     The other arguments and errors are those of `check` and `torques`.
     """
     names = tuple(actuators or grasp.preload or grasp.mechanism.actuators)
-    search = _Search(grasp, loads, names, settings or Settings(), timeout)
+    search = _HoldSearch(grasp, loads, names, settings or Settings(), timeout)
     search.most = np.inf if command_limit is None else command_limit
     search.limits = {"torque_limits": torque_limits, "force_limit": force_limit, "eta": eta}
     try:
@@ -117,7 +188,7 @@ def moderate(grasp: Grasp, loads: Loads) -> float:
     return STRONG * float(force.max()) * arm
 
 
-class _Search:
+class _HoldSearch:
     """One call of `hold`."""
 
     def __init__(
@@ -129,15 +200,15 @@ class _Search:
         self.limits: dict[str, Any] = {}
         self.nodes = 0
         self.lower, self.most = 0.0, np.inf
+        self.bounding: tuple[str, TorquesAnswer] | None = None
         self.order = list(range(len(loads)))  # the load that failed last comes first
         self.best: tuple[dict[str, float], tuple[CheckAnswer, ...]] | None = None
         self.stops: set[Stop] = set()
 
     def run(self, least: bool) -> HoldAnswer:
         """Nothing commanded, then the best for each load, then shapes that mix them."""
-        size = np.array([1.0] * 3 + [1 / self.grasp.size] * 3)
         for k, w in enumerate(self.loads.wrenches):
-            if beyond_range(size[:, None] * self.grasp.G, size * w) is not None:
+            if _beyond(self.grasp, w):
                 self.first(k, Stop.COMPLETE)
                 return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=(self.loads.names[k], None))
         locked = self.checked({})
@@ -156,7 +227,8 @@ class _Search:
             if a.verdict is Verdict.SLIPS or a.lower > self.most:
                 refuted = (self.loads.names[k], a)
                 return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=refuted)
-            self.lower = max(self.lower, a.lower)
+            if a.lower > self.lower:
+                self.lower, self.bounding = a.lower, (self.loads.names[k], a)
             if a.preload:
                 needs.append(a.preload)
         both = {n: max((p[n] for p in needs), key=abs) for n in self.names} if needs else {}
@@ -183,7 +255,7 @@ class _Search:
         size = max(map(abs, shape.values()), default=0.0)
         if not size:
             return False
-        unit = {n: v / size for n, v in shape.items() if abs(v) > DUST * size}
+        unit = {n: v / size for n, v in shape.items() if abs(v) > NEGLIGIBLE * size}
         grasp, need = self.grasp.with_preload(unit), 0.0
         for k in self.order[:]:  # homogeneous: s loads are resisted at level 1, so one at level 1/s
             if self.late():
@@ -259,4 +331,13 @@ class _Search:
             held[1] if held else (),
             refuted,
             self.loads.names[self.order[0]] if verdict is not Verdict.HOLDS or self.upper > 0 else "",
+            bounding=self.bounding,
+            grasp=self.grasp,
+            command_limit=self.most,
         )
+
+
+def _beyond(grasp: Grasp, wrench: Array) -> bool:
+    """Is there no force at the contacts whatever that balances a wrench (6,)?"""
+    size = np.array([1.0] * 3 + [1 / grasp.size] * 3)
+    return beyond_range(size[:, None] * grasp.G, size * wrench) is not None

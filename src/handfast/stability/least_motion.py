@@ -15,9 +15,9 @@ from itertools import pairwise
 import numpy as np
 
 from handfast.core.arrays import Array, Mask
-from handfast.stability import model, witness
-from handfast.stability.goal import Goal
-from handfast.stability.problem import Problem
+from handfast.stability import model
+from handfast.stability.goal import ANY_STATE
+from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.search.reduced import Reduced, padded, reduce
 from handfast.stability.search.search import Search
 from handfast.stability.witness import VALID, Witness
@@ -37,33 +37,26 @@ AXES = np.array(
 AXES /= np.hypot(1, _GOLDEN)
 
 
-def largest_motion(w: Witness) -> float:
-    """[N] at unit stiffness: the largest motion at any contact, of the object or of the object against the finger."""
-    object_ = (w.grasp.G.T @ w.state.r).reshape(-1, 3)
-    relative = model.relative_motion(w.grasp, w.state.r, w.state.q).reshape(-1, 3)
-    return float(np.linalg.norm(np.vstack([object_, relative]), axis=1).max())
-
-
-def least_motion(p: Problem, found: Witness) -> Witness:
+def least_motion(p: ScaledProblem, found: Witness) -> Witness:
     """A witness of the same question whose `largest_motion` is not larger, and as small as the searches find.
 
     Args:
         p: the scaled question of a `check`.
         found: an exact equilibrium of it.
     """
-    best = _polished(p, found)
-    r = reduce(p, Goal.EXISTS)
+    best = _refined(p, found)
+    r = reduce(p, ANY_STATE)
     if len(r.lo) + 2 * p.sizes[0] * len(AXES) > MOST_BOUNDS:
         return best
     low, high = 0.0, np.inf  # nothing was found within the one, something within the other
     bound = max(float(np.abs(found.state.c).max()) / p.force, NEAR)
-    while high > NARROW * low and NARROW * max(low, NEAR) < largest_motion(best) / p.force:
+    while high > NARROW * low and NARROW * max(low, NEAR) < best.largest_motion / p.force:
         other = _within(r, bound)
         if other is None:
             low = bound
         else:
             high = bound
-            best = min(best, _polished(p, other), key=largest_motion)
+            best = min(best, _refined(p, other), key=lambda w: w.largest_motion)
         bound = WIDER * bound if np.isinf(high) else float(np.sqrt(low * high)) if low else bound / WIDER
     return best
 
@@ -87,12 +80,12 @@ def _within(r: Reduced, bound: float) -> Witness | None:
     s = Search(narrowed, gap=1e-3, gap_absolute=0.0, node_limit=NODE_LIMIT, time_limit=TIME_LIMIT, workers=1)
     for _ in s:
         pass
-    found = None if s.z is None else witness.as_witness(r, r.point(s.z))
+    found = None if s.z is None else r.witness(r.point(s.z))
     return found if found is not None and found.valid else None
 
 
 @dataclass(frozen=True, eq=False)
-class _States:
+class _ContactModes:
     """What each contact and each actuator does.
 
     Attributes:
@@ -106,7 +99,7 @@ class _States:
     turns: Mask
 
     @classmethod
-    def of(cls, p: Problem, w: Witness) -> _States:
+    def of(cls, p: ScaledProblem, w: Witness) -> _ContactModes:
         """Those of a witness."""
         d = model.relative_motion(w.grasp, w.state.r, w.state.q).reshape(-1, 3)[:, 1:]
         c = w.state.c.reshape(-1, 3)[:, 1:]
@@ -119,11 +112,11 @@ class _States:
         return cls(states, along, p.moves & (t > tiny))
 
 
-def _polished(p: Problem, found: Witness) -> Witness:
+def _refined(p: ScaledProblem, found: Witness) -> Witness:
     """The equilibrium of least motion in the same states; the same one if none is better."""
     from scipy.optimize import linprog
 
-    states = _States.of(p, found)
+    states = _ContactModes.of(p, found)
     A, b, B, h = _equations(p, states)
     n = A.shape[1]
     motions = np.zeros((2, *p.G.T.shape[:1], n))  # of the object, and of it against the finger, at each contact
@@ -150,17 +143,17 @@ def _polished(p: Problem, found: Witness) -> Witness:
         return found
     _, l, a, _ = p.sizes
     r, q, c, f, coupling = np.split(x[:-1], np.cumsum([6, l, len(p.mu) * 3, a]))
-    better = replace(found, state=p.unscale(r, q, c, f, coupling))
+    better = replace(found, state=p.unscale(ScaledPoint(r, q, c, f, coupling)))
     sound = better.valid and _within_limits(p, c, f)
-    return better if sound and largest_motion(better) <= largest_motion(found) else found
+    return better if sound and better.largest_motion <= found.largest_motion else found
 
 
-def _within_limits(p: Problem, c: Array, f: Array) -> bool:
+def _within_limits(p: ScaledProblem, c: Array, f: Array) -> bool:
     """Do scaled forces keep to the limits of forces?"""
     return bool((c[::3] <= p.cn_max * (1 + VALID)).all() and (np.abs(f) <= p.f_max * (1 + VALID)).all())
 
 
-def _equations(p: Problem, states: _States) -> tuple[Array, Array, Array, Array]:
+def _equations(p: ScaledProblem, states: _ContactModes) -> tuple[Array, Array, Array, Array]:
     """A x = b and B x <= h of the scaled model in these states, for x = (r, q, c, f, coupling, largest motion)."""
     m, l, a, k = p.sizes
     n = 6 + l + 3 * m + a + k + 1

@@ -19,17 +19,17 @@ import numpy as np
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.transforms import cross
 from handfast.model.grasp import Grasp
-from handfast.stability.goal import Goal, Point
+from handfast.stability.goal import Goal
 from handfast.stability.model import State
-from handfast.stability.problem import Problem
+from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search.reduced import Reduced, reduce
 
 SHRINK = 0.25  # of eps from step to step
 NEAREST = 1e-7  # (scaled) eps at which it is extrapolated: 1e-16 / eps is what rounding takes
 ITERATIONS = 8
 CONVERGED = 1e-11  # scaled residual
-SLACK = 1e-9
-STILL = 1e-7  # (scaled) motions below this are none, or below this share of the largest times MOTION
+ALLOWED = 1e-9  # (scaled) by which an inequality may be missed
+NO_MOTION = 1e-7  # (scaled) motions below this are none, or below this share of the largest times MOTION
 MOTION = 1e-5
 FLAT = 1e-6  # relative: what grows by less does not grow
 
@@ -64,16 +64,16 @@ class Supremum:
         }
 
 
-def limit_from(p: Problem, goal: Goal, state: State, lower: float, upper: float) -> Supremum | None:
+def limit_from(p: ScaledProblem, goal: Goal, state: State, lower: float, upper: float) -> Supremum | None:
     """The limit to which the witness of a maximum leads; `limit_of` in the question's own units.
 
     state: it resists the magnitude `lower`, under the commands as they are.
     """
     r = reduce(p, goal)
-    if goal is Goal.SMALLEST_PRELOAD:  # is sought for the direction alone
-        share = p.stretch / lower
-        return limit_of(r, r.z(Point(*p.scaled(state.scaled(share)), share)), upper)
-    return limit_of(r, r.z(Point(*p.scaled(state), lower / p.stretch)), upper)
+    scalar = goal.at_magnitude(p, lower)
+    # where all is homogeneous, states are sought for the direction alone
+    sought = state.scaled(scalar) if goal.homogeneous else state
+    return limit_of(r, r.z(p.scaled(sought, scalar)), upper)
 
 
 def limit_of(r: Reduced, z: Array, upper: float) -> Supremum | None:
@@ -88,22 +88,20 @@ def limit_of(r: Reduced, z: Array, upper: float) -> Supremum | None:
     if found is None:
         return None
     scalar, rho = found
-    value = r.p.stretch / scalar if r.goal is Goal.SMALLEST_PRELOAD else -scalar * r.p.stretch
-    first = r.p.stretch / path.r.scalar(z) if r.goal is Goal.SMALLEST_PRELOAD else -path.r.scalar(z) * r.p.stretch
-    if not first * (1 - FLAT) <= value <= upper * (1 + SLACK):
+    value, first = r.goal.magnitude(r.p, scalar), r.goal.magnitude(r.p, r.scalar(z))
+    if not first * (1 - FLAT) <= value <= upper * (1 + ALLOWED):
         return None
     p, x = r.p, r.M @ rho
     motion = p.lengths * x[:6]
     d = np.linalg.norm((r.D[: 3 * len(p.mu), : len(rho)] @ rho).reshape(-1, 3)[:, 1:], axis=1)
     slides = path.slides & (d > MOTION)
-    touch = path.closed
     return Supremum(
         value=float(value),
         motion=motion / np.linalg.norm(x[:6]) if x[:6].any() else motion,
         slides=tuple(np.flatnonzero(slides).tolist()),
-        sticks=tuple(np.flatnonzero(touch & ~slides).tolist()),
-        opens=tuple(np.flatnonzero(~touch).tolist()),
-        words=words_of(p.grasp, motion, slides, touch),
+        sticks=tuple(np.flatnonzero(path.closed & ~slides).tolist()),
+        opens=tuple(np.flatnonzero(~path.closed).tolist()),
+        words=words_of(p.grasp, motion, slides, path.closed),
     )
 
 
@@ -127,8 +125,8 @@ class _Path:
         if size < 1.0:
             return None
         c, d = r.C @ z + r.off[: len(r.C)], r.D @ z
-        tiny = max(STILL, size * 1e-12)
-        closed = c[: 3 * m : 3] > STILL
+        tiny = max(NO_MOTION, size * 1e-12)
+        closed = c[: 3 * m : 3] > NO_MOTION
         slides = closed & (np.linalg.norm(d[: 3 * m].reshape(-1, 3)[:, 1:], axis=1) > tiny)
         turns = d[3 * m : 3 * m + a] > tiny
         path = cls(r, closed, slides, turns, np.r_[z[:nu] / size, z[nu:]], 1.0 / size)
@@ -202,22 +200,22 @@ class _Path:
             d[: 3 * m].reshape(-1, 3)[:, 1:], axis=1
         )
         force = c[: 3 * m].reshape(-1, 3)
-        inside = np.linalg.norm(force[:, 1:], axis=1) <= r.p.mu * force[:, 0] + SLACK
-        excess, t = c[3 * m : 3 * m + 2 * a : 2], d[3 * m : 3 * m + a]
+        inside = np.linalg.norm(force[:, 1:], axis=1) <= r.p.mu * force[:, 0] + ALLOWED
+        slack, t = c[3 * m : 3 * m + 2 * a : 2], d[3 * m : 3 * m + a]
         limits = c[3 * m + 2 * a + 1 :]
         kept = (
-            (force[self.closed, 0] >= -SLACK).all()
+            (force[self.closed, 0] >= -ALLOWED).all()
             and inside[self.closed].all()
-            and (gap[~self.closed] >= -SLACK * max(eps, SLACK)).all()
-            and (excess[~self.turns] >= -SLACK).all()
-            and (t[self.turns] >= -SLACK * max(eps, SLACK)).all()
-            and (limits >= r.lo[1 : 1 + len(limits)] - SLACK).all()
-            and (limits <= r.hi[1 : 1 + len(limits)] + SLACK).all()
+            and (gap[~self.closed] >= -ALLOWED * max(eps, ALLOWED)).all()
+            and (slack[~self.turns] >= -ALLOWED).all()
+            and (t[self.turns] >= -ALLOWED * max(eps, ALLOWED)).all()
+            and (limits >= r.lo[1 : 1 + len(limits)] - ALLOWED).all()
+            and (limits <= r.hi[1 : 1 + len(limits)] + ALLOWED).all()
         )
         return y if kept else None
 
     def follow(self) -> tuple[float, Array] | None:
-        """The scalar as eps goes to 0, extrapolated, and rho; None if the path ends before, or leads down."""
+        """The objective as eps goes to 0, extrapolated, and rho; None if the path ends before, or leads down."""
         y = self.solved(self.start, self.eps)
         eps, nu = self.eps, self.r.M.shape[1]
         if y is None:

@@ -19,11 +19,10 @@ from handfast.core.answer import Stop
 from handfast.core.arrays import Array
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
-from handfast.stability import problem
-from handfast.stability.answers import MaxAnswer
-from handfast.stability.goal import Goal
-from handfast.stability.problem import Problem
-from handfast.stability.queries import largest, max_goal, with_interval
+from handfast.stability import scaled_problem
+from handfast.stability.goal import SMALLEST_PRELOAD
+from handfast.stability.queries.max_query import MaxAnswer, largest, max_goal, with_interval
+from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.warm_start import WarmStart
 from handfast.stability.settings import Settings
@@ -59,9 +58,9 @@ class Options:
         """Is it Algorithm 1 that is asked?"""
         return self.settings is not None and self.settings.method == "algorithm1"
 
-    def build(self, case: Case) -> Problem:
+    def build(self, case: Case) -> ScaledProblem:
         limits = {"torque_limits": self.torque_limits, "force_limit": self.force_limit}
-        return problem.build(case.grasp, case.base, case.direction, eta=self.eta, mdp=self.mdp, **limits)  # type: ignore[arg-type]
+        return scaled_problem.build(case.grasp, case.base, case.direction, eta=self.eta, mdp=self.mdp, **limits)  # type: ignore[arg-type]
 
 
 def max_many(
@@ -132,7 +131,7 @@ def _block(shared: tuple[Options, Event], cases: Sequence[Case]) -> list[MaxAnsw
     settings = replace(settings, workers=1, verify=settings.verify and options.proofs)
     out: list[MaxAnswer] = []
     last: Case | None = None
-    p: Problem | None = None
+    p: ScaledProblem | None = None
     reduced: Reduced | None = None
     before: WarmStart | None = None
     for case in cases:
@@ -141,8 +140,8 @@ def _block(shared: tuple[Options, Event], cases: Sequence[Case]) -> list[MaxAnsw
         same = last is not None and last.grasp is case.grasp and last.base is case.base
         p = p.towards(case.direction) if same and p is not None else options.build(case)
         hints: dict[str, Any] = {}
-        if settings.method == "engine" and max_goal(p) is Goal.SMALLEST_PRELOAD:
-            reduced = reduced.redirected(p) if same and reduced is not None else reduce(p, Goal.SMALLEST_PRELOAD)
+        if settings.method == "engine" and max_goal(p) == SMALLEST_PRELOAD:
+            reduced = reduced.redirected(p) if same and reduced is not None else reduce(p, SMALLEST_PRELOAD)
             hints = {"reduced": reduced, "before": before if same else None}
         else:
             reduced = None

@@ -13,12 +13,15 @@ from handfast.core.answer import Stop, Verdict, header
 from handfast.core.arrays import Array, Mask, frozen
 from handfast.core.errors import InputError, unknown_name
 from handfast.model.grasp import Grasp
-from handfast.stability.answers import MaxAnswer, finite
-from handfast.stability.interval import Interval
+from handfast.stability.answers import finite
 from handfast.stability.many import Case, OnItem, Options, maxima
+from handfast.stability.queries import MaxAnswer
+from handfast.stability.resisted_interval import ResistedInterval
 from handfast.stability.settings import Settings
+from handfast.stability.verification import Verified
 
 Plane = Literal["xy", "xz", "yz"]
+NO_PROOFS = "maps and sweeps keep no witnesses and certificates; ask `maximum` about single directions"
 MOST_STEPS = 1_000_000  # directions
 PLANES: tuple[Plane, ...] = ("xy", "xz", "yz")
 
@@ -39,7 +42,7 @@ class Curve:
     unbounded: Mask
     verdicts: tuple[Verdict, ...]
     stops: tuple[Stop, ...]
-    intervals: tuple[Interval | None, ...] = ()
+    intervals: tuple[ResistedInterval | None, ...] = ()
 
     @classmethod
     def of(cls, answers: Sequence[MaxAnswer | None], *, interval: bool = False) -> Curve:
@@ -75,6 +78,10 @@ class _Curves:
     """The verdict and stop of an answer that consists of curves."""
 
     curves: tuple[Curve, ...]
+
+    def verify(self) -> Verified:
+        """Nothing of it can be replayed: curves keep neither witnesses nor certificates. `max_many` keeps them."""
+        return Verified.of_parts({}, 0.0, NO_PROOFS, (f"lower, upper, unbounded, verdicts: {NO_PROOFS}",))
 
     @property
     def verdict(self) -> Verdict:

@@ -148,12 +148,12 @@ def force_scale(w: Array, c: Array) -> float:
     return scale if scale > 0 else 1.0
 
 
-def imbalance(grasp: Grasp, c: Array, w: Array) -> tuple[float, float]:
+def equilibrium_residual(grasp: Grasp, c: Array, w: Array) -> tuple[float, float]:
     """What (1) misses: force [N], and torque [N m] about the middle of the contact forces."""
-    return _imbalance(object_balance(grasp, c, w), _middle(grasp.positions, c))
+    return _equilibrium_residual(object_balance(grasp, c, w), _middle(grasp.positions, c))
 
 
-def _imbalance(missing: Array, middle: Array) -> tuple[float, float]:
+def _equilibrium_residual(missing: Array, middle: Array) -> tuple[float, float]:
     moment = missing[3:] - cross(middle, missing[:3])
     return float(np.linalg.norm(missing[:3])), float(np.linalg.norm(moment))
 
@@ -260,14 +260,14 @@ def residuals(
         return residuals(grasp, s * w, state.scaled(s), eta=eta, command=s * f_c, mdp=mdp)
     R, A = grasp.mechanism.R, grasp.mechanism.A
     arms = joint_arms(grasp)
-    lever = _actuator_arms(np.abs(R), arms)
-    F = force_scale(w, state.c) if largest > 0 else float((np.abs(f_c) / lever)[f_c != 0].min(initial=np.inf))
+    moment_arm = _actuator_arms(np.abs(R), arms)
+    F = force_scale(w, state.c) if largest > 0 else float((np.abs(f_c) / moment_arm)[f_c != 0].min(initial=np.inf))
     F = F if np.isfinite(F) else 1.0
     sums = linear_sums(grasp, w, state, F)
     d, dt = sums.d, _norms(sums.d.reshape(-1, 3)[:, 1:])
     c = state.c.reshape(-1, 3)
     middle = _middle(grasp.positions, state.c)
-    force, moment = _imbalance(sums.object, middle)
+    force, moment = _equilibrium_residual(sums.object, middle)
 
     loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
     # what locked gearings and couplings pass on has no part in it: where they depend on each other, it is arbitrary
@@ -280,10 +280,10 @@ def residuals(
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
     sense = np.where(f_c < 0, -1.0, 1.0)
-    t = sense * sums.t * lever
-    excess = sense * (state.f - f_c) / lever
+    t = sense * sums.t * moment_arm
+    slack = sense * (state.f - f_c) / moment_arm
     moves = commanded(grasp, f_c)
-    actuator = np.where(moves, np.maximum.reduce([-t, -excess, np.minimum(np.abs(t), np.abs(excess))]), np.abs(t))
+    actuator = np.where(moves, np.maximum.reduce([-t, -slack, np.minimum(np.abs(t), np.abs(slack))]), np.abs(t))
     dissipation = dissipation_defect(state.c, d, grasp.mu) / np.maximum(dt, F)[:, None]
     slip = np.abs(sums.couplings)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
@@ -323,7 +323,7 @@ class Energy:
     maximum: Array
 
     @property
-    def imbalance(self) -> float:
+    def residual(self) -> float:
         """w . r + f_c . t - stored - sum of friction: zero in every state that satisfies (1)-(3) and (8)."""
         return self.disturbance + self.preload - self.stored - float(self.friction.sum())
 

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from handfast.core.errors import InputError
 from handfast.core.parallel import default_jobs as default_jobs
-from handfast.stability.paper.mip import SOLVERS, Solver
-from handfast.stability.paper.program import INF
+from handfast.stability.refinement import RefinementStep
 
-if TYPE_CHECKING:
-    from handfast.stability.paper.algorithm1 import Step
-
+INF = float("inf")
 Method = Literal["engine", "algorithm1"]
 METHODS: tuple[Method, ...] = ("engine", "algorithm1")
+Solver = Literal["scip", "gurobi"]
+SOLVERS: tuple[Solver, ...] = ("scip", "gurobi")
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ class Progress:
     lower: float
     upper: float
     nodes: int
-    step: Step | None = None
+    step: RefinementStep | None = None
 
 
 OnStep = Callable[[Progress], None]

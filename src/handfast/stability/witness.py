@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +12,6 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.stability import model
 from handfast.stability.model import Energy, Residuals, State
-
-if TYPE_CHECKING:
-    from handfast.stability.goal import Point
-    from handfast.stability.search.reduced import Reduced
 
 VALID = 1e-9  # relative residual of a witness, every equation
 KEYS = "residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"  # of `to_json`
@@ -67,6 +63,13 @@ class Witness:
         return np.array([k.frame @ di for k, di in zip(self.grasp.contacts, d, strict=True)])
 
     @property
+    def largest_motion(self) -> float:
+        """[N] at unit stiffness: the largest motion at any contact, of the object or against the finger."""
+        object_ = (self.grasp.G.T @ self.state.r).reshape(-1, 3)
+        relative = model.relative_motion(self.grasp, self.state.r, self.state.q).reshape(-1, 3)
+        return float(np.linalg.norm(np.vstack([object_, relative]), axis=1).max())
+
+    @property
     def contact_states(self) -> list[str]:
         """Per contact "open", "stick" or "slide"."""
         d = model.relative_motion(self.grasp, self.state.r, self.state.q).reshape(-1, 3)
@@ -101,16 +104,3 @@ class Witness:
             "object_motion": self.state.r.tolist(),
             "joint_motion": {j.name: float(q) for j, q in zip(self.grasp.joints, self.state.q, strict=True)},
         }
-
-
-def as_witness(r: Reduced, x: Point) -> Witness:
-    """A scaled point in the grasp's units, with the disturbance and the commands it belongs to.
-
-    The commands are those of the load at its sigma, or what the driven actuators turned out to need.
-    """
-    p = r.p
-    turns = p.R @ x.q > 1e-12
-    f_c = np.where(p.driven, np.where(turns, np.maximum(x.f, 0.0), 0.0), r.load.f_a + x.sigma * r.load.f_b)
-    wrench = p.force * (r.load.w_a + x.sigma * r.load.w_b) / p.lengths
-    state = p.unscale(x.r, x.q, x.c, x.f, x.coupling)
-    return Witness(p.grasp.with_preload(p.command(f_c)), wrench, state, p.eta, p.mdp)

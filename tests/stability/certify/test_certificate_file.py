@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.stability.certify import verify
+from handfast.stability.certify import checker
 from handfast.stability.certify.certificate import HALF, TURN, directions
 from handfast.stability.certify.certificate_file import from_dict, load_certificate, save_certificate, to_dict
 from tests.support.certificates import CASES, capped_proof, proof
@@ -21,7 +21,7 @@ def test_file_keeps_every_bit(name: str, proof, tmp_path) -> None:
     save_certificate(c, tmp_path / "c.json")
     again = load_certificate(tmp_path / "c.json")
     assert to_dict(again) == to_dict(c)
-    assert verify.verify(again) == verify.verify(proof(name))
+    assert checker.verify(again) == checker.verify(proof(name))
 
 
 def test_directions() -> None:

@@ -18,17 +18,18 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
 from handfast.stability import model
-from handfast.stability.certify import verify
+from handfast.stability.certify import checker
 from handfast.stability.certify.certificate import Columns, Row
 from handfast.stability.model import State
 from handfast.stability.queries import check, maximum, torques
+from handfast.stability.verification import Verified
 from handfast.stability.witness import Witness
 from tests.stability.test_limit import cup
 
 Y = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 
 
-def forged(answer: Any, path: Path, change: Any) -> handfast.stability.certify.replay.Verified:
+def forged(answer: Any, path: Path, change: Any) -> handfast.stability.verification.Verified:
     """What `verify` says of a saved answer after a change of its JSON."""
     answer.save(path)
     data = json.loads(path.read_text())
@@ -59,7 +60,7 @@ def test_what_a_witness_may_miss_proves_no_slip(torque: float) -> None:
     root = {name: getattr(c, name)[:1] for name in ("parent", "part", "state", "left", "right")}
     none = {name: getattr(c, name)[:0] for name in ("kind", "index", "a", "b", "multiplier")}
     leaf = replace(c, question=held.question, leaves=np.array([0]), start=np.array([0, 0]), **root, **none)
-    assert not verify.verify(leaf).ok
+    assert not checker.verify(leaf).ok
 
 
 def test_nothing_is_no_magnitude(tmp_path: Path) -> None:
@@ -180,7 +181,7 @@ def test_gravity_has_a_direction_and_no_size() -> None:
     np.testing.assert_allclose(weight(1.0, [0.0, 0.0, 0.01], [0.0, -1e200, 0.0]), usual, rtol=1e-12)
 
 
-def witnessed(answer: Any, path: Path, witness: Witness) -> handfast.stability.certify.replay.Verified:
+def witnessed(answer: Any, path: Path, witness: Witness) -> Verified:
     """What `verify` says of a SLIPS whose file claims HOLDS with this witness."""
 
     def change(data: dict[str, Any]) -> None:
@@ -245,7 +246,7 @@ def test_what_a_witness_may_miss_bounds_no_magnitude(torque: float) -> None:
     most = maximum(squeezed, np.array([0.0, 0.0, -1.0, torque, 0.0, 0.0]), force_limit=100.0)
     assert most.lower == pytest.approx(10.0, rel=2e-3)
     c = most.certificate
-    assert verify.verify(c).ok
+    assert checker.verify(c).ok
     scalar = Columns.of(c.question).scalar.start
     root = {name: getattr(c, name)[:1] for name in ("parent", "part", "state", "left", "right")}
     row = {"kind": int(Row.BOUND_UP), "index": scalar, "a": 0, "b": 0}
@@ -259,4 +260,4 @@ def test_what_a_witness_may_miss_bounds_no_magnitude(torque: float) -> None:
         **{name: np.array([value]) for name, value in row.items()},
         **root,
     )
-    assert not verify.verify(leaf).ok
+    assert not checker.verify(leaf).ok

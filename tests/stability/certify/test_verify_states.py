@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from handfast.model.grasp import Grasp, GraspJoint
 from handfast.stability import model
-from handfast.stability.certify import farkas, verify
-from handfast.stability.certify.certificate import HALF, TURN, Goal, Question, Row
+from handfast.stability.certify import checker, farkas
+from handfast.stability.certify.certificate import HALF, TURN, Question, Row
 from handfast.stability.certify.claim import Claim, leaf_margins
+from handfast.stability.goal import WORDS, named
 from tests.support.certificates import (
     CLOSED,
     FREE,
@@ -31,7 +32,6 @@ from tests.support.problems import solved
 
 STEADY = settings(max_examples=60, deadline=None, derandomize=True)
 SEEDS = st.integers(0, 10_000)
-GOALS = [str(goal) for goal in Goal]
 
 
 def around(angle, width, rng):
@@ -58,16 +58,16 @@ def planted(seed, goal, capped):
     if goal == "check":
         question, scalar = Question(grasp, wrench=s.wrench, eta=eta), []
     elif goal == "smallest preload":
-        question = Question(grasp.with_preload(grasp.command / 2), goal, direction=s.wrench, eta=eta)
+        question = Question(grasp.with_preload(grasp.command / 2), named(goal), direction=s.wrench, eta=eta)
     elif goal == "largest":
         direction = rng.normal(size=6)
-        question = Question(grasp, goal, s.wrench - 2 * direction, direction, eta)
+        question = Question(grasp, named(goal), s.wrench - 2 * direction, direction, eta)
     else:
         objective = str(rng.choice(["max", "sum"]))
         used = np.where(moves, np.abs(f), 0.0)
         scalar, efforts = ([used.max()], []) if objective == "max" else ([used.sum()], used)
         driven = tuple(grasp.preload)
-        question = Question(grasp, goal, s.wrench, eta=eta, driven=driven, objective=objective)
+        question = Question(grasp, named(goal, objective), s.wrench, eta=eta, driven=driven)
     x = np.concatenate([r, q, s.state.c, question.sense * f, scalar, efforts])
     ends = (0.0, 1.5 * scalar[0]) if scalar else None
     references = np.column_stack([s.state.c[0::3] * rng.uniform(0, 2, (3, m)), [2.9, 3.0, 4.0]])
@@ -108,12 +108,12 @@ def legal_rows(certificate, claim, case, rng):
                 a, b = (int(e + rng.integers(-width, width + 1)) for e in (l, r))
                 names += [(kind, i, a, b), (kind, i, l - abs(l - a), r + abs(r - b))]
     tried = like(certificate, names, np.ones(len(names)))
-    good = verify.legal(tried, np.repeat([case], len(names), axis=0), claim.lo, claim.hi)
+    good = checker.legal(tried, np.repeat([case], len(names), axis=0), claim.lo, claim.hi)
     return [name for name, ok in zip(names, good, strict=True) if ok]
 
 
 @STEADY
-@given(SEEDS, st.sampled_from(GOALS), st.booleans())
+@given(SEEDS, st.sampled_from(WORDS), st.booleans())
 def test_rows_bounds_and_equalities_hold_in_true_states(seed: int, goal: str, capped: bool) -> None:
     certificate, x, case, rng = planted(seed, goal, capped)
     claim = known(certificate)
@@ -130,7 +130,7 @@ def test_rows_bounds_and_equalities_hold_in_true_states(seed: int, goal: str, ca
 
 
 @STEADY
-@given(SEEDS, st.sampled_from(GOALS), st.booleans(), st.booleans())
+@given(SEEDS, st.sampled_from(WORDS), st.booleans(), st.booleans())
 def test_no_true_state_is_denied(seed: int, goal: str, best: bool, capped: bool) -> None:
     """Neither random multipliers nor the best there are prove the case empty that a true state is in."""
     certificate, _, case, rng = planted(seed, goal, capped)
@@ -144,7 +144,7 @@ def test_no_true_state_is_denied(seed: int, goal: str, best: bool, capped: bool)
     undecided = legal_rows(certificate, claim, [(0, 0, 0)] * len(case), rng)
     y = rng.exponential(size=len(undecided)) ** 3
     root = like(full, undecided, y)
-    answer = verify.verify(root)
+    answer = checker.verify(root)
     assert not answer.ok
     assert answer.reason.startswith("leaf 0 (node 0) is not proved")
 
@@ -153,6 +153,6 @@ def test_no_true_state_is_denied(seed: int, goal: str, best: bool, capped: bool)
 def test_every_kind_of_row_was_tried(capped: bool) -> None:
     seen = set()
     for seed in range(40):
-        certificate, _, case, rng = planted(seed, GOALS[seed % 4], capped)
+        certificate, _, case, rng = planted(seed, WORDS[seed % 4], capped)
         seen |= {name[0] for name in legal_rows(certificate, known(certificate), case, rng)}
     assert seen == set(Row)

@@ -9,7 +9,8 @@ import pytest
 
 from handfast.core.errors import InputError
 from handfast.stability.paper import mip
-from handfast.stability.paper.program import INF, Program, Solution, Status
+from handfast.stability.paper.program import INF, MixedIntegerProgram
+from handfast.stability.refinement import SolverResult, SolverStatus
 
 scip = pytest.importorskip("handfast.stability.paper.scip", reason="pyscipopt is not installed", exc_type=ImportError)
 
@@ -24,9 +25,9 @@ solvers = pytest.mark.parametrize(
 )
 
 
-def sos_program(kind: str) -> Program:
+def sos_program(kind: str) -> MixedIntegerProgram:
     """Largest x0 + 2 x1 + 3 x2 with all in [0, 1] and the set: 3 (SOS1: only x2), 5 (SOS2: x1 and x2)."""
-    P = Program()
+    P = MixedIntegerProgram()
     x = P.variables(3, 0.0, 1.0)
     P.cost = {0: -1.0, 1: -2.0, 2: -3.0}
     (P.sos1 if kind == "sos1" else P.sos2).append(x.tolist())
@@ -37,7 +38,7 @@ def sos_program(kind: str) -> Program:
 @pytest.mark.parametrize(("kind", "best"), [("sos1", 3.0), ("sos2", 5.0)])
 def test_ordered_sets(solver: mip.Solver, kind: str, best: float) -> None:
     result = mip.solve(sos_program(kind), solver)
-    assert result.status is Status.OPTIMAL
+    assert result.status is SolverStatus.OPTIMAL
     assert result.bound == pytest.approx(-best)
 
 
@@ -48,28 +49,28 @@ def test_scip_without_native_sets_agrees(kind: str, best: float) -> None:
 
 @solvers
 def test_infeasible_and_unbounded_are_told_apart(solver: mip.Solver) -> None:
-    P = Program()
+    P = MixedIntegerProgram()
     x = P.variables(2, 0.0)
     P.row([(x, [1.0, 1.0])], -INF, -1.0)
     P.cost = {0: -1.0}
-    assert mip.solve(P, solver).status is Status.INFEASIBLE
-    Q = Program()
+    assert mip.solve(P, solver).status is SolverStatus.INFEASIBLE
+    Q = MixedIntegerProgram()
     Q.variables(1, 0.0)
     Q.cost = {0: -1.0}
-    assert mip.solve(Q, solver).status is Status.UNBOUNDED
+    assert mip.solve(Q, solver).status is SolverStatus.UNBOUNDED
 
 
 @solvers
 def test_no_time_is_a_time_out_not_an_answer(solver: mip.Solver) -> None:
     result = mip.solve(sos_program("sos2"), solver, time_limit=0.0)
-    assert result.status is Status.TIME
+    assert result.status is SolverStatus.TIME
     assert result.x is None
 
 
 def test_a_wrong_point_is_a_failure_whatever_the_solver_says(monkeypatch: pytest.MonkeyPatch) -> None:
-    lie = Solution(Status.OPTIMAL, np.array([1.0, 0.0, 1.0]), -4.0, 1)
+    lie = SolverResult(SolverStatus.OPTIMAL, np.array([1.0, 0.0, 1.0]), -4.0, 1)
     monkeypatch.setattr(scip, "solve", lambda program, time_limit: lie)
-    assert mip.solve(sos_program("sos2"), "scip").status is Status.FAILED
+    assert mip.solve(sos_program("sos2"), "scip").status is SolverStatus.FAILED
 
 
 @pytest.mark.parametrize(
@@ -81,7 +82,7 @@ def test_violation_finds_planted_faults(x: list[float], violated: bool) -> None:
 
 
 def test_rows_are_judged_relative_to_their_terms() -> None:
-    P = Program()
+    P = MixedIntegerProgram()
     x = P.variables(2)
     P.row([(x, [1e6, -1e6])], 0.0, 0.0)
     assert P.violation(np.array([1.0, 1.0 + 1e-9])) == pytest.approx(1e-9, rel=1e-3)
@@ -91,9 +92,11 @@ def test_rows_are_judged_relative_to_their_terms() -> None:
 def test_scip_confirms_infeasible_with_a_second_attempt(monkeypatch: pytest.MonkeyPatch) -> None:
     honest = scip._solve
 
-    def wrong(program: Program, time_limit: float, order: int | None, nodes: int | None, pressed: list) -> Solution:
+    def wrong(
+        program: MixedIntegerProgram, time_limit: float, order: int | None, nodes: int | None, pressed: list
+    ) -> SolverResult:
         return (
-            Solution(Status.INFEASIBLE, None, INF, 1)
+            SolverResult(SolverStatus.INFEASIBLE, None, INF, 1)
             if order == 0
             else honest(program, time_limit, order, nodes, pressed)
         )
@@ -105,7 +108,9 @@ def test_scip_confirms_infeasible_with_a_second_attempt(monkeypatch: pytest.Monk
 def test_scip_falls_back_when_its_lp_solver_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     honest = scip._solve
 
-    def broken(program: Program, time_limit: float, order: int | None, nodes: int | None, pressed: list) -> Solution:
+    def broken(
+        program: MixedIntegerProgram, time_limit: float, order: int | None, nodes: int | None, pressed: list
+    ) -> SolverResult:
         if order is not None:
             raise Exception("SCIP: error in LP solver!")
         return honest(program, time_limit, order, nodes, pressed)
@@ -119,14 +124,14 @@ def test_scip_remembers_ctrl_c_even_where_it_fails(monkeypatch: pytest.MonkeyPat
     calls = []
 
     def interrupted(
-        program: Program, time_limit: float, order: int | None, nodes: int | None, pressed: list
-    ) -> Solution:
+        program: MixedIntegerProgram, time_limit: float, order: int | None, nodes: int | None, pressed: list
+    ) -> SolverResult:
         calls.append(order)
         signal.raise_signal(signal.SIGINT)
         raise Exception("SCIP: error in LP solver!")
 
     monkeypatch.setattr(scip, "_solve", interrupted)
-    assert mip.solve(sos_program("sos1"), "scip").status is Status.INTERRUPTED
+    assert mip.solve(sos_program("sos1"), "scip").status is SolverStatus.INTERRUPTED
     assert calls == [0]
 
 
@@ -145,7 +150,7 @@ def test_unknown_or_missing_solver_is_one_line(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.skipif(not mip.available("gurobi"), reason="gurobipy is not installed")
 def test_a_licence_that_is_too_small_is_said() -> None:
     """The wheel's own licence ends at 2,000 variables; with a full one this program simply solves."""
-    P = Program()
+    P = MixedIntegerProgram()
     x = P.variables(3000, 0.0, 1.0)
     P.row([(x, np.ones(3000))], 1.0, INF)
     P.cost = {0: 1.0}
@@ -153,4 +158,4 @@ def test_a_licence_that_is_too_small_is_said() -> None:
         status, said = mip.solve(P, "gurobi").status, ""
     except InputError as error:
         status, said = None, str(error)
-    assert status is Status.OPTIMAL or "licence does not admit this program (3000 variables, 1 rows)" in said
+    assert status is SolverStatus.OPTIMAL or "licence does not admit this program (3000 variables, 1 rows)" in said

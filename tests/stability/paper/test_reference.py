@@ -14,8 +14,8 @@ from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import load_grasp
 from handfast.stability.paper import mip, relaxation
-from handfast.stability.paper.program import Solution, Status
 from handfast.stability.queries import check, maximum, torques
+from handfast.stability.refinement import SolverResult, SolverStatus
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, nest, pinch, solved, table
 
@@ -148,11 +148,11 @@ def test_a_time_out_is_undecided() -> None:
     assert (best.verdict, best.stop, best.upper) == (Verdict.UNDECIDED, Stop.TIME, np.inf)
 
 
-@pytest.mark.parametrize("status", [Status.FAILED, Status.INTERRUPTED, Status.TIME])
+@pytest.mark.parametrize("status", [SolverStatus.FAILED, SolverStatus.INTERRUPTED, SolverStatus.TIME])
 def test_whatever_the_solver_does_nothing_slips_without_infeasible(
-    monkeypatch: pytest.MonkeyPatch, status: Status
+    monkeypatch: pytest.MonkeyPatch, status: SolverStatus
 ) -> None:
-    monkeypatch.setattr(mip, "solve", lambda *a, **k: Solution(status, None, -np.inf, 0))
+    monkeypatch.setattr(mip, "solve", lambda *a, **k: SolverResult(status, None, -np.inf, 0))
     asked = {"settings": settings()}
     for answer in (
         check(bell(), w(0, 9, 0), **asked),
@@ -174,7 +174,7 @@ def test_a_witness_beyond_the_motion_cap_lifts_the_bound(monkeypatch: pytest.Mon
     monkeypatch.setattr(relaxation, "MOTIONS", 1.0)
     answer = maximum(load_grasp("fig1"), w(1, 0, 0), settings=settings(sectors=16))
     assert answer.witness.valid
-    within = answer.posed[0].stretch / max(step.bound for step in answer.steps)
+    within = answer.posed[0].direction_scale / max(step.bound for step in answer.steps)
     assert 1.03 * within < answer.lower <= answer.upper
 
 

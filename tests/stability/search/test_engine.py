@@ -12,13 +12,13 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from handfast.core.answer import Stop, Verdict
-from handfast.stability import problem
-from handfast.stability.certify import verify
+from handfast.stability import scaled_problem
+from handfast.stability.certify import checker
 from handfast.stability.certify.certificate import Certificate, ContactState
-from handfast.stability.goal import Goal
-from handfast.stability.outcome import INF, Outcome
+from handfast.stability.goal import INF, SMALLEST_PRELOAD, Goal
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.search import front
+from handfast.stability.search.outcome import Outcome
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, nest, pinch, solved, table
 
@@ -73,7 +73,7 @@ def test_bounds_of_random_grasps_are_proved(seed: int, m: int, eta: float) -> No
             needed = answer.verdict is Verdict.SLIPS or getattr(answer, "lower", 0) > 0
             assert answer.certificate is not None or unbounded or not needed
         if answer.certificate is not None:
-            found = verify.verify(answer.certificate)
+            found = checker.verify(answer.certificate)
             assert found.ok, found.reason
 
 
@@ -112,7 +112,7 @@ def test_a_limit_that_nothing_comes_near_is_left_out(up: float) -> None:
     assert answer.nodes < 20_000
     assert answer.lower == pytest.approx(by_hand_across_the_plane(), rel=1e-5)
     assert answer.upper == pytest.approx(answer.lower, rel=1.001e-3)
-    found = verify.verify(answer.certificate)
+    found = checker.verify(answer.certificate)
     assert found.ok
     assert found.cap == answer.to_json()["motion_cap"] == pytest.approx(1e4)
     assert found.unproved
@@ -147,7 +147,7 @@ def test_bounds_at_a_node_limit_are_true_and_proved(nodes: int) -> None:
         assert answer.nodes <= 5 * nodes + 80  # counted with up to four children each, after sixteen of them
         assert answer.witness is None or answer.witness.valid
         if answer.certificate is not None:
-            assert verify.verify(answer.certificate).ok
+            assert checker.verify(answer.certificate).ok
 
 
 def planted(stop: Stop, value: float, bound: float, nodes: int = 10) -> Outcome:
@@ -178,8 +178,8 @@ def test_what_is_left_unresolved_is_searched_more_finely(
 
     monkeypatch.setattr(front, "_search", search)
     monkeypatch.setattr(front, "_to_cap", lambda beside, goal, settings, found: found)
-    p = problem.build(bell(), np.zeros(6), w(0, 1, 0))
-    out = front.search(p, Goal.SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100, time_limit=60.0))
+    p = scaled_problem.build(bell(), np.zeros(6), w(0, 1, 0))
+    out = front.search(p, SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100, time_limit=60.0))
     assert (out.stop, out.value, out.bound) == expected
     assert [s.gap for s in asked] == pytest.approx(gaps)
     assert [s.node_limit for s in asked] == [100 - 10 * k for k in range(len(gaps))]
@@ -256,7 +256,7 @@ def tampered(c: Certificate) -> list[Certificate]:
     if c.scalar:
         lo, hi = c.scalar
         wider = {"largest": (0.9 * lo, hi), "smallest preload": (lo, np.inf)}
-        out.append(replace(c, scalar=wider.get(c.question.goal, (lo, 1.1 * hi))))
+        out.append(replace(c, scalar=wider.get(c.question.goal.word, (lo, 1.1 * hi))))
     return out
 
 
@@ -264,8 +264,8 @@ def tampered(c: Certificate) -> list[Certificate]:
 def test_certificates_pass_and_faults_in_them_do_not(name: str) -> None:
     answer = PROVED[name]()
     assert answer.stop is Stop.COMPLETE
-    found = verify.verify(answer.certificate)
+    found = checker.verify(answer.certificate)
     assert found.ok, found.reason
     assert found.margin > 0
     for other in tampered(answer.certificate):
-        assert not verify.verify(other).ok
+        assert not checker.verify(other).ok

@@ -17,10 +17,18 @@ import pytest
 from numba import njit
 
 from handfast.core.groups import Block
-from handfast.stability import problem
+from handfast.stability import scaled_problem
 from handfast.stability.certify.certificate import HALF, TURN, ActuatorState, ContactState, directions
-from handfast.stability.goal import Goal, load, search_end
-from handfast.stability.problem import Problem
+from handfast.stability.goal import (
+    ANY_STATE,
+    GOALS,
+    LARGEST,
+    SMALLEST_LARGEST_COMMAND,
+    SMALLEST_PRELOAD,
+    SMALLEST_SUM_OF_COMMANDS,
+    Goal,
+)
+from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays, rows
 from handfast.stability.search.kernel import simplex, tree
 from handfast.stability.search.kernel.values import row
@@ -73,7 +81,7 @@ def _balance(question, hi, data):
     return out, rhs
 
 
-@pytest.mark.parametrize("goal", [Goal.EXISTS, Goal.SMALLEST_PRELOAD])
+@pytest.mark.parametrize("goal", [ANY_STATE, SMALLEST_PRELOAD])
 def test_the_balance_of_energy_holds_for_exact_solutions(goal: Goal) -> None:
     """At any reference point, and with commands of any larger lambda; its energies are those of the point."""
     rng = np.random.default_rng(0)
@@ -81,16 +89,16 @@ def test_the_balance_of_energy_holds_for_exact_solutions(goal: Goal) -> None:
         s = solved(seed, int(rng.integers(2, 5)), float(rng.choice([0.0, 0.05])))
         if not s.wrench.any():
             continue
-        given = (s.wrench, None) if goal is Goal.EXISTS else (np.zeros(6), s.wrench)
-        r = reduce(problem.build(s.grasp, *given, eta=s.eta), goal)
+        given = (s.wrench, None) if goal == ANY_STATE else (np.zeros(6), s.wrench)
+        r = reduce(scaled_problem.build(s.grasp, *given, eta=s.eta), goal)
         search = Search(r)
         for _ in search:
             pass
         z = search.z
         x = r.point(z)
-        put_in = r.load.w_a @ x.r + (r.load.f_a + x.sigma * r.load.f_b) @ (r.p.R @ x.q)
+        put_in = r.load.w_a @ x.r + (r.load.f_a + x.scalar * r.load.f_b) @ (r.p.R @ x.q)
         for noise in (0.0, 0.1, 10.0):
-            data = np.append(z + noise * rng.normal(size=len(z)), x.sigma * (1 + noise))[None]
+            data = np.append(z + noise * rng.normal(size=len(z)), x.scalar * (1 + noise))[None]
             out, rhs = _balance(r.question, r.hi, data)
             assert out @ z - rhs >= -1e-9 * (1 + abs(put_in)), (seed, noise)
             if noise == 0.0:
@@ -114,7 +122,7 @@ class Unknowns:
     n: int
 
     @classmethod
-    def of(cls, p: Problem) -> Unknowns:
+    def of(cls, p: ScaledProblem) -> Unknowns:
         m, l, a, k = p.sizes
         e = np.cumsum([0, 6, l, 3 * m, a, k, 1, a]).tolist()
         r, q, c, f, coupling, _, efforts = (slice(e[i], e[i + 1]) for i in range(7))
@@ -124,7 +132,7 @@ class Unknowns:
 class Referee:
     """A node's program over all unknowns, on HiGHS."""
 
-    def __init__(self, p: Problem, goal: Goal, node: Node, room: float = 0.0) -> None:
+    def __init__(self, p: ScaledProblem, goal: Goal, node: Node, room: float = 0.0) -> None:
         self.p, self.goal, self.node, self.room = p, goal, node, room
         self.at = at = Unknowns.of(p)
         m, l, _, k = p.sizes
@@ -134,15 +142,15 @@ class Referee:
         self.lower, self.upper = np.full(at.n, -np.inf), np.full(at.n, np.inf)
         self.lower[at.c][0::3], self.upper[at.c][0::3] = 0.0, p.cn_max
         self.lower[at.f], self.upper[at.f] = -p.f_max, p.f_max
-        ends = (0.0, 0.0 if goal is Goal.EXISTS else 1e3)
-        if goal in (Goal.SMALLEST_PRELOAD, Goal.LARGEST):
-            end = search_end(p)
-            ends = (0.0, end) if goal is Goal.LARGEST else (1 / end, 1e5)
+        ends = (0.0, 0.0 if goal == ANY_STATE else 1e3)
+        if goal in (SMALLEST_PRELOAD, LARGEST):
+            end = p.search_end
+            ends = (0.0, end) if goal == LARGEST else (1 / end, 1e5)
         self.lower[at.scalar], self.upper[at.scalar] = ends
-        summed = drive & (goal is Goal.SMALLEST_SUM_TORQUE)
+        summed = drive & (goal == SMALLEST_SUM_OF_COMMANDS)
         self.lower[at.e], self.upper[at.e] = 0.0, np.where(summed, 1e3, 0.0)
         self.rows: list[tuple[np.ndarray, float, float]] = []
-        given = load(p, goal)
+        given = goal.scaled_load(p)
         for i in range(6):  # (1)
             x = np.zeros(at.n)
             x[at.c], x[at.scalar] = p.G[i], given.w_b[i]
@@ -155,7 +163,7 @@ class Referee:
             x = np.zeros(at.n)
             x[at.q] = p.A[i]
             self.row(x, 0.0, 0.0)
-        if goal is Goal.SMALLEST_SUM_TORQUE:
+        if goal == SMALLEST_SUM_OF_COMMANDS:
             x = np.zeros(at.n)
             x[at.scalar], x[at.e] = 1.0, -drive.astype(float)
             self.row(x, 0.0, 0.0)
@@ -221,7 +229,7 @@ class Referee:
         elif state == MOVES:
             self.row(f, 0.0, np.inf)
             effort = -self.lever[j] / self.scale * f
-            effort[at.e.start + j if self.goal is Goal.SMALLEST_SUM_TORQUE else at.scalar] = 1.0
+            effort[at.e.start + j if self.goal == SMALLEST_SUM_OF_COMMANDS else at.scalar] = 1.0
             self.row(effort, 0.0, np.inf)
 
     def cuts(self, x: np.ndarray) -> list[tuple[np.ndarray, float, float]]:
@@ -247,7 +255,7 @@ class Referee:
 
         def z(x: np.ndarray) -> np.ndarray:
             at = self.at
-            efforts = np.flatnonzero(self.p.driven) if self.goal is Goal.SMALLEST_SUM_TORQUE else []
+            efforts = np.flatnonzero(self.p.driven) if self.goal == SMALLEST_SUM_OF_COMMANDS else []
             y = np.concatenate([x[at.c], x[at.f][r.kept], [x[at.scalar]] if r.objective else [], x[at.e][efforts]])
             return np.concatenate([r.M.T @ x[: at.q.stop], r.Y.T @ (y - r.y0)])
 
@@ -292,21 +300,21 @@ class Referee:
 # --- random nodes -----------------------------------------------------------------------------------------
 
 
-def question(seed: int) -> tuple[Solved, Problem, Goal]:
+def question(seed: int) -> tuple[Solved, ScaledProblem, Goal]:
     """A random grasp with a known solution, and a question whose tree that solution is in."""
     rng = np.random.default_rng(seed)
     s = solved(seed, int(rng.integers(2, 7)), float(rng.choice([0.0, 0.0, 0.05])), stick=bool(rng.integers(2)))
-    goal = list(Goal)[seed % 5]
-    if not s.grasp.preload and goal is not Goal.LARGEST:
-        goal = Goal.EXISTS
+    goal = list(GOALS)[seed % 5]
+    if not s.grasp.preload and goal != LARGEST:
+        goal = ANY_STATE
     limits = {}
-    if goal is not Goal.SMALLEST_PRELOAD and rng.random() < 0.3:
+    if goal != SMALLEST_PRELOAD and rng.random() < 0.3:
         limits = {"force_limit": 2 * float(s.state.c.max()) + 0.1, "torque_limits": {"j0": 2 * abs(s.state.f[0]) + 0.1}}
-    driven = s.grasp.command != 0 if goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE) else None
-    if goal is Goal.SMALLEST_PRELOAD:
-        return s, problem.build(s.grasp, np.zeros(6), s.wrench, eta=s.eta), goal
-    direction = s.grasp.G @ rng.normal(size=3 * s.grasp.m) if goal is Goal.LARGEST else None
-    p = problem.build(s.grasp, s.wrench, direction, eta=s.eta, driven=driven, **limits)
+    driven = s.grasp.command != 0 if goal in (SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS) else None
+    if goal == SMALLEST_PRELOAD:
+        return s, scaled_problem.build(s.grasp, np.zeros(6), s.wrench, eta=s.eta), goal
+    direction = s.grasp.G @ rng.normal(size=3 * s.grasp.m) if goal == LARGEST else None
+    p = scaled_problem.build(s.grasp, s.wrench, direction, eta=s.eta, driven=driven, **limits)
     return s, p, goal
 
 
@@ -345,11 +353,11 @@ def compare(seed: int) -> Counter:
     m, a, _ = r.sizes
     first = 3 * m + 2 * a
     x_cost = np.zeros(at.n)
-    if goal is Goal.EXISTS:
+    if goal == ANY_STATE:
         x_cost[at.c][0::3] = 1.0
         z_cost, constant = r.C[0 : 3 * m : 3].sum(axis=0), float(r.off[0 : 3 * m : 3].sum())
     else:
-        x_cost[at.scalar] = -1.0 if goal is Goal.LARGEST else 1.0
+        x_cost[at.scalar] = -1.0 if goal == LARGEST else 1.0
         z_cost, constant = r.C[first].copy(), float(r.off[first])
     for node in nodes(s, r, rng):
 

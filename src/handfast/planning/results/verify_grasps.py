@@ -21,12 +21,11 @@ from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.derived import Derived, contacts_at, grasp_at
 from handfast.planning.requirements import Requirements
 from handfast.planning.results.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict, motors_to_dict
-from handfast.stability import asked as questions
-from handfast.stability.answers import CheckAnswer
-from handfast.stability.certify import replay as stability
 from handfast.stability.certify.certificate import Question
 from handfast.stability.loads import Loads
 from handfast.stability.model import State
+from handfast.stability.posed import Posed
+from handfast.stability.queries import CheckAnswer
 from handfast.stability.witness import Witness
 from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
 from handfast.synthesis.solution import Solution
@@ -198,8 +197,7 @@ def _held(grasp: Grasp, wrench: Array, state: State, asked: Requirements) -> flo
         grasp, wrench=wrench, eta=asked.eta, torque_limits=asked.torque_limits or {}, force_limit=asked.force_limit
     )
     witness = Witness(grasp, wrench, state, asked.eta, mdp=True)
-    posed = questions.posed(question)
-    done = stability.verify(CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), witness, None, posed=posed))
+    done = CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), witness, None, posed=Posed.of(question)).verify()
     if not done.ok or done.witness is None:
         raise NotProved(done.reason)
     return done.witness.residual

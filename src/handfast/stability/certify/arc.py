@@ -22,7 +22,7 @@ from handfast.stability.exact_sums import Sums
 from handfast.stability.model import Residuals, State
 
 DEGREE = 12  # at most
-SLACK = 1e-9  # relative to the force scale: how far a limit may be exceeded
+ALLOWED = 1e-9  # relative to the force scale: how far a limit may be exceeded
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def controls_of(k: int) -> Array:
     return out
 
 
-def excess(q: Question, arc: Arc) -> float:
+def residual_bound(q: Question, arc: Arc) -> float:
     """At most how far any state of an arc is from the model: the worst of `residuals`; inf if a limit may be passed."""
     with np.errstate(all="ignore"):
         worst = [getattr(residuals(q, arc), f.name) for f in fields(Residuals)]
@@ -136,18 +136,18 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     defect = np.minimum(defect, (tangential.max(axis=0) + strength) * fast) / np.maximum(slow, F)
 
     # (8), in the sense of the command, motions and forces in newtons
-    lever = model.actuator_arms(g)
+    arms = model.actuator_arms(g)
     sense = np.where(f_c < 0, -1.0, 1.0)
-    t = sense * np.stack([x.t for x in sums]) * lever
-    e = sense * (f - f_c) / lever
+    t = sense * np.stack([x.t for x in sums]) * arms
+    e = sense * (f - f_c) / arms
     resting = np.minimum(np.abs(t).max(axis=0), np.abs(e).max(axis=0))
     moving = np.maximum.reduce([-t.min(axis=0), -e.min(axis=0), resting])
     actuators = np.where(model.commanded(g), moving, np.abs(t).max(axis=0))
 
     A = g.mechanism.A
-    arms = model.joint_arms(g)
+    joint_arms = model.joint_arms(g)
     tied = np.abs(np.stack([x.couplings for x in sums])).max(axis=0)
-    slip = tied[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
+    slip = tied[:, None] * np.divide(joint_arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
     forces, joint = _balances(q, w, c, sums, F)
     return Residuals(
@@ -207,7 +207,7 @@ def _middle(p: Array, C: Array) -> tuple[Array, float]:
 def _beyond(q: Question, arc: Arc) -> float:
     """0 if the limits are kept at every control, and so between them; else inf."""
     c, f = arc.table("c"), arc.table("f")
-    slack = SLACK * float(least_norm(c.reshape(len(c), -1, 3)).max(initial=0.0))
+    slack = ALLOWED * float(least_norm(c.reshape(len(c), -1, 3)).max(initial=0.0))
     limit = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.mechanism.actuators])
     most = np.inf if q.force_limit is None else q.force_limit
     kept = (np.abs(f) <= limit + slack * model.actuator_arms(q.grasp)).all()

@@ -14,10 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import IntEnum, StrEnum
+from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from handfast.core.arrays import Array, Mask, frozen
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.stability import model
+from handfast.stability.goal import ANY_STATE, AffineLoad, Goal, Range
 
 Integers = NDArray[np.int64]
 
@@ -35,15 +35,6 @@ WIDER = 2.0**-40  # relative; rows of the cone, and bounds on |d_t|, give way by
 MAX_ETA = float(np.radians(45.0))
 NODE_ARRAYS = ("parent", "part", "state", "left", "right")
 ROW_ARRAYS = ("start", "kind", "index", "a", "b", "multiplier")
-
-
-class Goal(StrEnum):
-    """What the scalar is."""
-
-    CHECK = "check"  # there is none: disturbance w0, the grasp's commands
-    SMALLEST_PRELOAD = "smallest preload"  # lambda: disturbance d, commands lambda f_c (no locks at 0: f >= 0)
-    LARGEST = "largest"  # s: disturbance w0 + s d, the grasp's commands
-    TORQUES = "torques"  # T: disturbance w0, the driven actuators' commands are sought, the others locked
 
 
 class ContactState(IntEnum):
@@ -108,22 +99,21 @@ class Question:
 
     Attributes:
         grasp: with its preload.
-        goal: what the scalar is.
-        wrench: (6,) w0 [N, N m]; zero for the smallest preload.
+        goal: what is sought, and what its scalar is.
+        wrench: (6,) w0 [N, N m]; zero where the goal is homogeneous.
         direction: (6,) [N, N m]; only where the scalar multiplies it.
         eta: uncertainty of the contact normals [rad].
         mdp: with the maximum dissipation principle.
         torque_limits: actuator -> largest |f| [N m or N].
         force_limit: largest c_n [N].
         driven: actuators whose commands are sought, torques only; each in the sense of its preload, or +.
-        objective: T is the largest command, or their sum.
 
     Raises:
         InputError: the parts do not make a question.
     """
 
     grasp: Grasp
-    goal: Goal = Goal.CHECK
+    goal: Goal = ANY_STATE
     wrench: Array = field(default_factory=lambda: np.zeros(6))
     direction: Array | None = None
     eta: float = 0.0
@@ -131,17 +121,13 @@ class Question:
     torque_limits: Mapping[str, float] = field(default_factory=dict)
     force_limit: float | None = None
     driven: Sequence[str] = ()
-    objective: Literal["max", "sum"] = "max"
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        if self.goal not in list(Goal):
-            raise InputError(f"is '{self.goal}'; one of {', '.join(Goal)} is needed", field="goal")
-        put(self, "goal", Goal(self.goal))
         put(self, "wrench", frozen(self.wrench, (6,), "wrench"))
-        if (self.direction is not None) != (self.goal in (Goal.LARGEST, Goal.SMALLEST_PRELOAD)):
+        if (self.direction is not None) != self.goal.has_direction:
             need = "is needed" if self.direction is None else "has no meaning"
-            raise InputError(f"{need} where the goal is '{self.goal}'", field="direction")
+            raise InputError(f"{need} where the goal is '{self.goal.word}'", field="direction")
         if self.direction is not None:
             put(self, "direction", frozen(self.direction, (6,), "direction"))
         if not 0 <= self.eta < MAX_ETA:
@@ -153,43 +139,33 @@ class Question:
         limits = [*self.torque_limits.values(), *([] if self.force_limit is None else [self.force_limit])]
         if not all(0 < v < np.inf for v in limits):
             raise InputError("a limit is positive and finite", field="torque_limits, force_limit")
-        if self.goal is Goal.SMALLEST_PRELOAD and (self.wrench.any() or limits):
-            raise InputError("the smallest preload knows no base load and no limits", field="goal")
+        if self.goal.homogeneous and (self.wrench.any() or limits):
+            raise InputError(f"the {self.goal.word} knows no base load and no limits", field="goal")
         put(self, "driven", tuple(self.driven))
         self.grasp.mechanism.commands(dict.fromkeys(self.driven, 1.0), field="driven")
-        if self.driven and self.goal is not Goal.TORQUES:
-            raise InputError(f"have no meaning where the goal is '{self.goal}'", field="driven")
-        if self.objective not in ("max", "sum"):
-            raise InputError(f"is '{self.objective}'; 'max' or 'sum' is needed", field="objective")
+        if self.driven and not self.goal.seeks_commands:
+            raise InputError(f"have no meaning where the goal is '{self.goal.word}'", field="driven")
 
     @cached_property
     def is_driven(self) -> Mask:
         """(a,) bool: actuators whose command is sought."""
         return np.array([name in self.driven for name in self.grasp.mechanism.actuators], dtype=bool)
 
-    @property
-    def loads(self) -> tuple[Array, Array]:
-        """(6,) each: the disturbance is the first plus the scalar times the second."""
-        zero = np.zeros(6)
-        direction = zero if self.direction is None else self.direction
-        return (direction, zero) if self.goal is Goal.SMALLEST_PRELOAD else (self.wrench, direction)
-
-    @property
-    def commands(self) -> tuple[Array, Array]:
-        """(a,) each: |f_c| is the first plus the scalar times the second; zero where commands are sought."""
-        zero = np.zeros(self.grasp.mechanism.a)
-        f_c = zero if self.goal is Goal.TORQUES else np.abs(self.grasp.command)
-        return (zero, f_c) if self.goal is Goal.SMALLEST_PRELOAD else (f_c, zero)
+    @cached_property
+    def load(self) -> AffineLoad:
+        """Disturbance and magnitudes of the commands, affine in the scalar; no commands where they are sought."""
+        direction = np.zeros(6) if self.direction is None else self.direction
+        return self.goal.load(self.wrench, direction, np.abs(self.grasp.command))
 
     @cached_property
     def may_move(self) -> Mask:
         """(a,) bool: actuators that are commanded or driven, or a tendon; for the others t = 0."""
-        return model.commanded(self.grasp, self.commands[0] + self.commands[1]) | self.is_driven
+        return model.commanded(self.grasp, self.load.f_a + self.load.f_b) | self.is_driven
 
     @property
     def sense(self) -> Array:
         """(a,) -1 for actuators mirrored into the sense of their command, else +1."""
-        turned = (self.grasp.command < 0) & (self.is_driven | (self.goal is not Goal.TORQUES))
+        turned = (self.grasp.command < 0) & (self.is_driven | (not self.goal.seeks_commands))
         return np.where(turned, -1.0, 1.0)
 
 
@@ -209,9 +185,9 @@ class Columns:
     @classmethod
     def of(cls, question: Question) -> Columns:
         """The columns of a question."""
-        g, torques = question.grasp, question.goal is Goal.TORQUES
-        a, scalar = g.mechanism.a, int(question.goal is not Goal.CHECK)
-        efforts = a if torques and question.objective == "sum" else 0
+        g, goal = question.grasp, question.goal
+        a, scalar = g.mechanism.a, int(goal.has_scalar)
+        efforts = a if goal.sums_commands else 0
         ends = np.cumsum([0, 6, g.l, 3 * g.m, a, len(g.mechanism.A), scalar, efforts]).tolist()
         r, q, c, f, coupling, s, e = (slice(i, j) for i, j in pairwise(ends))
         return cls(r, q, c, f, coupling, s, e, ends[-1])
@@ -242,7 +218,7 @@ class Certificate:
     """
 
     question: Question
-    scalar: tuple[float, float] | None
+    scalar: Range | None
     parent: Integers
     part: Integers
     state: Integers
@@ -271,13 +247,13 @@ class Certificate:
             put(self, name, frozen(getattr(self, name), (size,), name))
             if (getattr(self, name) < 0).any():
                 raise InputError("is negative; a cap is 0 or more", field=name)
-        if (self.scalar is None) != (self.question.goal is Goal.CHECK):
+        if (self.scalar is None) == self.question.goal.has_scalar:
             raise InputError("is the range of the goal's scalar; null for a check", field="scalar")
         if self.scalar is not None:
             lo, hi = (float(v) for v in self.scalar)
             put(self, "scalar", (lo, hi))
             real = np.isfinite(lo) and lo <= hi and (hi < np.inf or not self.capped)
-            if not real or (lo < 0 and self.question.goal is not Goal.LARGEST):
+            if not real or (lo < 0 and not self.question.goal.maximised):
                 raise InputError(f"is {lo:g} to {hi:g}, not a range that the goal knows", field="scalar")
         nodes, leaves, rows = len(np.atleast_1d(self.parent)), len(np.atleast_1d(self.leaves)), len(self.kind)
         sizes = {"leaves": leaves, "start": leaves + 1} | dict.fromkeys(NODE_ARRAYS, nodes)
@@ -295,6 +271,16 @@ class Certificate:
             raise InputError("is empty; the root at least is needed", field="parent")
         if s[0] != 0 or s[-1] != rows or (np.diff(s) < 0).any():
             raise InputError(f"must rise from 0 to the number of rows, {rows}", field="start")
+
+    @property
+    def claim(self) -> str:
+        """What it says, in words."""
+        return self.question.goal.claim(self.scalar)
+
+    @property
+    def magnitudes(self) -> Range:
+        """The magnitudes of which it says that they slip."""
+        return self.question.goal.magnitudes(self.scalar)
 
     @property
     def capped(self) -> bool:

@@ -14,12 +14,13 @@ from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate, write_text
 from handfast.model import grasp_file
 from handfast.stability.certify.certificate import NODE_ARRAYS, ROW_ARRAYS, Certificate, Question
+from handfast.stability.goal import named
 
 Int = Annotated[int, Field(strict=True, ge=-(2**31), lt=2**31)]
 Six = Annotated[list[float], Field(min_length=6, max_length=6)]
 
 
-class QuestionEntry(Strict):
+class CertificateQuestionEntry(Strict):
     grasp: dict[str, Any]
     goal: Literal["check", "smallest preload", "largest", "torques"]
     wrench: Six
@@ -32,7 +33,7 @@ class QuestionEntry(Strict):
     objective: Literal["max", "sum"] = "max"
 
 
-class NodesEntry(Strict):
+class CertificateNodesEntry(Strict):
     parent: Annotated[list[Int], Field(min_length=1)]
     part: list[Int]
     state: list[Int]
@@ -40,7 +41,7 @@ class NodesEntry(Strict):
     right: list[Int]
 
 
-class RowsEntry(Strict):
+class CertificateRowsEntry(Strict):
     start: Annotated[list[Int], Field(min_length=1)]
     kind: list[Int]
     index: list[Int]
@@ -53,15 +54,15 @@ class CertificateFile(Strict):
     """The file as it stands on disk."""
 
     format: Literal["handfast/certificate/2"] = Field(alias="schema")
-    question: QuestionEntry
+    question: CertificateQuestionEntry
     scalar: tuple[float, float | None] | None = None
-    nodes: NodesEntry
+    nodes: CertificateNodesEntry
     leaves: list[Int]
-    rows: RowsEntry
+    rows: CertificateRowsEntry
     references: list[list[float]] = Field(default_factory=list)
 
 
-class FirstVersion(CertificateFile):
+class FirstCertificateFile(CertificateFile):
     """Version 1: the claim holds for motions inside a cap."""
 
     format: Literal["handfast/certificate/1"] = Field(alias="schema")  # type: ignore[assignment]
@@ -73,7 +74,7 @@ def question_to_dict(q: Question) -> dict[str, Any]:
     """The question as it stands in certificates and result files; numbers come back exactly."""
     return {
         "grasp": grasp_file.to_dict(q.grasp),
-        "goal": str(q.goal),
+        "goal": q.goal.word,
         "wrench": q.wrench.tolist(),
         "direction": None if q.direction is None else q.direction.tolist(),
         "eta": float(q.eta),
@@ -81,17 +82,18 @@ def question_to_dict(q: Question) -> dict[str, Any]:
         "torque_limits": dict(q.torque_limits),
         "force_limit": None if q.force_limit is None else float(q.force_limit),
         "driven": list(q.driven),
-        "objective": q.objective,
+        "objective": q.goal.effort,
     }
 
 
-def question_of(entry: QuestionEntry) -> Question:
+def question_of(entry: CertificateQuestionEntry) -> Question:
     """The question of a file's entry; raises `InputError` with fields from `question` on."""
     asked = entry.model_dump()
     try:
         asked["grasp"] = grasp_file.from_dict(asked["grasp"])
     except InputError as fault:
         raise fault.within("question.grasp") from None
+    asked["goal"] = named(asked["goal"], asked.pop("objective"))
     return Question(**asked)
 
 
@@ -114,10 +116,10 @@ def to_dict(certificate: Certificate) -> dict[str, Any]:
 def from_dict(data: Any) -> Certificate:
     """The certificate in a parsed object; raises `InputError` as `load_certificate` does."""
     first = isinstance(data, dict) and data.get("schema") == "handfast/certificate/1"
-    entry = validate(FirstVersion if first else CertificateFile, data)
+    entry = validate(FirstCertificateFile if first else CertificateFile, data)
     question = question_of(entry.question)
     shape = (len(entry.references), question.grasp.m + 1)
-    caps = {"cap_r": entry.cap_r, "cap_q": entry.cap_q} if isinstance(entry, FirstVersion) else {}
+    caps = {"cap_r": entry.cap_r, "cap_q": entry.cap_q} if isinstance(entry, FirstCertificateFile) else {}
     scalar = None if entry.scalar is None else (entry.scalar[0], np.inf if entry.scalar[1] is None else entry.scalar[1])
     return Certificate(
         question=question,

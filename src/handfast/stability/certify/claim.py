@@ -21,7 +21,7 @@ from handfast.stability.certify.certificate import HALF, Certificate, Columns, Q
 from handfast.stability.certify.leaf_rows import UNIT, equations, missed, rows_of
 from handfast.stability.model import joint_arms
 
-TINY = 1e-300  # above anything that underflow can lose
+UNDERFLOW = 1e-300  # above anything that underflow can lose
 
 
 def caps(grasp: Grasp, cap: float) -> tuple[Array, Array]:
@@ -70,10 +70,10 @@ class Claim:
 
         hi = np.full(at.n, np.inf)
         hi[at.r], hi[at.q] = certificate.cap_r, certificate.cap_q
-        d = (np.abs(g.G.T) @ hi[at.r] + np.abs(g.J) @ hi[at.q]) * (1 + error) + TINY
+        d = (np.abs(g.G.T) @ hi[at.r] + np.abs(g.J) @ hi[at.q]) * (1 + error) + UNDERFLOW
         normal = np.minimum(d[0::3], np.inf if q.force_limit is None else q.force_limit)  # c_n <= |d_n|
         if q.mdp:
-            normal = np.minimum(normal, np.sqrt(_work(q, certificate, hi[at.r], hi[at.q]) * (1 + error) + TINY))
+            normal = np.minimum(normal, np.sqrt(_work(q, certificate, hi[at.r], hi[at.q]) * (1 + error) + UNDERFLOW))
         c = np.column_stack([normal, g.mu * normal, g.mu * normal]).reshape(-1) * (1 + error)
         hi[at.c] = c
         limit = np.array([q.torque_limits.get(name, np.inf) for name in g.mechanism.actuators])
@@ -102,9 +102,9 @@ class Claim:
 def _work(q: Question, certificate: Certificate, r: Array, q_: Array) -> float:
     """Upper bound on w . r + f_c . t, hence on every c_n^2: by energy, friction only takes (needs (6), (7))."""
     top = 0.0 if certificate.scalar is None else max(abs(v) for v in certificate.scalar)
-    (w, per_w), (f, per_f) = q.loads, q.commands
-    command = np.where(q.is_driven, top, f + top * per_f)
-    return float((np.abs(w) + top * np.abs(per_w)) @ r + command @ (np.abs(q.grasp.mechanism.R) @ q_))
+    load = q.load
+    command = np.where(q.is_driven, top, load.f_a + top * load.f_b)
+    return float((np.abs(load.w_a) + top * np.abs(load.w_b)) @ r + command @ (np.abs(q.grasp.mechanism.R) @ q_))
 
 
 def _solution_bound(K: Array, load: Array, error: float) -> Array:
@@ -122,7 +122,7 @@ def _solution_bound(K: Array, load: Array, error: float) -> Array:
     if not delta < 0.5:
         return np.full(K.shape[1], np.inf)
     z = np.abs(P) @ load * (1 + error)
-    return (z + 2 * delta * z.max(initial=0.0)) / size * (1 + 4 * error) + TINY  # delta / (1 - delta) < 2 delta
+    return (z + 2 * delta * z.max(initial=0.0)) / size * (1 + 4 * error) + UNDERFLOW  # delta / (1 - delta) < 2 delta
 
 
 # --- the proof of each leaf ---------------------------------------------------------------------
@@ -137,17 +137,17 @@ def leaf_margins(certificate: Certificate, claim: Claim) -> Array:
 
     v = equality_multipliers(rho0, claim)
     rho = rho0 + v @ claim.E
-    error = error + eps * (np.abs(rho0) + np.abs(v) @ np.abs(claim.E)) + TINY
+    error = error + eps * (np.abs(rho0) + np.abs(v) @ np.abs(claim.E)) + UNDERFLOW
     bounded = np.isfinite(claim.reach)
     lo, hi, reach = (np.where(bounded, b, 0.0) for b in (claim.lo, claim.hi, claim.reach))
     most = np.maximum(rho * lo, rho * hi).sum(axis=1)
     gap = rhs + v @ claim.h - most
     involved = rhs_size + np.abs(v) @ np.abs(claim.h) + np.abs(rho) @ reach
-    gap -= 2 * (error @ reach + eps * involved + TINY)
+    gap -= 2 * (error @ reach + eps * involved + UNDERFLOW)
     gap -= np.abs(v) @ claim.slack * (1 + eps) + _grown(certificate, claim, np.abs(v) @ claim.growth * (1 + eps))
     # an unknown without bound may occur nowhere, not even by rounding
     gap[(size[:, :n][:, ~bounded] != 0).any(axis=1)] = -np.inf
-    return np.asarray(gap / np.maximum(involved, TINY))
+    return np.asarray(gap / np.maximum(involved, UNDERFLOW))
 
 
 def _grown(certificate: Certificate, claim: Claim, grows: Array) -> Array:
@@ -165,7 +165,7 @@ def _grown(certificate: Certificate, claim: Claim, grows: Array) -> Array:
 def equality_multipliers(rho0: Array, claim: Claim) -> Array:
     """(L, p) v that makes rho0 + v E small, each unknown weighed by its reach; any v would be sound."""
     weight = np.where(np.isfinite(claim.reach), claim.reach, 0.0)
-    weight /= max(weight.max(), TINY)
+    weight /= max(weight.max(), UNDERFLOW)
     weight[np.isfinite(claim.reach)] += 1e-9  # rows still say v where the reach is 0: no friction
     norms = np.linalg.norm(claim.E * weight, axis=1)
     scale = np.where(norms > 0, 1.0 / np.where(norms > 0, norms, 1.0), 0.0)[:, None]

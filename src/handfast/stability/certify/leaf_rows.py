@@ -14,6 +14,7 @@ from handfast.core.arrays import Array, Mask
 from handfast.stability.certify.certificate import (
     HALF,
     WIDER,
+    ActuatorState,
     Certificate,
     Columns,
     ContactState,
@@ -49,9 +50,8 @@ def equations(question: Question, G: Array, J: Array) -> tuple[Array, Array, Arr
     sizes = (6, g.l, len(A), len(locked), int(at.e.stop > at.e.start))
     b1, b2, b3, b4, p = np.cumsum(sizes).tolist()
     E, h = np.zeros((p, at.n)), np.zeros(p)
-    constant, per_scalar = q.loads
-    E[:b1, at.c], h[:b1] = G, -constant  # (1)
-    E[:b1, at.scalar] = per_scalar[:, None]
+    E[:b1, at.c], h[:b1] = G, -q.load.w_a  # (1)
+    E[:b1, at.scalar] = q.load.w_b[:, None]
     E[b1:b2, at.c], E[b1:b2, at.f], E[b1:b2, at.coupling] = J.T, -R.T, -A.T  # (2)
     E[b2:b3, at.q] = A
     E[b3:b4, at.q] = R[locked]  # (8) where nothing is commanded
@@ -69,7 +69,7 @@ def missed(question: Question, p: int) -> tuple[Array, Array]:
     its two contacts, and a direction that was computed has one of 1e-17.
     """
     out = np.zeros((2, p))
-    for x, load in zip(out, question.loads, strict=True):
+    for x, load in zip(out, (question.load.w_a, question.load.w_b), strict=True):
         force = max(np.linalg.norm(load[:3]), np.linalg.norm(load[3:]) / question.grasp.size)
         x[:6] = MISSED * force * np.repeat([1.0, question.grasp.size], 3)
     return out[0], out[1]
@@ -133,7 +133,7 @@ def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wi
     put((Row.S_UP,), at.e.start + c.index if at.e.stop > at.e.start else at.scalar.start, 1.0)
     put((Row.BOUND_UP,), c.index, 1.0)
     put((Row.BOUND_DOWN,), c.index, -1.0)
-    constant, per_scalar = (np.append(x, 0.0)[np.minimum(c.index, a)] for x in q.commands)
+    constant, per_scalar = (np.append(x, 0.0)[np.minimum(c.index, a)] for x in (q.load.f_a, q.load.f_b))
     if at.scalar.stop > at.scalar.start:  # commands lambda f_c
         put((Row.E_UP,), at.scalar.start, -per_scalar)
         put((Row.E_DOWN,), at.scalar.start, per_scalar)
@@ -141,23 +141,36 @@ def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wi
     column = np.minimum(c.index, at.n - 1)
     b += np.where(c.kind == Row.BOUND_UP, lo[column], 0.0) - np.where(c.kind == Row.BOUND_DOWN, hi[column], 0.0)
 
-    energy = np.flatnonzero(c.kind == Row.ENERGY)
-    if len(energy):  # rounded so that it says less than (6) does: t >= 0
-        x, (f_c, per_s) = c.references[c.index[energy]], q.commands
-        value[energy, at.r] = q.loads[0]
-        value[energy[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m]
-        value[energy[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_s) * (1 + 4 * UNIT)
-        b[energy] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT)
+    _put_energy(c, value, b)
+    return LeafRows(value, b, _equations_in_case(c, states))
 
+
+def _put_energy(c: Certificate, value: Array, b: Array) -> None:
+    """The balances of energy among the rows, rounded so that they say less than (6) does: t >= 0."""
+    energy, q, at = np.flatnonzero(c.kind == Row.ENERGY), c.question, Columns.of(c.question)
+    if not len(energy):
+        return
+    m, a = q.grasp.m, q.grasp.mechanism.a
+    x, f_c, per_s = c.references[c.index[energy]], q.load.f_a, q.load.f_b
+    value[energy, at.r] = q.load.w_a
+    value[energy[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m]
+    value[energy[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_s) * (1 + 4 * UNIT)
+    b[energy] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT)
+
+
+def _equations_in_case(c: Certificate, states: Integers) -> Mask:
+    """(R,) which rows are equations where they stand, by what contacts and actuators are there (R, m+a)."""
+    q, m, a = c.question, c.question.grasp.m, c.question.grasp.mechanism.a
+    contact = np.minimum(c.index, m - 1)
     part = np.where(c.kind >= Row.T_UP, np.minimum(m + c.index, m + a - 1), contact) if m + a else contact
-    state = states[np.arange(count), part]
+    state = states[np.arange(len(c.kind)), part]
     moves = np.append(q.may_move, False)[np.minimum(c.index, a)]
+    driven = np.append(q.is_driven, False)[np.minimum(c.index, a)]
     still = (c.kind >= Row.STILL_1_UP) & (c.kind <= Row.STILL_2_DOWN)
     gap = ((c.kind == Row.GAP_UP) | (c.kind == Row.GAP_DOWN)) & (q.eta == 0) & (state >= ContactState.CLOSED)
-    turn = ((c.kind == Row.T_UP) | (c.kind == Row.T_DOWN)) & ((state == 1) | ~moves)  # locked
-    driven = np.append(q.is_driven, False)[np.minimum(c.index, a)]
-    excess = ((c.kind == Row.E_UP) | (c.kind == Row.E_DOWN)) & (state == 2) & ~driven  # moves
-    return LeafRows(value, b, still | gap | turn | excess)
+    turn = ((c.kind == Row.T_UP) | (c.kind == Row.T_DOWN)) & ((state == ActuatorState.LOCKED) | ~moves)
+    slack = ((c.kind == Row.E_UP) | (c.kind == Row.E_DOWN)) & (state == ActuatorState.MOVES) & ~driven
+    return still | gap | turn | slack
 
 
 def bounds(question: Question, scalar: tuple[float, float] | None) -> tuple[Array, Array]:

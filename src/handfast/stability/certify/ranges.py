@@ -6,10 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from handfast.stability.certify.certificate import Certificate, Goal
-
-Range = tuple[float, float]
-INF = float("inf")
+from handfast.stability.goal import Range
 
 
 @dataclass(frozen=True)
@@ -64,14 +61,6 @@ def known(
         at, before = max(at, last), held
     to = next((last for first, last in good if first <= 0), 0.0)
     return Known(min(to, largest), holes[0][0] if holes else upper, holes, tuple(unproved))
-
-
-def slip_range(c: Certificate) -> Range:
-    """The magnitudes of which a certificate says that they slip."""
-    lo, hi = c.scalar or (0.0, 0.0)
-    if c.question.goal is not Goal.SMALLEST_PRELOAD:
-        return lo, hi
-    return (1.0 / hi if hi > 0 else INF), (1.0 / lo if lo > 0 else INF)
 
 
 def merged(ranges: Iterable[Range]) -> tuple[Range, ...]:

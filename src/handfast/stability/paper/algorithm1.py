@@ -7,54 +7,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from handfast.stability.goal import Goal, Point
+from handfast.stability.goal import Goal
 from handfast.stability.paper import mip
-from handfast.stability.paper.program import INF, Solution, Status
+from handfast.stability.paper.program import INF
 from handfast.stability.paper.relaxation import polygon, relaxation
 from handfast.stability.paper.sectors import Discretisation, Sector
-from handfast.stability.problem import Problem
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One pass of Algorithm 1.
-
-    Attributes:
-        number: counts from 1.
-        solution: the solver's answer, checked against its program.
-        point: the relaxation's solution in the model's (scaled) unknowns, None without one. Its sigma
-            is lambda, s or the objective, whatever the goal.
-        bound: what the solver proved about the objective of this relaxation, hence of the exact problem.
-        width: [rad] the widest active sector, 0 if none is active; `finished` once all are at gamma / 2^q.
-        edges: friction edges over all contacts.
-        seconds: of this step.
-    """
-
-    number: int
-    solution: Solution
-    point: Point | None
-    bound: float
-    width: float
-    finished: bool
-    edges: int
-    seconds: float
+from handfast.stability.refinement import RefinementStep, SolverStatus
+from handfast.stability.scaled_problem import ScaledProblem
+from handfast.stability.settings import Solver
 
 
 def run(
-    p: Problem,
+    p: ScaledProblem,
     goal: Goal,
     *,
     q: int = 9,
-    solver: mip.Solver = "scip",
+    solver: Solver = "scip",
     full: bool = False,
     printed_robustness: bool = False,
     time_limit: float = INF,
-) -> Iterator[Step]:
-    """Algorithm 1, one `Step` per mixed-integer program, until nothing is left to refine or none is feasible.
+) -> Iterator[RefinementStep]:
+    """Algorithm 1, one `RefinementStep` per mixed-integer program, until nothing is left to refine or none is feasible.
 
     Args:
         p: the scaled problem; with `p.mdp` False one program without sectors is solved.
@@ -72,27 +48,27 @@ def run(
         clock = time.monotonic()
         edges = [s.edges() for s in sectors] if p.mdp else [polygon() for _ in p.mu]
         model = relaxation(p, goal, edges, printed_robustness)
-        solution = mip.solve(model.program, solver, time_limit=deadline - clock)
-        point = model.read(solution.x) if solution.x is not None else None
+        result = mip.solve(model.program, solver, time_limit=deadline - clock)
+        point = model.read(result.x) if result.x is not None else None
         to_refine: list[tuple[int, Sector]] = []
         width = 0.0
-        if p.mdp and solution.status is Status.OPTIMAL:
-            for i, sector in enumerate(model.active(solution.x)):
+        if p.mdp and result.status is SolverStatus.OPTIMAL:
+            for i, sector in enumerate(model.active(result.x)):
                 if sector is not None:
                     width = max(width, 2 * np.pi * sector.width)
                     if not sectors[i].finest(sector):
                         to_refine.append((i, sector))
-        yield Step(
+        yield RefinementStep(
             number=number,
-            solution=solution,
+            result=result,
             point=point,
-            bound=solution.bound,
+            bound=result.bound,
             width=width,
-            finished=solution.status is Status.OPTIMAL and not to_refine,
+            finished=result.status is SolverStatus.OPTIMAL and not to_refine,
             edges=sum(len(e.length) for e in edges),
             seconds=time.monotonic() - clock,
         )
-        if solution.status is not Status.OPTIMAL or not to_refine:
+        if result.status is not SolverStatus.OPTIMAL or not to_refine:
             return
         for i, sector in to_refine:
             sectors[i] = sectors[i].refined(sector)

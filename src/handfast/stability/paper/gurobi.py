@@ -7,19 +7,20 @@ import numpy as np
 from gurobipy import GRB
 
 from handfast.core.errors import InputError
-from handfast.stability.paper.program import INF, Program, Solution, Status
+from handfast.stability.paper.program import INF, MixedIntegerProgram
+from handfast.stability.refinement import SolverResult, SolverStatus
 
 FEASIBILITY = 1e-9
 STATUS = {
-    GRB.OPTIMAL: Status.OPTIMAL,
-    GRB.INFEASIBLE: Status.INFEASIBLE,
-    GRB.UNBOUNDED: Status.UNBOUNDED,
-    GRB.TIME_LIMIT: Status.TIME,
-    GRB.INTERRUPTED: Status.INTERRUPTED,
+    GRB.OPTIMAL: SolverStatus.OPTIMAL,
+    GRB.INFEASIBLE: SolverStatus.INFEASIBLE,
+    GRB.UNBOUNDED: SolverStatus.UNBOUNDED,
+    GRB.TIME_LIMIT: SolverStatus.TIME,
+    GRB.INTERRUPTED: SolverStatus.INTERRUPTED,
 }
 
 
-def solve(program: Program, time_limit: float) -> Solution:
+def solve(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
     """Minimise the program; see `handfast.stability.paper.mip.solve`.
 
     Raises:
@@ -33,10 +34,10 @@ def solve(program: Program, time_limit: float) -> Solution:
             size = f"{len(program.lower)} variables, {len(program.rows)} rows"
             problem = f"gurobi's licence does not admit this program ({size}): take scip, or refine instead of --full"
             raise InputError(problem, field="solver") from None
-        return Solution(Status.FAILED, None, -INF, 0)
+        return SolverResult(SolverStatus.FAILED, None, -INF, 0)
 
 
-def _solve(model: gurobipy.Model, program: Program, time_limit: float) -> Solution:
+def _solve(model: gurobipy.Model, program: MixedIntegerProgram, time_limit: float) -> SolverResult:
     model.Params.FeasibilityTol = FEASIBILITY
     model.Params.OptimalityTol = FEASIBILITY
     model.Params.IntFeasTol = FEASIBILITY
@@ -64,11 +65,11 @@ def _solve(model: gurobipy.Model, program: Program, time_limit: float) -> Soluti
         for members in sets:
             model.addSOS(kind, [xs[int(i)] for i in members])
     model.optimize()
-    status = STATUS.get(model.Status, Status.FAILED)
+    status = STATUS.get(model.Status, SolverStatus.FAILED)
     x = np.array([xs[i].X for i in range(n)]) if model.SolCount else None
     bound = -INF
-    if status in (Status.OPTIMAL, Status.TIME, Status.INTERRUPTED):
+    if status in (SolverStatus.OPTIMAL, SolverStatus.TIME, SolverStatus.INTERRUPTED):
         bound = float(model.ObjBound)
         if abs(bound) >= 1e99:
             bound = -INF if bound < 0 else INF
-    return Solution(status, x, bound, int(model.NodeCount))
+    return SolverResult(status, x, bound, int(model.NodeCount))

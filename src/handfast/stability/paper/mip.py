@@ -6,13 +6,12 @@ Solvers are libraries; here is only the choice among them and the check of what 
 from __future__ import annotations
 
 import importlib.util
-from typing import Literal
 
 from handfast.core.errors import InputError
-from handfast.stability.paper.program import INF, Program, Solution, Status
+from handfast.stability.paper.program import INF, MixedIntegerProgram
+from handfast.stability.refinement import SolverResult, SolverStatus
+from handfast.stability.settings import SOLVERS, Solver
 
-Solver = Literal["scip", "gurobi"]
-SOLVERS: tuple[Solver, ...] = ("scip", "gurobi")
 ACCEPTED = 1e-6  # a returned point that misses a constraint by more, relative to its row, is a failure
 
 
@@ -21,7 +20,7 @@ def available(solver: Solver) -> bool:
     return importlib.util.find_spec({"scip": "pyscipopt", "gurobi": "gurobipy"}[solver]) is not None
 
 
-def solve(program: Program, solver: Solver, *, time_limit: float = INF) -> Solution:
+def solve(program: MixedIntegerProgram, solver: Solver, *, time_limit: float = INF) -> SolverResult:
     """Solve and check: a point that violates the program turns the status into FAILED.
 
     Raises:
@@ -33,12 +32,12 @@ def solve(program: Program, solver: Solver, *, time_limit: float = INF) -> Solut
         problem = f"'{solver}' is not installed; --method algorithm1 on it needs pip install 'handfast[reference]'"
         raise InputError(problem, field="solver")
     if time_limit <= 0:
-        return Solution(Status.TIME, None, -INF, 0)
+        return SolverResult(SolverStatus.TIME, None, -INF, 0)
     if solver == "scip":
         from handfast.stability.paper import scip as backend
     else:
         from handfast.stability.paper import gurobi as backend  # type: ignore[no-redef]
     result = backend.solve(program, time_limit)
     if result.x is not None and program.violation(result.x) > ACCEPTED:
-        return Solution(Status.FAILED, result.x, result.bound, result.nodes)
+        return SolverResult(SolverStatus.FAILED, result.x, result.bound, result.nodes)
     return result

@@ -1,10 +1,9 @@
-"""A mixed-integer program with special ordered sets, and what a solver says of it: the table that solvers are given."""
+"""A mixed-integer program with special ordered sets: the table that solvers are given."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,29 +14,8 @@ INF = float("inf")
 Term = tuple[ArrayLike, ArrayLike]  # indices of variables, their coefficients
 
 
-class Status(StrEnum):
-    """How a solve ended."""
-
-    OPTIMAL = "optimal"
-    INFEASIBLE = "infeasible"
-    UNBOUNDED = "unbounded"
-    TIME = "time"
-    INTERRUPTED = "interrupted"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """What a solver returned: `x` is None without a point, `bound` is its proven bound on the objective."""
-
-    status: Status
-    x: Array | None
-    bound: float
-    nodes: int
-
-
 @dataclass
-class Program:
+class MixedIntegerProgram:
     """minimise cost . x subject to lo <= rows <= hi, lower <= x <= upper, and special ordered sets."""
 
     lower: list[float] = field(default_factory=list)

@@ -1,6 +1,6 @@
 """Algorithm 1 as the method of a query: the paper's, kept as the reference for the engine.
 
-Every relaxation's solution is tried as the start of an exact one, so a value is witnessed here too; bounds
+Every relaxation's result is tried as the start of an exact one, so a value is witnessed here too; bounds
 rest on the mixed-integer solver's word.
 """
 
@@ -8,40 +8,37 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
-
 from handfast.core.answer import Stop
-from handfast.stability.goal import NEAR_END, Goal, Point, interval
-from handfast.stability.outcome import INF, Outcome
+from handfast.stability.goal import INF, NEAR_END, Goal
 from handfast.stability.paper import algorithm1
-from handfast.stability.paper.algorithm1 import Step
-from handfast.stability.paper.program import Status
-from handfast.stability.problem import Problem
+from handfast.stability.refinement import RefinementStep, SolverStatus
+from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.search import exact
+from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.settings import OnStep, Progress, Settings
-from handfast.stability.witness import Witness, as_witness
+from handfast.stability.witness import Witness
 
 MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
 STOPS = {
-    Status.OPTIMAL: Stop.COMPLETE,
-    Status.INFEASIBLE: Stop.COMPLETE,
-    Status.UNBOUNDED: Stop.COMPLETE,
-    Status.TIME: Stop.TIME,
-    Status.INTERRUPTED: Stop.INTERRUPTED,
-    Status.FAILED: Stop.NUMERICAL,
+    SolverStatus.OPTIMAL: Stop.COMPLETE,
+    SolverStatus.INFEASIBLE: Stop.COMPLETE,
+    SolverStatus.UNBOUNDED: Stop.COMPLETE,
+    SolverStatus.TIME: Stop.TIME,
+    SolverStatus.INTERRUPTED: Stop.INTERRUPTED,
+    SolverStatus.FAILED: Stop.NUMERICAL,
 }
 
 
-def search(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None = None) -> Outcome:
+def search(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | None = None) -> Outcome:
     """Refine by Algorithm 1 until value and bound are as near as asked; Ctrl-C leaves what was reached."""
     start = time.monotonic()
     r = reduce(p, goal)
-    end = float(r.lo[0]) if goal in (Goal.SMALLEST_PRELOAD, Goal.LARGEST) else -INF  # of the search
+    end = float(r.lo[0]) if goal.has_direction else -INF  # of the search
     last = end + NEAR_END * abs(end) if end > -INF else -INF
     found: Witness | None = None
     value, bound = INF, -INF
-    steps: list[Step] = []
+    steps: list[RefinementStep] = []
     interrupted = False
     run = algorithm1.run(
         p,
@@ -55,42 +52,42 @@ def search(p: Problem, goal: Goal, settings: Settings, on_step: OnStep | None = 
     try:
         for step in run:
             steps.append(step)
-            if step.solution.status is Status.INFEASIBLE:
+            if step.result.status is SolverStatus.INFEASIBLE:
                 bound = INF
-            elif goal is not Goal.EXISTS and step.bound > last:
+            elif goal.has_scalar and step.bound > last:
                 bound = max(bound, step.bound)
             if step.point is not None:
-                at_end = end > -INF and _cost(goal, step.point) <= last
+                at_end = end > -INF and goal.objective(step.point.scalar) <= last
                 hit = find(r, step.point, hold=True) if at_end else None
                 hit = hit or find(r, step.point)
-                if hit and end > -INF and _cost(goal, hit[1]) < end:  # past it: is there one right there?
+                if hit and end > -INF and goal.objective(hit[1].scalar) < end:  # past it: is there one right there?
                     hit = find(r, hit[1], hold=True)
                 if hit:
-                    achieved = _achieved(goal, *hit)
+                    achieved = goal.achieved(hit[0], hit[1].scalar)
                     if achieved < value:
                         value, found = achieved, hit[0]
             if on_step:
-                on_step(Progress(*interval(p, goal, value, bound), sum(s.solution.nodes for s in steps), step))
-            if ((goal is Goal.EXISTS and found) or value <= last or _near(goal, value, bound, settings.gap)) and (
+                on_step(Progress(*goal.bounds(p, value, bound), sum(s.result.nodes for s in steps), step))
+            if ((found and not goal.has_scalar) or value <= last or goal.near(value, bound, settings.gap)) and (
                 not settings.as_printed
             ):
                 break
     except KeyboardInterrupt:
         interrupted = True
-    stop = Stop.INTERRUPTED if interrupted or not steps else STOPS[steps[-1].solution.status]
-    done = value <= last or _near(goal, value, bound, settings.gap) or (goal is Goal.EXISTS and found is not None)
+    stop = Stop.INTERRUPTED if interrupted or not steps else STOPS[steps[-1].result.status]
+    done = value <= last or goal.near(value, bound, settings.gap) or (found is not None and not goal.has_scalar)
     if (bound == INF and found is None) or done:
         stop = Stop.COMPLETE
     elif stop is Stop.COMPLETE:
         stop = Stop.RESOLUTION
-    seconds, nodes = time.monotonic() - start, sum(s.solution.nodes for s in steps)
+    seconds, nodes = time.monotonic() - start, sum(s.result.nodes for s in steps)
     if bound == INF:  # no state at all: whatever an earlier step seemed to find
         value, found = INF, None
     bound = min(bound, value)  # it holds within the motion cap, which Newton's method may leave
     return Outcome(value, bound, found, stop, seconds, nodes, tuple(steps))
 
 
-def find(r: Reduced, start: Point, *, hold: bool = False) -> tuple[Witness, Point] | None:
+def find(r: Reduced, start: ScaledPoint, *, hold: bool = False) -> tuple[Witness, ScaledPoint] | None:
     """A valid witness near a relaxation's solution, with its scaled point; None if Newton finds none.
 
     hold: at the end of the search for a maximum.
@@ -100,30 +97,7 @@ def find(r: Reduced, start: Point, *, hold: bool = False) -> tuple[Witness, Poin
         if z is None:
             continue
         x = r.point(z)
-        witness = as_witness(r, x)
+        witness = r.witness(x)
         if witness.valid:
             return witness, x
     return None
-
-
-def _cost(goal: Goal, x: Point) -> float:
-    return -x.sigma if goal is Goal.LARGEST else x.sigma
-
-
-def _achieved(goal: Goal, w: Witness, x: Point) -> float:
-    """The objective of an exact state."""
-    if goal is Goal.EXISTS:
-        return 0.0
-    if goal is Goal.SMALLEST_MAX_TORQUE:
-        return float(np.abs(w.grasp.command).max(initial=0.0))
-    if goal is Goal.SMALLEST_SUM_TORQUE:
-        return float(np.abs(w.grasp.command).sum())
-    return _cost(goal, x)
-
-
-def _near(goal: Goal, value: float, bound: float, gap: float) -> bool:
-    """Are value and bound as near as asked, relative to the smaller magnitude, or the larger torque?"""
-    if not np.isfinite(value) or goal is Goal.EXISTS:
-        return False
-    scale = abs(value) if goal is not Goal.SMALLEST_PRELOAD else abs(bound)
-    return value - bound <= gap * scale + (1e-9 if goal is not Goal.SMALLEST_PRELOAD else 0.0)

@@ -22,10 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
-from handfast.stability.goal import Goal, Point, load, search_end
-from handfast.stability.paper.program import INF, Program, Term
+from handfast.stability.goal import Goal
+from handfast.stability.paper.program import INF, MixedIntegerProgram, Term
 from handfast.stability.paper.sectors import Edges, Sector
-from handfast.stability.problem import Problem
+from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
 
 MOTIONS = 1e4  # (scaled) largest virtual motion of a program
 ACTIVE = 1e-7  # (scaled) motions and forces below this do not make a sector active
@@ -42,8 +42,8 @@ def polygon() -> Edges:
 class Relaxation:
     """The program of one relaxation and where the model's unknowns are in it."""
 
-    program: Program
-    p: Problem
+    program: MixedIntegerProgram
+    p: ScaledProblem
     edges: Sequence[Edges]
     still: Mask
     r: Indices
@@ -55,7 +55,7 @@ class Relaxation:
     alpha: list[Indices]
     sigma: int | None
 
-    def read(self, x: Array) -> Point:
+    def read(self, x: Array) -> ScaledPoint:
         """The relaxation's solution in the model's unknowns."""
         c = np.zeros((len(self.cn), 3))
         c[:, 0] = x[self.cn]
@@ -66,7 +66,7 @@ class Relaxation:
             i = int(np.flatnonzero(self.p.R[:, j])[0])
             f[i] = self.p.J[:, j] @ c.reshape(-1) / self.p.R[i, j]
         sigma = float(x[self.sigma]) if self.sigma is not None else 0.0
-        return Point(x[self.r], x[self.q], c.reshape(-1), f, x[self.coupling], sigma)
+        return ScaledPoint(x[self.r], x[self.q], c.reshape(-1), f, x[self.coupling], sigma)
 
     def active(self, x: Array | None) -> list[Sector | None]:
         """Per contact the sector in which friction and motion lie; None if both vanish."""
@@ -89,10 +89,10 @@ class Relaxation:
         return out
 
 
-def relaxation(p: Problem, goal: Goal, edges: Sequence[Edges], printed_robustness: bool) -> Relaxation:
+def relaxation(p: ScaledProblem, goal: Goal, edges: Sequence[Edges], printed_robustness: bool) -> Relaxation:
     """Equations (1)-(4), (8)-(12), (15), with (17), (19) if eta > 0, as a program with ordered sets."""
     m, l, a, k = p.sizes
-    P = Program()
+    P = MixedIntegerProgram()
     cap = MOTIONS
     if not p.mdp and np.isfinite(p.cn_max):
         cap = 2.0 * p.cn_max  # motions free of consequence only blur the picture of what is wrong
@@ -108,7 +108,7 @@ def relaxation(p: Problem, goal: Goal, edges: Sequence[Edges], printed_robustnes
     beta = [P.variables(len(e.length), 0.0) for e in edges]
     alpha = [P.variables(len(e.length), 0.0) if p.mdp else np.zeros(0, int) for e in edges]
 
-    sigma, w = _objective(P, p, goal), load(p, goal)
+    sigma, w = _objective(P, p, goal), goal.scaled_load(p)
     for row in range(6):  # (1), with c_t = D beta, (9)
         terms: list[Term] = [(cn, p.G[row, 0::3])]
         terms += [(beta[i], p.G[row, 3 * i + 1 : 3 * i + 3] @ edges[i].D) for i in range(m)]
@@ -158,25 +158,25 @@ def relaxation(p: Problem, goal: Goal, edges: Sequence[Edges], printed_robustnes
         P.sos1.append([int(cn[i]), gap])  # (4)
         P.row([(beta[i], 1.0), (cn[i], -p.mu[i])], -INF, 0.0)  # (15), both cases
 
-    if goal is Goal.EXISTS and not p.mdp:
+    if not goal.has_scalar and not p.mdp:
         # any solution will do; the one into which the disturbance puts the least work shows best what is wrong
         P.cost |= {int(i): float(force) for i, force in zip(r, p.w0, strict=True) if force}
     _actuators(P, p, goal, q, f, sigma)
     return Relaxation(P, p, edges, still, r, q, cn, f, coupling, beta, alpha, sigma)
 
 
-def _objective(P: Program, p: Problem, goal: Goal) -> int | None:
+def _objective(P: MixedIntegerProgram, p: ScaledProblem, goal: Goal) -> int | None:
     """The scalar of the goal, with its cost and bounds."""
-    if goal is Goal.EXISTS:
+    if not goal.has_scalar:
         return None
-    low = 1.0 / search_end(p) if goal is Goal.SMALLEST_PRELOAD and p.f_c.any() else 0.0
-    high = search_end(p) if goal is Goal.LARGEST else INF
-    sigma = int(P.variables(1, low, high)[0])
-    P.cost[sigma] = -1.0 if goal is Goal.LARGEST else 1.0
+    first, last = goal.scalar_range(*goal.search_range(p))
+    low = first if goal.maximised or p.f_c.any() else 0.0
+    sigma = int(P.variables(1, low, last if goal.maximised else INF)[0])
+    P.cost[sigma] = goal.objective(1.0)
     return sigma
 
 
-def _still(p: Problem) -> Mask:
+def _still(p: ScaledProblem) -> Mask:
     """(l,) bool: joints that cannot move and whose torque one locked actuator takes up, whatever it is.
 
     Their rows of (2) and the actuator's force are left out of the program and computed afterwards.
@@ -187,7 +187,7 @@ def _still(p: Problem) -> Mask:
     return alone & np.array([bool((locked & own)[np.flatnonzero(col)].all()) for col in p.R.T], dtype=bool)
 
 
-def _actuators(P: Program, p: Problem, goal: Goal, q: Indices, f: Indices, sigma: int | None) -> None:
+def _actuators(P: MixedIntegerProgram, p: ScaledProblem, goal: Goal, q: Indices, f: Indices, sigma: int | None) -> None:
     """Equation (8) on the actuators."""
     commands: dict[int, int] = {}  # driven actuator: the variable of its command
     for i in range(len(p.R)):
@@ -205,20 +205,19 @@ def _actuators(P: Program, p: Problem, goal: Goal, q: Indices, f: Indices, sigma
             P.sos1.append([t, below])
             commands[i] = e
             continue
-        excess = int(P.variables(1, 0.0)[0])
-        terms: list[Term] = [(f[i], 1.0), (excess, -1.0)]
-        if goal is Goal.SMALLEST_PRELOAD:
+        slack = int(P.variables(1, 0.0)[0])
+        terms: list[Term] = [(f[i], 1.0), (slack, -1.0)]
+        if goal.homogeneous:
             assert sigma is not None
             terms.append((sigma, -p.f_c[i]))
             P.row(terms, 0.0, 0.0)
         else:
             P.row(terms, p.f_c[i], p.f_c[i])
-        P.sos1.append([t, excess])
+        P.sos1.append([t, slack])
     if commands:
         assert sigma is not None
-        scale = np.abs(p.command(np.ones(len(p.R))))
-        efforts = [(e, -scale[i]) for i, e in commands.items()]
-        if goal is Goal.SMALLEST_MAX_TORQUE:
+        efforts = [(e, -p.command_units[i]) for i, e in commands.items()]
+        if not goal.sums_commands:
             for effort in efforts:
                 P.row([(sigma, 1.0), effort], 0.0, INF)
         else:

@@ -21,41 +21,44 @@ from typing import Any
 import numpy as np
 from pyscipopt import SCIP_EVENTTYPE, Eventhdlr, Model, quicksum
 
-from handfast.stability.paper.program import INF, Program, Solution, Status
+from handfast.stability.paper.program import INF, MixedIntegerProgram
+from handfast.stability.refinement import SolverResult, SolverStatus
 
 STATUS = {
-    "optimal": Status.OPTIMAL,
-    "infeasible": Status.INFEASIBLE,
-    "unbounded": Status.UNBOUNDED,
-    "timelimit": Status.TIME,
-    "userinterrupt": Status.INTERRUPTED,
+    "optimal": SolverStatus.OPTIMAL,
+    "infeasible": SolverStatus.INFEASIBLE,
+    "unbounded": SolverStatus.UNBOUNDED,
+    "timelimit": SolverStatus.TIME,
+    "userinterrupt": SolverStatus.INTERRUPTED,
 }
 # permutations of the variables with native sets (None: binaries), and the nodes after which the next is tried:
 # a native solve can also branch on rounding errors without end, and another order settles it in a few nodes
 LADDER = ((0, 5_000), (1, 20_000), (2, 20_000), (None, 100_000), (0, None))
-FAILED = Solution(Status.FAILED, None, -INF, 0)
+FAILED = SolverResult(SolverStatus.FAILED, None, -INF, 0)
 
 
-def solve(program: Program, time_limit: float) -> Solution:
+def solve(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
     """Minimise the program; see `handfast.stability.paper.mip.solve`."""
     deadline = time.monotonic() + time_limit
     claims = 0
     for order, nodes in LADDER:
         result = attempt(program, deadline - time.monotonic(), order=order, nodes=nodes)
-        claims += result.status is Status.INFEASIBLE
+        claims += result.status is SolverStatus.INFEASIBLE
         # a point can be checked against the program; a claim that there is none is only repeated
-        if result.status not in (Status.FAILED, Status.INFEASIBLE) or claims == 2:
+        if result.status not in (SolverStatus.FAILED, SolverStatus.INFEASIBLE) or claims == 2:
             return result
     return FAILED
 
 
-def attempt(program: Program, time_limit: float, *, order: int | None, nodes: int | None = None) -> Solution:
+def attempt(
+    program: MixedIntegerProgram, time_limit: float, *, order: int | None, nodes: int | None = None
+) -> SolverResult:
     """One solve, with native ordered sets in some order of variables, or with binaries (None).
 
     FAILED if SCIP's LP solver gives up, or after that many nodes.
     """
     if time_limit <= 0:
-        return Solution(Status.TIME, None, -INF, 0)
+        return SolverResult(SolverStatus.TIME, None, -INF, 0)
     with _ctrl_c() as pressed:
         try:
             result = _solve(program, time_limit, order, nodes, pressed)
@@ -63,10 +66,12 @@ def attempt(program: Program, time_limit: float, *, order: int | None, nodes: in
             if type(error) is not Exception:
                 raise
             result = FAILED
-    return replace(result, status=Status.INTERRUPTED) if pressed else result
+    return replace(result, status=SolverStatus.INTERRUPTED) if pressed else result
 
 
-def _solve(program: Program, time_limit: float, order: int | None, nodes: int | None, pressed: list[bool]) -> Solution:
+def _solve(
+    program: MixedIntegerProgram, time_limit: float, order: int | None, nodes: int | None, pressed: list[bool]
+) -> SolverResult:
     model = Model()
     model.hideOutput()
     model.setParam("misc/catchctrlc", False)
@@ -104,20 +109,20 @@ def _solve(program: Program, time_limit: float, order: int | None, nodes: int | 
     if name == "inforunbd":
         # presolving could not tell: without an objective there is nothing to be unbounded
         if program.cost:
-            bare = Program(program.lower, program.upper, {}, program.rows, program.sos1, program.sos2)
+            bare = MixedIntegerProgram(program.lower, program.upper, {}, program.rows, program.sos1, program.sos2)
             again = _solve(bare, time_limit, order, nodes, pressed)
-            unbounded = again.status is Status.OPTIMAL
-            return Solution(Status.UNBOUNDED if unbounded else again.status, again.x, -INF, again.nodes)
+            unbounded = again.status is SolverStatus.OPTIMAL
+            return SolverResult(SolverStatus.UNBOUNDED if unbounded else again.status, again.x, -INF, again.nodes)
         name = "infeasible"
-    status = STATUS.get(name, Status.FAILED)
+    status = STATUS.get(name, SolverStatus.FAILED)
     x = None
     if model.getNSols() > 0:
         best = model.getBestSol()
         x = np.array([model.getSolVal(best, v) for v in xs])
-    bound = model.getDualbound() if status is not Status.FAILED else -INF
+    bound = model.getDualbound() if status is not SolverStatus.FAILED else -INF
     if abs(bound) >= model.infinity():
         bound = -INF if bound < 0 else INF
-    return Solution(status, x, float(bound), int(model.getNTotalNodes()))
+    return SolverResult(status, x, float(bound), int(model.getNTotalNodes()))
 
 
 def _sos1(model: Model, members: list[Any], native: bool) -> None:

@@ -22,7 +22,7 @@ from handfast.stability.search.search import INF, Search
 CAP = 2e4  # force scales
 FARTHER = 2e6, 2e8  # in turn, before it is said that no state exists up to a cap: those that move as far are tried
 FIRST = 4096  # nodes of the other search when it is helped first, then whenever it has twice as many
-STILL = 1e-6  # relative: a bound that has moved by less while the nodes became four times as many makes no progress
+STALLED = 1e-6  # relative: a bound that has moved by less while the nodes became four times as many makes no progress
 SHARE = 0.25  # of the other search's nodes, where any state is sought and no bound shows whether there is progress
 
 
@@ -79,7 +79,7 @@ class Capped:
         if not self.possible or other.stop is not None or other.nodes < self.due:
             return None
         bound = 0.0 if self.any else other.bound
-        still = len(self.before) > 1 and bound <= self.before[-2] + STILL * abs(bound)
+        still = len(self.before) > 1 and bound <= self.before[-2] + STALLED * abs(bound)
         self.before = (*self.before, bound)
         if len(self.before) > 1 and (still or other.best == INF):
             s = self.run(other.z, min((SHARE if self.any else 1.0) * self.due, node_limit), time_limit)

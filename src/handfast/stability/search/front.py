@@ -12,12 +12,11 @@ import numpy as np
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
 from handfast.core.parallel import default_jobs
-from handfast.stability import witness
-from handfast.stability.goal import NEAR_END, Goal, Point, interval
-from handfast.stability.outcome import INF, Outcome
-from handfast.stability.problem import Problem
+from handfast.stability.goal import ANY_STATE, INF, NEAR_END, Goal, Range
+from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays, exact
 from handfast.stability.search.capped import FARTHER, FIRST, Capped
+from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.proof import Proof
 from handfast.stability.search.reduced import BOXES, Reduced, reduce
 from handfast.stability.search.search import Search
@@ -25,8 +24,6 @@ from handfast.stability.search.warm_start import WarmStart
 from handfast.stability.settings import OnStep, Progress, Settings
 from handfast.stability.witness import Witness
 
-TINY = 1e-10  # magnitudes, in other forces in play, that count as none
-ZERO = 1e-9  # [N m or N] torques below this count as none
 FINER = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
 LEAST = 1e-3  # [s] in the time that is left, or this
 REPLAY = 2.0  # times the time limit, after which a proof that is being replayed is given up
@@ -37,7 +34,7 @@ PAUSE = 0.05  # [s] between two reports of progress
 
 
 def search(
-    p: Problem,
+    p: ScaledProblem,
     goal: Goal,
     settings: Settings,
     on_step: OnStep | None = None,
@@ -46,7 +43,7 @@ def search(
     guess: Sequence[Array] = (),
     before: WarmStart | None = None,
     endless: bool = False,
-    within: tuple[float, float] | None = None,
+    within: Range | None = None,
     capped: bool = True,
 ) -> Outcome:
     """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
@@ -60,7 +57,7 @@ def search(
     """
     start = time.monotonic()
     r = reduced or reduce(p, goal, endless=endless, within=within)
-    if goal is Goal.EXISTS and not (r.load.w_a.any() or r.load.f_a.any()):
+    if not goal.has_scalar and not (r.load.w_a.any() or r.load.f_a.any()):
         guess = [np.zeros(len(r.cost))]  # nothing acts: nothing moves
 
     def beyond(value: float, nodes: int, seconds: float) -> Array | None:
@@ -82,7 +79,7 @@ def search(
         left = max(settings.time_limit - (time.monotonic() - start), LEAST)
         out = _to_cap(beside, goal, replace(settings, time_limit=left), out)
     if beside.better is not None and out.stop is not Stop.COMPLETE:
-        value, state = r.scale * r.scalar(beside.better), witness.as_witness(r, r.point(beside.better))
+        value, state = r.scale * r.scalar(beside.better), r.witness(r.point(beside.better))
         if state.valid and value < out.value:
             out = replace(out, value=value, witness=state, point=beside.better)
     return replace(out, seconds=time.monotonic() - start)
@@ -98,7 +95,7 @@ def _better(a: Outcome, b: Outcome) -> Outcome:
 
 
 def _search(
-    p: Problem,
+    p: ScaledProblem,
     goal: Goal,
     settings: Settings,
     on_step: OnStep | None,
@@ -137,7 +134,7 @@ def _search(
                     shown = time.monotonic()
                     bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap, points say more
                     nodes = spent + state.nodes
-                    on_step(Progress(*interval(p, goal, state.best * r.scale, bound * r.scale), nodes))
+                    on_step(Progress(*goal.bounds(p, state.best * r.scale, bound * r.scale), nodes))
                 left = settings.time_limit - (time.monotonic() - start)
                 other = beside.watch(state, settings.node_limit - spent, left) if beside else None
                 if other:
@@ -154,9 +151,7 @@ def _search(
 def _gaps(r: Reduced, goal: Goal, settings: Settings) -> tuple[float, float]:
     """Relative and absolute distance of value and bound at which a search may stop."""
     gap = settings.gap * (1 - 2 * INSIDE)  # leaves room for rounding, and for a witness inside
-    if goal is Goal.SMALLEST_PRELOAD:
-        return gap / (1 + gap), 0.0
-    return gap, TINY if goal is Goal.LARGEST else ZERO / r.scale
+    return goal.gaps(gap, r.scale)
 
 
 def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> Outcome:
@@ -194,23 +189,22 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
     """What a finished search has shown; start, spent: when it began, and nodes that other searches had."""
     r = s.reduced
     stop = s.stop or Stop.INTERRUPTED
-    found = None if s.z is None else witness.as_witness(r, r.point(s.z))
+    found = None if s.z is None else r.witness(r.point(s.z))
     z, best, refused = s.z, s.best, found is not None and not found.valid
-    if refused and goal is Goal.LARGEST:  # all forces may vanish there, but for rounding
+    if refused and goal.maximised:  # all forces may vanish there, but for rounding
         below = _just_below(r.p, s.best, settings)
         if below is not None:
             z, best, found, refused = None, s.best * (1 - INSIDE * settings.gap), below, False
     if refused:  # the judge has the last word; everything the search cut off by it is open again
         return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, spent + s.nodes)
-    torques = goal in (Goal.SMALLEST_MAX_TORQUE, Goal.SMALLEST_SUM_TORQUE)
     value = best * r.scale
     shown = float(s.hi[0]) if found else INF
     bound = r.scale * (shown if stop is Stop.COMPLETE else s.close())
     first = float(r.lo[0]) if r.objective == arrays.SCALAR else -INF
     at_end = found is not None and first > -INF and s.best <= first + NEAR_END * abs(first)
-    if goal is Goal.EXISTS:
+    if not goal.has_scalar:
         value, bound = (0.0, -INF) if found else (INF, bound)
-    elif torques and found and s.best <= s.gap_absolute:
+    elif goal.seeks_commands and found and s.best <= s.gap_absolute:
         stop, bound = Stop.COMPLETE, -INF  # nothing is less than none, which needs no proof
     elif at_end:
         bound = -INF  # unbounded, as far as the search goes
@@ -223,7 +217,7 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
         if proof is None:
             late = time.monotonic() - start > settings.time_limit
             stop, bound = (Stop.TIME if late else Stop.NUMERICAL) if stop is Stop.COMPLETE else stop, -INF
-    if torques:
+    if goal.seeks_commands:
         bound = max(bound, 0.0)
     if found and z is not None and r.objective == arrays.SCALAR and not at_end:
         z, value, found = _inside(r, z, value, settings.gap, found)
@@ -232,16 +226,16 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
     )
 
 
-def _just_below(p: Problem, best: float, settings: Settings) -> Witness | None:
+def _just_below(p: ScaledProblem, best: float, settings: Settings) -> Witness | None:
     """A witness a little inside the largest magnitude -best, found anew."""
     s = -best * (1 - INSIDE * settings.gap)
     return _state_at(p, s, replace(settings, verify=False)) if s > 0 else None
 
 
-def _state_at(p: Problem, s: float, settings: Settings) -> Witness | None:
+def _state_at(p: ScaledProblem, s: float, settings: Settings) -> Witness | None:
     """A witness that resists the scaled magnitude s."""
-    there = replace(p, w0=p.w0 + s * p.direction, wrench=p.wrench + s * p.stretch * p.along)
-    return search(there, Goal.EXISTS, settings).witness
+    there = replace(p, w0=p.w0 + s * p.direction, wrench=p.wrench + s * p.direction_scale * p.along)
+    return search(there, ANY_STATE, settings).witness
 
 
 def _beyond(r: Reduced, value: float, settings: Settings) -> Array | None:
@@ -250,18 +244,18 @@ def _beyond(r: Reduced, value: float, settings: Settings) -> Array | None:
     Bounds up to a cap on motions are tried by it: what moves more may resist more.
     """
     p, little = r.p, INSIDE * settings.gap
-    if r.goal is Goal.LARGEST:
+    if r.goal.maximised:
         s = -value + little * abs(value)
-    elif r.goal is Goal.SMALLEST_PRELOAD and value > 0:
+    elif r.goal.homogeneous and value > 0:
         s = (1 + little) / value
     else:
         return None
     found = _state_at(p, s, settings)
     if found is None:
         return None
-    if r.goal is Goal.SMALLEST_PRELOAD:
-        return r.z(Point(*p.scaled(found.state.scaled(1 / s)), 1 / s))
-    return r.z(Point(*p.scaled(found.state), s))
+    if r.goal.homogeneous:
+        return r.z(p.scaled(found.state.scaled(1 / s), 1 / s))
+    return r.z(p.scaled(found.state, s))
 
 
 def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, bool]:
@@ -300,5 +294,5 @@ def _inside(r: Reduced, z: Array, value: float, gap: float, found: Witness) -> t
     inner = exact.solve(near, z, hold=True)
     if inner is None:
         return z, value, found
-    w = witness.as_witness(r, r.point(inner))
+    w = r.witness(r.point(inner))
     return (inner, value * (1 + little), w) if w.valid else (z, value, found)

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Indices
-from handfast.stability import asked
-from handfast.stability.certify import verify as checker
+from handfast.stability.certify import checker
 from handfast.stability.certify.certificate import Certificate, Columns, Row
-from handfast.stability.goal import Goal
+from handfast.stability.posed import Posed
 from handfast.stability.search import arrays, rows
 from handfast.stability.search.arrays import Pool
 from handfast.stability.search.reduced import Reduced
@@ -43,15 +42,13 @@ class Proof:
         if np.isin(status, (arrays.UNRESOLVED, arrays.WAITING)).any():
             return None
         p = r.p
-        # of the smallest preload everything is homogeneous: w = d is the search's w = stretch d, divided
-        homogeneous = r.goal is Goal.SMALLEST_PRELOAD
-        force = p.force / p.stretch if homogeneous else p.force
-        unit = 1.0 / p.stretch if homogeneous else r.scale
+        # where everything is homogeneous, w = d is the search's w = direction_scale d, divided
+        force, unit = r.goal.force_unit(p), r.goal.scalar_unit(p)
         scalar = None
         if r.objective:
-            lo = float(r.lo[0])
-            scalar = (-hi * p.stretch, -lo * p.stretch) if r.goal is Goal.LARGEST else (lo * unit, hi * unit)
-        question = asked.question(p, r.goal)
+            first, last = r.goal.scalar_range(float(r.lo[0]), hi)
+            scalar = first * unit, last * unit
+        question = Posed(p, r.goal).question
         leaves = np.flatnonzero(status == arrays.EMPTY)
         start, entries = self._rows(leaves, Columns.of(question), force, unit)
         part, m = pool.part, len(p.mu)
@@ -115,14 +112,14 @@ class Proof:
         a, b = (ids >> rows.ANGLE) & (2 * rows.TURN - 1), ids & (2 * rows.TURN - 1)
 
         # a scaled row is the row in the grasp's units over the force scale, times these
-        lever = np.abs(p.command(np.ones(len(p.R)))) / p.force
+        arms = p.command_units / p.force
         actuator = (kind >= rows.T_UP) & (kind <= rows.S_UP)
         if actuator.any():
             moved = r.active[index[actuator]]
             of = kind[actuator]
             effort = p.force / r.scale
-            forces = np.where(of <= rows.E_DOWN, 1 / lever[moved], effort)
-            y[actuator] *= np.where(of <= rows.T_DOWN, lever[moved], forces)
+            forces = np.where(of <= rows.E_DOWN, 1 / arms[moved], effort)
+            y[actuator] *= np.where(of <= rows.T_DOWN, arms[moved], forces)
             index[actuator] = moved
         energy = kind == rows.ENERGY
         nodes, index[energy] = np.unique(ids[energy] & rows.NODE, return_inverse=True)
@@ -138,15 +135,15 @@ class Proof:
         for k, (name, i) in enumerate(r.names):
             if name == "scalar":
                 columns[k] = at.scalar.start
-                factors[k] = p.force / (p.stretch if r.goal is Goal.LARGEST else r.scale)
+                factors[k] = force / unit
             elif name == "normal":
                 columns[k] = at.c.start + 3 * i
             elif name == "force":
-                columns[k], factors[k] = at.f.start + i, 1 / lever[i]
+                columns[k], factors[k] = at.f.start + i, 1 / arms[i]
             elif name == "effort":
                 columns[k], factors[k] = at.e.start + i, p.force / r.scale
         plain = (kind == rows.PLAIN_UP) | (kind == rows.PLAIN_DOWN)
-        if r.goal is Goal.LARGEST:
+        if r.goal.maximised:
             flip = plain & (index == 0)
         y[plain] *= factors[index[plain]]
         index[plain] = columns[index[plain]]

@@ -12,21 +12,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import table, whole_vectors
-from handfast.stability.goal import STRONGEST, Goal, Load, Point, load, search_end
-from handfast.stability.problem import Problem
+from handfast.stability.goal import AffineLoad, Goal, Range
+from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.search import arrays
+from handfast.stability.witness import Witness
 
-FARTHER = 1e6  # times the usual end of magnitudes, where nothing is resisted up to there
-HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy needs an end
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
-RANK = 1e-10
+RANK = 1e-10  # relative: singular values below are none
+SOLVED = 1e-9  # (scaled) what (1) and (2) may miss where they can be met
+TURNS = 1e-12  # (scaled) motion from which an actuator turns
 # (scaled) motions and forces of the box where programs begin: far enough for most, near enough for rounding. What is
 # near for one grasp is far for another, so that a search whose programs break down begins again with the next.
 BOXES = (1e4, 1e5), (1e5, 1e3), (1e6, 1e5), (1e4, 1e3), (1e5, 1e5)
@@ -82,9 +83,9 @@ class Reduced:
             another disturbance of the same grasp is cheap, see `redirected`.
     """
 
-    p: Problem
+    p: ScaledProblem
     goal: Goal
-    load: Load
+    load: AffineLoad
     active: Indices
     kept: Indices
     driven: Mask
@@ -109,20 +110,20 @@ class Reduced:
     constants: Array
     cap: float = np.inf
 
-    def redirected(self, p: Problem) -> Reduced:
+    def redirected(self, p: ScaledProblem) -> Reduced:
         """The same grasp and scales, the smallest preload, with another disturbance in `p`."""
-        load_ = load(p, self.goal)
+        load = self.goal.scaled_load(p)
         h = np.zeros(self.solve.shape[1])
-        h[:6] = -load_.w_a
+        h[:6] = -load.w_a
         y0 = self.solve @ h
         lo = self.lo.copy()
-        lo[0] = 1.0 / search_end(p)
+        lo[0] = self.goal.search_range(p)[0]
         D, DT = self.D, self.DT
         if self.names and self.names[-1][0] == "energy":
             D, DT = D.copy(), DT.copy()
-            D[-2, :6] = DT[:6, len(D) - 2] = load_.w_a
+            D[-2, :6] = DT[:6, len(D) - 2] = load.w_a
         off = padded(self.values @ y0 + self.constants)
-        return replace(self, p=p, load=load_, y0=y0, D=D, DT=DT, off=off, lo=lo)
+        return replace(self, p=p, load=load, y0=y0, D=D, DT=DT, off=off, lo=lo)
 
     def beginning(self, box: tuple[float, float]) -> Reduced:
         """The same with another of `BOXES`."""
@@ -174,7 +175,7 @@ class Reduced:
         sizes = *self.sizes, len(self.cost), self.CT.shape[1], self.DT.shape[1], len(self.lo)
         return arrays.WorkspaceLayout.of(*sizes)
 
-    def point(self, z: Array) -> Point:
+    def point(self, z: Array) -> ScaledPoint:
         """The model's scaled unknowns."""
         p = self.p
         m, _, a, k = p.sizes
@@ -188,30 +189,40 @@ class Reduced:
         if len(rest) + k:
             out = pseudo_inverse(np.vstack([p.R[rest], p.A]).T) @ (p.J.T @ c - p.R.T @ f)
             f[rest], coupling = out[: len(rest)], np.array(out[len(rest) :])
-        sigma = float(y[3 * m + len(self.kept)]) if self.objective else 0.0
-        return Point(x[:6], x[6:], c, f, coupling, sigma)
+        scalar = float(y[3 * m + len(self.kept)]) if self.objective else 0.0
+        return ScaledPoint(x[:6], x[6:], c, f, coupling, scalar)
 
     def scalar(self, z: Array) -> float:
-        """The scalar of the question, its objective if a magnitude is sought, at reduced unknowns z (n,)."""
-        return float(
-            self.C[3 * self.sizes[0] + 2 * self.sizes[1]] @ z + self.off[3 * self.sizes[0] + 2 * self.sizes[1]]
-        )
+        """The objective at reduced unknowns z (n,), where a magnitude is sought."""
+        k = 3 * self.sizes[0] + 2 * self.sizes[1]
+        return float(self.C[k] @ z + self.off[k])
 
-    def z(self, x: Point) -> Array:
+    def z(self, x: ScaledPoint) -> Array:
         """The reduced unknowns nearest to a point of the model."""
         y = np.r_[x.c, x.f[self.kept]]
         if self.objective:
-            y = np.r_[y, x.sigma]
+            y = np.r_[y, x.scalar]
         y = np.r_[y, np.zeros(len(self.y0) - len(y))]
         return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
 
+    def witness(self, x: ScaledPoint) -> Witness:
+        """A scaled point in the grasp's units, with the disturbance and the commands it belongs to.
+
+        The commands are those of the load at its scalar, or what the driven actuators turned out to need.
+        """
+        p, load = self.p, self.load
+        turns = p.R @ x.q > TURNS
+        f_c = np.where(p.driven, np.where(turns, np.maximum(x.f, 0.0), 0.0), load.f_a + x.scalar * load.f_b)
+        wrench = p.force * (load.w_a + x.scalar * load.w_b) / p.lengths
+        return Witness(p.grasp.with_preload(p.command(f_c)), wrench, p.unscale(x), p.eta, p.mdp)
+
 
 def reduce(
-    p: Problem,
+    p: ScaledProblem,
     goal: Goal,
     *,
     endless: bool = False,
-    within: tuple[float, float] | None = None,
+    within: Range | None = None,
     cap: float = np.inf,
 ) -> Reduced:
     """Eliminate the linear equations of a question.
@@ -225,115 +236,37 @@ def reduce(
         within: (lo, hi) bounds of what is made small (lambda, or -s), instead of those of a search; hi may be inf.
         cap: virtual motions beyond as many force scales are not searched.
     """
-    m, l, a, _ = p.sizes
     endless = endless if within is None else not np.isfinite(within[1])
-    drive, moves, load_ = p.driven, p.moves, load(p, goal)
-    active = np.flatnonzero(moves)
-    keep = moves | np.isfinite(p.f_max)
-    kept = np.flatnonzero(keep)
-    objective = {
-        Goal.EXISTS: arrays.ANY,
-        Goal.SMALLEST_PRELOAD: arrays.SCALAR,
-        Goal.LARGEST: arrays.SCALAR,
-        Goal.SMALLEST_MAX_TORQUE: arrays.LARGEST_EFFORT,
-        Goal.SMALLEST_SUM_TORQUE: arrays.SUM_OF_EFFORTS,
-    }[goal]
-    efforts = np.flatnonzero(drive) if objective == arrays.SUM_OF_EFFORTS else np.zeros(0, int)
-    lever = np.abs(p.command(np.ones(a)))  # N m or N per scaled actuator force
-    scale = float(lever[drive].max()) if drive.any() else 1.0
-
-    Q = null_space(np.vstack([p.A, p.R[~moves]])) if l else np.zeros((0, 0))
-    M = np.zeros((6 + l, 6 + Q.shape[1]))
-    M[:6, :6], M[6:, 6:] = np.eye(6), Q
-    Z = Q if (keep == moves).all() else null_space(np.vstack([p.A, p.R[~keep]]))
-
-    C, F, S = 3 * m, 3 * m + len(kept), 3 * m + len(kept) + (objective > 0)
-    ny = S + len(efforts)
-    E, h = np.zeros((6 + Z.shape[1] + (len(efforts) > 0), ny)), np.zeros(6 + Z.shape[1] + (len(efforts) > 0))
-    E[:6, :C], h[:6] = p.G, -load_.w_a  # (1)
-    if objective == arrays.SCALAR:
-        E[:6, F] = load_.w_b
-    E[6 : 6 + Z.shape[1], :C] = Z.T @ p.J.T  # (2)
-    E[6 : 6 + Z.shape[1], C:F] = -Z.T @ p.R[kept].T
-    if len(efforts):
-        E[-1, F], E[-1, S:] = 1.0, -1.0
+    load, at = goal.scaled_load(p), _Forces.of(p, goal)
+    active = np.flatnonzero(p.moves)
+    M = _motions(p)
+    E, h = _balances(p, load, at, M)
     U, sv, Vt = np.linalg.svd(E)
     rank = int((sv > RANK * sv[0]).sum())
     inverse = (Vt[:rank].T / sv[:rank]) @ U[:, :rank].T
     y0 = inverse @ h
     Y = Vt[rank:].T
-    solvable = bool(np.abs(E @ y0 - h).max() < 1e-9)
-
-    plain: list[tuple[str, int, float, float]] = []  # what is bounded, which, and between what
-    if goal is Goal.SMALLEST_PRELOAD:
-        last = FARTHER if endless else 1.0
-        plain.append(("scalar", 0, 1.0 / (last * search_end(p)), np.inf if endless else HIGHEST))
-    elif goal is Goal.LARGEST:
-        plain.append(("scalar", 0, -np.inf if endless else -search_end(p), 0.0))
-    elif objective:
-        plain.append(("scalar", 0, 0.0, np.inf if endless else STRONGEST))
-    if within is not None:
-        plain[0] = ("scalar", 0, *within)
-    if np.isfinite(p.cn_max):
-        plain += [("normal", i, 0.0, p.cn_max) for i in range(m)]
-    plain += [("force", int(i), -p.f_max[i], p.f_max[i]) for i in kept if np.isfinite(p.f_max[i])]
-    plain += [("effort", int(i), 0.0, np.inf if endless else STRONGEST) for i in efforts]
-    limits = len(plain)
-    if cap < np.inf:
-        plain += [("motion", i, -cap, cap) for i in range(6 + l)]
-    if p.mdp and goal in (Goal.EXISTS, Goal.SMALLEST_PRELOAD) and not endless:  # for `rows.ENERGY`
-        plain += [("energy", 0, -np.inf, np.inf), ("energy", 1, -np.inf, np.inf)]
-
-    # base values: forces as functions of y, and their constants, motions as functions of (r, q)
-    first = C + 2 * len(active)
-    V, constants = np.zeros((first + limits, ny)), np.zeros(first + limits)
-    V[:C, :C] = np.eye(C)
-    force = {int(i): C + k for k, i in enumerate(kept)}
-    effort = {int(i): S + k for k, i in enumerate(efforts)}
-    for i, excess in zip(active.tolist(), range(C, first, 2), strict=True):
-        V[excess, force[i]] = 1.0
-        if drive[i]:
-            V[excess + 1, effort.get(i, F)], V[excess + 1, force[i]] = 1.0, -lever[i] / scale
-        else:
-            constants[excess] = -load_.f_a[i]
-            if objective:
-                V[excess, F] -= load_.f_b[i]
-    for k, (kind, i, _, _) in enumerate(plain[:limits], start=first):
-        if kind == "scalar":
-            V[k, F] = -1.0 if goal is Goal.LARGEST else 1.0
-        else:
-            V[k, 3 * i if kind == "normal" else force[i] if kind == "force" else effort[i]] = 1.0
-    D = np.zeros((C + len(active) + len(plain) - limits, 6 + l))
-    D[:C, :6], D[:C, 6:] = p.G.T, -p.J
-    D[C : C + len(active), 6:] = p.R[active]
-    if cap < np.inf:
-        D[C + len(active) : C + len(active) + 6 + l] = np.eye(6 + l)
-    if plain and plain[-1][0] == "energy":
-        D[-2:, :6] = load_.w_a, load_.w_b
-        D[-2:, 6:] = load_.f_a @ p.R, load_.f_b @ p.R
+    of_forces = _force_bounds(p, goal, at, endless, within)
+    of_motions = _motion_bounds(p, goal, endless, cap)
+    plain = of_forces + of_motions
+    V, constants = _force_rows(p, goal, load, at, active, of_forces)
+    D = _motion_rows(p, load, active, of_motions)
     nu, nv = M.shape[1], Y.shape[1]
     forces, motions = V @ Y, D @ M
-
-    lo, hi = np.array([b[2] for b in plain]), np.array([b[3] for b in plain])
-    cost = np.empty(nu + nv)
-    cost[:nu] = 0.1 * PREFERENCE * motions[C : C + len(active)].sum(axis=0)
-    cost[nu:] = PREFERENCE * forces[0:C:3].sum(axis=0)
-    if objective:
-        cost[nu:] += forces[first]
-    cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * _NOISE[: len(cost)]
+    cost = _cost(at, len(active), forces, motions)
     box = np.repeat(BOXES[0], [nu, nv])
     if cap < np.inf:
-        top = max(abs(v) for v in plain[0][2:]) if objective else 0.0
-        c, f = _largest_forces(p, load_, cap, top, scale)
-        y = np.concatenate([c, f[kept], np.full(ny - C - len(kept), top)])
+        top = max(abs(plain[0].lo), abs(plain[0].hi)) if at.objective else 0.0
+        c, f = _largest_forces(p, load, cap, top)
+        y = np.concatenate([c, f[at.kept], np.full(at.size - at.contacts - len(at.kept), top)])
         box = np.concatenate([np.abs(M).sum(axis=0) * cap, np.abs(Y).T @ (y + np.abs(y0))])
     return Reduced(
         p=p,
         goal=goal,
-        load=load_,
+        load=load,
         active=active,
-        kept=kept,
-        driven=drive[active],
+        kept=at.kept,
+        driven=p.driven[active],
         M=M,
         Y=Y,
         y0=y0,
@@ -342,14 +275,14 @@ def reduce(
         CT=padded(forces.T),
         DT=padded(motions.T),
         off=padded(V @ y0 + constants),
-        lo=lo,
-        hi=hi,
-        names=tuple((b[0], b[1]) for b in plain),
+        lo=np.array([b.lo for b in plain]),
+        hi=np.array([b.hi for b in plain]),
+        names=tuple((b.kind, b.which) for b in plain),
         cost=cost,
         box=box,
-        objective=objective,
-        scale=scale,
-        solvable=solvable,
+        objective=at.objective,
+        scale=p.command_unit,
+        solvable=bool(np.abs(E @ y0 - h).max() < SOLVED),
         solve=inverse,
         values=V,
         constants=constants,
@@ -357,16 +290,157 @@ def reduce(
     )
 
 
-def _largest_forces(p: Problem, load_: Load, cap: float, top: float, scale: float) -> tuple[Array, Array]:
+class _PlainBound(NamedTuple):
+    """lo <= a plain base value <= hi; kind, which: what it bounds, and which of these."""
+
+    kind: str
+    which: int
+    lo: float
+    hi: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Forces:
+    """Where the forces are in y = (c, f of the kept actuators, scalar, one effort per driven actuator).
+
+    Attributes:
+        contacts: 3m, the length of c. scalar: place of the scalar, where there is one. size: the length of y.
+        kept: (.,) actuators whose force is an unknown. efforts: (.,) actuators with an effort of their own.
+        force, effort: place by actuator.
+        objective: what is sought, a constant of `arrays`.
+    """
+
+    contacts: int
+    scalar: int
+    size: int
+    kept: Indices
+    efforts: Indices
+    force: dict[int, int]
+    effort: dict[int, int]
+    objective: int
+
+    @classmethod
+    def of(cls, p: ScaledProblem, goal: Goal) -> _Forces:
+        kept = np.flatnonzero(p.moves | np.isfinite(p.f_max))
+        efforts = np.flatnonzero(p.driven) if goal.sums_commands else np.zeros(0, int)
+        contacts = 3 * len(p.mu)
+        scalar = contacts + len(kept)
+        first = scalar + goal.has_scalar
+        force = {int(i): contacts + k for k, i in enumerate(kept)}
+        effort = {int(i): first + k for k, i in enumerate(efforts)}
+        objective = arrays.SCALAR if goal.has_scalar else arrays.ANY
+        if goal.seeks_commands:
+            objective = arrays.SUM_OF_EFFORTS if goal.sums_commands else arrays.LARGEST_EFFORT
+        return cls(contacts, scalar, first + len(efforts), kept, efforts, force, effort, objective)
+
+
+def _motions(p: ScaledProblem) -> Array:
+    """(6 + l, nu) basis of the motions that couplings and locked actuators leave."""
+    l = p.J.shape[1]
+    Q = null_space(np.vstack([p.A, p.R[~p.moves]])) if l else np.zeros((0, 0))
+    M = np.zeros((6 + l, 6 + Q.shape[1]))
+    M[:6, :6], M[6:, 6:] = np.eye(6), Q
+    return M
+
+
+def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tuple[Array, Array]:
+    """E y = h: (1), (2) against admissible motions of the joints, and the sum of efforts if sought; M: `_motions`."""
+    kept = p.moves | np.isfinite(p.f_max)
+    Z = M[6:, 6:] if (kept == p.moves).all() else null_space(np.vstack([p.A, p.R[~kept]]))
+    joints = slice(6, 6 + Z.shape[1])
+    height = joints.stop + (len(at.efforts) > 0)
+    E, h = np.zeros((height, at.size)), np.zeros(height)
+    E[:6, : at.contacts], h[:6] = p.G, -load.w_a  # (1)
+    if at.objective == arrays.SCALAR:
+        E[:6, at.scalar] = load.w_b
+    E[joints, : at.contacts] = Z.T @ p.J.T  # (2)
+    E[joints, at.contacts : at.scalar] = -Z.T @ p.R[at.kept].T
+    if len(at.efforts):
+        E[-1, at.scalar], E[-1, at.scalar + 1 :] = 1.0, -1.0
+    return E, h
+
+
+def _force_bounds(p: ScaledProblem, goal: Goal, at: _Forces, endless: bool, within: Range | None) -> list[_PlainBound]:
+    """Bounds of the objective, which comes first, and of forces."""
+    lo, hi = within or goal.search_range(p, endless=endless) if goal.has_scalar else (0.0, 0.0)
+    plain = [_PlainBound("scalar", 0, lo, hi)] if goal.has_scalar else []
+    if np.isfinite(p.cn_max):
+        plain += [_PlainBound("normal", i, 0.0, p.cn_max) for i in range(len(p.mu))]
+    plain += [_PlainBound("force", int(i), -p.f_max[i], p.f_max[i]) for i in at.kept if np.isfinite(p.f_max[i])]
+    most = goal.search_range(p, endless=endless)[1] if len(at.efforts) else 0.0
+    return plain + [_PlainBound("effort", int(i), 0.0, most) for i in at.efforts]
+
+
+def _motion_bounds(p: ScaledProblem, goal: Goal, endless: bool, cap: float) -> list[_PlainBound]:
+    """Bounds of motions, if they have a cap, and the places of the two parts of the balance of energy."""
+    plain = [_PlainBound("motion", i, -cap, cap) for i in range(6 + p.J.shape[1])] if cap < np.inf else []
+    if p.mdp and goal.bounds_energy and not endless:  # for `rows.ENERGY`
+        plain += [_PlainBound("energy", i, -np.inf, np.inf) for i in range(2)]
+    return plain
+
+
+def _force_rows(
+    p: ScaledProblem, goal: Goal, load: AffineLoad, at: _Forces, active: Indices, bounds: list[_PlainBound]
+) -> tuple[Array, Array]:
+    """Base values that are forces, V y + constants: c, complementarity slack and effort of active actuators, bounds."""
+    C, units = at.contacts, p.command_units / p.command_unit
+    first = C + 2 * len(active)
+    V, constants = np.zeros((first + len(bounds), at.size)), np.zeros(first + len(bounds))
+    V[:C, :C] = np.eye(C)
+    for i, slack in zip(active.tolist(), range(C, first, 2), strict=True):
+        V[slack, at.force[i]] = 1.0
+        if p.driven[i]:
+            V[slack + 1, at.effort.get(i, at.scalar)] = 1.0
+            V[slack + 1, at.force[i]] = -units[i]
+        else:
+            constants[slack] = -load.f_a[i]
+            if at.objective:
+                V[slack, at.scalar] -= load.f_b[i]
+    for k, (kind, i, _, _) in enumerate(bounds, start=first):
+        if kind == "scalar":
+            V[k, at.scalar] = goal.objective(1.0)
+        else:
+            V[k, 3 * i if kind == "normal" else at.force[i] if kind == "force" else at.effort[i]] = 1.0
+    return V, constants
+
+
+def _motion_rows(p: ScaledProblem, load: AffineLoad, active: Indices, bounds: list[_PlainBound]) -> Array:
+    """(., 6 + l) base values that are motions over (r, q): d, t of the active actuators, bounds."""
+    C, l = 3 * len(p.mu), p.J.shape[1]
+    first = C + len(active)
+    D = np.zeros((first + len(bounds), 6 + l))
+    D[:C, :6], D[:C, 6:] = p.G.T, -p.J
+    D[C:first, 6:] = p.R[active]
+    if bounds and bounds[0].kind == "motion":
+        D[first : first + 6 + l] = np.eye(6 + l)
+    if bounds and bounds[-1].kind == "energy":
+        D[-2:, :6] = load.w_a, load.w_b
+        D[-2:, 6:] = load.f_a @ p.R, load.f_b @ p.R
+    return D
+
+
+def _cost(at: _Forces, active: int, forces: Array, motions: Array) -> Array:
+    """(n,) the objective over z, small forces and motions preferred; forces, motions: base values over z."""
+    C, nu = at.contacts, motions.shape[1]
+    cost = np.empty(nu + forces.shape[1])
+    cost[:nu] = 0.1 * PREFERENCE * motions[C : C + active].sum(axis=0)
+    cost[nu:] = PREFERENCE * forces[0:C:3].sum(axis=0)
+    if at.objective:
+        cost[nu:] += forces[C + 2 * active]
+    cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * _NOISE[: len(cost)]
+    return cost
+
+
+def _largest_forces(p: ScaledProblem, load: AffineLoad, cap: float, top: float) -> tuple[Array, Array]:
     """(3m,) and (a,) bounds of |c| and |f| for motions up to a cap, an objective up to `top`.
 
     c_n <= |d_n|, and by energy sum c_n^2 <= w . r + f_c . t where friction obeys the dissipation principle.
     """
     cn = (np.abs(p.G[:, 0::3]).sum(axis=0) + np.abs(p.J[0::3]).sum(axis=1)) * cap
     if p.mdp:
-        sought = top * scale / np.abs(p.command(np.ones(len(p.R))))
-        command = np.where(p.driven, sought, load_.f_a + top * load_.f_b)
-        force = np.abs(load_.w_a) + top * np.abs(load_.w_b)
+        sought = top * p.command_unit / p.command_units
+        command = np.where(p.driven, sought, load.f_a + top * load.f_b)
+        force = np.abs(load.w_a) + top * np.abs(load.w_b)
         cn = np.minimum(cn, np.sqrt((force.sum() + command @ np.abs(p.R).sum(axis=1)) * cap))
     cn = np.minimum(cn, p.cn_max)
     c = np.column_stack([cn, p.mu * cn, p.mu * cn]).reshape(-1)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from handfast.core.arrays import Array
-from handfast.stability.certify import farkas, leaf_rows, verify
+from handfast.stability.certify import checker, leaf_rows
 from handfast.stability.certify.certificate import (
     ROW_ARRAYS,
     TURN,
@@ -24,6 +24,7 @@ from handfast.stability.certify.certificate import (
     Integers,
     Row,
 )
+from handfast.stability.certify.leaf_systems import LeafSystems, SharedSystem
 
 TANGENTS = 8  # directions, besides those that the leaf's own ray has
 AWAY = 1e-3  # from 0, in rays whose contradiction is 1
@@ -32,7 +33,7 @@ AWAY = 1e-3  # from 0, in rays whose contradiction is 1
 def repaired(certificate: Certificate, leaves: Sequence[int]) -> Certificate:
     """The certificate with other rays for these leaves, where there are better ones."""
     c = certificate
-    cases, system, ends = verify.leaf_cases(c), farkas.System.of(c.question), leaf_rows.bounds(c.question, c.scalar)
+    cases, system, ends = checker.leaf_cases(c), SharedSystem.of(c.question), leaf_rows.bounds(c.question, c.scalar)
     found = {leaf: _ray(c, leaf, cases[leaf], system, *ends) for leaf in leaves}
     parts: list[Array | Integers] = []
     counts = np.diff(c.start)
@@ -49,7 +50,7 @@ def repaired(certificate: Certificate, leaves: Sequence[int]) -> Certificate:
 
 
 def _ray(
-    c: Certificate, leaf: int, case: Integers, system: farkas.System, lo: Array, hi: Array
+    c: Certificate, leaf: int, case: Integers, system: SharedSystem, lo: Array, hi: Array
 ) -> tuple[Array | Integers, ...] | None:
     """Kind, index, a, b, multiplier of the rows of a better ray; None if there is none.
 
@@ -66,12 +67,12 @@ def _ray(
         b=b,
         multiplier=np.zeros(len(kind)),
     )
-    allowed = verify.legal(some, np.repeat(case[None], len(kind), axis=0), lo, hi)
+    allowed = checker.legal(some, np.repeat(case[None], len(kind), axis=0), lo, hi)
     kept = {name: getattr(some, name)[allowed] for name in ROW_ARRAYS[1:]}
     some = replace(some, start=np.array([0, int(allowed.sum())]), **kept)
     count = len(some.kind)
     rows = leaf_rows.rows_of(some, np.repeat(case[None, :, 0], count, axis=0), lo, hi)
-    leaves = farkas.Leaves.of(some, rows, system, case[None], np.array([0]), whole=True)  # v has to follow from y
+    leaves = LeafSystems.of(some, rows, system, case[None], np.array([0]), whole=True)  # v has to follow from y
     B, right, free = leaves.B[0], leaves.b[0], leaves.free[0]
     alive = (B != 0).any(axis=0)
     strict = np.flatnonzero(~free & ((B != 0).any(axis=1) | (right != 0)))
@@ -95,13 +96,13 @@ def _ray(
         return None
     w = (found.x[:K] / leaves.unit[0])[:count]
     w = np.where(free[:count], w, np.maximum(w, 0.0))
-    kinds = np.array([OTHER.get(int(k), int(k)) if y < 0 else int(k) for k, y in zip(some.kind, w, strict=True)])
+    kinds = np.array([OPPOSITE.get(int(k), int(k)) if y < 0 else int(k) for k, y in zip(some.kind, w, strict=True)])
     used = w != 0
     return tuple(x[used] for x in (kinds, some.index, some.a, some.b, np.abs(w)))
 
 
 # the other inequality of an equation
-OTHER = {
+OPPOSITE = {
     int(x): int(y)
     for p, q in (
         (Row.GAP_UP, Row.GAP_DOWN),
@@ -145,7 +146,7 @@ def _candidates(
     known = set(rows)
     for r in range(c.start[leaf], c.start[leaf + 1]):
         row = int(c.kind[r]), int(c.index[r]), int(c.a[r]), int(c.b[r])
-        if row not in known and (OTHER.get(row[0], row[0]), *row[1:]) not in known:
+        if row not in known and (OPPOSITE.get(row[0], row[0]), *row[1:]) not in known:
             rows.append(row)
     kind, index, a, b = np.array(rows, dtype=np.int64).T
     return kind, index, a, b

@@ -21,7 +21,6 @@ from handfast.stability.certify.certificate import (
     ActuatorState,
     Certificate,
     ContactState,
-    Goal,
     Integers,
     Question,
     Row,
@@ -37,7 +36,7 @@ UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
 
 
 @dataclass(frozen=True)
-class Verification:
+class CheckedCertificate:
     """What the checker found.
 
     Attributes:
@@ -58,11 +57,13 @@ class Verification:
     cap: float | None = None
 
 
-class Refused(Exception):
+class BadCertificate(Exception):
     """Why a certificate proves nothing."""
 
 
-def verify(certificate: Certificate, known: dict[bytes, float] | None = None, until: float = np.inf) -> Verification:
+def verify(
+    certificate: Certificate, known: dict[bytes, float] | None = None, until: float = np.inf
+) -> CheckedCertificate:
     """Does the certificate prove its claim?
 
     known: leaves that this process has judged before, for another tree of the same claim; until: [s] of
@@ -79,10 +80,10 @@ def verify(certificate: Certificate, known: dict[bytes, float] | None = None, un
             else:
                 check_rows(certificate, cases, *bounds(certificate.question, certificate.scalar))
                 margins = farkas.proved_margins(certificate, cases, known, until)
-    except Refused as fault:
-        return Verification(False, leaves, -np.inf, str(fault))
+    except BadCertificate as fault:
+        return CheckedCertificate(False, leaves, -np.inf, str(fault))
     except farkas.Late:
-        return Verification(False, leaves, -np.inf, "there was no time to check it all")
+        return CheckedCertificate(False, leaves, -np.inf, "there was no time to check it all")
     bad, cap = np.flatnonzero(~(margins > 0)), None
     if certificate.cap_r is not None:
         cap = float(certificate.cap_r[:3].min())
@@ -91,11 +92,11 @@ def verify(certificate: Certificate, known: dict[bytes, float] | None = None, un
     left = np.flatnonzero(~(margins > 0))
     margin = float(np.where(np.isnan(margins), -np.inf, margins).min())
     if not len(left):
-        return Verification(True, leaves, margin, "", tuple(bad.tolist()), cap)
+        return CheckedCertificate(True, leaves, margin, "", tuple(bad.tolist()), cap)
     reason = f"leaf {left[0]} (node {certificate.leaves[left[0]]}) is not proved: margin {margins[left[0]]:.3g}"
     if certificate.capped and claim.unbounded:
         reason += f"; nothing bounds the force of {', '.join(claim.unbounded)}"
-    return Verification(False, leaves, margin, reason, tuple(bad.tolist()))
+    return CheckedCertificate(False, leaves, margin, reason, tuple(bad.tolist()))
 
 
 def _largest_cap(certificate: Certificate, cases: Integers, leaves: Integers) -> tuple[float | None, Array]:
@@ -123,7 +124,7 @@ def _largest_cap(certificate: Certificate, cases: Integers, leaves: Integers) ->
 def _force(q: Question) -> float:
     """[N] the largest force of a question: its loads and its commands at a contact."""
     commands = np.abs(q.grasp.command) / actuator_arms(q.grasp)
-    loads = [max(np.linalg.norm(w[:3]), np.linalg.norm(w[3:]) / q.grasp.size) for w in q.loads]
+    loads = [max(np.linalg.norm(w[:3]), np.linalg.norm(w[3:]) / q.grasp.size) for w in (q.load.w_a, q.load.w_b)]
     return float(max([*loads, *commands])) or 1.0
 
 
@@ -131,7 +132,7 @@ def _force(q: Question) -> float:
 
 
 def leaf_cases(certificate: Certificate) -> Integers:
-    """(L, m+a, 3) state, left and right of every part in every leaf; `Refused` if the tree has a gap."""
+    """(L, m+a, 3) state, left and right of every part in every leaf; `BadCertificate` if the tree has a gap."""
     c, m = certificate, certificate.question.grasp.m
     parent, part = c.parent.tolist(), c.part.tolist()
     change = list(zip(c.state.tolist(), c.left.tolist(), c.right.tolist(), strict=True))
@@ -140,27 +141,27 @@ def leaf_cases(certificate: Certificate) -> Integers:
     children = defaultdict(list)
     for node in range(len(parent)):
         if not (parent[node] == -1 if node == 0 else 0 <= parent[node] < node):
-            raise Refused(f"node {node} has parent {parent[node]}; the root has -1, the others an earlier node")
+            raise BadCertificate(f"node {node} has parent {parent[node]}; the root has -1, the others an earlier node")
         if node == 0:
             continue
         if not 0 <= part[node] < parts:
-            raise Refused(f"node {node} changes part {part[node]}; there are {parts}")
+            raise BadCertificate(f"node {node} changes part {part[node]}; there are {parts}")
         children[parent[node]].append(node)
         cases[node] = cases[parent[node]]
         cases[node, part[node]] = change[node]
     for node, kids in children.items():
         changed = part[kids[0]]
         if any(part[kid] != changed for kid in kids):
-            raise Refused(f"node {node} is split in several parts at once")
+            raise BadCertificate(f"node {node} is split in several parts at once")
         new = [change[kid] for kid in kids]
         fault = _split_fault(certificate.question, changed, cases[node, changed].tolist(), new)
         if fault:
             what = f"contact {changed}" if changed < m else f"actuator {changed - m}"
-            raise Refused(f"node {node}, split of {what}: {fault}")
+            raise BadCertificate(f"node {node}, split of {what}: {fault}")
     listed = c.leaves.tolist()
     if sorted(listed) != [node for node in range(len(parent)) if node not in children]:
         missing = set(range(len(parent))) - set(children) - set(listed)
-        raise Refused(
+        raise BadCertificate(
             f"node {min(missing)} is neither split nor a leaf" if missing else "a leaf is split, repeated or no node"
         )
     return cases[c.leaves]
@@ -201,7 +202,7 @@ def _split_fault(question: Question, part: int, old: list[int], new: list[tuple[
 
 
 def check_rows(certificate: Certificate, cases: Integers, lo: Array, hi: Array) -> None:
-    """`Refused` for the first row with a wrong number, an illegal multiplier, or that need not hold in its leaf.
+    """`BadCertificate` for the first row with a wrong number, an illegal multiplier, or that need not hold in its leaf.
 
     lo, hi: (n,) what is known of the unknowns, for BOUND rows.
     """
@@ -213,7 +214,7 @@ def check_rows(certificate: Certificate, cases: Integers, lo: Array, hi: Array) 
             r = int(np.flatnonzero(bad)[0])
             place = f"leaf {leaf[r]} (node {c.leaves[leaf[r]]}), row {r - c.start[leaf[r]]}"
             name = Row(c.kind[r]).name if 0 <= c.kind[r] < len(Row) else c.kind[r]
-            raise Refused(f"{place}, {name} {c.index[r]} [{c.a[r]}, {c.b[r]}]: {why}")
+            raise BadCertificate(f"{place}, {name} {c.index[r]} [{c.a[r]}, {c.b[r]}]: {why}")
 
     refuse((c.kind < 0) | (c.kind >= len(Row)), "no such kind")
     of = [c.kind <= Row.STILL_2_DOWN, c.kind <= Row.S_UP, c.kind <= Row.BOUND_DOWN]
@@ -244,7 +245,7 @@ def legal(certificate: Certificate, cases: Integers, lo: Array, hi: Array) -> Ma
     moves, commanded = state == MOVES, may_move & ~driven
     always = np.ones(len(part), dtype=bool)
     # friction takes energy by (6), (7) alone; larger commands put in more, as t >= 0
-    balanced = np.full(len(part), q.mdp and q.goal in (Goal.CHECK, Goal.SMALLEST_PRELOAD))
+    balanced = np.full(len(part), q.mdp and q.goal.bounds_energy)
     if certificate.scalar is not None and len(c.references):
         top = c.references[np.where(c.kind == Row.ENERGY, c.index, 0), m]
         balanced &= top >= certificate.scalar[1]

@@ -7,7 +7,8 @@ import pytest
 
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp
-from handfast.stability import model, problem
+from handfast.stability import model, scaled_problem
+from handfast.stability.scaled_problem import ScaledPoint
 from tests.support.problems import pinch, solved, table
 
 Y6 = np.array([0, 1.0, 0, 0, 0, 0])
@@ -17,7 +18,7 @@ Y6 = np.array([0, 1.0, 0, 0, 0, 0])
 def test_a_scaled_solution_is_a_solution(seed: int) -> None:
     """Scale a known state down, check the scaled equations, scale back: the same numbers."""
     s = solved(seed)
-    p = problem.build(s.grasp, s.wrench)
+    p = scaled_problem.build(s.grasp, s.wrench)
     c, q = s.state.c / p.force, s.state.q * p.joint_scale / p.force
     r = s.state.r * np.r_[1, 1, 1, [p.length] * 3] / p.force
     f = s.state.f / (p.force * p._actuator_scale)
@@ -25,7 +26,7 @@ def test_a_scaled_solution_is_a_solution(seed: int) -> None:
     np.testing.assert_allclose(p.J.T @ c - p.R.T @ f, 0, atol=1e-12)
     d = model.relative_motion(s.grasp, s.state.r, s.state.q).reshape(-1, 3)
     np.testing.assert_allclose(p.relative_motion(r, q), d / p.force, atol=1e-9)
-    back = p.unscale(r, q, c, f, np.zeros(0))
+    back = p.unscale(ScaledPoint(r, q, c, f, np.zeros(0)))
     np.testing.assert_allclose(back.r, s.state.r, rtol=1e-12)
     np.testing.assert_allclose(back.f, s.state.f, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(p.command(p.f_c), s.grasp.command, rtol=1e-12)
@@ -43,25 +44,25 @@ def test_a_scaled_solution_is_a_solution(seed: int) -> None:
 )
 def test_bad_wrenches(wrench: list, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        problem.build(pinch(), np.array(wrench))
+        scaled_problem.build(pinch(), np.array(wrench))
 
 
 def test_other_refusals() -> None:
     with pytest.raises(InputError, match="direction: is zero, or next to it; give a force"):
-        problem.build(pinch(), np.zeros(6), np.zeros(6))
+        scaled_problem.build(pinch(), np.zeros(6), np.zeros(6))
     with pytest.raises(InputError, match="eta: is 50 degrees; 0 to 45"):
-        problem.build(pinch(), Y6, eta=np.radians(50))
+        scaled_problem.build(pinch(), Y6, eta=np.radians(50))
     with pytest.raises(InputError, match="eta: needs the maximum dissipation principle"):
-        problem.build(pinch(), Y6, eta=0.05, mdp=False)
+        scaled_problem.build(pinch(), Y6, eta=0.05, mdp=False)
     with pytest.raises(InputError, match="force limit: is -1; a largest normal force is positive"):
-        problem.build(pinch(), Y6, force_limit=-1.0)
+        scaled_problem.build(pinch(), Y6, force_limit=-1.0)
     with pytest.raises(InputError, match="torque limit: unknown actuator 'thumb'; known: right, left"):
-        problem.build(pinch(), Y6, torque_limits={"thumb": 1.0})
+        scaled_problem.build(pinch(), Y6, torque_limits={"thumb": 1.0})
     with pytest.raises(InputError, match=r"torque limit.right: is 0; a limit is positive"):
-        problem.build(pinch(), Y6, torque_limits={"right": 0.0})
+        scaled_problem.build(pinch(), Y6, torque_limits={"right": 0.0})
 
 
 def test_one_contact_and_no_joints_are_grasps_too() -> None:
     one = Grasp([Contact(np.zeros(3), np.array([0, 0, 1.0]), 0.5)])
-    assert problem.build(one, np.array([0, 0, -1.0, 0, 0, 0])).sizes == (1, 0, 0, 0)
-    assert problem.build(table(), np.array([0, 0, -1.0, 0, 0, 0])).sizes == (4, 0, 0, 0)
+    assert scaled_problem.build(one, np.array([0, 0, -1.0, 0, 0, 0])).sizes == (1, 0, 0, 0)
+    assert scaled_problem.build(table(), np.array([0, 0, -1.0, 0, 0, 0])).sizes == (4, 0, 0, 0)

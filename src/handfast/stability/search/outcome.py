@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
+from handfast.stability.refinement import RefinementStep
+from handfast.stability.search.proof import Proof
 from handfast.stability.witness import Witness
-
-if TYPE_CHECKING:
-    from handfast.stability.paper.algorithm1 import Step
-    from handfast.stability.search.proof import Proof
-
-INF = float("inf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +32,21 @@ class Outcome:
     stop: Stop
     seconds: float
     nodes: int
-    steps: tuple[Step, ...] = ()
+    steps: tuple[RefinementStep, ...] = ()
     proof: Proof | None = None
     point: Array | None = None
     verified: bool = False
+
+    @property
+    def cost(self) -> tuple[float, int, tuple[RefinementStep, ...]]:
+        """Seconds, nodes and steps, as answers have them."""
+        return self.seconds, self.nodes, self.steps
+
+    @property
+    def backed(self) -> bool:
+        """Was everything replayed? Witnesses always are."""
+        return self.verified or self.proof is None
+
+    def after(self, other: Outcome) -> Outcome:
+        """With the cost of another search beside its own."""
+        return replace(self, seconds=self.seconds + other.seconds, nodes=self.nodes + other.nodes)

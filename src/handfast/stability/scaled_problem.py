@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,11 +18,24 @@ from handfast.stability.model import State
 
 MAX_ETA = np.radians(45.0)
 BALANCED = 1e-9  # relative: forces that miss a disturbance by less balance it
+ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
-    """The model for one grasp, with lengths in grasp sizes, joints in lever arms, forces in force scales.
+class ScaledPoint:
+    """Scaled unknowns (shapes as in `ScaledProblem`) and the scalar of the goal."""
+
+    r: Array
+    q: Array
+    c: Array
+    f: Array
+    coupling: Array
+    scalar: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledProblem:
+    """The model for one grasp, with lengths in grasp sizes, joints in moment arms, forces in force scales.
 
     Actuators commanded in the negative direction are mirrored here (rows of R and f change sign), so
     that (8) reads t >= 0, f >= f_c everywhere.
@@ -32,8 +46,9 @@ class Problem:
         torque_limits, force_limit: as asked.
         eta: uncertainty of contact normals [rad].
         mdp: with the maximum dissipation principle.
-        w0, direction: (6,) scaled: the disturbance is w0 + s / stretch * direction.
-        stretch: a power of two that brings the direction to the size of the other forces, however long it was given.
+        w0, direction: (6,) scaled: the disturbance is w0 + s / direction_scale * direction.
+        direction_scale: a power of two that brings the direction to the size of the other forces, however long it was
+            given.
         f_c: (a,) scaled commands, >= 0.
         moves: (a,) bool, actuators that may move.
         driven: (a,) bool, those among them whose command is what is sought.
@@ -41,7 +56,7 @@ class Problem:
         cn_max: scaled limit of every normal force; inf for none.
         G, J, R, A, mu: scaled model arrays, (6, 3m), (3m, l), (a, l), (k, l), (m,).
         force: [N] the force scale; length: [m] the length scale.
-        joint_scale: (l,) lever arms [m].
+        joint_scale: (l,) moment arms [m].
     """
 
     grasp: Grasp
@@ -53,7 +68,7 @@ class Problem:
     mdp: bool
     w0: Array
     direction: Array
-    stretch: float
+    direction_scale: float
     f_c: Array
     moves: Mask
     driven: Mask
@@ -90,47 +105,75 @@ class Problem:
         """[N] a disturbance (6,), wherever the object's frame is and however it is turned."""
         return _size(self.grasp, w)
 
+    @property
+    def search_end(self) -> float:
+        """The scaled magnitude at which the search for a maximum ends: `ENDLESS` times the other forces in play."""
+        return ENDLESS * self.strongest / (self.direction_scale * self.size_of(self.along))
+
+    @property
+    def last_magnitude(self) -> float:
+        """`search_end` as a multiple of the direction as it was given."""
+        return self.direction_scale * self.search_end
+
+    @property
+    def unit_magnitude(self) -> float:
+        """The magnitude at which a disturbance that is sought is as large as the other forces in play."""
+        return self.last_magnitude / ENDLESS
+
+    @property
+    def command_unit(self) -> float:
+        """[N m or N] of a scaled unit of the largest command that is sought; 1 if none is."""
+        return float(self.command_units[self.driven].max()) if self.driven.any() else 1.0
+
+    @property
+    def command_units(self) -> Array:
+        """(a,) [N m or N] of a scaled unit of each actuator's force."""
+        return np.abs(self.command(np.ones(len(self.R))))
+
+    @property
+    def limits(self) -> dict[str, Any]:
+        """What `build` takes beside grasp and loads: uncertainty of the normals, law and limits."""
+        return {
+            "eta": self.eta,
+            "mdp": self.mdp,
+            "torque_limits": self.torque_limits,
+            "force_limit": self.force_limit,
+        }
+
     def relative_motion(self, r: Array, q: Array) -> Array:
         """(m, 3) scaled d = G^T r - J q, equation (3)."""
         return (self.G.T @ r - self.J @ q).reshape(-1, 3)
 
-    def towards(self, direction: Sequence[float] | Array) -> Problem:
+    def towards(self, direction: Sequence[float] | Array) -> ScaledProblem:
         """The same question with another direction (6,), in the same scales; raises as `build`."""
         d = _direction(direction)
         others = _others(self.grasp, self.wrench, self.torque_limits, self.force_limit)
         if not others:  # nothing else gives the scale
-            return build(
-                self.grasp,
-                self.wrench,
-                d,
-                eta=self.eta,
-                mdp=self.mdp,
-                torque_limits=self.torque_limits,
-                force_limit=self.force_limit,
-            )
-        stretch = _stretch(self.grasp, d, others)
-        p = replace(self, along=d, direction=self.lengths * (stretch * d) / self.force, stretch=stretch)
+            return build(self.grasp, self.wrench, d, **self.limits)
+        scale = _direction_scale(self.grasp, d, others)
+        p = replace(self, along=d, direction=self.lengths * (scale * d) / self.force, direction_scale=scale)
         _check_range(p, True)
         return p
 
-    def unscale(self, r: Array, q: Array, c: Array, f: Array, coupling: Array) -> State:
+    def unscale(self, x: ScaledPoint) -> State:
         """A solution of the scaled equations as a `State` in the grasp's own units."""
         return State(
-            r=self.force * self.lengths * r,
-            q=self.force * q / self.joint_scale,
-            c=self.force * c,
-            f=self.force * f * self._actuator_scale,
-            coupling=self.force * coupling * self._coupling_scale,
+            r=self.force * self.lengths * x.r,
+            q=self.force * x.q / self.joint_scale,
+            c=self.force * x.c,
+            f=self.force * x.f * self._actuator_scale,
+            coupling=self.force * x.coupling * self._coupling_scale,
         )
 
-    def scaled(self, state: State) -> tuple[Array, Array, Array, Array, Array]:
-        """The other way round: r, q, c, f and coupling of a state, scaled."""
-        return (
+    def scaled(self, state: State, scalar: float = 0.0) -> ScaledPoint:
+        """The other way round: a state as scaled unknowns, with the scalar that belongs to it."""
+        return ScaledPoint(
             state.r / (self.force * self.lengths),
             state.q * self.joint_scale / self.force,
             state.c / self.force,
             state.f / (self.force * self._actuator_scale),
             state.coupling / (self.force * self._coupling_scale),
+            scalar,
         )
 
     def command(self, f_c: Array) -> Array:
@@ -148,7 +191,7 @@ def build(
     torque_limits: Mapping[str, float] | None = None,
     force_limit: float | None = None,
     driven: Mask | None = None,
-) -> Problem:
+) -> ScaledProblem:
     """Scale a question.
 
     Args:
@@ -167,37 +210,20 @@ def build(
     """
     w0 = _wrench(w0, "wrench")
     d = np.zeros(6) if direction is None else _direction(direction)
-    if not 0 <= eta < MAX_ETA:
-        raise InputError(f"is {np.degrees(eta):g} degrees; 0 to 45 is possible", field="eta")
-    if eta > 0 and not mdp:
-        raise InputError("needs the maximum dissipation principle; leave one of the two out", field="eta")
-    if force_limit is not None and not force_limit > 0:
-        raise InputError(f"is {force_limit:g}; a largest normal force is positive", field="force limit")
-
+    _check_terms(eta, mdp, force_limit)
     mech = grasp.mechanism
-    length = grasp.size
-    row = _lengths(length)
-    joint_scale = model.joint_arms(grasp)
-    R, A = mech.R / joint_scale, mech.A / joint_scale
-    sense = np.where(grasp.command < 0, -1.0, 1.0)
-    actuator_scale = sense / np.sqrt((R * R).sum(axis=1))
-    coupling_scale = 1.0 / np.sqrt((A * A).sum(axis=1))
+    row = _lengths(grasp.size)
+    units = _joint_units(grasp)
     # the force scale is what is asked about: it must not depend on an answer that is not known yet, nor, where
     # other forces are in play, on the direction, of which a map has many, or on the size of commands that are sought
     posed = grasp if driven is None else grasp.with_preload(None)
     others = _others(posed, w0, torque_limits or {} if direction is not None else {}, force_limit)
-    stretch = _stretch(grasp, d, others) if direction is not None else 1.0
+    direction_scale = _direction_scale(grasp, d, others) if direction is not None else 1.0
     force = others or (_size(grasp, d) if direction is not None else 0.0) or 1.0
 
     drive = np.zeros(mech.a, dtype=bool) if driven is None else driven
     f_c = grasp.command if driven is None else np.zeros(mech.a)
-    f_max = np.full(mech.a, np.inf)
-    for name, limit in (torque_limits or {}).items():
-        i = int(np.flatnonzero(mech.commands({name: 1.0}, field="torque limit"))[0])
-        if not limit > 0:
-            raise InputError(f"is {limit:g}; a limit is positive", field=f"torque limit.{name}")
-        f_max[i] = limit
-    p = Problem(
+    p = ScaledProblem(
         grasp=grasp,
         wrench=w0,
         along=d,
@@ -206,26 +232,64 @@ def build(
         eta=float(eta),
         mdp=mdp,
         w0=row * w0 / force,
-        direction=row * (stretch * d) / force,
-        stretch=stretch,
-        f_c=f_c / (force * actuator_scale),
+        direction=row * (direction_scale * d) / force,
+        direction_scale=direction_scale,
+        f_c=f_c / (force * units.actuators),
         moves=model.commanded(grasp, f_c) | drive,
         driven=drive,
-        f_max=f_max / np.abs(force * actuator_scale),
+        f_max=_largest_forces(grasp, torque_limits or {}) / np.abs(force * units.actuators),
         cn_max=np.inf if force_limit is None else force_limit / force,
         G=row[:, None] * grasp.G,
-        J=grasp.J / joint_scale,
-        R=actuator_scale[:, None] * R,
-        A=coupling_scale[:, None] * A,
+        J=grasp.J / units.joints,
+        R=units.actuators[:, None] * units.R,
+        A=units.couplings[:, None] * units.A,
         mu=grasp.mu,
         force=force,
-        length=length,
-        joint_scale=joint_scale,
-        _actuator_scale=actuator_scale,
-        _coupling_scale=coupling_scale,
+        length=grasp.size,
+        joint_scale=units.joints,
+        _actuator_scale=units.actuators,
+        _coupling_scale=units.couplings,
     )
     _check_range(p, direction is not None)
     return p
+
+
+class _JointUnits(NamedTuple):
+    """(l,), (a,), (k,) units of joints, actuators (negative where mirrored), couplings; R, A over scaled joints."""
+
+    joints: Array
+    actuators: Array
+    couplings: Array
+    R: Array
+    A: Array
+
+
+def _joint_units(grasp: Grasp) -> _JointUnits:
+    mech, joints = grasp.mechanism, model.joint_arms(grasp)
+    R, A = mech.R / joints, mech.A / joints
+    sense = np.where(grasp.command < 0, -1.0, 1.0)
+    return _JointUnits(joints, sense / np.sqrt((R * R).sum(axis=1)), 1.0 / np.sqrt((A * A).sum(axis=1)), R, A)
+
+
+def _check_terms(eta: float, mdp: bool, force_limit: float | None) -> None:
+    """Refuse an uncertainty or a limit that is out of range."""
+    if not 0 <= eta < MAX_ETA:
+        raise InputError(f"is {np.degrees(eta):g} degrees; 0 to 45 is possible", field="eta")
+    if eta > 0 and not mdp:
+        raise InputError("needs the maximum dissipation principle; leave one of the two out", field="eta")
+    if force_limit is not None and not force_limit > 0:
+        raise InputError(f"is {force_limit:g}; a largest normal force is positive", field="force limit")
+
+
+def _largest_forces(grasp: Grasp, torque_limits: Mapping[str, float]) -> Array:
+    """(a,) [N m or N] the largest |f| of each actuator; inf where there is no limit."""
+    f_max = np.full(grasp.mechanism.a, np.inf)
+    for name, limit in torque_limits.items():
+        i = int(np.flatnonzero(grasp.mechanism.commands({name: 1.0}, field="torque limit"))[0])
+        if not limit > 0:
+            raise InputError(f"is {limit:g}; a limit is positive", field=f"torque limit.{name}")
+        f_max[i] = limit
+    return f_max
 
 
 def _others(grasp: Grasp, w0: Array, torque_limits: Mapping[str, float], force_limit: float | None) -> float:
@@ -248,7 +312,7 @@ def _takes_part(grasp: Grasp) -> Mask:
     return (grasp.mechanism.R[:, grasp.J.any(axis=0)] != 0).any(axis=1)
 
 
-def _stretch(grasp: Grasp, d: Array, others: float) -> float:
+def _direction_scale(grasp: Grasp, d: Array, others: float) -> float:
     """The power of two that brings a direction (6,) to the size of the other forces; 1 if there are none."""
     return float(2.0 ** np.round(np.log2(others / _size(grasp, d)))) if others > 0 else 1.0
 
@@ -306,7 +370,7 @@ def beyond_range(G: Array, w: Array) -> int | None:
     return 6 - out.shape[1] if beyond else None
 
 
-def _check_range(p: Problem, with_direction: bool) -> None:
+def _check_range(p: ScaledProblem, with_direction: bool) -> None:
     """Refuse a disturbance that is beyond the range of G."""
     for w, field in ((p.w0, "wrench"), (p.direction, "direction")):
         rank = beyond_range(p.G, w) if w.any() else None

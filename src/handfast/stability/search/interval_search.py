@@ -9,24 +9,24 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
-from handfast.stability import asked
 from handfast.stability.certify import arc as arcs
 from handfast.stability.certify.arc import Arc
 from handfast.stability.certify.certificate import Certificate
-from handfast.stability.certify.ranges import Known, Range, known, slip_range
-from handfast.stability.goal import Goal, Point, interval, unit
+from handfast.stability.certify.ranges import Known, known
+from handfast.stability.goal import ANY_STATE, INF, LARGEST, Goal, Range
 from handfast.stability.model import State
-from handfast.stability.outcome import INF, Outcome
-from handfast.stability.problem import Problem
+from handfast.stability.posed import Posed
+from handfast.stability.resisted_interval import ResistedInterval
+from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search import exact, front
+from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import SearchWorker
 from handfast.stability.settings import Settings
@@ -35,78 +35,49 @@ from handfast.stability.witness import VALID
 DEGREE = 6  # of arcs, where a straight line does not do
 FINEST = 1e-8  # of the resolution: narrower ranges are not halved
 SWITCH = 1e-14  # relative: contacts and actuators change their modes between two magnitudes as near as this at least
-SAME = 1e-8  # relative: so near each other a state may do for both
+TOGETHER = 1e-8  # relative: so near each other a state may do for both
 CLOSE = 1e-6  # relative: so near each other states of different modes may be joined
-TINY = 1e-9  # (scaled) forces and motions that are none
+NO_FORCE = 1e-9  # (scaled) forces and motions that are none
 LEAST = 1e-6  # relative gap of searches
 MOST = 4000  # ranges that are looked at
 
 
-@dataclass(frozen=True)
-class Interval:
-    """Which magnitudes are resisted, with the proofs.
-
-    Attributes:
-        holds_from_zero_to: every magnitude up to it is resisted, see `ranges.Known`.
-        upper: a magnitude that slips; between the two it is not known.
-        holes: (first, last) magnitudes between which all slip, though more is resisted.
-        unproved: ranges of which nothing was shown.
-        resolution: relative: the ends of holes lie no farther than this outside them, as a share of the magnitude
-            or, if that is more, of the other forces in play.
-        arcs: states of the magnitudes that are resisted; none where magnitudes make no difference.
-        slips: certificates of the holes.
-    """
-
-    holds_from_zero_to: float
-    upper: float
-    holes: tuple[Range, ...]
-    unproved: tuple[Range, ...]
-    resolution: float
-    arcs: tuple[Arc, ...]
-    slips: tuple[Certificate, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Its keys in the answer of `max`, beside `holds_from_zero_to`."""
-        return {
-            "holds_from_zero_upper": self.upper if np.isfinite(self.upper) else None,
-            "holes": [list(r) for r in self.holes],
-            "unproved": [list(r) for r in self.unproved],
-            "resolution": self.resolution,
-        }
-
-
-def resisted(p: Problem, goal: Goal, largest: float, upper: float, state: State, settings: Settings) -> Interval:
+def resisted(
+    p: ScaledProblem, goal: Goal, largest: float, upper: float, state: State, settings: Settings
+) -> ResistedInterval:
     """Which magnitudes are resisted, of a maximum.
 
     Args:
         p, goal: the maximum's problem and how it is posed.
         largest, upper: its bounds; state: the witness of `largest`.
     """
-    if goal is Goal.EXISTS:  # what is resisted at one magnitude is resisted at all
-        return Interval(largest, INF, (), (), settings.gap, (), ())
-    line = _Line(p, goal, settings)
+    if not goal.has_scalar:  # what is resisted at one magnitude is resisted at all
+        return ResistedInterval(largest, INF, (), (), settings.gap, (), ())
+    shown = _Magnitudes(p, goal, settings)
     with suppress(KeyboardInterrupt):  # what was shown until then stays
-        line.cover(largest, state)
-    said = line.known(largest, upper)
-    return Interval(said.to, said.upper, said.holes, said.unproved, settings.gap, tuple(line.arcs), tuple(line.slips))
+        shown.cover(largest, state)
+    said = shown.known(largest, upper)
+    return ResistedInterval(
+        said.to, said.upper, said.holes, said.unproved, settings.gap, tuple(shown.arcs), tuple(shown.slips)
+    )
 
 
-class _Line:
+class _Magnitudes:
     """The disturbances base + s direction, and what is shown of them so far."""
 
-    def __init__(self, p: Problem, goal: Goal, settings: Settings) -> None:
+    def __init__(self, p: ScaledProblem, goal: Goal, settings: Settings) -> None:
         self.p, self.goal, self.settings = p, goal, settings
         self.arcs: list[Arc] = []
         self.slips: list[Certificate] = []
-        self.r: Reduced = reduce(p, Goal.LARGEST)
+        self.r: Reduced = reduce(p, LARGEST)
         self.worker = SearchWorker.of(self.r)
-        self.question = asked.question(p, Goal.LARGEST)
+        self.question = Posed(p, LARGEST).question
         self.start = time.monotonic()
 
     def known(self, largest: float, upper: float) -> Known:
         """The ranges together."""
-        good, bad = [(a.first, a.last) for a in self.arcs], [slip_range(c) for c in self.slips]
-        return known(good, bad, largest, upper, self.settings.gap, unit(self.p))
+        good, bad = [(a.first, a.last) for a in self.arcs], [c.magnitudes for c in self.slips]
+        return known(good, bad, largest, upper, self.settings.gap, self.p.unit_magnitude)
 
     def cover(self, largest: float, state: State) -> None:
         """Show as much as possible of all magnitudes from 0 to the largest."""
@@ -125,7 +96,7 @@ class _Line:
         """A point at magnitude 0; None if nothing holds there or it is not known."""
         if not self.p.w0.any() and not self.p.f_c.any():
             return np.zeros(len(self.r.cost))
-        found = self._search(self.p, Goal.EXISTS, self._quick())
+        found = self._search(self.p, ANY_STATE, self._quick())
         return None if found.witness is None else self._exact(0.0, found.witness.state)
 
     # --- what is resisted
@@ -144,7 +115,7 @@ class _Line:
                 u, zu, v, zv = switch
                 todo += [(v, zv, b, zb), (a, za, u, zu)]
                 continue
-            if b - a < FINEST * self.settings.gap * max(b, unit(self.p)) or self._branches(a, za, b, zb):
+            if b - a < FINEST * self.settings.gap * max(b, self.p.unit_magnitude) or self._branches(a, za, b, zb):
                 continue
             m = (a + b) / 2 if b < 4 * a or a == 0 else np.sqrt(a * b)
             zm = self._at(m, za + (m - a) / (b - a) * (zb - za))
@@ -169,7 +140,7 @@ class _Line:
 
     def _at(self, s: float, start: Array) -> Array | None:
         """A point (n,) near another that solves the model at a magnitude."""
-        r = replace(self.r, lo=np.r_[-s / self.p.stretch, self.r.lo[1:]])
+        r = replace(self.r, lo=np.r_[-s / self.p.direction_scale, self.r.lo[1:]])
         return exact.solve(r, start, hold=True, worker=self.worker)
 
     def _exact(self, s: float, state: State) -> Array:
@@ -182,7 +153,7 @@ class _Line:
         """Is there an arc between two points that solves the model all along? It is kept."""
         if self._arc(a, b, [za, zb]):
             return True
-        if b - a < SAME * b and (self._arc(a, b, [za, za]) or self._arc(a, b, [zb, zb])):
+        if b - a < TOGETHER * b and (self._arc(a, b, [za, za]) or self._arc(a, b, [zb, zb])):
             return True  # states of different kinds, nearer than any witness can tell
         if self._modes(za) != self._modes(zb):
             return False
@@ -197,7 +168,7 @@ class _Line:
     def _arc(self, a: float, b: float, points: list[Array]) -> bool:
         controls = arcs.controls_of(len(points) - 1) @ np.array(points)
         arc = Arc(a, b, tuple(self._state(z) for z in controls))
-        if arcs.excess(self.question, arc) > VALID:
+        if arcs.residual_bound(self.question, arc) > VALID:
             return False
         self.arcs.append(arc)
         return True
@@ -235,18 +206,16 @@ class _Line:
         c = (r.C @ z + r.off[: len(r.C)])[: 3 * m].reshape(m, 3)
         motions = r.D @ z
         d = motions[: 3 * m].reshape(m, 3)
-        tiny = TINY * max(1.0, float(np.abs(c).max(initial=0.0)))
+        tiny = NO_FORCE * max(1.0, float(np.abs(c).max(initial=0.0)))
         slides = np.hypot(d[:, 1], d[:, 2]) > tiny
         return np.r_[c[:, 0] > tiny, slides & (c[:, 0] > tiny), motions[3 * m : 3 * m + active] > tiny].tobytes()
 
     def _state(self, z: Array) -> State:
-        x = self.r.point(z)
-        return self.p.unscale(x.r, x.q, x.c, x.f, x.coupling)
+        return self.p.unscale(self.r.point(z))
 
     def _point(self, state: State, s: float) -> Array:
         """(n,) the reduced unknowns of a state at a magnitude."""
-        r, q, c, f, coupling = self.p.scaled(state)
-        return self.r.z(Point(r, q, c, f, coupling, s / self.p.stretch))
+        return self.r.z(self.p.scaled(state, LARGEST.at_magnitude(self.p, s)))
 
     # --- what slips
 
@@ -255,7 +224,7 @@ class _Line:
         gap = max(min(self.settings.gap / 2, share / 8), LEAST)
         return replace(self.settings, verify=False, gap=gap, time_limit=self._left)
 
-    def _search(self, p: Problem, goal: Goal, settings: Settings, within: Range | None = None) -> Outcome:
+    def _search(self, p: ScaledProblem, goal: Goal, settings: Settings, within: Range | None = None) -> Outcome:
         """Without a cap: states beyond it count as well. Raises KeyboardInterrupt, which `front.search` does not."""
         found = front.search(p, goal, settings, within=within, capped=False)
         if found.stop is Stop.INTERRUPTED:
@@ -268,10 +237,8 @@ class _Line:
 
     def _within(self, a: float, b: float) -> Range:
         """Magnitudes from a to b as bounds of what the goal makes small."""
-        stretch = self.p.stretch
-        if self.goal is Goal.SMALLEST_PRELOAD:
-            return stretch / b, stretch / a if a > 0 else INF
-        return -b / stretch, -a / stretch
+        lo, hi = sorted(self.goal.objective(self.goal.at_magnitude(self.p, s)) for s in (a, b))
+        return lo, hi
 
     def _last(self, a: float, m: float) -> tuple[float, Array | None, float | None] | None:
         """The largest resisted magnitude from a to m, its point, and above which none is; None if unknown.
@@ -285,10 +252,10 @@ class _Line:
             return a, None, a
         if found.witness is None:
             return None
-        s, high = interval(self.p, self.goal, found.value, found.bound)
+        s, high = self.goal.bounds(self.p, found.value, found.bound)
         state = found.witness.state
-        if self.goal is Goal.SMALLEST_PRELOAD:
-            state = state.scaled(s / self.p.stretch)
+        if self.goal.homogeneous:
+            state = state.scaled(s / self.p.direction_scale)
         s = min(s, m)
         return s, self._exact(s, state), high if high < m else None
 
@@ -296,10 +263,10 @@ class _Line:
         """Below which magnitude none from m on is resisted, the smallest that is, and its point; None if unknown."""
         p = self.p
         back = replace(p, direction=-p.direction, along=-p.along)
-        found = self._search(back, Goal.LARGEST, self._quick((b - m) / b), (m / p.stretch, b / p.stretch))
+        found = self._search(back, LARGEST, self._quick((b - m) / b), (m / p.direction_scale, b / p.direction_scale))
         if found.witness is None:
             return None
-        s, low = found.value * p.stretch, found.bound * p.stretch
+        s, low = found.value * p.direction_scale, found.bound * p.direction_scale
         return (max(low, m), s, self._exact(s, found.witness.state)) if s < b else None
 
     def _slip(self, a: float, b: float) -> None:

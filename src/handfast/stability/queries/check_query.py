@@ -1,0 +1,118 @@
+"""Does the grasp resist this disturbance? Stability paper, section VII-A, (20)-(22)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from handfast.core.answer import Verdict
+from handfast.core.arrays import Array
+from handfast.model.grasp import Grasp
+from handfast.stability import scaled_problem
+from handfast.stability.answers import Answer
+from handfast.stability.goal import ANY_STATE, INF
+from handfast.stability.margin import Margin
+from handfast.stability.posed import Posed
+from handfast.stability.query import (
+    CertificateClaim,
+    ClaimRefused,
+    Query,
+    ResultAnswerEntry,
+    SavedAnswer,
+    WitnessClaim,
+)
+from handfast.stability.scaled_problem import ScaledProblem
+from handfast.stability.settings import OnStep, Settings
+from handfast.stability.solve import solve
+from handfast.stability.witness import KEYS, Witness
+
+MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
+
+
+class CheckEntry(ResultAnswerEntry):
+    query: Literal["check"]
+
+
+class CheckQuery(Query[CheckEntry]):
+    name = "check"
+    entry = CheckEntry
+
+    def witness_claim(self, saved: SavedAnswer[CheckEntry], witness: Witness) -> WitnessClaim:
+        return WitnessClaim("the disturbance is resisted", saved.question.wrench, saved.question.grasp.command)
+
+    def certificate_claim(self, saved: SavedAnswer[CheckEntry]) -> CertificateClaim | None:
+        goal = saved.question.goal
+        if goal != ANY_STATE:
+            raise ClaimRefused(f"is of a check, its question of '{goal.word}'")
+        slips = saved.answer.verdict is Verdict.SLIPS
+        return CertificateClaim(ANY_STATE.claim(None), (0.0, 0.0)) if slips else None
+
+    def shown(self, saved: SavedAnswer[CheckEntry]) -> dict[str, Any]:
+        state = saved.witness.to_json() if saved.witness else dict.fromkeys(KEYS)
+        return state if saved.first else state | {"margin": None}  # nothing in the file shows one
+
+
+@dataclass(frozen=True, eq=False)
+class CheckAnswer(Answer):
+    """Is this disturbance resisted?
+
+    Attributes:
+        margin: how much a HOLDS leans on, if that was asked: `handfast.margin`.
+    """
+
+    query = CheckQuery()
+
+    margin: Margin | None = field(default=None, kw_only=True)
+
+    def said(self) -> dict[str, Any]:
+        state = self.witness.to_json() if self.witness else dict.fromkeys(KEYS)
+        return state | {"margin": self.margin.to_json() if self.margin else None}
+
+    def saved(self) -> SavedAnswer[Any]:
+        """Without the margin, which nothing in a file would prove; `Margin.verify` replays it."""
+        return Answer.saved(self if self.margin is None else replace(self, margin=None))
+
+
+def check(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    eta: float = 0.0,
+    mdp: bool = True,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+    on_step: OnStep | None = None,
+) -> CheckAnswer:
+    """Does the grasp resist a disturbance passively? Stability paper, section VII-A, (20)-(22).
+
+    Args:
+        grasp: with the preload in force; an actuator without a command is locked.
+        wrench: (6,) force [N] and torque [N m] on the object, object frame, at its origin.
+        eta: uncertainty of the contact normals [rad], section VI.
+        mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
+            literature), for comparison only: it creates energy out of nothing.
+        torque_limits: actuator -> largest |f| of motor and gearing together, passive reaction included.
+        force_limit: largest normal force at any contact [N].
+        settings: method, precision, limits.
+        on_step: called while it runs, with the bounds so far.
+
+    Raises:
+        InputError: see `handfast.stability.scaled_problem.build`.
+    """
+    settings = settings or Settings()
+    p = scaled_problem.build(grasp, wrench, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
+    if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
+        modest = _any_state(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_step)
+        if modest.verdict is Verdict.HOLDS:
+            return modest
+    return _any_state(p, settings, on_step)
+
+
+def _any_state(p: ScaledProblem, settings: Settings, on_step: OnStep | None) -> CheckAnswer:
+    found = solve(p, ANY_STATE, settings, on_step)
+    verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
+    return CheckAnswer(
+        verdict, found.stop, *found.cost, found.witness, found.proof, posed=Posed(p, ANY_STATE), verified=found.backed
+    )

@@ -1,0 +1,61 @@
+"""A posed question to the method of the settings: the engine, or the paper's Algorithm 1."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from handfast.core.answer import Stop
+from handfast.model.grasp import Grasp
+from handfast.stability import scaled_problem
+from handfast.stability.goal import ANY_STATE, HIGHEST, INF, Goal
+from handfast.stability.scaled_problem import ScaledProblem
+from handfast.stability.settings import OnStep, Settings
+
+if TYPE_CHECKING:
+    from handfast.stability.search.outcome import Outcome
+
+ANY = 0.9  # relative: a gap with which the first state that is found ends a search, mostly,
+MANY = 4096  # nodes at most
+
+
+def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | None, **hints: Any) -> Outcome:
+    """What the search finds; hints: to the engine's, see `search.front`. Methods load when they are asked first."""
+    if settings.method == "algorithm1":
+        from handfast.stability.paper import reference
+
+        return reference.search(p, goal, settings, on_step)
+    from handfast.stability.search import front
+
+    return front.search(p, goal, settings, on_step, **hints)
+
+
+def time_left(settings: Settings, found: Outcome) -> Settings:
+    """For what follows a search: the rest of the time, at least a quarter of all."""
+    return replace(settings, time_limit=max(settings.time_limit - found.seconds, settings.time_limit / 4))
+
+
+def without_end(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | None, found: Outcome) -> Outcome:
+    """Nothing was found up to the end of a search: is there anything beyond? What both searches showed.
+
+    Magnitudes however small, magnitudes and commands however large.
+    """
+    settings = time_left(settings, found)
+    if goal.maximised:  # any of them would do
+        settings = replace(settings, gap=ANY, node_limit=min(settings.node_limit, MANY + 2 * found.nodes))
+    beyond = solve(p, goal, settings, on_step, endless=True)
+    if beyond.witness is not None or beyond.bound == INF:
+        stop = Stop.COMPLETE if goal.maximised else beyond.stop
+        return replace(beyond.after(found), stop=stop)
+    shown = found.proof.certificate if found.proof else None
+    if goal.maximised or shown is None or shown.scalar is None:
+        return replace(found.after(beyond), bound=-INF, proof=None, stop=beyond.stop)
+    end = HIGHEST if goal.homogeneous else shown.scalar[1]
+    return replace(found.after(beyond), bound=end, stop=beyond.stop)
+
+
+def held_under(grasp: Grasp, p: ScaledProblem, settings: Settings, found: Outcome) -> Outcome | None:
+    """`found` with the witness of a check under the commands of this grasp; None if it is not resisted."""
+    settings = replace(time_left(settings, found), verify=False)
+    there = solve(scaled_problem.build(grasp, p.wrench, **p.limits), ANY_STATE, settings, None)
+    return replace(found.after(there), witness=there.witness) if there.witness is not None else None
