@@ -85,7 +85,9 @@ def certify(x, flat, lower, upper, W, chosen, radii):  # type: ignore[no-untyped
     for d in range(e):
         for i in range(e):
             A[i, d] = J[i, chosen[d], 0]
-    Y = np.linalg.inv(A)
+    Y = np.zeros((e, e))
+    if not invert(A, Y):
+        return False
     small = 1e-14 * e  # more than the rounding of the sums below, relative
     moved = np.empty(e)
     for i in range(e):
@@ -108,6 +110,38 @@ def certify(x, flat, lower, upper, W, chosen, radii):  # type: ignore[no-untyped
             return True
         rho *= 10
     return False
+
+
+@inner
+def invert(A, Y):  # type: ignore[no-untyped-def]
+    """The inverse of A (e, e) into Y, which is zero, by Gauss-Jordan elimination with row pivoting; false if singular.
+
+    A is overwritten.
+    """
+    e = A.shape[0]
+    for i in range(e):
+        Y[i, i] = 1.0
+    for c in range(e):
+        pivot = c
+        for i in range(c + 1, e):
+            if abs(A[i, c]) > abs(A[pivot, c]):
+                pivot = i
+        if not abs(A[pivot, c]) > 0:
+            return False
+        for j in range(e):
+            A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
+            Y[c, j], Y[pivot, j] = Y[pivot, j], Y[c, j]
+        f = 1.0 / A[c, c]
+        for j in range(e):
+            A[c, j] *= f
+            Y[c, j] *= f
+        for i in range(e):
+            if i != c:
+                g = A[i, c]
+                for j in range(e):
+                    A[i, j] -= g * A[c, j]
+                    Y[i, j] -= g * Y[c, j]
+    return True
 
 
 @inner

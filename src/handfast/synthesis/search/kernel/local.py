@@ -69,7 +69,11 @@ def start(numbers, flat, lower, upper, x):  # type: ignore[no-untyped-def]
         frame(target, 2 * np.pi * numbers[at + 2], M)
         own = np.empty((3, 3))
         frame(normal[:, 0].copy(), 0.0, own)
-        turning = M @ own.T
+        turning = np.zeros((3, 3))
+        for i in range(3):
+            for j in range(3):
+                for l in range(3):
+                    turning[i, j] += M[i, l] * own[j, l]
         quaternion(turning, x, joints + 3)
         rotation(x, joints + 3, Q)
         for i in range(3):
@@ -103,7 +107,7 @@ def frame(z, spin, out):  # type: ignore[no-untyped-def]
     e = np.zeros(3)
     e[l] = 1.0
     e1 = np.cross(e, z)
-    e1 /= np.sqrt(e1 @ e1)
+    e1 /= np.sqrt(e1[0] * e1[0] + e1[1] * e1[1] + e1[2] * e1[2])
     e2 = np.cross(z, e1)
     c, s = np.cos(spin), np.sin(spin)
     for i in range(3):

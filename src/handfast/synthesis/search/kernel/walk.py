@@ -42,16 +42,23 @@ def walk(begin, numbers, lengths, weight, flat, e, xs, chosen, radii):  # type: 
             d[c] = 0.0 if fixed else numbers[s, c]
         for i in range(e + 1):
             for j in range(i + 1):
-                B[i, j] = A[i] @ A[j]
+                B[i, j] = 0.0
+                for c in range(n):
+                    B[i, j] += A[i, c] * A[j, c]
             B[i, i] += DAMPING
-            z[i] = A[i] @ d
+            z[i] = 0.0
+            for c in range(n):
+                z[i] += A[i, c] * d[c]
         if not factor(B, e + 1):
             continue
         back(B, e + 1, z)
         for c in range(n):
             for i in range(e + 1):
                 d[c] -= A[i, c] * z[i]
-        size = np.sqrt(d @ d)
+        size = 0.0
+        for c in range(n):
+            size += d[c] * d[c]
+        size = np.sqrt(size)
         if not size > 1e-9:
             continue
         for c in range(n):
