@@ -35,6 +35,6 @@ def pytest_configure(config: pytest.Config) -> None:
                 code.unlink()
     if config.args_source is not pytest.Config.ArgsSource.TESTPATHS or hasattr(config, "workerinput"):
         return
-    missing = [] if list(ENGINE.glob("__pycache__/search.find*.nbi")) else list(KERNELS)
+    missing = [] if list(ENGINE.glob("__pycache__/local_search.find*.nbi")) else list(KERNELS)
     for process in [subprocess.Popen([sys.executable, "-c", code]) for code in (STABILITY, *missing)]:
         process.wait()

@@ -16,8 +16,8 @@ sys.path.insert(0, sys.argv[1])
 from pathlib import Path
 from numba import config
 config.CACHE_DIR = sys.argv[2]
-from handfast.synthesis.search.kernel import balls, search
-print(search.find.stats.cache_path, balls.add.stats.cache_path)
+from handfast.synthesis.search.kernel import balls, local_search
+print(local_search.find.stats.cache_path, balls.add.stats.cache_path)
 """
 
 

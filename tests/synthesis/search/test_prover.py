@@ -19,7 +19,7 @@ from handfast.model.region import Bezier, Cap
 from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.bends import CELLS, bounds
 from handfast.synthesis.search.boxes import Boxes, Hub, Part
-from handfast.synthesis.search.kernel.pose import turning
+from handfast.synthesis.search.kernel.object_pose import turning
 from handfast.synthesis.search.prover import LEAVES, POSES, Prover
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.task import PoseBounds, Task

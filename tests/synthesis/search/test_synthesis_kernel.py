@@ -15,9 +15,9 @@ from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
 from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.kernel import balls
-from handfast.synthesis.search.kernel.geometry import evaluate
+from handfast.synthesis.search.kernel.contact_equations import evaluate
 from handfast.synthesis.search.kernel.krawczyk import certify
-from handfast.synthesis.search.kernel.local import workspace
+from handfast.synthesis.search.kernel.levenberg_marquardt import workspace
 from handfast.synthesis.search.kernel.taylor import element
 from handfast.synthesis.search.kernel.taylor import workspace as taylor_workspace
 from handfast.synthesis.search.prover import Prover

@@ -14,7 +14,7 @@ from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
 from handfast.model.region import Bezier
 from handfast.synthesis.problem import POSE, Problem
-from handfast.synthesis.search.kernel import exclude, hub
+from handfast.synthesis.search.kernel import pose_search, set_search
 
 STEP = 2000  # nodes of one call of a kernel
 RESOLUTION = 1e-5  # [m] a box within which no point strays farther is set aside, undecided
@@ -116,7 +116,7 @@ class Together(Boxes):
         self.words = f"contact{many} {', '.join(most)} and {last}" if most else f"contact {last}"
 
     def explore(self, stack: Array, share: Array, budget: int, kept: Array, kept_share: Array) -> tuple[int, int, int]:
-        return exclude.explore(
+        return set_search.explore(
             stack, share, 1, self.problem.flat, self.subset, self.use, self.bend, self.cones, budget,
             RESOLUTION / self.problem.unit, kept, kept_share,
         )  # fmt: skip
@@ -164,7 +164,7 @@ class Hub(Boxes):
         return y
 
     def explore(self, stack: Array, share: Array, budget: int, kept: Array, kept_share: Array) -> tuple[int, int, int]:
-        return hub.explore(
+        return pose_search.explore(
             stack, share, 1, self.problem.flat, self.each, self.sizes, self.hub, self.bend, self.middle, self.near,
             budget, RESOLUTION / self.problem.unit, kept, kept_share,
         )  # fmt: skip

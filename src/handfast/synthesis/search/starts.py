@@ -10,8 +10,8 @@ from handfast.core.arrays import Array, Indices
 from handfast.model.region import Cap
 from handfast.synthesis.certify.existence import ContactPoint, Existence
 from handfast.synthesis.problem import Problem
-from handfast.synthesis.search.kernel.local import ALIGNED, NUMBERS
-from handfast.synthesis.search.kernel.search import find
+from handfast.synthesis.search.kernel.levenberg_marquardt import ALIGNED, NUMBERS
+from handfast.synthesis.search.kernel.local_search import find
 
 BLOCK = 256  # starts that share one seed: the unit in which a search is resumed
 

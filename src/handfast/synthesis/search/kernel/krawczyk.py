@@ -14,7 +14,7 @@ import numpy as np
 
 from handfast.synthesis.search.kernel.balls import UP
 from handfast.synthesis.search.kernel.compiled import inner
-from handfast.synthesis.search.kernel.geometry import evaluate
+from handfast.synthesis.search.kernel.contact_equations import evaluate
 
 RADIUS = 1e-7  # rad and units to begin with; the residual asks for more where the system is ill conditioned
 RADII = 4  # tenfold larger boxes that are tried

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.synthesis.search.kernel.compiled import inner
-from handfast.synthesis.search.kernel.rows import PAD, angle
+from handfast.synthesis.search.kernel.narrowing import PAD, angle
 from handfast.synthesis.search.kernel.taylor import norm
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.synthesis.search.kernel.compiled import inner
-from handfast.synthesis.search.kernel.geometry import PATCH, PRISMATIC
+from handfast.synthesis.search.kernel.contact_equations import PATCH, PRISMATIC
 
 ROUNDING = 1e-11  # units and units per radian
 WIDER = 1.0 + 1e-12

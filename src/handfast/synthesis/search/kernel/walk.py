@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.synthesis.search.kernel.compiled import kernel
-from handfast.synthesis.search.kernel.geometry import evaluate
+from handfast.synthesis.search.kernel.contact_equations import evaluate
 from handfast.synthesis.search.kernel.krawczyk import certify
-from handfast.synthesis.search.kernel.local import back, factor, solve, workspace
-from handfast.synthesis.search.kernel.search import inside
+from handfast.synthesis.search.kernel.levenberg_marquardt import back, factor, solve, workspace
+from handfast.synthesis.search.kernel.local_search import inside
 
 DAMPING = 1e-12  # of the projection, so that a singular Jacobian does not stop a walk
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from handfast.synthesis.search.kernel.balls import get
 from handfast.synthesis.search.kernel.compiled import inner
-from handfast.synthesis.search.kernel.geometry import PATCH, chain, evaluate, rotation, surface
+from handfast.synthesis.search.kernel.contact_equations import PATCH, chain, evaluate, rotation, surface
 
 MARGIN = 1e-4  # candidates keep this far inside every bound, so that strictness costs nothing
 SOLVED = 1e-12  # units: largest residual of a candidate

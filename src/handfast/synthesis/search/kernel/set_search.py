@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.synthesis.search.kernel.compiled import inner, kernel
-from handfast.synthesis.search.kernel.rows import (
+from handfast.synthesis.search.kernel.narrowing import (
     AGAIN,
     LOOKS,
     PAD,

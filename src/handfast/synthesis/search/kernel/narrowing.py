@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.synthesis.search.kernel.compiled import inner
-from handfast.synthesis.search.kernel.geometry import PATCH
+from handfast.synthesis.search.kernel.contact_equations import PATCH
 from handfast.synthesis.search.kernel.taylor import WIDER
 
 PAD = 1e-12  # of the sizes that meet in a row: far more than a few hundred roundings

@@ -6,7 +6,7 @@ import numpy as np
 
 from handfast.synthesis.search.kernel.compiled import kernel
 from handfast.synthesis.search.kernel.krawczyk import certify
-from handfast.synthesis.search.kernel.local import MARGIN, solve, start, workspace
+from handfast.synthesis.search.kernel.levenberg_marquardt import MARGIN, solve, start, workspace
 
 
 @kernel

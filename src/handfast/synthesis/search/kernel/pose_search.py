@@ -18,8 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.synthesis.search.kernel.compiled import inner, kernel
-from handfast.synthesis.search.kernel.pose import Work, apart, gaps, lever, times, turning
-from handfast.synthesis.search.kernel.rows import (
+from handfast.synthesis.search.kernel.narrowing import (
     AGAIN,
     LOOKS,
     PAD,
@@ -33,6 +32,7 @@ from handfast.synthesis.search.kernel.rows import (
     swept,
     taken,
 )
+from handfast.synthesis.search.kernel.object_pose import Work, apart, gaps, lever, times, turning
 from handfast.synthesis.search.kernel.taylor import ROUNDING, WIDER, norm, spread, workspace
 
 FINE = 0.35  # own coordinates are split until they stray by less than this share of what the pose does
