@@ -16,8 +16,8 @@ import numpy as np
 from handfast.core.arrays import Array, Indices
 from handfast.model.region import Bezier
 from handfast.synthesis.certify.existence import free_joints
-from handfast.synthesis.problem import POSE
 from handfast.synthesis.task import Task
+from handfast.synthesis.task_groups import POSE
 
 if TYPE_CHECKING:
     from handfast.synthesis.answers import Solution

@@ -23,7 +23,7 @@ class Polish:
     def __init__(self, judge: Judge, steps: Steps) -> None:
         self.judge, self.steps = judge, steps
         problem = judge.problem
-        self.width = problem.flat.upper - problem.flat.lower
+        self.width = problem.flat.coordinates.upper - problem.flat.coordinates.lower
         self.bounded: Mask = np.array(
             [
                 k.startswith("joint:") or (k.startswith("contact:") and w <= 1.0)
@@ -55,7 +55,7 @@ class Polish:
     def room(self, c: Candidate) -> Array:
         """Distance of each bounded coordinate to its nearer bound, as a share of its range."""
         flat, x = self.judge.problem.flat, c.certified.x
-        room = np.minimum(x - flat.lower, flat.upper - x)[self.bounded]
+        room = np.minimum(x - flat.coordinates.lower, flat.coordinates.upper - x)[self.bounded]
         return np.asarray(room / self.width[self.bounded])
 
     def inwards(self, c: Candidate) -> Array | None:
@@ -63,6 +63,6 @@ class Polish:
         flat, x = self.judge.problem.flat, c.certified.x
         g = np.zeros(len(x))
         short = np.maximum(0.0, ENOUGH - self.room(c))
-        middle = (flat.lower + flat.upper)[self.bounded] / 2
+        middle = (flat.coordinates.lower + flat.coordinates.upper)[self.bounded] / 2
         g[self.bounded] = short * np.sign(middle - x[self.bounded]) / self.width[self.bounded]
         return np.asarray(g / self.steps.walks.weight) if g.any() else None

@@ -2,8 +2,8 @@
 
 Any set of contacts that cannot be made together settles the task, so each pair, each triple and the whole set
 is searched on its own, in turns, over the joints and region parameters that concern it; the object's pose is
-eliminated (`engine.exclude`). Where the task bounds the object's position, its origin counts as a contact.
-With three contacts and more the poses are searched too: one at a time the fingers decouple (`engine.hub`).
+eliminated (`kernel.set_search`). Where the task bounds the object's position, its origin counts as a contact.
+With three contacts and more the poses are searched too: one at a time the fingers decouple (`kernel.pose_search`).
 Every solution's coordinates lie in a box that was not discarded.
 """
 
@@ -24,13 +24,13 @@ from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
 from handfast.synthesis.problem import Problem
 from handfast.synthesis.search.bends import bends, cones
-from handfast.synthesis.search.boxes import Boxes, Hub, Part, Together
+from handfast.synthesis.search.boxes import Boxes, ContactSet, Part, PoseSpace
 
 SLICE = 20  # calls before another search has its turn, doubled each time round
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
-POSES = "poses"  # name of the search of the hub
+POSES = "poses"  # name of the search of the poses
 CHEAP = 3  # times as many calls for the poses, whose boxes cost a fraction of the others
-FROM = 3  # contacts, for the hub: with two of them the pose is too free
+FROM = 3  # contacts, for the poses: with two of them the pose is too free
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +81,10 @@ class Prover:
         sizes = range(2, points + 1) if points > 1 else range(1, 2)
         subsets = [s for size in sizes for s in combinations(range(points), size)]
         bend, bounds = bends(problem), cones(problem)
-        self.domains: dict[str, Boxes] = {"-".join(map(str, s)): Together(problem, s, bend, bounds) for s in subsets}
+        self.domains: dict[str, Boxes] = {"-".join(map(str, s)): ContactSet(problem, s, bend, bounds) for s in subsets}
         self.whole = next(reversed(self.domains))
         if b >= FROM:
-            self.domains[POSES] = Hub(problem, bend)
+            self.domains[POSES] = PoseSpace(problem, bend)
         self.searches: dict[str, Search[Part]] = {
             name: Search(d, d.roots, workers=workers) for name, d in self.domains.items()
         }

@@ -2,43 +2,40 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from handfast.synthesis.search.kernel.compiled import kernel
+from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.krawczyk import certify
-from handfast.synthesis.search.kernel.levenberg_marquardt import MARGIN, solve, start, workspace
+from handfast.synthesis.search.kernel.levenberg_marquardt import solve
+from handfast.synthesis.search.kernel.random_start import start
+from handfast.synthesis.search.workspace import PROVED, UNPROVED, USED, Interior
 
 
-@kernel
-def find(numbers, flat, e, many, xs, chosen, radii, which):  # type: ignore[no-untyped-def]
-    """Solve and certify from each start until `many` are proved.
-
-    numbers: (starts, .) uniform random numbers for `start`. Out, a row for each: xs (many, n) coordinates,
-    chosen (many, e), radii (many, e), which (many,) start. Returns (number proved, starts used, candidates
-    that could not be proved).
-    """
-    n = flat.lower.shape[0]
-    x = np.zeros((n, 2))
-    W = workspace(flat, e, n)
-    lower, upper = inside(flat)
-    proved, open_ones = 0, 0
-    for s in range(numbers.shape[0]):
-        start(numbers[s], flat, lower, upper, x)
-        if not solve(x, flat, lower, upper, W):
+@inner
+def find(chains, regions, coordinates, draws, here, there, contact, step, proof, place, out, many):  # type: ignore[no-untyped-def]
+    """Solve and certify from each start until `many` are proved, which go to `out`, a `Found`."""
+    x, interior = step.x, Interior(draws.lower, draws.upper)
+    proved, used, unproved = 0, 0, 0
+    while used < draws.numbers.shape[0] and proved < many:
+        start(draws.numbers[used], chains, regions, coordinates, interior, x, contact, place)
+        used += 1
+        if not solve(chains, regions, coordinates, interior, here, there, contact, step):
             continue
-        if not certify(x, flat, flat.lower, flat.upper, W, chosen[proved], radii[proved]):
-            open_ones += 1
+        if not certify(
+            x,
+            chains,
+            regions,
+            coordinates,
+            coordinates,
+            here,
+            there,
+            contact,
+            proof,
+            out.chosen[proved],
+            out.radii[proved],
+        ):
+            unproved += 1
             continue
-        xs[proved] = x[:, 0]
-        which[proved] = s
+        for i in range(x.shape[0]):
+            out.x[proved, i] = x[i, 0]
         proved += 1
-        if proved == many:
-            return proved, s + 1, open_ones
-    return proved, numbers.shape[0], open_ones
-
-
-@kernel
-def inside(flat):  # type: ignore[no-untyped-def]
-    """The bounds, drawn in by `MARGIN` or by a quarter of what there is."""
-    room = np.minimum(MARGIN, 0.25 * (flat.upper - flat.lower))
-    return flat.lower + room, flat.upper - room
+    out.counts[PROVED], out.counts[USED], out.counts[UNPROVED] = proved, used, unproved
+    return 0

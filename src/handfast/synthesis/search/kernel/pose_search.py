@@ -6,10 +6,10 @@ p + R m: turns then move the contacts little. A box of pose (and of joints that 
 discarded if some contact cannot be made in it: an inner branch and prune over that contact's own joints and
 region parameters finds no box in which
 
-    C - R (O - m) - (p + R m) = 0,    angle(hand direction, R object direction) <= slack
+    C - R (O - m) - (p + R m) = 0,    angle(hand direction, R object direction) <= tolerance
 
 (a patch on the hand: directions equal) can hold for a pose of the box. C, O, R and the directions are the
-Taylor polynomials of `engine.taylor` and `engine.pose`, their remainders bounds over the whole box; `PAD` and
+Taylor polynomials of `taylor` and `object_pose`, their remainders bounds over the whole box; `PAD` and
 `ROUNDING` cover what rounds. Newton steps only tell sooner where a contact can be made; they discard nothing.
 """
 
@@ -17,73 +17,62 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.synthesis.search.kernel.compiled import inner, kernel
+from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.narrowing import (
     AGAIN,
     LOOKS,
     PAD,
-    TURN,
+    RADIAN,
     angle,
     center,
-    cone_of,
-    copy,
+    cut,
     halve,
     narrow,
+    set_aside,
     swept,
-    taken,
+    tolerance_of,
 )
-from handfast.synthesis.search.kernel.object_pose import Work, apart, gaps, lever, times, turning
-from handfast.synthesis.search.kernel.taylor import ROUNDING, WIDER, norm, spread, workspace
+from handfast.synthesis.search.kernel.object_pose import (
+    cosine_of_directions,
+    gaps,
+    rotated,
+    turn_derivatives,
+    turning,
+)
+from handfast.synthesis.search.kernel.taylor import (
+    HAND_DIRECTION,
+    HAND_POINT,
+    OBJECT_DIRECTION,
+    OBJECT_POINT,
+    ROUNDING,
+    WIDER,
+    norm,
+    spread,
+)
+from handfast.synthesis.search.workspace import LEFT, NODES, SMALL, PoseWork
+from handfast.synthesis.task_groups import POSE, QUATERNION
 
 FINE = 0.35  # own coordinates are split until they stray by less than this share of what the pose does
-DEEP = 400  # boxes on an inner stack
-SPIN = 0.15  # units of length that a radian of the pose counts for beside the lever of the contact
+SPIN = 0.15  # units of length that a radian of the pose counts for beside the moment arm of the contact
 STEPS = 12  # of Newton towards a guess
 NEAR = 0.05  # of what the pose strays: a guess that is as near will do
-INNER = 3000  # boxes of an inner search, after which the contact is taken to be possible
+MOST_INNER = 3000  # boxes of an inner search, after which the contact is taken to be possible
 
 
 @inner
-def contact(k, box, use, flat, bend, m, slack, S):  # type: ignore[no-untyped-def]
+def _contact(k, bounds, use, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
     """Narrow a box (n, 2) by contact k, which the coordinates `use` concern. False if nothing is left.
 
-    S: workspace, which holds the polynomials afterwards.
+    `work` holds the polynomials afterwards.
     """
-    x, h, low, high, V, D, E, y, z, G = S.x, S.h, S.low, S.high, S.V, S.D, S.E, S.y, S.z, S.G
-    at = flat.params[0] - 4
     for _ in range(LOOKS):
-        center(box, use, x, h, low, high)
-        theta, curve = gaps(k, use, flat, bend, m, S)
-        stray = spread(D[2], h, use) + E[2]
-        error = (E[0] + E[2] + curve * norm(y) + theta * stray + ROUNDING) * WIDER
-        value = 0.0
-        for c in range(3):
-            gap = V[0, c] - y[c] - x[at - 3 + c]
-            value += z[c] * gap
-            if not narrow(gap, G[c], -error, error, low, high, use):
-                return False
-        # along the normal, where the parameters of the region drop out
-        for i in use:
-            G[6, i] = z[0] * G[0, i] + z[1] * G[1, i] + z[2] * G[2, i]
-        if not narrow(value, G[6], -error * WIDER, error * WIDER, low, high, use):
+        center(bounds, use, work.box)
+        theta, curve = gaps(k, use, chains, regions, coordinates, question, work)
+        if not _points_meet(use, theta, curve, coordinates.parameter[0] - POSE, work):
             return False
-        turned = spread(D[3], h, use) + E[3]
-        error = (E[1] + E[3] + curve + theta * turned + ROUNDING) * WIDER
-        if slack[k] <= 0:
-            for c in range(3):
-                if not narrow(V[1, c] - z[c], G[3 + c], -error, error, low, high, use):
-                    return False
-        elif slack[k] < np.pi:
-            tilt = spread(D[1], h, use) + E[1]
-            off, gap = swept(1.0, tilt) + swept(1.0, turned) + theta, angle(V[1], z)
-            if gap - off > slack[k] + PAD:
-                return False
-            if gap + off > slack[k]:
-                error = (error + tilt * (turned + theta)) * WIDER
-                value = apart(V, z, use, G) - np.cos(slack[k])
-                if not narrow(value, G[3], -np.inf, error, low, high, use):
-                    return False
-        shrunk = taken(box, use, x, h, low, high)
+        if not _directions_meet(work.polynomials.tolerance[k], use, theta, curve, work):
+            return False
+        shrunk = cut(bounds, use, work.box)
         if shrunk < 0:
             return False
         if shrunk > AGAIN:
@@ -92,214 +81,279 @@ def contact(k, box, use, flat, bend, m, slack, S):  # type: ignore[no-untyped-de
 
 
 @inner
-def settle(k, box, spot, use, hub, sway, flat, bend, m, slack, M, S):  # type: ignore[no-untyped-def]
-    """A guess where in a box contact k is made, by Newton steps from `spot` (n,), in and out. True: it is.
+def _points_meet(use, theta, curve, position, work):  # type: ignore[no-untyped-def]
+    """Narrow by: the points coincide. theta, curve: as from `gaps`; position: first coordinate of the object's."""
+    box, gradient, y, z = work.box, work.turned.gradient, work.turned.point, work.turned.direction
+    value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
+    stray = spread(slope[OBJECT_POINT], box.half, use) + remainder[OBJECT_POINT]
+    both = remainder[HAND_POINT] + remainder[OBJECT_POINT]
+    error = (both + curve * norm(y) + theta * stray + ROUNDING) * WIDER
+    along = 0.0
+    for c in range(3):
+        gap = value[HAND_POINT, c] - y[c] - box.middle[position + c]
+        along += z[c] * gap
+        if not narrow(gap, gradient[c], -error, error, box, use):
+            return False
+    # along the normal, where the parameters of the region drop out
+    for i in use:
+        gradient[6, i] = z[0] * gradient[0, i] + z[1] * gradient[1, i] + z[2] * gradient[2, i]
+    return narrow(along, gradient[6], -error * WIDER, error * WIDER, box, use)
 
-    Steps are the least in units of the box, and end at its sides.
+
+@inner
+def _directions_meet(tolerance, use, theta, curve, work):  # type: ignore[no-untyped-def]
+    """Narrow by: the directions of hand and object agree up to the tolerance. theta, curve: as from `gaps`."""
+    box, gradient, z = work.box, work.turned.gradient, work.turned.direction
+    value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
+    turned = spread(slope[OBJECT_DIRECTION], box.half, use) + remainder[OBJECT_DIRECTION]
+    both = remainder[HAND_DIRECTION] + remainder[OBJECT_DIRECTION]
+    error = (both + curve + theta * turned + ROUNDING) * WIDER
+    if tolerance <= 0:
+        for c in range(3):
+            if not narrow(value[HAND_DIRECTION, c] - z[c], gradient[3 + c], -error, error, box, use):
+                return False
+    elif tolerance < np.pi:
+        tilt = spread(slope[HAND_DIRECTION], box.half, use) + remainder[HAND_DIRECTION]
+        off, gap = swept(1.0, tilt) + swept(1.0, turned) + theta, angle(value[HAND_DIRECTION], z)
+        if gap - off > tolerance + PAD:
+            return False
+        if gap + off > tolerance:
+            error = (error + tilt * (turned + theta)) * WIDER
+            over = cosine_of_directions(use, work) - np.cos(tolerance)
+            if not narrow(over, gradient[3], -np.inf, error, box, use):
+                return False
+    return True
+
+
+@inner
+def _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+    """A guess where in a box contact k is made, by Newton steps from `guess` (n,), in and out. True: it is.
+
+    The shared ones of the coordinates `use` begin in the middle. Steps are the least in units of the box, and end
+    at its sides. sway: how far the pose moves the contact in the box.
     """
-    x, h, low, V, y, z, G = S.x, S.h, S.low, S.V, S.y, S.z, S.G
-    at = flat.params[0] - 4
+    box, gradient, newton = work.box, work.turned.gradient, work.inner.newton
+    x, side = box.middle, box.low
     for o in range(use.shape[0]):
         i = use[o]
-        x[i] = 0.5 * (box[i, 0] + box[i, 1]) if o < hub else min(max(spot[i], box[i, 0]), box[i, 1])
-        h[i] = 0.0
-        low[i] = 0.5 * (box[i, 1] - box[i, 0])
+        middle = 0.5 * (bounds[i, 0] + bounds[i, 1])
+        x[i] = middle if o < question.shared else min(max(guess[i], bounds[i, 0]), bounds[i, 1])
+        box.half[i] = 0.0
+        side[i] = 0.5 * (bounds[i, 1] - bounds[i, 0])
     found = False
     for _ in range(STEPS):
-        gaps(k, use, flat, bend, m, S)
-        size, rows = 0.0, 3
-        for c in range(3):
-            M[c, 6] = V[0, c] - y[c] - x[at - 3 + c]
-            size += M[c, 6] * M[c, 6]
-        if slack[k] <= 0:
-            rows = 6
-            for c in range(3):
-                M[3 + c, 6] = V[1, c] - z[c]
-                size += M[3 + c, 6] * M[3 + c, 6] * TURN * TURN
-        elif slack[k] < np.pi:
-            over = apart(V, z, use, G) - np.cos(slack[k])
-            if over < 0:
-                rows = 4
-                M[3, 6] = over
-                size += over * over * TURN * TURN
+        gaps(k, use, chains, regions, coordinates, question, work)
+        rows, size = _missing(k, use, coordinates.parameter[0] - POSE, work)
         if size <= NEAR * NEAR * sway * sway:
             found = True
             break
-        least(M, rows, low, use, G)
+        _least(newton, rows, side, use, gradient)
         for i in use:
             step = 0.0
             for a in range(rows):
-                step += M[a, 6] * G[a, i]
-            to = x[i] - step * low[i] * low[i]
-            x[i] = min(max(to, box[i, 0]), box[i, 1])
+                step += newton[a, 6] * gradient[a, i]
+            to = x[i] - step * side[i] * side[i]
+            x[i] = min(max(to, bounds[i, 0]), bounds[i, 1])
             # who has come to an end leaves the next steps to the others
-            low[i] = min(10 * low[i], 0.5 * (box[i, 1] - box[i, 0])) if x[i] == to else 0.1 * low[i]
-    for i in use[hub:]:
-        spot[i] = x[i]
+            side[i] = min(10 * side[i], 0.5 * (bounds[i, 1] - bounds[i, 0])) if x[i] == to else 0.1 * side[i]
+    for i in use[question.shared :]:
+        guess[i] = x[i]
     return found
 
 
 @inner
-def least(M, rows, side, use, G):  # type: ignore[no-untyped-def]
-    """Solve (G H^2 G') a = r, r in M[:, 6] where a goes; H: `side`."""
+def _missing(k, use, position, work):  # type: ignore[no-untyped-def]
+    """What a contact lacks in the middle of `work.box`, into column 6 of work.inner.newton; its rows and its square."""
+    value, tolerance, newton, here = (
+        work.polynomials.value[0], work.polynomials.tolerance[k], work.inner.newton, work.turned,
+    )  # fmt: skip
+    size, rows = 0.0, 3
+    for c in range(3):
+        newton[c, 6] = value[HAND_POINT, c] - here.point[c] - work.box.middle[position + c]
+        size += newton[c, 6] * newton[c, 6]
+    if tolerance <= 0:
+        rows = 6
+        for c in range(3):
+            newton[3 + c, 6] = value[HAND_DIRECTION, c] - here.direction[c]
+            size += newton[3 + c, 6] * newton[3 + c, 6] * RADIAN * RADIAN
+    elif tolerance < np.pi:
+        over = cosine_of_directions(use, work) - np.cos(tolerance)
+        if over < 0:
+            rows = 4
+            newton[3, 6] = over
+            size += over * over * RADIAN * RADIAN
+    return rows, size
+
+
+@inner
+def _least(matrix, rows, side, use, gradient):  # type: ignore[no-untyped-def]
+    """Solve (A S^2 A') a = r with A the rows of `gradient`, S = side, r in column 6 of `matrix`, where a goes."""
     for a in range(rows):
         for b in range(a + 1):
             total = 0.0
             for i in use:
-                total += G[a, i] * G[b, i] * side[i] * side[i]
-            M[a, b] = M[b, a] = total
+                total += gradient[a, i] * gradient[b, i] * side[i] * side[i]
+            matrix[a, b] = matrix[b, a] = total
     for a in range(rows):
-        M[a, a] += 1e-9 * M[a, a] + 1e-15
+        matrix[a, a] += 1e-9 * matrix[a, a] + 1e-15
     for a in range(rows):
         for b in range(a + 1, rows):
-            f = M[b, a] / M[a, a]
+            f = matrix[b, a] / matrix[a, a]
             for c in range(a, rows):
-                M[b, c] -= f * M[a, c]
-            M[b, 6] -= f * M[a, 6]
+                matrix[b, c] -= f * matrix[a, c]
+            matrix[b, 6] -= f * matrix[a, 6]
     for back in range(rows):
         a = rows - 1 - back
         for c in range(a + 1, rows):
-            M[a, 6] -= M[a, c] * M[c, 6]
-        M[a, 6] /= M[a, a]
+            matrix[a, 6] -= matrix[a, c] * matrix[c, 6]
+        matrix[a, 6] /= matrix[a, a]
 
 
 @inner
-def longest(box, use, flat, S):  # type: ignore[no-untyped-def]
+def _longest(bounds, use, quaternion, work):  # type: ignore[no-untyped-def]
     """Of `use` the coordinate that moves the contact most, and how far [units]."""
-    D, w, y = S.D, S.w, S.y
-    at = flat.params[0] - 4
+    slope, y, turn = work.polynomials.slope[0], work.turned.point, work.turned.turn
     best, worst = -1, 0.0
     for i in use:
-        if at <= i < at + 4:
-            moved = norm(w[i - at]) * (norm(y) + SPIN)
-        elif at - 3 <= i < at:
+        if quaternion <= i < quaternion + QUATERNION:
+            moved = norm(turn[i - quaternion]) * (norm(y) + SPIN)
+        elif quaternion - 3 <= i < quaternion:
             moved = 1.0
         else:
-            moved = max(norm(D[0, i]) + TURN * norm(D[1, i]), norm(D[2, i]) + TURN * norm(D[3, i]))
-        moved *= 0.5 * (box[i, 1] - box[i, 0])
+            on_hand = norm(slope[HAND_POINT, i]) + RADIAN * norm(slope[HAND_DIRECTION, i])
+            on_object = norm(slope[OBJECT_POINT, i]) + RADIAN * norm(slope[OBJECT_DIRECTION, i])
+            moved = max(on_hand, on_object)
+        moved *= 0.5 * (bounds[i, 1] - bounds[i, 0])
         if moved > worst:
             best, worst = i, moved
     return best, worst
 
 
 @inner
-def possible(k, box, spot, use, hub, flat, bend, m, slack, stack, M, S):  # type: ignore[no-untyped-def]
+def _possible(k, bounds, guess, use, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
     """Can contact k be made in a box of poses, as far as an inner search tells? Narrows the box.
 
-    spot (n,): where its own coordinates could be last time, in and out. stack (., n, 2), M (6, 7): work.
-    Returns (that, coordinate of the hub that moves the contact most, how far, boxes examined).
+    guess (n,): where its own coordinates could be last time, in and out. The shared ones of `use` are split
+    by the search of the poses. Returns (that, the one of them that moves the contact most, how far, boxes examined).
     """
-    own = use[hub:]
+    own, waiting = use[question.shared :], work.inner.box
+    quaternion = coordinates.parameter[0] - QUATERNION
     count, nodes = 0, 0
-    split, sway, here = -1, 0.0, box
+    split, sway, here = -1, 0.0, bounds
     while True:
         nodes += 1
-        if contact(k, here, use, flat, bend, m, slack, S):
+        if _contact(k, here, use, chains, regions, coordinates, question, work):
             if nodes == 1:
-                split, sway = longest(box, use[:hub], flat, S)
-            worst, stray = longest(here, own, flat, S)
-            if stray <= FINE * sway or nodes > INNER or count + 2 > stack.shape[0]:
+                split, sway = _longest(bounds, use[: question.shared], quaternion, work)
+            worst, stray = _longest(here, own, quaternion, work)
+            if stray <= FINE * sway or nodes > MOST_INNER or count + 2 > waiting.shape[0]:
                 for i in own:
-                    spot[i] = 0.5 * (here[i, 0] + here[i, 1])
+                    guess[i] = 0.5 * (here[i, 0] + here[i, 1])
                 return True, split, sway, nodes
             if nodes == 1:
-                if settle(k, box, spot, use, hub, sway, flat, bend, m, slack, M, S):
+                if _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question, work):
                     return True, split, sway, 2
                 for i in use:
-                    stack[0, i, 0], stack[0, i, 1] = box[i, 0], box[i, 1]
-                here = stack[0]
+                    waiting[0, i, 0], waiting[0, i, 1] = bounds[i, 0], bounds[i, 1]
+                here = waiting[0]
             middle = 0.5 * (here[worst, 0] + here[worst, 1])
             for i in use:
-                stack[count + 1, i, 0], stack[count + 1, i, 1] = here[i, 0], here[i, 1]
+                waiting[count + 1, i, 0], waiting[count + 1, i, 1] = here[i, 0], here[i, 1]
             # the half with the guess first
-            upper = 1 if spot[worst] > middle else 0
-            stack[count + upper, worst, 1] = middle
-            stack[count + 1 - upper, worst, 0] = middle
+            upper = 1 if guess[worst] > middle else 0
+            waiting[count + upper, worst, 1] = middle
+            waiting[count + 1 - upper, worst, 0] = middle
             count += 2
         if count == 0:
             return False, split, sway, nodes
         count -= 1
-        here = stack[count]
+        here = waiting[count]
 
 
 @inner
-def bounded(box, pose, flat, m, near, S):  # type: ignore[no-untyped-def]
-    """Narrow a box by the bounds of the pose; near (3, 2): of the origin's position. False if nothing is left."""
-    x, h, low, high, R, w, y, t, G = S.x, S.h, S.low, S.high, S.R, S.w, S.y, S.t, S.G
-    at = flat.params[0] - 4
-    center(box, pose, x, h, low, high)
-    _, curve = turning(x, h, at, R, w)
-    G[:3] = 0.0
-    for k in range(4):  # the object's axes, and the way from m to its origin
+def _bounded(bounds, pose, coordinates, question, work):  # type: ignore[no-untyped-def]
+    """Narrow a box by the bounds of the pose. False if nothing is left; pose: the shared coordinates."""
+    box, here = work.box, work.turned
+    gradient, y, offset = here.gradient, here.point, here.offset
+    quaternion = coordinates.parameter[0] - QUATERNION
+    center(bounds, pose, box)
+    _, curve = turning(box, quaternion, here.rotation, here.turn)
+    gradient[:3] = 0.0
+    for k in range(4):  # the object's axes, and the way from its middle to its origin
         for c in range(3):
-            t[c] = -m[c] if k == 3 else 1.0 * (c == k)
-        times(R, t, y)
-        lever(w, y, 1.0, at, G)
+            offset[c] = -question.middle[c] if k == 3 else 1.0 * (c == k)
+        rotated(here.rotation, offset, y)
+        turn_derivatives(here.turn, y, 1.0, quaternion, gradient)
         for c in range(3):
-            error, value = curve * norm(t) + ROUNDING, y[c]
-            least, most = flat.axes[3 * k + c] if k < 3 else near[c]
+            error, value = curve * norm(offset) + ROUNDING, y[c]
+            ends = coordinates.axes[3 * k + c] if k < 3 else question.near[c]
             if k == 3:
-                value += x[at - 3 + c]
-                G[c, at - 3 + c] = 1.0
-            if not narrow(value, G[c], -most - error, -least + error, low, high, pose):
+                value += box.middle[quaternion - 3 + c]
+                gradient[c, quaternion - 3 + c] = 1.0
+            if not narrow(value, gradient[c], -ends[1] - error, -ends[0] + error, box, pose):
                 return False
-    return taken(box, pose, x, h, low, high) >= 0
+    return cut(bounds, pose, box) >= 0
 
 
-@kernel
-def explore(stack, share, count, flat, use, sizes, hub, bend, m, near, budget, resolution, kept, kept_share):  # type: ignore[no-untyped-def]
-    """Depth first from `count` boxes in stack (., n, 2), in place, until it is empty or `budget` boxes are spent.
+@inner
+def _examine(box, count, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+    """Can every contact be made in a box of poses, number `count` of the stack? Narrows it.
 
-    use (b, .): coordinates that concern each contact, sizes (b,) of them; the first `hub` are the pose and the
-    shared joints. m (3,): the point of the object; near (3, 2): bounds of its origin's position. Boxes of
-    poses in which nothing strays by `resolution` [units] go to `kept` (., n, 2).
-    Returns (boxes on the stack, kept, boxes examined, those of inner searches too).
+    Begins with the contact that discarded a box near by. Returns (that, coordinate to split, how far it moves a
+    contact, boxes examined).
     """
-    n, b = stack.shape[1], flat.steps.shape[0]
-    slack = np.zeros(b)
-    for k in range(b):
-        slack[k] = cone_of(k, flat)
-    S = Work(
-        np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((4, 3)), np.zeros((4, n, 3)), np.zeros(4),
-        workspace(flat), np.zeros((3, 3)), np.zeros((4, 3)), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros((7, n)),
-    )  # fmt: skip
-    work, M = np.empty((DEEP, n, 2)), np.empty((6, 7))
-    spots, last = np.empty((stack.shape[0], n)), np.zeros(stack.shape[0], dtype=np.intp)
-    for i in range(count):
-        for j in range(n):
-            spots[i, j] = 0.5 * (stack[i, j, 0] + stack[i, j, 1])
-    pose = use[0, :hub]
-    nodes, found = 0, 0
-    while count > 0 and nodes < budget and count + 2 < stack.shape[0] and found < kept.shape[0]:
+    guess, last = work.inner.guess[count], work.inner.last
+    nodes, split, stray = 0, -1, 0.0
+    for a in range(chains.joints.shape[0]):
+        k = last[count] if a == 0 else (a - 1 if a <= last[count] else a)
+        use = question.use[k, : question.sizes[k]]
+        fits, way, sway, spent = _possible(k, box, guess, use, chains, regions, coordinates, question, work)
+        nodes += spent
+        if not fits:
+            if count > 0:  # the next box is a near one
+                last[count - 1] = k
+            return False, split, stray, nodes
+        if sway > stray:
+            split, stray = way, sway
+    return True, split, stray, nodes
+
+
+@inner
+def explore_poses(  # type: ignore[no-untyped-def]
+    chains, regions, coordinates, stack, question, box, polynomials, taylor, turned, inner_work, budget, resolution
+):
+    """Depth first from the first box of a `Stack`, in place, until it is empty or `budget` boxes are spent.
+
+    question: `PoseQuestion`. Boxes of poses in which nothing strays by `resolution` [units] are set aside. Nodes are
+    boxes, those of inner searches too.
+    """
+    work = PoseWork(box, polynomials, taylor, turned, inner_work)
+    guess, last, n = inner_work.guess, inner_work.last, stack.box.shape[1]
+    for k in range(chains.joints.shape[0]):
+        polynomials.tolerance[k] = tolerance_of(k, regions)
+    for i in range(n):
+        guess[0, i] = 0.5 * (stack.box[0, i, 0] + stack.box[0, i, 1])
+    last[:] = 0
+    pose = question.use[0, : question.shared]
+    count, nodes, small = 1, 0, 0
+    while count > 0 and nodes < budget and count + 2 < stack.share.shape[0] and small < stack.small_share.shape[0]:
         count -= 1
         nodes += 1
-        box = stack[count]
-        if not bounded(box, pose, flat, m, near, S):
+        here = stack.box[count]
+        if not _bounded(here, pose, coordinates, question, work):
             continue
-        split, stray = -1, 0.0
-        ok = True
-        for a in range(b):
-            k = last[count] if a == 0 else (a - 1 if a <= last[count] else a)
-            ok, way, sway, spent = possible(
-                k, box, spots[count], use[k, : sizes[k]], hub, flat, bend, m, slack, work, M, S
-            )
-            nodes += spent
-            if not ok:
-                if count > 0:  # the next box is a near one
-                    last[count - 1] = k
-                break
-            if sway > stray:
-                split, stray = way, sway
-        if not ok:
+        fits, split, stray, spent = _examine(here, count, chains, regions, coordinates, question, work)
+        nodes += spent
+        if not fits:
             continue
         if stray < resolution:
-            copy(box, kept[found])
-            kept_share[found] = share[count]
-            found += 1
+            set_aside(stack, count, small)
+            small += 1
             continue
-        halve(stack, share, count, split)
+        halve(stack, count, split)
         for i in range(n):
-            spots[count + 1, i] = spots[count, i]
+            guess[count + 1, i] = guess[count, i]
         last[count + 1] = last[count]
         count += 2
-    return count, found, nodes
+    stack.counts[LEFT], stack.counts[SMALL], stack.counts[NODES] = count, small, nodes
+    return 0
