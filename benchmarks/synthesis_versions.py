@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
 import json
 import os
 import statistics
@@ -61,8 +60,10 @@ class Answers:
     """What one version says, as JSON-able records; in a process of its own."""
 
     def __init__(self, folder: Path, seeds: int) -> None:
-        package = next(name for name in NAMES if importlib.util.find_spec(name))
+        source = Path(os.environ["PYTHONPATH"])  # both names may be installed: only the checkout's counts
+        package = next(name for name in NAMES if (source / name).is_dir())
         self.api = importlib.import_module(package)
+        assert Path(self.api.__file__).is_relative_to(source)
         self.prover = importlib.import_module(
             "handfast.synthesis.search.prover" if package == "handfast" else "holdfast.synthesis.prover"
         )
