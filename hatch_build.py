@@ -10,7 +10,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-LIBRARIES = ("handfast.stability.search.machine",)  # modules that declare one
+LIBRARIES = ("handfast.stability.search.machine", "handfast.synthesis.search.library")  # modules that declare one
 
 
 class MachineCode(BuildHookInterface):

@@ -5,40 +5,20 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from contextlib import suppress
-from pathlib import Path
 
 import pytest
 
 for library in ("OPENBLAS", "MKL"):  # before numpy is imported, as the program does
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-PACKAGE = Path(__file__).parents[1] / "src" / "handfast"
-ENGINE = PACKAGE / "synthesis" / "search" / "kernel"
-
-
-KERNELS = (  # each in a process of its own: every kernel is compiled once, not once by each worker
-    "from handfast import load_task; from handfast.synthesis.task_problem import TaskProblem;"
-    "from handfast.synthesis.search.starts import Starts; from handfast.synthesis.search.diverse import Walks;"
-    "Walks(Starts(TaskProblem.of(load_task('scalpel-upholding')), 0))",
-    "from handfast import load_task;"
-    "from handfast.synthesis.task_problem import TaskProblem; from handfast.synthesis.search.prover import Prover;"
-    "Prover(TaskProblem.of(load_task('scalpel-handling'))).run(seconds=0.1)",
+ENGINES = (  # compiled in processes of their own, once, not once by each worker; what is there already is found at once
+    "from handfast.stability.search.machine import LIBRARY; LIBRARY.machine_code()",
+    "from handfast.synthesis.search.library import LIBRARY; LIBRARY.machine_code()",
 )
 
 
-STABILITY = "from handfast.stability.search.machine import LIBRARY; LIBRARY.machine_code()"
-
-
 def pytest_configure(config: pytest.Config) -> None:
-    # numba renews a function's machine code when its own file changes, not when a file that it calls does
-    newest = max(f.stat().st_mtime for f in ENGINE.glob("*.py"))
-    for code in ENGINE.glob("__pycache__/*.nb[ic]"):
-        with suppress(FileNotFoundError):  # another session may be doing the same
-            if code.stat().st_mtime < newest:
-                code.unlink()
     if config.args_source is not pytest.Config.ArgsSource.TESTPATHS or hasattr(config, "workerinput"):
         return
-    missing = [] if list(ENGINE.glob("__pycache__/search.find*.nbi")) else list(KERNELS)
-    for process in [subprocess.Popen([sys.executable, "-c", code]) for code in (STABILITY, *missing)]:
+    for process in [subprocess.Popen([sys.executable, "-c", code]) for code in ENGINES]:
         process.wait()

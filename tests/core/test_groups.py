@@ -31,8 +31,8 @@ class Wrong(NamedTuple):
 def test_a_table_says_where_and_how_long_and_has_numbers_themselves() -> None:
     pair = Pair(np.arange(6.0).reshape(2, 3), np.zeros(4, np.bool_), -7, 0.1, True)
     lines = table(pair)
-    assert lines[0].tolist() == [pair.matrix.ctypes.data, 2, 3, 0]
-    assert lines[1].tolist() == [pair.flags.ctypes.data, 4, 0, 0]
+    assert lines[0].tolist() == [pair.matrix.ctypes.data, 2, 3, 0, 0, 0]
+    assert lines[1].tolist() == [pair.flags.ctypes.data, 4, 0, 0, 0, 0]
     assert lines[2, 0] == -7
     assert lines[3:4, 0].view(np.float64)[0] == 0.1
     assert lines[4, 0] == 1

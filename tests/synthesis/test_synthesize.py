@@ -18,6 +18,7 @@ from handfast.model.region import Bezier, Cap
 from handfast.synthesis import query
 from handfast.synthesis.placed import whole
 from handfast.synthesis.query import synthesize
+from handfast.synthesis.search.starts import Certified, Starts
 from handfast.synthesis.solution import Solution, point_and_normal
 from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
@@ -67,10 +68,11 @@ def test_a_node_limit_leaves_it_undecided(undecided: Synthesis) -> None:
 def test_a_candidate_that_cannot_be_proved_is_not_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """The local search says: three candidates in every block, none of them certified."""
 
-    def hopeful(numbers: Any, *_: Any) -> tuple[int, int, int]:
-        return 0, len(numbers), 3 if len(numbers) else 0
+    def hopeful(starts: Starts, numbers: Any, many: int) -> tuple[list[Certified], int]:
+        starts.unproved += 3
+        return [], len(numbers)
 
-    monkeypatch.setattr("handfast.synthesis.search.starts.find", hopeful)
+    monkeypatch.setattr(Starts, "_find", hopeful)
     answer = synthesize(grip(0.05), timeout=None, nodes=1)
     assert (answer.verdict, answer.stop, answer.solutions) == (Reach.UNDECIDED, Stop.NODES, ())
     assert answer.unproved == 3 * query.FIRST

@@ -57,15 +57,23 @@ def compiled(library: Library) -> bytes:
             function.linkage = "internal"
     target = target_machine()
     _optimise(whole, target)
-    wanted = {x.name for x in (*whole.functions, *whole.global_variables) if x.is_declaration} - KNOWN
-    wanted = {name for name in wanted if not name.startswith("llvm.")}
-    if wanted:
+    if wanted := _wanted(whole):
         raise RuntimeError(f"{library.name}: kernels must not allocate or raise, but want {', '.join(sorted(wanted))}")
     return bytes(target.emit_object(whole))
 
 
+def _wanted(whole: Any) -> set[str]:
+    """What the functions want of numba's runtime."""
+    wanted = {x.name for x in (*whole.functions, *whole.global_variables) if x.is_declaration} - KNOWN
+    return {name for name in wanted if not name.startswith("llvm.")}
+
+
 def _optimise(whole: Any, target: Any) -> None:
-    """Twice: what the first time leaves of owners and errors is all known to be nothing, which the second removes."""
+    """Twice: what the first time leaves of owners and errors is all known to be nothing, which the second removes.
+
+    Where functions are too large to become parts of their callers, that goes one level of calls deeper each time:
+    if anything is left, once more.
+    """
     plain = llvm.create_pipeline_tuning_options(speed_level=2)
     plain.loop_vectorization = plain.slp_vectorization = plain.loop_unrolling = False
     final = llvm.create_pipeline_tuning_options(speed_level=3)
@@ -76,6 +84,9 @@ def _optimise(whole: Any, target: Any) -> None:
     first.getModulePassManager().run(whole, first)
     references.run(whole, first)
     last.getModulePassManager().run(whole, last)
+    if _wanted(whole):
+        again = llvm.create_pass_builder(target, final)
+        again.getModulePassManager().run(whole, again)
 
 
 @intrinsic

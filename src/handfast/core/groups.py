@@ -17,7 +17,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 
-LINE = 4  # 64-bit numbers in a line of a table
+LINE = 6  # 64-bit numbers in a line of a table: an address and up to five lengths
 WHOLE_VECTOR = 4  # numbers that the processor takes at once: arrays in one piece of memory begin at multiples
 
 
@@ -32,6 +32,8 @@ class FieldKind:
 Reals = Annotated[Array, FieldKind(np.float64, 1)]
 RealMatrix = Annotated[Array, FieldKind(np.float64, 2)]
 RealMatrices = Annotated[Array, FieldKind(np.float64, 3)]
+RealArrays4 = Annotated[Array, FieldKind(np.float64, 4)]  # of four dimensions
+RealArrays5 = Annotated[Array, FieldKind(np.float64, 5)]
 Wholes = Annotated[Indices, FieldKind(np.int64, 1)]
 WholeMatrix = Annotated[Indices, FieldKind(np.int64, 2)]
 WholeMatrices = Annotated[Indices, FieldKind(np.int64, 3)]
@@ -72,7 +74,7 @@ def table(group: tuple[Any, ...]) -> Indices:
     lines, reals = [], []
     for k, ((name, kind), x) in enumerate(zip(kinds(type(group)).items(), group, strict=True)):
         if kind.dimensions == 0:
-            lines.append((0 if kind.dtype is np.float64 else int(x), 0, 0, 0))
+            lines.append((0 if kind.dtype is np.float64 else int(x), *_UNUSED[0]))
             if kind.dtype is np.float64:
                 reals.append((k, x))
             continue

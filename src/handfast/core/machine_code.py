@@ -82,7 +82,9 @@ class Library:
                 return code
         log = logging.getLogger("handfast")
         log.warning(f"compiling the {self.name} engine for this processor, once: about a minute")
-        code = self.compiled()
+        name, code = self.file_name(), self.compiled()
+        if name != self.file_name():
+            return code  # of sources that were changed meanwhile: not to be found again
         for folder in self.folders():
             with suppress(OSError):  # not ours to write to
                 if _keep(code, folder / self.file_name()):

@@ -17,7 +17,7 @@ from handfast.model.region import Bezier
 from handfast.synthesis.certify.existence import free_joints
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
-from handfast.synthesis.task_problem import POSE
+from handfast.synthesis.task_groups import POSE
 
 LENGTH = 0.1  # [m] that counts as much as a radian
 APART = 1e-3  # configurations nearer than this are the same one

@@ -16,11 +16,12 @@ from scipy.spatial.transform import Rotation
 from handfast.core.branch import BranchAndPrune, Discarded
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis.search.boxes import Boxes, Hub, Part
+from handfast.synthesis.search.boxes import Boxes, Part, PoseSpace
 from handfast.synthesis.search.derivative_bounds import CELLS, bounds
-from handfast.synthesis.search.kernel.pose import turning
+from handfast.synthesis.search.kernel.object_pose import turning
 from handfast.synthesis.search.prover import LEAVES, POSES, Prover
 from handfast.synthesis.search.starts import Starts
+from handfast.synthesis.search.workspace import CenteredBox
 from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_file import load_task
 from handfast.synthesis.task_problem import TaskProblem
@@ -278,16 +279,16 @@ def test_two_contacts_have_no_search_of_poses():
 
 
 @cache
-def posed() -> tuple[TaskProblem, Hub]:
+def posed() -> tuple[TaskProblem, PoseSpace]:
     problem = TaskProblem.of(impossible())
-    return problem, Hub(problem, np.zeros((4, 2, 1, 1, 10)))
+    return problem, PoseSpace(problem, np.zeros((4, 2, 1, 1, 10)))
 
 
 @settings(max_examples=200, derandomize=True, deadline=None)
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1))
 def test_charts_hold_every_pose(q: list[float]):
     problem, domain = posed()
-    x = 0.5 * (problem.flat.lower + problem.flat.upper)
+    x = 0.5 * (problem.flat.coordinates.lower + problem.flat.coordinates.upper)
     x[domain.at + 3 : domain.at + 7] = q
     y = domain.coordinates(x)
     inside = [bool(((p.box[:, 0] <= y) & (y <= p.box[:, 1])).all()) for p in domain.roots]
@@ -299,8 +300,8 @@ def test_charts_hold_every_pose(q: list[float]):
 
 
 @njit
-def _turning(x, h, R, w):
-    return turning(x, h, 0, R, w)
+def _turning(box, R, turn):
+    return turning(box, 0, R, turn)
 
 
 @settings(max_examples=100, derandomize=True, deadline=None)
@@ -310,7 +311,7 @@ def test_the_polynomial_of_a_rotation_holds_its_points(seed: int, size: float, c
     ends = np.sort(np.clip(rng.uniform(-1, 1, (4, 1)) + size * rng.uniform(-1, 1, (4, 2)), -1, 1), axis=1)
     ends[chart] = 1.0
     x, h, R, w = ends.mean(axis=1), np.ptp(ends, axis=1) / 2, np.zeros((3, 3)), np.zeros((4, 3))
-    theta, curve = _turning(x, h, R, w)
+    theta, curve = _turning(CenteredBox(x, h, -h, h), R, w)
     np.testing.assert_allclose(R, Rotation.from_quat(x, scalar_first=True).as_matrix(), atol=1e-14)
     point = rng.normal(size=3)
     d = h * rng.choice([-1.0, 1.0, *rng.uniform(-1, 1, 3)], (50, 4))

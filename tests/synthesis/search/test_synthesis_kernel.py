@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
+from handfast.core.groups import Block
 from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
 from handfast.synthesis.search.kernel import balls
-from handfast.synthesis.search.kernel.geometry import evaluate
+from handfast.synthesis.search.kernel.contact_equations import evaluate
 from handfast.synthesis.search.kernel.krawczyk import certify
-from handfast.synthesis.search.kernel.local import workspace
 from handfast.synthesis.search.kernel.taylor import element
-from handfast.synthesis.search.kernel.taylor import workspace as taylor_workspace
 from handfast.synthesis.search.prover import Prover
+from handfast.synthesis.search.workspace import Interior, LocalWork, SetQuestion, local_work, set_work
 from handfast.synthesis.task import PoseBounds
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.planted import Planted, bump, chain, joint, plant, pose, turn
@@ -28,18 +28,18 @@ X, Y, Z = np.eye(3)
 
 
 @njit
-def _evaluate(x, flat, F, J, G, H):
-    evaluate(x, flat, F, J, G, H)
+def _evaluate(x, chains, regions, coordinates, values, contact):
+    evaluate(x, chains, regions, coordinates, values, contact)
 
 
 @njit
-def _element(k, x, h, flat, bend, V, D, E):
-    element(k, x, h, flat, bend, V, D, E, taylor_workspace(flat))
+def _element(k, box, chains, regions, coordinates, derivative_bounds, polynomials, work):
+    element(k, 0, box, chains, regions, coordinates, derivative_bounds, polynomials, work)
 
 
 @njit
-def _certify(x, flat, lower, upper, e, chosen, radii):
-    return certify(x, flat, lower, upper, workspace(flat, e, x.shape[0]), chosen, radii)
+def _certify(x, chains, regions, coordinates, bounds, here, there, contact, proof, chosen, radii):
+    return certify(x, chains, regions, coordinates, bounds, here, there, contact, proof, chosen, radii)
 
 
 @njit
@@ -93,10 +93,9 @@ def coordinates(p: Planted, problem: TaskProblem) -> np.ndarray:
 
 
 def at(problem: TaskProblem, x: np.ndarray, radius: np.ndarray | float = 0.0) -> tuple[np.ndarray, ...]:
-    e, n, g = problem.equations, problem.n, len(problem.task.contact_pairs) + 18
-    F, J, G, H = np.zeros((e, 2)), np.zeros((e, n, 2)), np.zeros((g, 2)), np.zeros((g, n, 2))
-    _evaluate(np.column_stack([x, np.zeros(n) + radius]), problem.flat, F, J, G, H)
-    return F, J, G, H
+    work = LocalWork(*(Block(x).arrays() for x in local_work(problem.flat, problem.equations)))
+    _evaluate(np.column_stack([x, np.zeros(problem.n) + radius]), *problem.flat, work.here, work.contact)
+    return tuple(array.copy() for array in work.here)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -117,7 +116,8 @@ def test_equations_vanish_at_planted_solutions(seed: int):
 @pytest.mark.parametrize("seed", range(6))
 def test_derivatives_are_those_of_the_values(seed: int):
     problem = TaskProblem.of(everything(seed).task)
-    x = np.random.default_rng(seed).uniform(np.maximum(problem.flat.lower, -1), np.minimum(problem.flat.upper, 1))
+    lower, upper = problem.flat.coordinates.lower, problem.flat.coordinates.upper
+    x = np.random.default_rng(seed).uniform(np.maximum(lower, -1), np.minimum(upper, 1))
     _, J, _, H = at(problem, x)
     step = 1e-6
     for i in range(problem.n):
@@ -131,7 +131,7 @@ def test_derivatives_are_those_of_the_values(seed: int):
 @pytest.mark.parametrize("seed", range(6))
 def test_balls_hold_every_value_in_a_box(seed: int):
     problem, rng = TaskProblem.of(everything(seed).task), np.random.default_rng(seed)
-    x = rng.uniform(np.maximum(problem.flat.lower, -1), np.minimum(problem.flat.upper, 1))
+    x = rng.uniform(np.maximum(problem.flat.coordinates.lower, -1), np.minimum(problem.flat.coordinates.upper, 1))
     for size in (1e-7, 1e-4, 0.01):
         radius = size * rng.random(problem.n)
         boxes = at(problem, x, radius)
@@ -170,26 +170,33 @@ def test_operations_on_balls_are_rigorous(a: float, ra: float, b: float, rb: flo
     assert sine[1] <= ra + 1e-14
 
 
+def polynomials(k: int, x: np.ndarray, half: np.ndarray, problem: TaskProblem, bounds: np.ndarray) -> tuple:
+    """Value (4, 3), derivatives (4, n, 3) and remainders (4,) of contact k about x."""
+    question = SetQuestion(np.array([k]), np.arange(problem.n), bounds, np.zeros((0, 5)))
+    box, out, work, _, _ = (Block(x).arrays() for x in set_work(problem.flat, question))
+    box.middle[:], box.half[:] = x, half
+    _element(k, box, *problem.flat, bounds, out, work)
+    return out.value[0].copy(), out.slope[0].copy(), out.remainder[0].copy()
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_remainders_bound_what_the_polynomials_leave_out(seed: int):
     problem, rng = TaskProblem.of(everything(seed).task), np.random.default_rng(seed)
     flat, n, b = problem.flat, problem.n, len(problem.task.contact_pairs)
-    bend = next(iter(Prover(problem, workers=1).domains.values())).bend
+    bounds = next(iter(Prover(problem, workers=1).domains.values())).question.derivative_bounds
     worst = 0.0
     for size in (0.5, 0.1, 0.01):
-        lower, upper = np.maximum(flat.lower, -1), np.minimum(flat.upper, 1)
+        lower, upper = np.maximum(flat.coordinates.lower, -1), np.minimum(flat.coordinates.upper, 1)
         h = size * rng.random(n) * 0.5 * (upper - lower)
         x = rng.uniform(lower + h, upper - h)
         for k in range(b + 1):  # the last one is the object's origin
-            V, D, E = np.zeros((4, 3)), np.zeros((4, n, 3)), np.zeros(4)
-            _element(k, x, h, flat, bend, V, D, E)
+            value, slope, remainder = polynomials(k, x, h, problem, bounds)
             for _ in range(30):
                 d = h * rng.choice([-1, 1, *rng.uniform(-1, 1, 2)], n)
-                there = np.zeros((4, 3))
-                _element(k, x + d, np.zeros(n), flat, bend, there, np.zeros((4, n, 3)), np.zeros(4))
-                gap = np.linalg.norm(there - V - np.einsum("i,cij->cj", d, D), axis=1)
-                assert (gap <= E).all()
-                worst = max(worst, float((gap / E).max()))
+                there, _, _ = polynomials(k, x + d, np.zeros(n), problem, bounds)
+                gap = np.linalg.norm(there - value - np.einsum("i,cij->cj", d, slope), axis=1)
+                assert (gap <= remainder).all()
+                worst = max(worst, float((gap / remainder).max()))
     assert worst > 0.2  # the bounds are not idle
 
 
@@ -197,8 +204,11 @@ def certified(problem: TaskProblem, x: np.ndarray, lower: np.ndarray | None = No
     """Dependent coordinates and the radii of their box if a solution is proved at x between these bounds, else None."""
     flat, e = problem.flat, problem.equations
     chosen, radii = np.zeros(e, dtype=np.intp), np.zeros(e)
-    bounds = flat.lower if lower is None else lower, flat.upper if upper is None else upper
-    proved = _certify(np.column_stack([x, 0 * x]), flat, *bounds, e, chosen, radii)
+    limits = flat.coordinates
+    bounds = Interior(limits.lower if lower is None else lower, limits.upper if upper is None else upper)
+    work = LocalWork(*(Block(x).arrays() for x in local_work(flat, e)))
+    balls = np.column_stack([x, 0 * x])
+    proved = _certify(balls, *flat, bounds, work.here, work.there, work.contact, work.proof, chosen, radii)
     return (chosen, radii) if proved else None
 
 
@@ -235,7 +245,7 @@ def test_the_whole_box_must_lie_within_the_bounds(seed: int, end: str):
     def between(room: float) -> bool:
         """Is it proved if the dependent coordinates have so much room, and the others, which stand still, less?"""
         slack = np.where(dependent, room, room / 50)
-        narrow = np.where(bounded, x + sign * slack, getattr(flat, end))
+        narrow = np.where(bounded, x + sign * slack, getattr(flat.coordinates, end))
         return certified(problem, x, **{end: narrow}) is not None
 
     assert between(100 * width)

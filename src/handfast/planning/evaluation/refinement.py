@@ -24,7 +24,7 @@ class Refinement:
     def __init__(self, evaluator: Evaluator, steps: Steps) -> None:
         self.evaluator, self.steps = evaluator, steps
         problem = evaluator.problem
-        self.width = problem.flat.upper - problem.flat.lower
+        self.width = problem.flat.coordinates.upper - problem.flat.coordinates.lower
         self.bounded: Mask = np.array(
             [
                 k.startswith("joint:") or (k.startswith("contact:") and w <= 1.0)
@@ -56,7 +56,7 @@ class Refinement:
     def room(self, c: GraspCandidate) -> Array:
         """Distance of each bounded coordinate to its nearer bound, as a share of its range."""
         flat, x = self.evaluator.problem.flat, c.certified.x
-        room = np.minimum(x - flat.lower, flat.upper - x)[self.bounded]
+        room = np.minimum(x - flat.coordinates.lower, flat.coordinates.upper - x)[self.bounded]
         return np.asarray(room / self.width[self.bounded])
 
     def inwards(self, c: GraspCandidate) -> Array | None:
@@ -64,6 +64,6 @@ class Refinement:
         flat, x = self.evaluator.problem.flat, c.certified.x
         g = np.zeros(len(x))
         short = np.maximum(0.0, ENOUGH - self.room(c))
-        middle = (flat.lower + flat.upper)[self.bounded] / 2
+        middle = (flat.coordinates.lower + flat.coordinates.upper)[self.bounded] / 2
         g[self.bounded] = short * np.sign(middle - x[self.bounded]) / self.width[self.bounded]
         return np.asarray(g / self.steps.walks.weight) if g.any() else None

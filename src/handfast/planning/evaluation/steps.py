@@ -54,7 +54,7 @@ class Steps:
         if not g.any():
             return None
         flat = self.evaluator.problem.flat
-        low, high = x - flat.lower < SLACK, flat.upper - x < SLACK
+        low, high = x - flat.coordinates.lower < SLACK, flat.coordinates.upper - x < SLACK
         g = np.where((low & (g < 0)) | (high & (g > 0)), 0.0, g)
         return np.asarray(g / self.walks.weight)
 

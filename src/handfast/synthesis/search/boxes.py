@@ -12,9 +12,21 @@ from handfast.core.arrays import Array, Indices
 from handfast.core.branch import Discarded, Outcome, Split, Unfinished
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
+from handfast.core.groups import Block, table
 from handfast.model.region import Bezier
-from handfast.synthesis.search.kernel import exclude, hub
-from handfast.synthesis.task_problem import POSE, TaskProblem
+from handfast.synthesis.search.library import LIBRARY
+from handfast.synthesis.search.workspace import (
+    LEFT,
+    NODES,
+    SMALL,
+    PoseQuestion,
+    SetQuestion,
+    pose_work,
+    set_work,
+    stack,
+)
+from handfast.synthesis.task_groups import POSE
+from handfast.synthesis.task_problem import TaskProblem
 
 STEP = 2000  # nodes of one call of a kernel
 RESOLUTION = 1e-5  # [m] a box within which no point strays farther is set aside, undecided
@@ -62,8 +74,8 @@ class Boxes:
     words: str
     roots: tuple[Part, ...]
 
-    def explore(self, stack: Array, share: Array, budget: int, kept: Array, kept_share: Array) -> tuple[int, int, int]:
-        """Depth first from the first box of the stack; (boxes left on it, small ones kept, nodes)."""
+    def explore(self, waiting: Indices, budget: int) -> None:
+        """Depth first from the first box of a `Stack`, given by its table, up to `budget` nodes."""
         raise NotImplementedError
 
     def coordinates(self, x: Array) -> Array:
@@ -74,15 +86,15 @@ class Boxes:
         """One call of the kernel on a box: up to `budget` nodes depth first."""
         if part.small:
             return Unfinished(part, 0)
-        n = self.problem.n
-        stack, share = np.empty((DEEPEST, n, 2)), np.empty(DEEPEST)
-        stack[0], share[0] = part.box, part.share
-        kept, kept_share = np.empty((KEPT, n, 2)), np.empty(KEPT)
-        count, found, nodes = self.explore(stack, share, budget, kept, kept_share)
+        block = Block(stack(self.problem.n, DEEPEST, KEPT))
+        boxes = block.arrays()
+        boxes.box[0], boxes.share[0] = part.box, part.share
+        self.explore(block.table, budget)
+        count, found, nodes = (int(boxes.counts[place]) for place in (LEFT, SMALL, NODES))
         if count == found == 0:
             return Discarded(nodes=nodes)
-        left = [Part(stack[i].copy(), float(share[i])) for i in reversed(range(count))]
-        small = [Part(kept[i].copy(), float(kept_share[i]), True) for i in range(found)]
+        left = [Part(boxes.box[i].copy(), float(boxes.share[i])) for i in reversed(range(count))]
+        small = [Part(boxes.small[i].copy(), float(boxes.small_share[i]), True) for i in range(found)]
         return Split([*small, *left], nodes=nodes)
 
     def share(self, part: Part) -> float:
@@ -98,58 +110,64 @@ class Boxes:
         return Part(np.array(entry.box), entry.share, entry.small)
 
 
-class Together(Boxes):
+class ContactSet(Boxes):
     """One set of contacts: can these be made together, in any pose of the object?"""
 
-    def __init__(self, problem: TaskProblem, subset: tuple[int, ...], bend: Array, cones: Array) -> None:
-        flat = problem.flat
-        self.problem, self.subset, self.bend, self.cones = problem, np.array(subset, dtype=np.intp), bend, cones
-        b = len(flat.steps)
-        use = {int(flat.params[0]) - POSE + i for i in range(3)} if b in subset else set()
+    def __init__(self, problem: TaskProblem, subset: tuple[int, ...], derivative_bounds: Array, cones: Array) -> None:
+        coordinates, b = problem.flat.coordinates, len(problem.flat.chains.joints)
+        self.problem = problem
+        use = {int(coordinates.parameter[0]) - POSE + i for i in range(3)} if b in subset else set()
         for k in subset:
             if k < b:
                 use |= _joints(problem, k) | _parameters(problem, k)
         self.use = self.concern = np.array(sorted(use), dtype=np.intp)
-        self.roots = (Part(np.column_stack([flat.lower, flat.upper]), 1.0),)
+        self.question = SetQuestion(np.array(subset, dtype=np.intp), self.use, derivative_bounds, cones)
+        self._task, self._asked = [table(group) for group in problem.flat], table(self.question)
+        self._work = set_work(problem.flat, self.question)
+        self.roots = (Part(np.column_stack([coordinates.lower, coordinates.upper]), 1.0),)
         *most, last = [str(k) if k < b else "the object's position" for k in subset]
         many = "s" * (len(subset) > 2 or b not in subset)
         self.words = f"contact{many} {', '.join(most)} and {last}" if most else f"contact {last}"
 
-    def explore(self, stack: Array, share: Array, budget: int, kept: Array, kept_share: Array) -> tuple[int, int, int]:
-        return exclude.explore(
-            stack, share, 1, self.problem.flat, self.subset, self.use, self.bend, self.cones, budget,
-            RESOLUTION / self.problem.unit, kept, kept_share,
-        )  # fmt: skip
+    def explore(self, waiting: Indices, budget: int) -> None:
+        work = [Block(layout) for layout in self._work]
+        resolution = RESOLUTION / self.problem.unit
+        LIBRARY.functions.explore_set(
+            *self._task, waiting, self._asked, *(block.table for block in work), budget, resolution
+        )
 
 
-class Hub(Boxes):
+class PoseSpace(Boxes):
     """The object's pose: is there one in which each contact can be made, whatever the other fingers do?
 
-    The coordinates are those of `engine.hub`: four charts of the rotation, and the position of a point amid
+    The coordinates are those of `kernel.pose_search`: four charts of the rotation, and the position of a point amid
     the object's regions. Only the pose and joints that several contacts share are split; what a box holds of the
     other coordinates is where they can be for poses of the box.
     """
 
-    def __init__(self, problem: TaskProblem, bend: Array) -> None:
-        flat, b = problem.flat, len(problem.task.contact_pairs)
-        self.problem, self.bend = problem, bend
-        self.at = at = int(flat.params[0]) - POSE
+    def __init__(self, problem: TaskProblem, derivative_bounds: Array) -> None:
+        coordinates, b = problem.flat.coordinates, len(problem.task.contact_pairs)
+        self.problem = problem
+        self.at = at = int(coordinates.parameter[0]) - POSE
         joints = [_joints(problem, k) for k in range(b)]
         shared = {j for k in range(b) for l in range(k) for j in joints[k] & joints[l]}
         pose = [*sorted(shared), *range(at, at + POSE)]
         rows = [[*pose, *sorted((joints[k] | _parameters(problem, k)) - shared)] for k in range(b)]
-        self.hub, self.sizes = len(pose), np.array([len(row) for row in rows], dtype=np.intp)
-        self.each = np.zeros((b, max(map(len, rows))), dtype=np.intp)
+        sizes = np.array([len(row) for row in rows], dtype=np.intp)
+        each = np.zeros((b, max(map(len, rows))), dtype=np.intp)
         for k, row in enumerate(rows):
-            self.each[k, : len(row)] = row
+            each[k, : len(row)] = row
         self.use, self.concern = np.array(pose, dtype=np.intp), np.arange(problem.n)
         self.words = "all contacts, pose by pose"
         regions = [t.object for t in problem.task.contact_pairs]
         middles = [r.points.reshape(-1, 3).mean(axis=0) if isinstance(r, Bezier) else r.center for r in regions]
         self.middle = np.mean(middles, axis=0) / problem.unit
-        self.near = np.column_stack([flat.lower, flat.upper])[at : at + 3]
+        box = np.column_stack([coordinates.lower, coordinates.upper])
+        near = box[at : at + 3].copy()
+        self.question = PoseQuestion(each, sizes, derivative_bounds, self.middle, near, len(pose))
+        self._task, self._asked = [table(group) for group in problem.flat], table(self.question)
+        self._work = pose_work(problem.flat, DEEPEST)
         far = float(np.linalg.norm(self.middle)) * (1 + 1e-9)
-        box = np.column_stack([flat.lower, flat.upper])
         box[at : at + 3] += [-far, far]
         box[at + 3 : at + POSE] = [-1.0, 1.0]
         self.roots = tuple(Part(_with_one(box, at + 3 + chart), 0.25) for chart in range(4))
@@ -163,19 +181,20 @@ class Hub(Boxes):
         y[at + 3 : at + POSE] = q / q[np.abs(q).argmax()]
         return y
 
-    def explore(self, stack: Array, share: Array, budget: int, kept: Array, kept_share: Array) -> tuple[int, int, int]:
-        return hub.explore(
-            stack, share, 1, self.problem.flat, self.each, self.sizes, self.hub, self.bend, self.middle, self.near,
-            budget, RESOLUTION / self.problem.unit, kept, kept_share,
-        )  # fmt: skip
+    def explore(self, waiting: Indices, budget: int) -> None:
+        work = [Block(layout) for layout in self._work]
+        resolution = RESOLUTION / self.problem.unit
+        LIBRARY.functions.explore_poses(
+            *self._task, waiting, self._asked, *(block.table for block in work), budget, resolution
+        )
 
 
 def _joints(problem: TaskProblem, k: int) -> set[int]:
-    return {int(v) for v in problem.flat.var[k, : problem.flat.steps[k]]}
+    return set(problem.flat.chains.coordinate[k, : problem.flat.chains.joints[k]].tolist())
 
 
 def _parameters(problem: TaskProblem, k: int) -> set[int]:
-    return {int(problem.flat.params[k]) + i for i in range(4 if problem.flat.hand[k] else 2)}
+    return {int(problem.flat.coordinates.parameter[k]) + i for i in range(4 if problem.flat.regions.hand[k] else 2)}
 
 
 def _with_one(box: Array, i: int) -> Array:

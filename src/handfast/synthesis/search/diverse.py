@@ -12,9 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.groups import Block, table
 from handfast.synthesis.distance import LENGTH
-from handfast.synthesis.search.kernel.walk import walk
-from handfast.synthesis.search.starts import Certified, Starts
+from handfast.synthesis.search.library import LIBRARY
+from handfast.synthesis.search.starts import Certified, Starts, taken
+from handfast.synthesis.search.workspace import UNPROVED, Departures, found, interior, local_work
 from handfast.synthesis.task_problem import TaskProblem
 
 STEP = 1.0  # longest step, in the measure of `distance`
@@ -28,7 +30,6 @@ class Walks:
     def __init__(self, starts: Starts) -> None:
         self.starts, self.problem, self.round = starts, starts.problem, 0
         self.weight = _weights(self.problem)
-        self.run([])  # compiles
 
     def run(self, pool: Sequence[Certified]) -> list[Certified]:
         """New certified configurations, each a step from one of the pool, picked at random."""
@@ -47,11 +48,14 @@ class Walks:
             directions: (m, n) in coordinates times `weight`; what is tangent of them is gone along.
             lengths: (m,) in the measure of `distance`.
         """
-        p, m = self.problem, len(begin)
-        xs, radii, chosen = np.zeros((m, p.n)), np.zeros((m, p.equations)), np.zeros((m, p.equations), dtype=np.intp)
-        proved, unproved = walk(begin, directions, lengths, self.weight, p.flat, p.equations, xs, chosen, radii)
-        self.starts.unproved += unproved
-        return [Certified(xs[i], chosen[i], radii[i]) for i in range(proved)]
+        p = self.problem
+        departures = Departures(begin, directions, lengths, self.weight, *interior(p.flat))
+        task, work = map(table, p.flat), [Block(x) for x in local_work(p.flat, p.equations)[:-1]]
+        block = Block(found(p.n, p.equations, len(begin)))
+        LIBRARY.functions.walk(*task, table(departures), *(b.table for b in work), block.table)
+        out = block.arrays()
+        self.starts.unproved += int(out.counts[UNPROVED])
+        return taken(out)
 
 
 def _weights(problem: TaskProblem) -> Array:

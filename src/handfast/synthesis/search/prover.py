@@ -2,8 +2,8 @@
 
 Any set of contacts that cannot be made together settles the task, so each pair, each triple and the whole set
 is searched on its own, in turns, over the joints and region parameters that concern it; the object's pose is
-eliminated (`kernel.exclude`). Where the task bounds the object's position, its origin counts as a contact.
-With three contacts and more the poses are searched too: one at a time the fingers decouple (`kernel.hub`).
+eliminated (`kernel.set_search`). Where the task bounds the object's position, its origin counts as a contact.
+With three contacts and more the poses are searched too: one at a time the fingers decouple (`kernel.pose_search`).
 Every solution's coordinates lie in a box that was not discarded.
 """
 
@@ -22,7 +22,7 @@ from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
 from handfast.core.limits import Limits
-from handfast.synthesis.search.boxes import Boxes, Hub, Part, Together
+from handfast.synthesis.search.boxes import Boxes, ContactSet, Part, PoseSpace
 from handfast.synthesis.search.derivative_bounds import cones, derivative_bounds
 from handfast.synthesis.task_problem import TaskProblem
 
@@ -80,11 +80,11 @@ class Prover:
         points = b + bool(np.isfinite(problem.task.pose.position).any())  # the last one: the object's origin
         sizes = range(2, points + 1) if points > 1 else range(1, 2)
         subsets = [s for size in sizes for s in combinations(range(points), size)]
-        bend, bounds = derivative_bounds(problem), cones(problem)
-        self.domains: dict[str, Boxes] = {"-".join(map(str, s)): Together(problem, s, bend, bounds) for s in subsets}
+        rates, bounds = derivative_bounds(problem), cones(problem)
+        self.domains: dict[str, Boxes] = {"-".join(map(str, s)): ContactSet(problem, s, rates, bounds) for s in subsets}
         self.whole = next(reversed(self.domains))
         if b >= FROM:
-            self.domains[POSES] = Hub(problem, bend)
+            self.domains[POSES] = PoseSpace(problem, rates)
         self.searches: dict[str, BranchAndPrune[Part]] = {
             name: BranchAndPrune(d, d.roots, workers=workers) for name, d in self.domains.items()
         }

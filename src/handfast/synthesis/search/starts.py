@@ -7,10 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.core.arrays import Array, Indices
+from handfast.core.groups import Block, table
 from handfast.model.region import Cap
 from handfast.synthesis.certify.existence import ContactPoint, Existence
-from handfast.synthesis.search.kernel.local import ALIGNED, NUMBERS
-from handfast.synthesis.search.kernel.search import find
+from handfast.synthesis.search.library import LIBRARY
+from handfast.synthesis.search.workspace import (
+    ALIGNED,
+    NUMBERS,
+    PROVED,
+    UNPROVED,
+    USED,
+    Draws,
+    Found,
+    found,
+    interior,
+    local_work,
+)
 from handfast.synthesis.task_problem import TaskProblem
 
 BLOCK = 256  # starts that share one seed: the unit in which a search is resumed
@@ -68,8 +80,10 @@ class Starts:
         self.problem, self.seed, self.block = problem, seed, block
         self.count = block * BLOCK
         self.unproved = 0
-        self._out = _Rows(problem, BLOCK)
-        self._find(np.zeros((0, self._width)), 1)  # compiles
+        self._interior, self._task = interior(problem.flat), tuple(map(table, problem.flat))
+        self._work = tuple(map(Block, local_work(problem.flat, problem.equations)))
+        self._block = Block(found(problem.n, problem.equations, BLOCK))
+        self._kernel = LIBRARY.functions  # compiles where that has not been done yet
 
     @property
     def _width(self) -> int:
@@ -78,42 +92,34 @@ class Starts:
     def run(self, many: int = BLOCK) -> list[Certified]:
         """The certified configurations of the next block, at most `many`; the rest of the block is left out."""
         numbers = np.random.default_rng([self.seed, self.block]).random((BLOCK, self._width))
-        found: list[Certified] = []
+        out: list[Certified] = []
         first = 0
-        while first < BLOCK and len(found) < many:
-            proved, used = self._find(numbers[first:], many - len(found))
+        while first < BLOCK and len(out) < many:
+            some, used = self._find(numbers[first:], many - len(out))
+            out += some
             first += used
-            found += self._out.taken(proved)
         self.block += 1
         self.count += first
-        return found
+        return out
 
     def near(self, points: Array, many: int = 1) -> list[Certified]:
         """At most `many` certified configurations from starts at joints and region parameters (k, n)."""
-        flat, found = self.problem.flat, list[Certified]()
+        lower, upper = self.problem.flat.coordinates.lower, self.problem.flat.coordinates.upper
         numbers = np.random.default_rng([self.seed, self.block, 1]).random((len(points), self._width))
-        width = np.where(flat.upper > flat.lower, flat.upper - flat.lower, 1.0)
-        numbers[:, : self.problem.n] = np.clip((points - flat.lower) / width, 0.0, 1.0)
-        if len(points):
-            proved, _ = self._find(numbers, many)
-            found = self._out.taken(proved)
-        return found
+        width = np.where(upper > lower, upper - lower, 1.0)
+        numbers[:, : self.problem.n] = np.clip((points - lower) / width, 0.0, 1.0)
+        return self._find(numbers, many)[0]
 
-    def _find(self, numbers: Array, many: int) -> tuple[int, int]:
-        p, out = self.problem, self._out
-        arrays = (out.xs, out.chosen, out.radii, out.which)
-        proved, used, unproved = find(numbers, p.flat, p.equations, many, *arrays)
-        self.unproved += unproved
-        return proved, used
+    def _find(self, numbers: Array, many: int) -> tuple[list[Certified], int]:
+        """The first certified configurations from starts of these random numbers, at most `many`; starts used."""
+        draws = Draws(numbers, *self._interior)
+        self._kernel.find(*self._task, table(draws), *(b.table for b in self._work), self._block.table, many)
+        out = self._block.arrays()
+        self.unproved += int(out.counts[UNPROVED])
+        return taken(out), int(out.counts[USED])
 
 
-class _Rows:
-    """Arrays that a kernel writes its certified configurations into."""
-
-    def __init__(self, problem: TaskProblem, many: int) -> None:
-        n, e = problem.n, problem.equations
-        self.xs, self.radii = np.zeros((many, n)), np.zeros((many, e))
-        self.chosen, self.which = np.zeros((many, e), dtype=np.intp), np.zeros(many, dtype=np.intp)
-
-    def taken(self, count: int) -> list[Certified]:
-        return [Certified(self.xs[i].copy(), self.chosen[i].copy(), self.radii[i].copy()) for i in range(count)]
+def taken(out: Found) -> list[Certified]:
+    """Copies of the configurations that a kernel has found."""
+    rows = range(out.counts[PROVED])
+    return [Certified(out.x[i].copy(), out.chosen[i].copy(), out.radii[i].copy()) for i in rows]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.synthesis.search.kernel.compiled import inner
+from handfast.core.compiled import inner
 
 UNIT = 1.12e-16  # one rounding, relative
 UP = 1.0 + 2e-15

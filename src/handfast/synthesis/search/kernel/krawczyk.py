@@ -1,7 +1,7 @@
 """Existence, proved, compiled: the Krawczyk test about a candidate, in balls.
 
 As many coordinates as there are equations are taken as dependent, the others stay at their floats. With Y
-near the inverse of the dependent part of J and X the box of radius rho about x,
+near the inverse of the dependent part of J, the derivatives, and X the box of radius rho about x,
 
     |Y F(x)| + |1 - Y J(X)| rho < rho      proves one solution in the interior of X
 
@@ -10,133 +10,186 @@ near the inverse of the dependent part of J and X the box of radius rho about x,
 
 from __future__ import annotations
 
-import numpy as np
-
+from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.balls import UP
-from handfast.synthesis.search.kernel.compiled import inner
-from handfast.synthesis.search.kernel.geometry import evaluate
+from handfast.synthesis.search.kernel.contact_equations import evaluate
+from handfast.synthesis.search.workspace import AXES
+from handfast.synthesis.task_groups import QUATERNION
 
 RADIUS = 1e-7  # rad and units to begin with; the residual asks for more where the system is ill conditioned
 RADII = 4  # tenfold larger boxes that are tried
+ROUNDED = 1e-14  # a term: more than the rounding of the sums below, relative
 
 
 @inner
-def dependents(J, x, lower, upper, quaternion, chosen):  # type: ignore[no-untyped-def]
+def certify(x, chains, regions, coordinates, bounds, here, there, contact, proof, chosen, radii):  # type: ignore[no-untyped-def]
+    """True if an exact solution is proved within `radii` of x (n, 2), between the bounds.
+
+    Out: chosen (e,) dependent coordinates, radii (e,) of their box.
+    """
+    e, quaternion = here.equation.shape[0], coordinates.parameter[0] - QUATERNION
+    for i in range(x.shape[0]):
+        x[i, 1] = 0.0
+    evaluate(x, chains, regions, coordinates, here, contact)
+    if not _dependents(x, quaternion, bounds, here.equation_slope, proof, chosen):
+        return False
+    for d in range(e):
+        for i in range(e):
+            proof.matrix[i, d] = here.equation_slope[i, chosen[d], 0]
+    if not _invert(proof.matrix, proof.inverse):
+        return False
+    if not _newton(here.equation, proof):
+        return False
+    radius = RADIUS
+    for _ in range(RADII):
+        for i in range(x.shape[0]):
+            proof.box[i, 0], proof.box[i, 1] = x[i, 0], 0.0
+        for d in range(e):
+            radii[d] = radius + 2 * proof.moved[d]
+            proof.box[chosen[d], 1] = radii[d]
+        evaluate(proof.box, chains, regions, coordinates, there, contact)
+        if _within(proof.box, quaternion, bounds, coordinates.axes, there.inequality) and _contracts(
+            there.equation_slope, proof, chosen, radii
+        ):
+            return True
+        radius *= 10
+    return False
+
+
+@inner
+def _dependents(x, quaternion, bounds, slope, proof, chosen):  # type: ignore[no-untyped-def]
     """Choose the dependent coordinates by QR with column pivoting; columns count by their slack.
 
-    chosen: (e,) out. Returns false if the columns do not suffice. The largest component of the quaternion
-    stays frozen, it is a scale.
+    slope (e, n, 2): derivatives; chosen (e,): out. Returns false if the columns do not suffice. The largest component
+    of the quaternion stays frozen, it is a scale.
     """
-    e, n = chosen.shape[0], x.shape[0]
-    A = np.zeros((e, n))
-    free = np.ones(n, dtype=np.bool_)
+    columns, free = proof.columns, proof.free
+    e, n = columns.shape
     largest = quaternion
-    for i in range(quaternion, quaternion + 4):
+    for i in range(quaternion, quaternion + QUATERNION):
         if abs(x[i, 0]) > abs(x[largest, 0]):
             largest = i
-    free[largest] = False
     for c in range(n):
-        slack = min(x[c, 0] - lower[c], upper[c] - x[c, 0], 1.0)
-        if not slack > 0:
-            free[c] = False
-            continue
+        slack = min(x[c, 0] - bounds.lower[c], bounds.upper[c] - x[c, 0], 1.0)
+        free[c] = slack > 0 and c != largest
         for i in range(e):
-            A[i, c] = J[i, c, 0] * slack
-    first = 0.0
+            columns[i, c] = slope[i, c, 0] * slack
+    most = 0.0
     for d in range(e):
         best, size = -1, 0.0
         for c in range(n):
             if free[c]:
                 square = 0.0
                 for i in range(e):
-                    square += A[i, c] * A[i, c]
+                    square += columns[i, c] * columns[i, c]
                 if square > size:
                     best, size = c, square
-        if best < 0 or size <= 1e-18 * first:
+        if best < 0 or size <= 1e-18 * most:
             return False
-        first = max(first, size)
+        most = max(most, size)
         chosen[d] = best
-        free[best] = False
+        free[best] = 0
         for c in range(n):
             if free[c]:
                 along = 0.0
                 for i in range(e):
-                    along += A[i, best] * A[i, c]
+                    along += columns[i, best] * columns[i, c]
                 along /= size
                 for i in range(e):
-                    A[i, c] -= along * A[i, best]
+                    columns[i, c] -= along * columns[i, best]
     return True
 
 
 @inner
-def certify(x, flat, lower, upper, W, chosen, radii):  # type: ignore[no-untyped-def]
-    """True if an exact solution is proved within `radii` of x (n, 2) whose radii are zero.
+def _invert(matrix, inverse):  # type: ignore[no-untyped-def]
+    """The inverse (e, e) by Gauss-Jordan elimination with row pivoting; false if there is none. Overwrites the matrix.
 
-    Out: chosen (e,) dependent coordinates, radii (e,) of their box.
+    It need not be accurate: any matrix near the inverse serves the proof.
     """
-    F, J, G, H, F2, J2, G2, H2 = W
-    e = J.shape[0]
-    quaternion = flat.params[0] - 4
-    x[:, 1] = 0.0
-    evaluate(x, flat, F, J, G, H)
-    if not dependents(J, x, lower, upper, quaternion, chosen):
-        return False
-    A = np.empty((e, e))
-    for d in range(e):
+    e = matrix.shape[0]
+    for i in range(e):
+        for j in range(e):
+            inverse[i, j] = 1.0 if i == j else 0.0
+    for c in range(e):
+        pivot = c
+        for i in range(c + 1, e):
+            if abs(matrix[i, c]) > abs(matrix[pivot, c]):
+                pivot = i
+        if not abs(matrix[pivot, c]) > 0:
+            return False
+        for j in range(e):
+            matrix[c, j], matrix[pivot, j] = matrix[pivot, j], matrix[c, j]
+            inverse[c, j], inverse[pivot, j] = inverse[pivot, j], inverse[c, j]
+        f = 1.0 / matrix[c, c]
+        for j in range(e):
+            matrix[c, j] *= f
+            inverse[c, j] *= f
         for i in range(e):
-            A[i, d] = J[i, chosen[d], 0]
-    Y = np.linalg.inv(A)
-    small = 1e-14 * e  # more than the rounding of the sums below, relative
-    moved = np.empty(e)
+            if i != c:
+                f = matrix[i, c]
+                for j in range(e):
+                    matrix[i, j] -= f * matrix[c, j]
+                    inverse[i, j] -= f * inverse[c, j]
+    return True
+
+
+@inner
+def _newton(equation, proof):  # type: ignore[no-untyped-def]
+    """Bounds of |Y F(x)|; false if they are too large to be of use."""
+    inverse, e = proof.inverse, proof.inverse.shape[0]
+    rounded = ROUNDED * e
     for i in range(e):
         total = 0.0
         value, size = 0.0, 0.0
         for c in range(e):
-            value += Y[i, c] * F[c, 0]
-            size += abs(Y[i, c] * F[c, 0])
-            total += abs(Y[i, c]) * F[c, 1]
-        moved[i] = (abs(value) + total + small * size) * (1 + small)
-        if not moved[i] < 1e-2:
+            value += inverse[i, c] * equation[c, 0]
+            size += abs(inverse[i, c] * equation[c, 0])
+            total += abs(inverse[i, c]) * equation[c, 1]
+        proof.moved[i] = (abs(value) + total + rounded * size) * (1 + rounded)
+        if not proof.moved[i] < 1e-2:
             return False
-    rho = RADIUS
-    for _ in range(RADII):
-        y = x.copy()
-        for d in range(e):
-            radii[d] = rho + 2 * moved[d]
-            y[chosen[d], 1] = radii[d]
-        if _contracts(y, flat, lower, upper, Y, moved, chosen, radii, small, F2, J2, G2, H2):
-            return True
-        rho *= 10
-    return False
+    return True
 
 
 @inner
-def _contracts(y, flat, lower, upper, Y, moved, chosen, radii, small, F, J, G, H):  # type: ignore[no-untyped-def]
-    e, n = Y.shape[0], y.shape[0]
-    quaternion = flat.params[0] - 4
-    for c in range(n):
-        bounded = c < quaternion or c >= quaternion + 4
-        if bounded and not (y[c, 0] - y[c, 1] * UP > lower[c] and y[c, 0] + y[c, 1] * UP < upper[c]):
+def _within(box, quaternion, bounds, axes, values):  # type: ignore[no-untyped-def]
+    """Does the whole box (n, 2) keep every bound and every inequality, strictly?
+
+    axes (9, 2): bounds of the object's axes; values (g, 2): of the inequalities.
+    """
+    b = values.shape[0] - AXES
+    for c in range(box.shape[0]):
+        bounded = c < quaternion or c >= quaternion + QUATERNION
+        least, most = box[c, 0] - box[c, 1] * UP, box[c, 0] + box[c, 1] * UP
+        if bounded and not (least > bounds.lower[c] and most < bounds.upper[c]):
             return False
-    evaluate(y, flat, F, J, G, H)
-    for i in range(G.shape[0]):
+    for i in range(values.shape[0]):
         # the bounds [-1, 1] of an axis are none
-        a = i - flat.steps.shape[0]
-        if a >= 0 and flat.axes[a // 2, a % 2] == (-1.0 if a % 2 == 0 else 1.0):
+        a = i - b
+        if a >= 0 and axes[a // 2, a % 2] == (-1.0 if a % 2 == 0 else 1.0):
             continue
-        if not G[i, 0] - G[i, 1] * UP > 0:
+        if not values[i, 0] - values[i, 1] * UP > 0:
             return False
+    return True
+
+
+@inner
+def _contracts(slope, proof, chosen, radii):  # type: ignore[no-untyped-def]
+    """|Y F(x)| + |1 - Y J(X)| rho < rho?"""
+    inverse, moved = proof.inverse, proof.moved
+    e = inverse.shape[0]
+    rounded = ROUNDED * e
     for i in range(e):
         reach = moved[i]
         for d in range(e):
             value = 1.0 if i == d else 0.0
             size, total = value, 0.0
             for c in range(e):
-                term = Y[i, c] * J[c, chosen[d], 0]
+                term = inverse[i, c] * slope[c, chosen[d], 0]
                 value -= term
                 size += abs(term)
-                total += abs(Y[i, c]) * J[c, chosen[d], 1]
-            reach += (abs(value) + total + small * size) * radii[d]
-        if not reach * (1 + small) < radii[i]:
+                total += abs(inverse[i, c]) * slope[c, chosen[d], 1]
+            reach += (abs(value) + total + rounded * size) * radii[d]
+        if not reach * (1 + rounded) < radii[i]:
             return False
     return True

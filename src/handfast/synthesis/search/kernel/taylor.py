@@ -1,7 +1,7 @@
 """Where a contact can be over a box of coordinates, compiled: Taylor polynomials of degree one with remainders.
 
 Remainders bound the second derivatives over the whole box: for chains of joints by the distances to the axes,
-for patches by constants that Bernstein coefficients give (`synthesis.bends.bounds`). Middles are plain
+for patches by constants that Bernstein coefficients give (`search.derivative_bounds`). Middles are plain
 floating point. A chain of s joints and a patch of degree (M, N) make them within `ROUNDING` of the exact
 values: at most 30 (s + M + N) roundings of 1.2e-16, on numbers of at most a few units, is below 1e-13.
 """
@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.synthesis.search.kernel.compiled import inner
-from handfast.synthesis.search.kernel.geometry import PATCH, PRISMATIC
+from handfast.core.compiled import inner
+from handfast.synthesis.task_groups import PATCH, POSE, PRISMATIC
 
+HAND_POINT, HAND_DIRECTION, OBJECT_POINT, OBJECT_DIRECTION = 0, 1, 2, 3  # what there are polynomials of
 ROUNDING = 1e-11  # units and units per radian
 WIDER = 1.0 + 1e-12
 
@@ -23,40 +24,30 @@ def norm(v):  # type: ignore[no-untyped-def]
 
 
 @inner
-def spread(g, h, use):  # type: ignore[no-untyped-def]
-    """Bound of |sum_i g_i d_i| for |d_i| <= h_i: g (n, 3), use: coordinates."""
+def spread(slope, half, use):  # type: ignore[no-untyped-def]
+    """Bound of |sum_i g_i d_i| for |d_i| <= half_i, with g_i the rows of slope (n, 3); use: coordinates."""
     total = 0.0
     for c in range(3):
         reach = 0.0
         for i in use:
-            reach += abs(g[i, c]) * h[i]
+            reach += abs(slope[i, c]) * half[i]
         total += reach * reach
     return np.sqrt(total) * WIDER
 
 
 @inner
-def workspace(flat):  # type: ignore[no-untyped-def]
-    """Arrays for `element`: pose, axes and points on them, two surfaces, weights, constants of a surface."""
-    most, degree = flat.var.shape[1], 1
-    for i in range(flat.degree.shape[0]):
-        degree = max(degree, flat.degree[i, 0], flat.degree[i, 1])
-    pose, axes, spots = np.empty((2, 3, 4)), np.empty((most + 1, 3)), np.empty((most + 1, 3))
-    return pose, axes, spots, np.empty((9, 3)), np.empty((9, 3)), np.empty((2, 4, degree + 1)), np.empty(10)
-
-
-@inner
-def chain(k, x, flat, pose, axes, spots):  # type: ignore[no-untyped-def]
-    """Pose of the link of contact k, (R, p) in pose[0] (3, 4), its joints' axes and points on them (., 3)."""
-    T, U = pose[0], pose[1]
+def _chain(k, x, chains, work):  # type: ignore[no-untyped-def]
+    """Pose of the link of contact k, (R, p) in work.pose[0], its joints' axes and points on them."""
+    T, U = work.pose[0], work.pose[1]
     for i in range(3):
         for j in range(3):
-            T[i, j] = flat.turn[k, 0, i, j]
-        T[i, 3] = flat.shift[k, 0, i]
-    for step in range(flat.steps[k]):
-        value = flat.ratio[k, step] * x[flat.var[k, step]] + flat.offset[k, step]
+            T[i, j] = chains.rotation[k, 0, i, j]
+        T[i, 3] = chains.translation[k, 0, i]
+    for step in range(chains.joints[k]):
+        value = chains.ratio[k, step] * x[chains.coordinate[k, step]] + chains.offset[k, step]
         for i in range(3):
-            axes[step, i], spots[step, i] = T[i, 2], T[i, 3]
-        if flat.kind[k, step] == PRISMATIC:
+            work.joint_axis[step, i], work.joint_point[step, i] = T[i, 2], T[i, 3]
+        if chains.kind[k, step] == PRISMATIC:
             for i in range(3):
                 T[i, 3] += value * T[i, 2]
         else:
@@ -64,7 +55,7 @@ def chain(k, x, flat, pose, axes, spots):  # type: ignore[no-untyped-def]
             for i in range(3):
                 a, b = T[i, 0], T[i, 1]
                 T[i, 0], T[i, 1] = c * a + s * b, c * b - s * a
-        M, v = flat.turn[k, step + 1], flat.shift[k, step + 1]
+        M, v = chains.rotation[k, step + 1], chains.translation[k, step + 1]
         for i in range(3):
             for j in range(3):
                 U[i, j] = T[i, 0] * M[0, j] + T[i, 1] * M[1, j] + T[i, 2] * M[2, j]
@@ -75,7 +66,7 @@ def chain(k, x, flat, pose, axes, spots):  # type: ignore[no-untyped-def]
 
 
 @inner
-def weights(degree, x, out):  # type: ignore[no-untyped-def]
+def _weights(degree, x, out):  # type: ignore[no-untyped-def]
     """Weights of the control points: out[0] of the value, out[1] and out[2] of the derivatives (., degree+1)."""
     y = 1.0 - x
     low, first = out[3], out[1]
@@ -107,30 +98,30 @@ def weights(degree, x, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def surface(which, k, s, t, flat, out, W):  # type: ignore[no-untyped-def]
-    """Rows of out (9, 3): p, p_s, p_t, then three of work, then the unit normal n, n_s, n_t."""
-    sign = flat.face[which]
-    if which == k and flat.object[k] != PATCH:
-        ss, cs, st, ct = np.sin(s), np.cos(s), np.sin(t), np.cos(t)
-        radius = flat.ball[k, 12]
+def _surface(which, k, s, t, regions, out, weight):  # type: ignore[no-untyped-def]
+    """Rows of out (9, 3): p, p_s, p_t, then three of work, then the unit normal n, n_s, n_t; weight: work."""
+    sign = regions.face[which]
+    if which == k and regions.object[k] != PATCH:
+        ss, cs, st, ct, radius = np.sin(s), np.cos(s), np.sin(t), np.cos(t), regions.ball[k, 12]
         for i in range(3):
-            e1, e2, e3 = flat.ball[k, 3 * i], flat.ball[k, 3 * i + 1], flat.ball[k, 3 * i + 2]
+            e1, e2, e3 = regions.ball[k, 3 * i], regions.ball[k, 3 * i + 1], regions.ball[k, 3 * i + 2]
             d = ss * (ct * e1 + st * e2) + cs * e3
             ds, dt = cs * (ct * e1 + st * e2) - ss * e3, ss * (ct * e2 - st * e1)
-            out[0, i], out[1, i], out[2, i] = flat.ball[k, 9 + i] + radius * d, radius * ds, radius * dt
+            out[0, i], out[1, i], out[2, i] = regions.ball[k, 9 + i] + radius * d, radius * ds, radius * dt
             out[6, i], out[7, i], out[8, i] = sign * d, sign * ds, sign * dt
         return
-    M, N, first = flat.degree[which, 0], flat.degree[which, 1], flat.first[which]
-    weights(M, s, W[0])
-    weights(N, t, W[1])
+    M, N, first = regions.degree[which, 0], regions.degree[which, 1], regions.first[which]
+    _weights(M, s, weight[0])
+    _weights(N, t, weight[1])
+    u, v = weight[0], weight[1]
     out[:6] = 0.0
     for i in range(M + 1):
         for j in range(N + 1):
             at = first + i * (N + 1) + j
-            w0, w1, w2 = W[0, 0, i] * W[1, 0, j], W[0, 1, i] * W[1, 0, j], W[0, 0, i] * W[1, 1, j]
-            w3, w4, w5 = W[0, 2, i] * W[1, 0, j], W[0, 1, i] * W[1, 1, j], W[0, 0, i] * W[1, 2, j]
+            w0, w1, w2 = u[0, i] * v[0, j], u[1, i] * v[0, j], u[0, i] * v[1, j]
+            w3, w4, w5 = u[2, i] * v[0, j], u[1, i] * v[1, j], u[0, i] * v[2, j]
             for c in range(3):
-                q = flat.points[at, c]
+                q = regions.points[at, c]
                 out[0, c] += w0 * q
                 out[1, c] += w1 * q
                 out[2, c] += w2 * q
@@ -161,110 +152,152 @@ def _cross(a, b, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def worst(bend, s, hs, t, ht, out):  # type: ignore[no-untyped-def]
+def worst(bounds, s, hs, t, ht, out):  # type: ignore[no-untyped-def]
     """Largest constants over a box of a surface's parameters, into out (10,).
 
-    bend (g, g, 10): for each of g x g cells of the unit square |p_s|, |p_t|, |p_ss|, |p_st|, |p_tt| of the
+    bounds (g, g, 10): for each of g x g cells of the unit square |p_s|, |p_t|, |p_ss|, |p_st|, |p_tt| of the
     (moved out) surface, and the same of its unit normal. NaN in the second cell: the first holds everywhere.
     """
-    g = bend.shape[0]
+    g = bounds.shape[0]
     i0, i1 = max(0, int((s - hs) * g - 1e-9)), min(g - 1, int((s + hs) * g + 1e-9))
     j0, j1 = max(0, int((t - ht) * g - 1e-9)), min(g - 1, int((t + ht) * g + 1e-9))
-    if g == 1 or np.isnan(bend[0, 1, 0]):
+    if g == 1 or np.isnan(bounds[0, 1, 0]):
         i0 = i1 = j0 = j1 = 0
     out[:] = 0.0
     for i in range(min(i0, g - 1), i1 + 1):
         for j in range(min(j0, g - 1), j1 + 1):
             for c in range(10):
-                out[c] = max(out[c], bend[i, j, c])
+                out[c] = max(out[c], bounds[i, j, c])
 
 
 @inner
-def element(k, x, h, flat, bend, V, D, E, work):  # type: ignore[no-untyped-def]
-    """Taylor polynomials of contact k about the middle of a box.
+def element(k, row, box, chains, regions, coordinates, derivative_bounds, polynomials, work):  # type: ignore[no-untyped-def]
+    """Taylor polynomials of contact k about the middle of a box (`CenteredBox`), into a row of `polynomials`.
 
-    x (n,): the middle; h (n,): half widths. Out, V (4, 3) middles of C, hand direction, O, object direction
-    (the one that R takes to the hand direction); D (4, n, 3) their derivatives; E (4,) remainders.
-    bend (b, 2, g, g, 10): constants of the object's and the hand's regions, see `worst`. k = b: the object's
-    origin, which is a point on both bodies too, where the task bounds its position; it has no direction.
+    Of HAND_POINT, the point of its region or the centre of its cap, HAND_DIRECTION, OBJECT_POINT, on the surface moved
+    out by the cap's radius, and OBJECT_DIRECTION (the one that R takes to the hand's direction). derivative_bounds
+    (b, 2, g, g, 10): of the object's and the hand's regions, see `worst`. k = b: the object's origin, which is a point
+    on both bodies too, where the task bounds its position; it has no direction.
     """
-    pose, axes, spots, o, f, W, a = work
-    T = pose[0]
-    D[:, :, :] = 0.0
-    if k == flat.steps.shape[0]:
-        V[:, :] = 0.0
-        E[:] = ROUNDING
+    slope = polynomials.slope[row]
+    slope[:, :, :] = 0.0
+    if k == chains.joints.shape[0]:
+        value, remainder = polynomials.value[row], polynomials.remainder[row]
+        value[:, :] = 0.0
+        remainder[:] = ROUNDING
         for i in range(3):
-            v = flat.params[0] - 7 + i
-            V[0, i], D[0, v, i] = x[v], 1.0
+            v = coordinates.parameter[0] - POSE + i
+            value[HAND_POINT, i], slope[HAND_POINT, v, i] = box.middle[v], 1.0
         return
-    chain(k, x, flat, pose, axes, spots)
-    first = flat.params[k]
-    rolls = flat.hand[k] != PATCH
-    surface(k, k, x[first], x[first + 1], flat, o, W)
-    out = flat.radius[k] if rolls else 0.0
-    faces = -flat.sign[k] if rolls else -1.0
-    hs, ht = h[first], h[first + 1]
+    first, bounds = coordinates.parameter[k], derivative_bounds[k]
+    _chain(k, box.middle, chains, work)
+    _on_object(k, row, first, box, regions, bounds[0], polynomials, work)
+    # how far point and direction move in the link, and what their polynomials leave out
+    in_link = _in_link(k, row, first, box, regions, bounds[1], polynomials, work)
+    _on_hand(k, row, in_link, box.half, chains, polynomials, work)
+
+
+@inner
+def _on_object(k, row, first, box, regions, bounds, polynomials, work):  # type: ignore[no-untyped-def]
+    """The object's point and direction of contact k; first: of its parameters."""
+    value, slope, remainder = polynomials.value[row], polynomials.slope[row], polynomials.remainder[row]
+    surface, largest = work.object_surface, work.largest
+    s, t, half_s, half_t = box.middle[first], box.middle[first + 1], box.half[first], box.half[first + 1]
+    _surface(k, k, s, t, regions, surface, work.weights)
+    rolls = regions.hand[k] != PATCH
+    out = regions.radius[k] if rolls else 0.0
+    faces = -regions.sign[k] if rolls else -1.0
     for i in range(3):
-        V[2, i], V[3, i] = o[0, i] + out * o[6, i], faces * o[6, i]
-        D[2, first, i], D[2, first + 1, i] = o[1, i] + out * o[7, i], o[2, i] + out * o[8, i]
-        D[3, first, i], D[3, first + 1, i] = faces * o[7, i], faces * o[8, i]
-    worst(bend[k, 0], x[first], hs, x[first + 1], ht, a)
-    E[2] = (0.5 * (a[2] * hs * hs + 2 * a[3] * hs * ht + a[4] * ht * ht) + ROUNDING) * WIDER
-    E[3] = (0.5 * (a[7] * hs * hs + 2 * a[8] * hs * ht + a[9] * ht * ht) + ROUNDING) * WIDER
-    # the hand's side
-    slide, tilt, curve, bow = 0.0, 0.0, 0.0, 0.0
-    for i in range(3):
-        V[0, i], V[1, i] = T[i, 3], 0.0
-    if rolls:
-        for i in range(3):
-            for j in range(3):
-                V[0, i] += T[i, j] * flat.center[k, j]
-                V[1, i] += T[i, j] * flat.axis[k, j]
-    else:
-        surface(flat.steps.shape[0] + k, k, x[first + 2], x[first + 3], flat, f, W)
-        hu, hv = h[first + 2], h[first + 3]
-        worst(bend[k, 1], x[first + 2], hu, x[first + 3], hv, a)
-        slide, tilt = a[0] * hu + a[1] * hv, a[5] * hu + a[6] * hv
-        curve = 0.5 * (a[2] * hu * hu + 2 * a[3] * hu * hv + a[4] * hv * hv)
-        bow = 0.5 * (a[7] * hu * hu + 2 * a[8] * hu * hv + a[9] * hv * hv)
-        for i in range(3):
-            for j in range(3):
-                V[0, i] += T[i, j] * f[0, j]
-                V[1, i] += T[i, j] * f[6, j]
-                for way in range(2):
-                    D[0, first + 2 + way, i] += T[i, j] * f[1 + way, j]
-                    D[1, first + 2 + way, i] += T[i, j] * f[7 + way, j]
-    # joints from the tip to the palm: how far the point can be from each axis bounds what bends its path
+        value[OBJECT_POINT, i] = surface[0, i] + out * surface[6, i]
+        value[OBJECT_DIRECTION, i] = faces * surface[6, i]
+        for way in range(2):
+            slope[OBJECT_POINT, first + way, i] = surface[1 + way, i] + out * surface[7 + way, i]
+            slope[OBJECT_DIRECTION, first + way, i] = faces * surface[7 + way, i]
+    worst(bounds, s, half_s, t, half_t, largest)
+    remainder[OBJECT_POINT] = (_second(largest, 2, half_s, half_t) + ROUNDING) * WIDER
+    remainder[OBJECT_DIRECTION] = (_second(largest, 7, half_s, half_t) + ROUNDING) * WIDER
+
+
+@inner
+def _second(largest, first, half_s, half_t):  # type: ignore[no-untyped-def]
+    """What second derivatives of at most largest[first:first+3] add over a box of parameters."""
+    bend = (
+        largest[first] * half_s * half_s
+        + 2 * largest[first + 1] * half_s * half_t
+        + largest[first + 2] * half_t * half_t
+    )
+    return 0.5 * bend
+
+
+@inner
+def _on_hand(k, row, in_link, half, chains, polynomials, work):  # type: ignore[no-untyped-def]
+    """The hand's point and direction of contact k; in_link: as from `_in_link`, half (n,): widths of the box.
+
+    From the tip to the palm: how far the point can be from each joint's axis bounds the second derivatives of its path.
+    """
+    value, slope, remainder = polynomials.value[row], polynomials.slope[row], polynomials.remainder[row]
+    slide, tilt, curve, bow = in_link
     point, turned, before = 0.0, 0.0, 0.0
     strayed = slide  # how far the point strays as seen from the joint at hand
-    for i in range(flat.steps[k]):
-        if flat.kind[k, i] != PRISMATIC:
-            before += abs(flat.ratio[k, i]) * h[flat.var[k, i]]
-    for back in range(flat.steps[k]):
-        step = flat.steps[k] - 1 - back
-        v, ratio = flat.var[k, step], flat.ratio[k, step]
-        reach = abs(ratio) * h[v]
-        a0, a1, a2 = axes[step, 0], axes[step, 1], axes[step, 2]
-        if flat.kind[k, step] == PRISMATIC:
-            D[0, v, 0] += ratio * a0
-            D[0, v, 1] += ratio * a1
-            D[0, v, 2] += ratio * a2
+    for i in range(chains.joints[k]):
+        if chains.kind[k, i] != PRISMATIC:
+            before += abs(chains.ratio[k, i]) * half[chains.coordinate[k, i]]
+    for back in range(chains.joints[k]):
+        step = chains.joints[k] - 1 - back
+        v, ratio = chains.coordinate[k, step], chains.ratio[k, step]
+        reach = abs(ratio) * half[v]
+        axis = work.joint_axis[step]
+        if chains.kind[k, step] == PRISMATIC:
+            for c in range(3):
+                slope[HAND_POINT, v, c] += ratio * axis[c]
             point += before * reach
             strayed += reach
             continue
         before -= reach  # turns of the joints before this one
-        l0, l1, l2 = V[0, 0] - spots[step, 0], V[0, 1] - spots[step, 1], V[0, 2] - spots[step, 2]
+        a0, a1, a2 = axis[0], axis[1], axis[2]
+        spot = work.joint_point[step]
+        l0, l1, l2 = value[HAND_POINT, 0] - spot[0], value[HAND_POINT, 1] - spot[1], value[HAND_POINT, 2] - spot[2]
         c0, c1, c2 = a1 * l2 - a2 * l1, a2 * l0 - a0 * l2, a0 * l1 - a1 * l0
-        D[0, v, 0] += ratio * c0
-        D[0, v, 1] += ratio * c1
-        D[0, v, 2] += ratio * c2
-        D[1, v, 0] += ratio * (a1 * V[1, 2] - a2 * V[1, 1])
-        D[1, v, 1] += ratio * (a2 * V[1, 0] - a0 * V[1, 2])
-        D[1, v, 2] += ratio * (a0 * V[1, 1] - a1 * V[1, 0])
+        slope[HAND_POINT, v, 0] += ratio * c0
+        slope[HAND_POINT, v, 1] += ratio * c1
+        slope[HAND_POINT, v, 2] += ratio * c2
+        d0, d1, d2 = value[HAND_DIRECTION, 0], value[HAND_DIRECTION, 1], value[HAND_DIRECTION, 2]
+        slope[HAND_DIRECTION, v, 0] += ratio * (a1 * d2 - a2 * d1)
+        slope[HAND_DIRECTION, v, 1] += ratio * (a2 * d0 - a0 * d2)
+        slope[HAND_DIRECTION, v, 2] += ratio * (a0 * d1 - a1 * d0)
         away = np.sqrt(c0 * c0 + c1 * c1 + c2 * c2) + strayed
         point += away * reach * (0.5 * reach + max(before, 0.0))
         turned += reach
         strayed += away * reach
-    E[0] = (point + turned * slide + curve + ROUNDING * (1.0 + turned)) * WIDER
-    E[1] = (0.5 * turned * turned + turned * tilt + bow + ROUNDING * (1.0 + turned)) * WIDER
+    remainder[HAND_POINT] = (point + turned * slide + curve + ROUNDING * (1.0 + turned)) * WIDER
+    remainder[HAND_DIRECTION] = (0.5 * turned * turned + turned * tilt + bow + ROUNDING * (1.0 + turned)) * WIDER
+
+
+@inner
+def _in_link(k, row, first, box, regions, bounds, polynomials, work):  # type: ignore[no-untyped-def]
+    """The hand's point and direction in the palm, with their derivatives by the region's parameters.
+
+    Returns how far the point and the direction move in the link, and what their polynomials leave out.
+    """
+    value, slope, T = polynomials.value[row], polynomials.slope[row], work.pose[0]
+    surface, largest = work.hand_surface, work.largest
+    for i in range(3):
+        value[HAND_POINT, i], value[HAND_DIRECTION, i] = T[i, 3], 0.0
+    if regions.hand[k] != PATCH:
+        for i in range(3):
+            for j in range(3):
+                value[HAND_POINT, i] += T[i, j] * regions.center[k, j]
+                value[HAND_DIRECTION, i] += T[i, j] * regions.axis[k, j]
+        return 0.0, 0.0, 0.0, 0.0
+    s, t, half_s, half_t = box.middle[first + 2], box.middle[first + 3], box.half[first + 2], box.half[first + 3]
+    _surface(regions.hand.shape[0] + k, k, s, t, regions, surface, work.weights)
+    worst(bounds, s, half_s, t, half_t, largest)
+    for i in range(3):
+        for j in range(3):
+            value[HAND_POINT, i] += T[i, j] * surface[0, j]
+            value[HAND_DIRECTION, i] += T[i, j] * surface[6, j]
+            for way in range(2):
+                slope[HAND_POINT, first + 2 + way, i] += T[i, j] * surface[1 + way, j]
+                slope[HAND_DIRECTION, first + 2 + way, i] += T[i, j] * surface[7 + way, j]
+    slide, tilt = largest[0] * half_s + largest[1] * half_t, largest[5] * half_s + largest[6] * half_t
+    return slide, tilt, _second(largest, 2, half_s, half_t), _second(largest, 7, half_s, half_t)

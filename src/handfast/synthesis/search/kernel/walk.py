@@ -4,64 +4,88 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.synthesis.search.kernel.compiled import kernel
-from handfast.synthesis.search.kernel.geometry import evaluate
+from handfast.core.compiled import inner
+from handfast.synthesis.search.kernel.contact_equations import evaluate
 from handfast.synthesis.search.kernel.krawczyk import certify
-from handfast.synthesis.search.kernel.local import back, factor, solve, workspace
-from handfast.synthesis.search.kernel.search import inside
+from handfast.synthesis.search.kernel.levenberg_marquardt import back, factor, solve
+from handfast.synthesis.search.workspace import PROVED, UNPROVED, USED, Interior
+from handfast.synthesis.task_groups import QUATERNION
 
-DAMPING = 1e-12  # of the projection, so that a singular Jacobian does not stop a walk
+DAMPING = 1e-12  # of the projection, so that a singular matrix of derivatives does not stop a walk
 
 
-@kernel
-def walk(begin, numbers, lengths, weight, flat, e, xs, chosen, radii):  # type: ignore[no-untyped-def]
-    """One step from each of the solutions `begin` (m, n).
-
-    numbers: (m, n) standard normal, one direction each; lengths: (m,) of the steps, in the norm of
-    weight * x, weight (n,) positive. Out, a row for each that succeeds: xs (m, n), chosen (m, e), radii
-    (m, e). Returns (number proved, candidates that could not be proved).
-    """
-    m, n = begin.shape
-    quaternion = flat.params[0] - 4
-    W = workspace(flat, e, n)
-    F, J, G, H, _, _, _, _ = W
-    lower, upper = inside(flat)
-    x, d, z = np.zeros((n, 2)), np.empty(n), np.empty(e + 1)
-    A, B = np.empty((e + 1, n)), np.empty((e + 1, e + 1))
-    proved, open_ones = 0, 0
-    for s in range(m):
-        x[:, 0] = begin[s]
-        x[:, 1] = 0.0
-        evaluate(x, flat, F, J, G, H)
-        # the tangents of the set, in weighted coordinates, without the mere scaling of the quaternion
-        for c in range(n):
-            fixed = not lower[c] < upper[c]
-            for i in range(e):
-                A[i, c] = 0.0 if fixed else J[i, c, 0] / weight[c]
-            A[e, c] = x[c, 0] / weight[c] if quaternion <= c < quaternion + 4 else 0.0
-            d[c] = 0.0 if fixed else numbers[s, c]
-        for i in range(e + 1):
-            for j in range(i + 1):
-                B[i, j] = A[i] @ A[j]
-            B[i, i] += DAMPING
-            z[i] = A[i] @ d
-        if not factor(B, e + 1):
+@inner
+def walk(chains, regions, coordinates, departures, here, there, contact, step, proof, out):  # type: ignore[no-untyped-def]
+    """One step from each of the solutions of `departures`; what is proved at their ends goes to `out`, a `Found`."""
+    x, interior = step.x, Interior(departures.lower, departures.upper)
+    proved, unproved, many = 0, 0, departures.begin.shape[0]
+    for s in range(many):
+        for c in range(x.shape[0]):
+            x[c, 0], x[c, 1] = departures.begin[s, c], 0.0
+        evaluate(x, chains, regions, coordinates, here, contact)
+        if not _depart(departures, s, coordinates.parameter[0] - QUATERNION, here.equation_slope, step):
             continue
-        back(B, e + 1, z)
-        for c in range(n):
-            for i in range(e + 1):
-                d[c] -= A[i, c] * z[i]
-        size = np.sqrt(d @ d)
-        if not size > 1e-9:
+        if not solve(chains, regions, coordinates, interior, here, there, contact, step):
             continue
-        for c in range(n):
-            moved = x[c, 0] + lengths[s] / size * d[c] / weight[c]
-            x[c, 0] = min(max(moved, lower[c]), upper[c])
-        if not solve(x, flat, lower, upper, W):
+        if not certify(
+            x,
+            chains,
+            regions,
+            coordinates,
+            coordinates,
+            here,
+            there,
+            contact,
+            proof,
+            out.chosen[proved],
+            out.radii[proved],
+        ):
+            unproved += 1
             continue
-        if not certify(x, flat, flat.lower, flat.upper, W, chosen[proved], radii[proved]):
-            open_ones += 1
-            continue
-        xs[proved] = x[:, 0]
+        for c in range(x.shape[0]):
+            out.x[proved, c] = x[c, 0]
         proved += 1
-    return proved, open_ones
+    out.counts[PROVED], out.counts[USED], out.counts[UNPROVED] = proved, many, unproved
+    return 0
+
+
+@inner
+def _depart(departures, s, quaternion, slope, step):  # type: ignore[no-untyped-def]
+    """Move `step.x` along a tangent, step s; false if its direction has none.
+
+    quaternion: its first coordinate; slope (e, n, 2): derivatives of the equations.
+    """
+    x, rows, along, normal, z = step.x, step.rows, step.step, step.normal, step.multiplier
+    lower, upper, weight, direction = departures.lower, departures.upper, departures.weight, departures.direction[s]
+    e, n = slope.shape[0], x.shape[0]
+    # the tangents of the set, in weighted coordinates, without the mere scaling of the quaternion
+    for c in range(n):
+        fixed = not lower[c] < upper[c]
+        for i in range(e):
+            rows[i, c] = 0.0 if fixed else slope[i, c, 0] / weight[c]
+        rows[e, c] = x[c, 0] / weight[c] if quaternion <= c < quaternion + QUATERNION else 0.0
+        along[c] = 0.0 if fixed else direction[c]
+    for i in range(e + 1):
+        for j in range(i + 1):
+            normal[i, j] = 0.0
+            for c in range(n):
+                normal[i, j] += rows[i, c] * rows[j, c]
+        normal[i, i] += DAMPING
+        z[i] = 0.0
+        for c in range(n):
+            z[i] += rows[i, c] * along[c]
+    if not factor(normal, e + 1):
+        return False
+    back(normal, e + 1, z)
+    size = 0.0
+    for c in range(n):
+        for i in range(e + 1):
+            along[c] -= rows[i, c] * z[i]
+        size += along[c] * along[c]
+    size = np.sqrt(size)
+    if not size > 1e-9:
+        return False
+    for c in range(n):
+        moved = x[c, 0] + departures.length[s] / size * along[c] / weight[c]
+        x[c, 0] = min(max(moved, lower[c]), upper[c])
+    return True

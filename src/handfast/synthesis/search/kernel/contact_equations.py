@@ -1,0 +1,170 @@
+"""The equations and inequalities of `synthesis.problem` with their derivatives, compiled, in balls."""
+
+from __future__ import annotations
+
+from handfast.core.compiled import inner
+from handfast.synthesis.search.kernel.ball_kinematics import NORMAL, chain, rotation, surface, turned
+from handfast.synthesis.search.kernel.balls import add, cross, dot, get, put, scale, sub, times
+from handfast.synthesis.task_groups import PATCH, POSE, PRISMATIC, QUATERNION
+
+
+@inner
+def evaluate(x, chains, regions, coordinates, values, work):  # type: ignore[no-untyped-def]
+    """Equations, inequalities and their derivatives at x (n, 2), a point or a box, into `values`.
+
+    work: `ContactBalls`.
+    """
+    values.equation_slope[:, :, :] = 0.0
+    values.inequality_slope[:, :, :] = 0.0
+    rotation(x, coordinates.parameter[0] - QUATERNION, work.object_rotation)
+    for k in range(chains.joints.shape[0]):
+        chain(k, x, chains, work)
+        _bodies(k, x, regions, coordinates, work)
+        _points(k, x, chains, regions, coordinates, values, work)
+        if regions.hand[k] != PATCH:
+            _within_cone(k, chains, regions, coordinates, values, work)
+        else:
+            _opposed(k, chains, coordinates, values, work)
+            _tangent(k, chains, coordinates, values, work)
+    _axes(chains.joints.shape[0], coordinates, values, work)
+
+
+@inner
+def _bodies(k, x, regions, coordinates, work):  # type: ignore[no-untyped-def]
+    """Surfaces of contact k, the points and directions of hand and object that are to agree."""
+    first, R = coordinates.parameter[k], work.link_rotation
+    on_object, on_hand, y, a = work.object_surface, work.hand_surface, work.object_point, work.hand_direction
+    surface(k, k, get(x, first), get(x, first + 1), regions, on_object, work)
+    if regions.hand[k] != PATCH:
+        for i in range(3):
+            put(on_hand[0], i, (regions.center[k, i], 0.0))
+            put(on_hand[NORMAL], i, (regions.axis[k, i], 0.0))
+            put(y, i, add(get(on_object[0], i), scale(regions.radius[k], get(on_object[NORMAL], i))))
+    else:
+        surface(regions.hand.shape[0] + k, k, get(x, first + 2), get(x, first + 3), regions, on_hand, work)
+        for i in range(3):
+            put(y, i, get(on_object[0], i))
+    times(R, on_hand[0], work.hand_point)
+    for i in range(3):
+        put(work.hand_point, i, add(get(work.hand_point, i), get(work.link_position, i)))
+    times(R, on_hand[NORMAL], a)
+    turned(work.object_rotation, y, work.turned_point, work.turned_point_slope)
+    turned(work.object_rotation, on_object[NORMAL], work.turned_vector, work.turned_vector_slope)
+
+
+@inner
+def _points(k, x, chains, regions, coordinates, values, work):  # type: ignore[no-untyped-def]
+    """The three equations of coinciding points."""
+    row, first = coordinates.row[k], coordinates.parameter[k]
+    quaternion, position = coordinates.parameter[0] - QUATERNION, coordinates.parameter[0] - POSE
+    slope, tangent, velocity = values.equation_slope, work.tangent, work.velocity
+    rolls = regions.hand[k] != PATCH
+    for i in range(3):
+        away = sub(sub(get(work.hand_point, i), get(x, position + i)), get(work.turned_point, i))
+        put(values.equation, row + i, away)
+        put(slope[row + i], position + i, (-1.0, 0.0))
+        for j in range(4):
+            put(slope[row + i], quaternion + j, _negative(work.turned_point_slope[j], i))
+    for way in range(2):
+        for i in range(3):
+            put(tangent, i, get(work.object_surface[1 + way], i))
+            if rolls:
+                grows = scale(regions.radius[k], get(work.object_surface[NORMAL + 1 + way], i))
+                put(tangent, i, add(get(tangent, i), grows))
+        times(work.object_rotation[0], tangent, work.turned_tangent)
+        for i in range(3):
+            put(slope[row + i], first + way, _negative(work.turned_tangent, i))
+    for way in range(0 if rolls else 2):
+        times(work.link_rotation, work.hand_surface[1 + way], tangent)
+        for i in range(3):
+            put(slope[row + i], first + 2 + way, get(tangent, i))
+    for step in range(chains.joints[k]):
+        v, ratio = chains.coordinate[k, step], chains.ratio[k, step]
+        if chains.kind[k, step] == PRISMATIC:
+            for i in range(3):
+                put(velocity, i, get(work.joint_axis[step], i))
+        else:
+            for i in range(3):
+                put(work.moment_arm, i, sub(get(work.hand_point, i), get(work.joint_point[step], i)))
+            cross(work.joint_axis[step], work.moment_arm, velocity)
+        for i in range(3):
+            put(slope[row + i], v, add(get(slope[row + i], v), scale(ratio, get(velocity, i))))
+
+
+@inner
+def _negative(vector, i):  # type: ignore[no-untyped-def]
+    return -vector[i, 0], vector[i, 1]
+
+
+@inner
+def _within_cone(k, chains, regions, coordinates, values, work):  # type: ignore[no-untyped-def]
+    """The cosine of the angle between axis and contact, -sign a . R n, must exceed that of the cone."""
+    sign, first = regions.sign[k], coordinates.parameter[k]
+    slope, a = values.inequality_slope[k], work.hand_direction
+    cosine = scale(-sign, dot(a, work.turned_vector))
+    put(values.inequality, k, sub(cosine, (regions.cone[k], 0.0)))
+    _along(k, slope, -sign, chains, coordinates, work)
+    for way in range(2):
+        times(work.object_rotation[0], work.object_surface[NORMAL + 1 + way], work.turned_tangent)
+        put(slope, first + way, scale(-sign, dot(a, work.turned_tangent)))
+
+
+@inner
+def _opposed(k, chains, coordinates, values, work):  # type: ignore[no-untyped-def]
+    """The normals of two patches must oppose: -R_k m . R n is positive."""
+    first, slope, a = coordinates.parameter[k], values.inequality_slope[k], work.hand_direction
+    put(values.inequality, k, scale(-1.0, dot(a, work.turned_vector)))
+    _along(k, slope, -1.0, chains, coordinates, work)
+    for way in range(2):
+        times(work.object_rotation[0], work.object_surface[NORMAL + 1 + way], work.turned_tangent)
+        put(slope, first + way, scale(-1.0, dot(a, work.turned_tangent)))
+    for way in range(2):
+        times(work.link_rotation, work.hand_surface[NORMAL + 1 + way], work.tangent)
+        put(slope, first + 2 + way, scale(-1.0, dot(work.tangent, work.turned_vector)))
+
+
+@inner
+def _tangent(k, chains, coordinates, values, work):  # type: ignore[no-untyped-def]
+    """The two equations of patches that are tangent: R_k m . R o_s = 0 and R_k m . R o_t = 0."""
+    first, a, vector = coordinates.parameter[k], work.hand_direction, work.turned_vector
+    for way in range(2):
+        row = coordinates.row[k] + 3 + way
+        slope = values.equation_slope[row]
+        turned(work.object_rotation, work.object_surface[1 + way], vector, work.turned_vector_slope)
+        put(values.equation, row, dot(a, vector))
+        _along(k, slope, 1.0, chains, coordinates, work)
+        for other in range(2):
+            times(work.object_rotation[0], work.object_surface[3 + way + other], work.turned_tangent)
+            put(slope, first + other, dot(a, work.turned_tangent))
+        for other in range(2):
+            times(work.link_rotation, work.hand_surface[NORMAL + 1 + other], work.tangent)
+            put(slope, first + 2 + other, dot(work.tangent, vector))
+
+
+@inner
+def _along(k, out, sign, chains, coordinates, work):  # type: ignore[no-untyped-def]
+    """Derivatives by joints and quaternion of sign a . b into `out` (n, 2): the hand's direction, the turned vector."""
+    quaternion = coordinates.parameter[0] - QUATERNION
+    for step in range(chains.joints[k]):
+        if chains.kind[k, step] == PRISMATIC:
+            continue
+        v = chains.coordinate[k, step]
+        cross(work.joint_axis[step], work.hand_direction, work.velocity)
+        change = scale(sign * chains.ratio[k, step], dot(work.velocity, work.turned_vector))
+        put(out, v, add(get(out, v), change))
+    for j in range(4):
+        put(out, quaternion + j, scale(sign, dot(work.hand_direction, work.turned_vector_slope[j])))
+
+
+@inner
+def _axes(first, coordinates, values, work):  # type: ignore[no-untyped-def]
+    """The bounds of the object's axes: below, then above, of R[i, l] at 3l+i; first: row."""
+    quaternion, bounds, R = coordinates.parameter[0] - QUATERNION, coordinates.axes, work.object_rotation
+    for l in range(3):
+        for i in range(3):
+            row = first + 2 * (3 * l + i)
+            put(values.inequality, row, sub(get(R[0, i], l), (bounds[3 * l + i, 0], 0.0)))
+            put(values.inequality, row + 1, sub((bounds[3 * l + i, 1], 0.0), get(R[0, i], l)))
+            for j in range(4):
+                put(values.inequality_slope[row], quaternion + j, get(R[1 + j, i], l))
+                put(values.inequality_slope[row + 1], quaternion + j, _negative(R[1 + j, i], l))

@@ -1,0 +1,359 @@
+"""Discard boxes of the object's pose, compiled: given the pose, the fingers decouple.
+
+Coordinates are those of the problem, except that the quaternion has one component 1 and the others in [-1, 1]
+(four charts hold all rotations) and that the position is that of a point m of the object, amid its regions,
+p + R m: turns then move the contacts little. A box of pose (and of joints that several contacts share) is
+discarded if some contact cannot be made in it: an inner branch and prune over that contact's own joints and
+region parameters finds no box in which
+
+    C - R (O - m) - (p + R m) = 0,    angle(hand direction, R object direction) <= tolerance
+
+(a patch on the hand: directions equal) can hold for a pose of the box. C, O, R and the directions are the
+Taylor polynomials of `taylor` and `object_pose`, their remainders bounds over the whole box; `PAD` and
+`ROUNDING` cover what rounds. Newton steps only tell sooner where a contact can be made; they discard nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from handfast.core.compiled import inner
+from handfast.synthesis.search.kernel.narrowing import (
+    AGAIN,
+    LOOKS,
+    PAD,
+    RADIAN,
+    angle,
+    center,
+    cut,
+    halve,
+    narrow,
+    set_aside,
+    swept,
+    tolerance_of,
+)
+from handfast.synthesis.search.kernel.object_pose import (
+    cosine_of_directions,
+    gaps,
+    rotated,
+    turn_derivatives,
+    turning,
+)
+from handfast.synthesis.search.kernel.taylor import (
+    HAND_DIRECTION,
+    HAND_POINT,
+    OBJECT_DIRECTION,
+    OBJECT_POINT,
+    ROUNDING,
+    WIDER,
+    norm,
+    spread,
+)
+from handfast.synthesis.search.workspace import LEFT, NODES, SMALL, PoseWork
+from handfast.synthesis.task_groups import POSE, QUATERNION
+
+FINE = 0.35  # own coordinates are split until they stray by less than this share of what the pose does
+SPIN = 0.15  # units of length that a radian of the pose counts for beside the moment arm of the contact
+STEPS = 12  # of Newton towards a guess
+NEAR = 0.05  # of what the pose strays: a guess that is as near will do
+MOST_INNER = 3000  # boxes of an inner search, after which the contact is taken to be possible
+
+
+@inner
+def _contact(k, bounds, use, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+    """Narrow a box (n, 2) by contact k, which the coordinates `use` concern. False if nothing is left.
+
+    `work` holds the polynomials afterwards.
+    """
+    for _ in range(LOOKS):
+        center(bounds, use, work.box)
+        theta, curve = gaps(k, use, chains, regions, coordinates, question, work)
+        if not _points_meet(use, theta, curve, coordinates.parameter[0] - POSE, work):
+            return False
+        if not _directions_meet(work.polynomials.tolerance[k], use, theta, curve, work):
+            return False
+        shrunk = cut(bounds, use, work.box)
+        if shrunk < 0:
+            return False
+        if shrunk > AGAIN:
+            break
+    return True
+
+
+@inner
+def _points_meet(use, theta, curve, position, work):  # type: ignore[no-untyped-def]
+    """Narrow by: the points coincide. theta, curve: as from `gaps`; position: first coordinate of the object's."""
+    box, gradient, y, z = work.box, work.turned.gradient, work.turned.point, work.turned.direction
+    value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
+    stray = spread(slope[OBJECT_POINT], box.half, use) + remainder[OBJECT_POINT]
+    both = remainder[HAND_POINT] + remainder[OBJECT_POINT]
+    error = (both + curve * norm(y) + theta * stray + ROUNDING) * WIDER
+    along = 0.0
+    for c in range(3):
+        gap = value[HAND_POINT, c] - y[c] - box.middle[position + c]
+        along += z[c] * gap
+        if not narrow(gap, gradient[c], -error, error, box, use):
+            return False
+    # along the normal, where the parameters of the region drop out
+    for i in use:
+        gradient[6, i] = z[0] * gradient[0, i] + z[1] * gradient[1, i] + z[2] * gradient[2, i]
+    return narrow(along, gradient[6], -error * WIDER, error * WIDER, box, use)
+
+
+@inner
+def _directions_meet(tolerance, use, theta, curve, work):  # type: ignore[no-untyped-def]
+    """Narrow by: the directions of hand and object agree up to the tolerance. theta, curve: as from `gaps`."""
+    box, gradient, z = work.box, work.turned.gradient, work.turned.direction
+    value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
+    turned = spread(slope[OBJECT_DIRECTION], box.half, use) + remainder[OBJECT_DIRECTION]
+    both = remainder[HAND_DIRECTION] + remainder[OBJECT_DIRECTION]
+    error = (both + curve + theta * turned + ROUNDING) * WIDER
+    if tolerance <= 0:
+        for c in range(3):
+            if not narrow(value[HAND_DIRECTION, c] - z[c], gradient[3 + c], -error, error, box, use):
+                return False
+    elif tolerance < np.pi:
+        tilt = spread(slope[HAND_DIRECTION], box.half, use) + remainder[HAND_DIRECTION]
+        off, gap = swept(1.0, tilt) + swept(1.0, turned) + theta, angle(value[HAND_DIRECTION], z)
+        if gap - off > tolerance + PAD:
+            return False
+        if gap + off > tolerance:
+            error = (error + tilt * (turned + theta)) * WIDER
+            over = cosine_of_directions(use, work) - np.cos(tolerance)
+            if not narrow(over, gradient[3], -np.inf, error, box, use):
+                return False
+    return True
+
+
+@inner
+def _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+    """A guess where in a box contact k is made, by Newton steps from `guess` (n,), in and out. True: it is.
+
+    The shared ones of the coordinates `use` begin in the middle. Steps are the least in units of the box, and end
+    at its sides. sway: how far the pose moves the contact in the box.
+    """
+    box, gradient, newton = work.box, work.turned.gradient, work.inner.newton
+    x, side = box.middle, box.low
+    for o in range(use.shape[0]):
+        i = use[o]
+        middle = 0.5 * (bounds[i, 0] + bounds[i, 1])
+        x[i] = middle if o < question.shared else min(max(guess[i], bounds[i, 0]), bounds[i, 1])
+        box.half[i] = 0.0
+        side[i] = 0.5 * (bounds[i, 1] - bounds[i, 0])
+    found = False
+    for _ in range(STEPS):
+        gaps(k, use, chains, regions, coordinates, question, work)
+        rows, size = _missing(k, use, coordinates.parameter[0] - POSE, work)
+        if size <= NEAR * NEAR * sway * sway:
+            found = True
+            break
+        _least(newton, rows, side, use, gradient)
+        for i in use:
+            step = 0.0
+            for a in range(rows):
+                step += newton[a, 6] * gradient[a, i]
+            to = x[i] - step * side[i] * side[i]
+            x[i] = min(max(to, bounds[i, 0]), bounds[i, 1])
+            # who has come to an end leaves the next steps to the others
+            side[i] = min(10 * side[i], 0.5 * (bounds[i, 1] - bounds[i, 0])) if x[i] == to else 0.1 * side[i]
+    for i in use[question.shared :]:
+        guess[i] = x[i]
+    return found
+
+
+@inner
+def _missing(k, use, position, work):  # type: ignore[no-untyped-def]
+    """What a contact lacks in the middle of `work.box`, into column 6 of work.inner.newton; its rows and its square."""
+    value, tolerance, newton, here = (
+        work.polynomials.value[0], work.polynomials.tolerance[k], work.inner.newton, work.turned,
+    )  # fmt: skip
+    size, rows = 0.0, 3
+    for c in range(3):
+        newton[c, 6] = value[HAND_POINT, c] - here.point[c] - work.box.middle[position + c]
+        size += newton[c, 6] * newton[c, 6]
+    if tolerance <= 0:
+        rows = 6
+        for c in range(3):
+            newton[3 + c, 6] = value[HAND_DIRECTION, c] - here.direction[c]
+            size += newton[3 + c, 6] * newton[3 + c, 6] * RADIAN * RADIAN
+    elif tolerance < np.pi:
+        over = cosine_of_directions(use, work) - np.cos(tolerance)
+        if over < 0:
+            rows = 4
+            newton[3, 6] = over
+            size += over * over * RADIAN * RADIAN
+    return rows, size
+
+
+@inner
+def _least(matrix, rows, side, use, gradient):  # type: ignore[no-untyped-def]
+    """Solve (A S^2 A') a = r with A the rows of `gradient`, S = side, r in column 6 of `matrix`, where a goes."""
+    for a in range(rows):
+        for b in range(a + 1):
+            total = 0.0
+            for i in use:
+                total += gradient[a, i] * gradient[b, i] * side[i] * side[i]
+            matrix[a, b] = matrix[b, a] = total
+    for a in range(rows):
+        matrix[a, a] += 1e-9 * matrix[a, a] + 1e-15
+    for a in range(rows):
+        for b in range(a + 1, rows):
+            f = matrix[b, a] / matrix[a, a]
+            for c in range(a, rows):
+                matrix[b, c] -= f * matrix[a, c]
+            matrix[b, 6] -= f * matrix[a, 6]
+    for back in range(rows):
+        a = rows - 1 - back
+        for c in range(a + 1, rows):
+            matrix[a, 6] -= matrix[a, c] * matrix[c, 6]
+        matrix[a, 6] /= matrix[a, a]
+
+
+@inner
+def _longest(bounds, use, quaternion, work):  # type: ignore[no-untyped-def]
+    """Of `use` the coordinate that moves the contact most, and how far [units]."""
+    slope, y, turn = work.polynomials.slope[0], work.turned.point, work.turned.turn
+    best, worst = -1, 0.0
+    for i in use:
+        if quaternion <= i < quaternion + QUATERNION:
+            moved = norm(turn[i - quaternion]) * (norm(y) + SPIN)
+        elif quaternion - 3 <= i < quaternion:
+            moved = 1.0
+        else:
+            on_hand = norm(slope[HAND_POINT, i]) + RADIAN * norm(slope[HAND_DIRECTION, i])
+            on_object = norm(slope[OBJECT_POINT, i]) + RADIAN * norm(slope[OBJECT_DIRECTION, i])
+            moved = max(on_hand, on_object)
+        moved *= 0.5 * (bounds[i, 1] - bounds[i, 0])
+        if moved > worst:
+            best, worst = i, moved
+    return best, worst
+
+
+@inner
+def _possible(k, bounds, guess, use, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+    """Can contact k be made in a box of poses, as far as an inner search tells? Narrows the box.
+
+    guess (n,): where its own coordinates could be last time, in and out. The shared ones of `use` are split
+    by the search of the poses. Returns (that, the one of them that moves the contact most, how far, boxes examined).
+    """
+    own, waiting = use[question.shared :], work.inner.box
+    quaternion = coordinates.parameter[0] - QUATERNION
+    count, nodes = 0, 0
+    split, sway, here = -1, 0.0, bounds
+    while True:
+        nodes += 1
+        if _contact(k, here, use, chains, regions, coordinates, question, work):
+            if nodes == 1:
+                split, sway = _longest(bounds, use[: question.shared], quaternion, work)
+            worst, stray = _longest(here, own, quaternion, work)
+            if stray <= FINE * sway or nodes > MOST_INNER or count + 2 > waiting.shape[0]:
+                for i in own:
+                    guess[i] = 0.5 * (here[i, 0] + here[i, 1])
+                return True, split, sway, nodes
+            if nodes == 1:
+                if _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question, work):
+                    return True, split, sway, 2
+                for i in use:
+                    waiting[0, i, 0], waiting[0, i, 1] = bounds[i, 0], bounds[i, 1]
+                here = waiting[0]
+            middle = 0.5 * (here[worst, 0] + here[worst, 1])
+            for i in use:
+                waiting[count + 1, i, 0], waiting[count + 1, i, 1] = here[i, 0], here[i, 1]
+            # the half with the guess first
+            upper = 1 if guess[worst] > middle else 0
+            waiting[count + upper, worst, 1] = middle
+            waiting[count + 1 - upper, worst, 0] = middle
+            count += 2
+        if count == 0:
+            return False, split, sway, nodes
+        count -= 1
+        here = waiting[count]
+
+
+@inner
+def _bounded(bounds, pose, coordinates, question, work):  # type: ignore[no-untyped-def]
+    """Narrow a box by the bounds of the pose. False if nothing is left; pose: the shared coordinates."""
+    box, here = work.box, work.turned
+    gradient, y, offset = here.gradient, here.point, here.offset
+    quaternion = coordinates.parameter[0] - QUATERNION
+    center(bounds, pose, box)
+    _, curve = turning(box, quaternion, here.rotation, here.turn)
+    gradient[:3] = 0.0
+    for k in range(4):  # the object's axes, and the way from its middle to its origin
+        for c in range(3):
+            offset[c] = -question.middle[c] if k == 3 else 1.0 * (c == k)
+        rotated(here.rotation, offset, y)
+        turn_derivatives(here.turn, y, 1.0, quaternion, gradient)
+        for c in range(3):
+            error, value = curve * norm(offset) + ROUNDING, y[c]
+            ends = coordinates.axes[3 * k + c] if k < 3 else question.near[c]
+            if k == 3:
+                value += box.middle[quaternion - 3 + c]
+                gradient[c, quaternion - 3 + c] = 1.0
+            if not narrow(value, gradient[c], -ends[1] - error, -ends[0] + error, box, pose):
+                return False
+    return cut(bounds, pose, box) >= 0
+
+
+@inner
+def _examine(box, count, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+    """Can every contact be made in a box of poses, number `count` of the stack? Narrows it.
+
+    Begins with the contact that discarded a box near by. Returns (that, coordinate to split, how far it moves a
+    contact, boxes examined).
+    """
+    guess, last = work.inner.guess[count], work.inner.last
+    nodes, split, stray = 0, -1, 0.0
+    for a in range(chains.joints.shape[0]):
+        k = last[count] if a == 0 else (a - 1 if a <= last[count] else a)
+        use = question.use[k, : question.sizes[k]]
+        fits, way, sway, spent = _possible(k, box, guess, use, chains, regions, coordinates, question, work)
+        nodes += spent
+        if not fits:
+            if count > 0:  # the next box is a near one
+                last[count - 1] = k
+            return False, split, stray, nodes
+        if sway > stray:
+            split, stray = way, sway
+    return True, split, stray, nodes
+
+
+@inner
+def explore_poses(  # type: ignore[no-untyped-def]
+    chains, regions, coordinates, stack, question, box, polynomials, taylor, turned, inner_work, budget, resolution
+):
+    """Depth first from the first box of a `Stack`, in place, until it is empty or `budget` boxes are spent.
+
+    question: `PoseQuestion`. Boxes of poses in which nothing strays by `resolution` [units] are set aside. Nodes are
+    boxes, those of inner searches too.
+    """
+    work = PoseWork(box, polynomials, taylor, turned, inner_work)
+    guess, last, n = inner_work.guess, inner_work.last, stack.box.shape[1]
+    for k in range(chains.joints.shape[0]):
+        polynomials.tolerance[k] = tolerance_of(k, regions)
+    for i in range(n):
+        guess[0, i] = 0.5 * (stack.box[0, i, 0] + stack.box[0, i, 1])
+    last[:] = 0
+    pose = question.use[0, : question.shared]
+    count, nodes, small = 1, 0, 0
+    while count > 0 and nodes < budget and count + 2 < stack.share.shape[0] and small < stack.small_share.shape[0]:
+        count -= 1
+        nodes += 1
+        here = stack.box[count]
+        if not _bounded(here, pose, coordinates, question, work):
+            continue
+        fits, split, stray, spent = _examine(here, count, chains, regions, coordinates, question, work)
+        nodes += spent
+        if not fits:
+            continue
+        if stray < resolution:
+            set_aside(stack, count, small)
+            small += 1
+            continue
+        halve(stack, count, split)
+        for i in range(n):
+            guess[count + 1, i] = guess[count, i]
+        last[count + 1] = last[count]
+        count += 2
+    stack.counts[LEFT], stack.counts[SMALL], stack.counts[NODES] = count, small, nodes
+    return 0
