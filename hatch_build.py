@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -25,10 +26,12 @@ class MachineCode(BuildHookInterface):
         from handfast.core.machine_code import sealed
 
         self._folder = tempfile.TemporaryDirectory()
-        for name in LIBRARIES:
-            library = import_module(name).LIBRARY
+        libraries = [import_module(name).LIBRARY for name in LIBRARIES]
+        with ThreadPoolExecutor() as pool:  # each is compiled in a process of its own, which takes a minute or two
+            codes = list(pool.map(lambda library: library.machine_code(), libraries))
+        for library, code in zip(libraries, codes, strict=True):
             made = Path(self._folder.name) / library.file_name()
-            made.write_bytes(sealed(library.machine_code()))
+            made.write_bytes(sealed(code))
             build_data["force_include"][str(made)] = (library.home.relative_to(sources) / made.name).as_posix()
         build_data["pure_python"] = False
         build_data["infer_tag"] = True

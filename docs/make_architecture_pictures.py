@@ -1,6 +1,6 @@
 """Draws the two pictures of docs/architecture.md: data's way from file to verdict, and from task to FOUND.
 
-    python docs/make_architecture_pictures.py
+python docs/make_architecture_pictures.py
 """
 
 from __future__ import annotations

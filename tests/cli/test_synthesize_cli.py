@@ -302,7 +302,7 @@ FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
         lambda d: d.update(hand="hand"),
         "grip.json: hand: 'hand' is no file beside the task and no bundled hand; bundled: ",
     ),
-    (lambda d: d.update(contact_pairs=[]), "grip.json: touches: is not a known field; leave it out"),
+    (lambda d: d.update(touches=[]), "grip.json: touches: is not a known field; leave it out"),
     (
         lambda d: d.update(limits={"right_slide": [0.05, 0.06]}),
         "grip.json: limits.right_slide: leave nothing for left_slide, to which it is coupled; widen them, or fix "

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from flint import fmpq
 
 from handfast.core.arrays import Array
-from handfast.core.rational import rational, rational_cross, rounded
 from handfast.model.grasp import Grasp
 
 
@@ -33,6 +31,10 @@ def exact_sums(grasp: Grasp, w: Array, r: Array, q: Array, c: Array, f: Array, c
 
     The state as `model.State` has it.
     """
+    from flint import fmpq
+
+    from handfast.core.rational import rational, rational_cross, rounded
+
     r_, q_, c_, f_, lambda_, load = ([rational(x) for x in v] for v in (r, q, c, f, coupling, w))
     R, A = ([[rational(x) for x in row] for row in a] for a in (grasp.mechanism.R, grasp.mechanism.A))
     zero, l = fmpq(0), grasp.l

@@ -20,7 +20,7 @@ ANSWERS = """
 import sys
 from handfast import load_task
 from handfast.synthesis.task_problem import TaskProblem
-from handfast.synthesis.queries import synthesize
+from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.prover import Prover
 task = load_task("scalpel-handling")
 assert synthesize(task, count=2, workers=1).solutions

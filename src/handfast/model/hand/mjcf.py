@@ -10,7 +10,6 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import LARGEST
 from handfast.core.quiet import quiet
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
@@ -91,6 +90,9 @@ def _joint(m: Any, j: int) -> Joint:
     hinge = kind == mujoco.mjtJoint.mjJNT_HINGE
     axis, anchor = m.jnt_axis[j], m.jnt_pos[j]
     return Joint(name, "revolute" if hinge else "prismatic", axis, anchor, float(lower), float(upper), ref)
+
+
+LARGEST = 1e50  # [m] twice as much is a number, too, and refused with its own name
 
 
 def _shapes(m: Any, body: int) -> list[Shape]:

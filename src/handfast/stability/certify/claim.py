@@ -156,9 +156,9 @@ def _grown(certificate: Certificate, claim: Claim, grows: Array) -> Array:
     if c.scalar is None or not grows.any():
         return np.zeros(len(grows))
     lo, hi = c.scalar
-    down = (c.kind == Row.BOUND_DOWN) & (c.index == at.scalar.start)
+    up = (c.kind == Row.BOUND_UP) & (c.index == at.scalar.start)
     leaf = np.repeat(np.arange(len(grows)), np.diff(c.start))
-    pushes = np.bincount(leaf, np.where(down, c.multiplier, 0.0), len(grows)) * (1 - claim.error)
+    pushes = np.bincount(leaf, np.where(up, c.multiplier, 0.0), len(grows)) * (1 - claim.error)
     return np.maximum(grows * abs(lo), grows * abs(hi) - pushes * (hi - lo))
 
 

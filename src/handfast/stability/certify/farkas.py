@@ -21,12 +21,12 @@ from the file's positions, axes and contact frames exactly. Rows of the friction
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.stability.certify.certificate import Certificate, Integers, Row
-from handfast.stability.certify.exact_rows import ExactRows
 from handfast.stability.certify.leaf_rows import bounds, rows_of
 from handfast.stability.certify.leaf_systems import LeafSystems, SharedSystem
 
@@ -59,7 +59,7 @@ def proved_margins(
     margins = np.full(len(c.leaves), -np.inf)
     order = np.argsort(counts, kind="stable")  # leaves of like size together: little is wasted on padding
     order = order[new[order]]
-    exact: ExactRows | None = None
+    exact: Any = None  # `ExactRows`, slow to import
     size = (int(counts.max(initial=0)) + len(system.E)) * system.E.shape[1]
     chunk = max(1, min(CHUNK, NUMBERS // size))
     for begin in range(0, len(order), chunk):
@@ -73,7 +73,10 @@ def proved_margins(
         for k in np.flatnonzero(~(margins[chosen] > 0)):
             if time.monotonic() > until:
                 raise Late
-            exact = exact or ExactRows.of(q)
+            if exact is None:
+                from handfast.stability.certify.exact_rows import ExactRows
+
+                exact = ExactRows.of(q)
             margins[chosen[k]] = exact.margin(leaves, int(k), rows)
     known |= {name: float(margin) for name, margin, fresh in zip(names, margins, new, strict=True) if fresh}
     margins = np.array([known[name] for name in names])

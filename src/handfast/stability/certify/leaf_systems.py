@@ -153,8 +153,8 @@ class LeafSystems:
         slack, growth = (
             np.concatenate([none, np.broadcast_to(x, (len(chosen), p))], axis=1) for x in (system.slack, system.growth)
         )
-        down = there & (c.kind[index] == Row.BOUND_DOWN) & (c.index[index] == at.scalar.start)
-        first = np.concatenate([down, np.zeros((len(chosen), p), bool)], axis=1)
+        up = there & (c.kind[index] == Row.BOUND_UP) & (c.index[index] == at.scalar.start)
+        first = np.concatenate([up, np.zeros((len(chosen), p), bool)], axis=1)
         w = np.concatenate([y, v], axis=1)
         # rows to a like size, so that a multiplier says how much its row counts
         most = np.abs(B).max(axis=2, initial=0.0)

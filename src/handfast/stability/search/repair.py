@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linprog
 
 from handfast.core.arrays import Array
 from handfast.stability.certify import checker, leaf_rows
@@ -27,6 +26,7 @@ from handfast.stability.certify.certificate import (
 from handfast.stability.certify.leaf_systems import LeafSystems, SharedSystem
 
 TANGENTS = 8  # directions, besides those that the leaf's own ray has
+ROOM = 1.01  # by which a multiplier grows faster than what may be missed
 AWAY = 1e-3  # from 0, in rays whose contradiction is 1
 
 
@@ -73,32 +73,59 @@ def _ray(
     count = len(some.kind)
     rows = leaf_rows.rows_of(some, np.repeat(case[None, :, 0], count, axis=0), lo, hi)
     leaves = LeafSystems.of(some, rows, system, case[None], np.array([0]), whole=True)  # v has to follow from y
-    B, right, free = leaves.B[0], leaves.b[0], leaves.free[0]
-    alive = (B != 0).any(axis=0)
-    strict = np.flatnonzero(~free & ((B != 0).any(axis=1) | (right != 0)))
-    K, S = len(B), len(strict)
-    # the unknowns are w (K) and how far each inequality's is from 0, at most AWAY
-    equal = np.zeros((int(alive.sum()) + 1, K + S))
-    equal[:-1, :K] = B[:, alive].T
-    equal[-1, :K] = right
-    apart = np.zeros((S, K + S))
-    apart[np.arange(S), strict], apart[np.arange(S), K + np.arange(S)] = -1.0, 1.0
-    found = linprog(
-        np.r_[np.zeros(K), -np.ones(S)],
-        A_ub=apart,
-        b_ub=np.zeros(S),
-        A_eq=equal,
-        b_eq=np.r_[np.zeros(len(equal) - 1), 1.0],
-        bounds=[(None, None) if f else (0, None) for f in free] + [(0, AWAY)] * S,
-        method="highs",
-    )
-    if found.x is None:
+    ways = (True, False) if leaves.growth.any() else (None,)
+    w = next((x for x in (_multipliers(leaves, way) for way in (*ways, None)) if x is not None), None)
+    if w is None:
         return None
-    w = (found.x[:K] / leaves.unit[0])[:count]
+    w, free = (w / leaves.unit[0])[:count], leaves.free[0]
     w = np.where(free[:count], w, np.maximum(w, 0.0))
     kinds = np.array([OPPOSITE.get(int(k), int(k)) if y < 0 else int(k) for k, y in zip(some.kind, w, strict=True)])
     used = w != 0
     return tuple(x[used] for x in (kinds, some.index, some.a, some.b, np.abs(w)))
+
+
+def _multipliers(leaves: LeafSystems, pushed: bool | None) -> Array | None:
+    """(K,) multipliers of the only leaf, as far from 0 as they can be; None if there are none.
+
+    pushed: what a witness may miss grows with the scalar, and is to take half of the contradiction at most: at the
+    scalar's first end if its multiplier there grows faster, else at the last; None if that is not asked.
+    """
+    from scipy.optimize import linprog  # slow to import, and seldom needed
+
+    B, right, free = leaves.B[0], leaves.b[0], leaves.free[0]
+    alive = (B != 0).any(axis=0)
+    strict = np.flatnonzero(~free & ((B != 0).any(axis=1) | (right != 0)))
+    missed = np.flatnonzero((leaves.slack[0] > 0) | (leaves.growth[0] > 0))
+    end = float(leaves.end(np.array(bool(pushed))))
+    if pushed is not None and not np.isfinite(end):
+        return None
+    # the unknowns are w (K), how far each inequality's is from 0, at most AWAY, and sizes of those that may be missed
+    K, S, A = len(B), len(strict), len(missed)
+    equal = np.zeros((int(alive.sum()) + 1, K + S + A))
+    equal[:-1, :K] = B[:, alive].T
+    equal[-1, :K] = right
+    apart, above, below = np.zeros((S, K + S + A)), np.zeros((A, K + S + A)), np.zeros((A, K + S + A))
+    apart[np.arange(S), strict], apart[np.arange(S), K + np.arange(S)] = -1.0, 1.0
+    above[np.arange(A), missed], below[np.arange(A), missed] = 1.0, -1.0
+    above[np.arange(A), K + S + np.arange(A)] = below[np.arange(A), K + S + np.arange(A)] = -1.0
+    rows, ends = [apart], [np.zeros(S)]
+    if pushed is not None:
+        half, faster = np.zeros((2, 1, K + S + A))
+        half[0, K + S :] = leaves.slack[0, missed] + end * leaves.growth[0, missed]
+        faster[0, K + S :] = ROOM * leaves.growth[0, missed]
+        faster[0, :K] = np.where(leaves.first[0], -1.0 / leaves.unit[0], 0.0)
+        rows += [above, below, half, *([faster] if pushed else [])]
+        ends += [np.zeros(2 * A), np.array([0.5]), *([np.zeros(1)] if pushed else [])]
+    found = linprog(
+        np.r_[np.zeros(K), -np.ones(S), np.zeros(A)],
+        A_ub=np.vstack(rows),
+        b_ub=np.concatenate(ends),
+        A_eq=equal,
+        b_eq=np.r_[np.zeros(len(equal) - 1), 1.0],
+        bounds=[(None, None) if f else (0, None) for f in free] + [(0, AWAY)] * S + [(0, None)] * A,
+        method="highs",
+    )
+    return None if found.x is None else np.asarray(found.x[:K])
 
 
 # the other inequality of an equation
