@@ -198,12 +198,16 @@ def linear_sums(grasp: Grasp, w: Array, state: State, force: float) -> Sums:
     force: [N] the largest that acts.
     """
     mech, arms = grasp.mechanism, joint_arms(grasp)
-    lever = _actuator_arms(np.abs(mech.R), arms)
-    reach = np.abs(grasp.positions).max(initial=0.0)
-    tied = np.abs(mech.A * state.coupling[:, None]) / arms
-    motions = np.concatenate([np.abs(state.r[:3]), np.abs(state.r[3:]) * (reach + grasp.size), np.abs(state.q) * arms])
-    sizes = np.concatenate([motions, np.abs(state.f) / lever, tied.ravel()])
-    if max(sizes.max(initial=0.0) / force, reach / grasp.spacing) > LARGE:
+    reach = float(np.abs(grasp.positions).max(initial=0.0))
+    r = np.abs(state.r)
+    largest = max(r[:3].max(), r[3:].max() * (reach + grasp.size))
+    if len(arms):
+        largest = max(largest, (np.abs(state.q) * arms).max())
+    if mech.a:
+        largest = max(largest, (np.abs(state.f) / _actuator_arms(np.abs(mech.R), arms)).max())
+    if len(mech.A):
+        largest = max(largest, (np.abs(mech.A * state.coupling[:, None]) / arms).max())
+    if max(largest / force, reach / grasp.spacing) > LARGE:
         return exact_sums(grasp, w, state.r, state.q, state.c, state.f, state.coupling)
     return Sums(
         object_balance(grasp, state.c, w),
