@@ -58,7 +58,7 @@ class Part:
     without: tuple[str, ...] = ()
 
 
-CHECKER = ("checker", "claim", "farkas", "leaf_systems", "rational", "leaf_rows", "certificate")
+CHECKER = ("checker", "claim", "farkas", "leaf_systems", "exact_rows", "leaf_rows", "certificate")
 PARTS = {
     "model": Part(("stability/model.py",), ("stability/test_model.py",)),
     "contacts": Part(("geometry/contacts.py",), ("geometry/test_contacts.py",)),
@@ -90,6 +90,7 @@ PARTS = {
             "stability/certify/test_verify_states.py",
             "stability/certify/test_farkas.py",
             "stability/certify/test_farkas_faults.py",
+            "stability/certify/test_forgeries.py",
             "stability/test_verification.py",
             "stability/test_first_version.py",
             "stability/certify/test_certificate_file.py",
