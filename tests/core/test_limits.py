@@ -1,4 +1,4 @@
-"""Limits of a search, on a clock that the test turns."""
+"""SearchLimits of a search, on a clock that the test turns."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import pytest
 
 from handfast.core.answer import Stop
-from handfast.core.limits import Limits
+from handfast.core.limits import SearchLimits
 
 
 class Clock:
@@ -25,7 +25,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def test_time(clock: Clock) -> None:
-    limits = Limits(seconds=2.0)
+    limits = SearchLimits(seconds=2.0)
     assert (limits.seconds_left, limits.late, limits.stop(10**9)) == (2.0, False, None)
     clock.now += 1.5
     assert (limits.seconds_left, limits.late, limits.stop(0)) == (0.5, False, None)
@@ -36,7 +36,7 @@ def test_time(clock: Clock) -> None:
 
 
 def test_nodes(clock: Clock) -> None:
-    limits = Limits(nodes=10)
+    limits = SearchLimits(nodes=10)
     assert (limits.nodes_left(4), limits.nodes_left(12)) == (6, 0)
     assert (limits.stop(9), limits.stop(10), limits.stop(11)) == (None, Stop.NODES, Stop.NODES)
     clock.now += 1e9
@@ -44,13 +44,13 @@ def test_nodes(clock: Clock) -> None:
 
 
 def test_without_limits(clock: Clock) -> None:
-    limits = Limits()
+    limits = SearchLimits()
     clock.now += 1e9
     assert (limits.seconds_left, limits.nodes_left(5), limits.stop(10**12)) == (math.inf, None, None)
 
 
 def test_a_pause_takes_no_time_even_if_it_is_broken_off(clock: Clock) -> None:
-    limits = Limits(seconds=2.0)
+    limits = SearchLimits(seconds=2.0)
     with limits.paused():
         clock.now += 60.0
     broken_off = limits.paused()

@@ -21,7 +21,7 @@ from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp
 from handfast.report import Entry, view3d, write_report
 from handfast.report.drawing import Mesh, applied
-from handfast.report.view3d import Load, packed, scene
+from handfast.report.view3d import ShownLoad, packed, scene
 from handfast.stability.queries import check
 from handfast.stability.queries.check_query import CheckAnswer
 from handfast.stability.settings import Settings
@@ -171,7 +171,7 @@ def test_a_single_force_is_drawn_on_its_line_of_action(seed: int) -> None:
 
 def test_an_answer_without_anything_to_show_is_listed() -> None:
     nothing = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, (), None, None)
-    load = scene(bell(), [Load("?", f"{nothing.verdict}", None, None)])["loads"][0]
+    load = scene(bell(), [ShownLoad("?", f"{nothing.verdict}", None, None)])["loads"][0]
     assert load == {"title": "?", "said": "undecided", "wrench": None, "drawn": None, "forces": None, "motions": None}
 
 

@@ -1,4 +1,4 @@
-"""Limits of a search: a wall clock and a number of nodes, looked at from outside between two of its steps."""
+"""SearchLimits of a search: a wall clock and a number of nodes, looked at from outside between two of its steps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from math import inf
 from handfast.core.answer import Stop
 
 
-class Limits:
+class SearchLimits:
     """When a search has to end, counted from now on.
 
     Args:

@@ -78,10 +78,10 @@ def _overview(facts: Sequence[tuple[str, str]], checks: Sequence[Entry]) -> str:
     return f'<section class="overview">{"".join(parts)}</section>' if any(parts) else ""
 
 
-def _load(entry: Entry, answer: Answer) -> view3d.Load:
+def _load(entry: Entry, answer: Answer) -> view3d.ShownLoad:
     wrench, witness = _state(answer)
     verdict = answer.verdict.upper() + ("?" if words.unphysical(witness) else ", FRAGILE" * words.fragile(answer))
-    return view3d.Load(entry.title, f"{verdict}: {_sentence(entry, answer)}", wrench, witness)
+    return view3d.ShownLoad(entry.title, f"{verdict}: {_sentence(entry, answer)}", wrench, witness)
 
 
 def _state(answer: Answer) -> tuple[Array | None, Witness | None]:

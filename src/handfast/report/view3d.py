@@ -60,7 +60,7 @@ SWITCHES = {  # name: (label, on at first with forces, without)
 
 
 @dataclass(frozen=True, eq=False)
-class Load:
+class ShownLoad:
     """One entry of the selector.
 
     Attributes:
@@ -76,7 +76,7 @@ class Load:
     witness: Witness | None
 
 
-def view(grasp: Grasp, loads: Sequence[Load] = (), meshes: Sequence[Mesh] = ()) -> str:
+def view(grasp: Grasp, loads: Sequence[ShownLoad] = (), meshes: Sequence[Mesh] = ()) -> str:
     """The figure as HTML, with its switches, its data and its program."""
     data = scene(grasp, loads, meshes)
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")  # no name can end the script
@@ -94,7 +94,7 @@ def view(grasp: Grasp, loads: Sequence[Load] = (), meshes: Sequence[Mesh] = ()) 
     )
 
 
-def scene(grasp: Grasp, loads: Sequence[Load] = (), meshes: Sequence[Mesh] = ()) -> dict[str, Any]:
+def scene(grasp: Grasp, loads: Sequence[ShownLoad] = (), meshes: Sequence[Mesh] = ()) -> dict[str, Any]:
     """What the figure shows, as JSON: SI units, object frame.
 
     Keys: `solids` (by kind, see `packed`), `contacts`, `joints`, `fingers` (joint to joint to contact, where
@@ -147,7 +147,7 @@ def packed(meshes: Sequence[Mesh]) -> dict[str, Any]:
     return {"vertices": _base64(unique), "faces": _base64(faces), "wide": wide}
 
 
-def _load(load: Load, grasp: Grasp) -> dict[str, Any]:
+def _load(load: ShownLoad, grasp: Grasp) -> dict[str, Any]:
     w, drawn = load.witness, None
     if load.wrench is not None:
         center = grasp.positions.mean(axis=0)
@@ -173,7 +173,7 @@ def _fingers(grasp: Grasp) -> list[list[list[float]]]:
     return lines
 
 
-def _controls(loads: Sequence[Load], sides: Sequence[dict[str, Any]]) -> str:
+def _controls(loads: Sequence[ShownLoad], sides: Sequence[dict[str, Any]]) -> str:
     def select(name: str, label: str, options: Sequence[str], chosen: int, *, hidden: bool = False) -> str:
         rows = "".join(
             f'<option value="{i}"{" selected" if i == chosen else ""}>{escape(o)}</option>'
@@ -196,7 +196,7 @@ def _controls(loads: Sequence[Load], sides: Sequence[dict[str, Any]]) -> str:
     return "".join([*parts, '<button type="button" name="reset">reset</button>'])
 
 
-def _caption(loads: Sequence[Load]) -> str:
+def _caption(loads: Sequence[ShownLoad]) -> str:
     key = [("force", "force of the hand on the object"), ("load", "disturbance (two heads: moment)")]
     entries = [*(key if loads else []), ("cone", "friction cone, joint axis"), ("ink", "contact, normal")]
     marks = "".join(f'<span class="mark" style="background:{COLORS[name]}"></span>{text} ' for name, text in entries)

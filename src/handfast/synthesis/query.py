@@ -18,7 +18,7 @@ import numpy as np
 
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
-from handfast.core.limits import Limits
+from handfast.core.limits import SearchLimits
 from handfast.synthesis.distance import farthest, features_of
 from handfast.synthesis.embedded import fingerprint, task_to_dict
 from handfast.synthesis.search import diverse
@@ -87,7 +87,7 @@ def synthesize(
             to resume that is of another task, or not undecided.
     """
     _refuse_numbers(count, seed, timeout, nodes, workers)
-    limits = Limits(timeout, nodes)
+    limits = SearchLimits(timeout, nodes)
     state = _state_of(task, resume) if resume is not None else {}
     with limits.paused():  # it compiles
         starts = Starts(TaskProblem.of(task), int(state.get("seed", seed)), int(state.get("block", 0)))
@@ -106,7 +106,7 @@ class _Run:
         self,
         starts: Starts,
         count: int,
-        limits: Limits,
+        limits: SearchLimits,
         workers: int,
         state: dict[str, Any] | None,
         on_step: OnStep | None,

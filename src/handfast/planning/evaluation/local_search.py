@@ -19,7 +19,7 @@ from handfast.core.parallel import START
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
 from handfast.planning.evaluation.holding import held, held_again
-from handfast.planning.evaluation.refinement import Refinement
+from handfast.planning.evaluation.refinement import GraspRefinement
 from handfast.planning.evaluation.steps import Steps
 from handfast.planning.gathering import UnitResult
 from handfast.planning.rejection import RejectionReason, Tally, of_verdict
@@ -87,7 +87,7 @@ class LocalSearch:
         starts, tally, found = self.starts, Tally(), []
         starts.block, starts.count, starts.unproved = number, number * BLOCK, 0
         steps = Steps(self.evaluator, self.walks, np.random.default_rng([self.seed, number, 2]))
-        refinement, before = Refinement(self.evaluator, steps), self.evaluator.evaluated
+        refinement, before = GraspRefinement(self.evaluator, steps), self.evaluator.evaluated
         raw = sorted(self.candidates(starts.run(RAW)), key=_cost)
         used = starts.count - number * BLOCK
         for k, start in enumerate(raw):

@@ -18,7 +18,7 @@ ENOUGH = 0.15  # of the range between a joint's limits, or of a patch's side: mo
 SHALLOW = 1e-3  # [m] of overlap, or share of friction short, that weighs as much as `ENOUGH` of room
 
 
-class Refinement:
+class GraspRefinement:
     """Improves candidates that nothing forbids."""
 
     def __init__(self, evaluator: Evaluator, steps: Steps) -> None:

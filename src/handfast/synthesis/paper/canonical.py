@@ -80,7 +80,7 @@ class Limit(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class VariableLayout:
     """Where things are in q: positions (L, 3), axes (L, 3, 3) with axes[l, i, k] component i of column k of R_l.
 
     Links are the bodies of the loops, palm first, and the object last.
@@ -166,7 +166,7 @@ class Canonical:
     equations: tuple[Quadratic | Patch, ...]
     redundant: int
     loops: Loops
-    layout: Layout
+    layout: VariableLayout
 
     @property
     def n_v(self) -> int:

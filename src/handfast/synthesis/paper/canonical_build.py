@@ -18,7 +18,7 @@ import numpy as np
 from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
 from handfast.model.region import evaluate
-from handfast.synthesis.paper.canonical import Canonical, Layout, Limit, Patch, Quadratic, Side
+from handfast.synthesis.paper.canonical import Canonical, Limit, Patch, Quadratic, Side, VariableLayout
 from handfast.synthesis.paper.loops import HELD, Assembly, Kind, Loops, loops
 from handfast.synthesis.paper.patch_form import COEFFICIENT_ROUNDING, PatchForm
 from handfast.synthesis.paper.polynomial import Polynomial, monomial, multiplied, scaled, total
@@ -101,7 +101,7 @@ class _Builder:
         sides = tuple(self._contact(n, *pair) for n, pair in enumerate(forms))
         for coupling in self.loops.coupled:
             self._coupling(coupling, {limit.angle.joint: limit for limit in limits}, dict(slides))
-        layout = Layout(self.links, self.position, self.axes, tuple(limits), tuple(slides), sides)
+        layout = VariableLayout(self.links, self.position, self.axes, tuple(limits), tuple(slides), sides)
         redundant = sum(REDUNDANT[a.kind] for a in self.loops.assemblies) + len(forms)
         lower, upper = np.array(self.lower), np.array(self.upper)
         lower.flags.writeable = upper.flags.writeable = False

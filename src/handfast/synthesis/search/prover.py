@@ -21,7 +21,7 @@ from handfast.core.arrays import Array
 from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.core.limits import Limits
+from handfast.core.limits import SearchLimits
 from handfast.synthesis.search.boxes import Boxes, ContactSet, Part, PoseSpace
 from handfast.synthesis.search.derivative_bounds import cones, derivative_bounds
 from handfast.synthesis.task_problem import TaskProblem
@@ -89,7 +89,7 @@ class Prover:
             name: BranchAndPrune(d, d.roots, workers=workers) for name, d in self.domains.items()
         }
         self._ready: set[type[Boxes]] = set()
-        self._limits = Limits()  # of the latest run
+        self._limits = SearchLimits()  # of the latest run
 
     def run(
         self,
@@ -107,7 +107,7 @@ class Prover:
         if state:
             self.restore(state)
         before, interrupted = self.nodes, False
-        self._limits = Limits(seconds, nodes)
+        self._limits = SearchLimits(seconds, nodes)
         try:
             for _ in self._turns():
                 if self._empty() is not None:
