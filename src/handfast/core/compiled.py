@@ -21,17 +21,17 @@ def quick(function: Any) -> Any:
 
 
 @quick
-def larger(a, b):  # type: ignore[no-untyped-def]
+def larger(a, b):
     """Of two numbers; `max` is a call that is not inlined."""
     return a if a > b else b
 
 
 @quick
-def smaller(a, b):  # type: ignore[no-untyped-def]
+def smaller(a, b):
     return a if a < b else b
 
 
 @quick
-def length(x, y):  # type: ignore[no-untyped-def]
+def length(x, y):
     """Of a vector in the plane."""
     return np.sqrt(x * x + y * y)

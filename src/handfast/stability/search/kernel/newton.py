@@ -43,7 +43,7 @@ RELEASED = 5  # the same with f = 0
 
 
 @quick
-def least_step(room, count):  # type: ignore[no-untyped-def]
+def least_step(room, count):
     """The shortest step that makes the first `count` residuals zero, by pivoted Gram-Schmidt on their gradients.
 
     Jacobian and residuals are overwritten. Rows that depend on others to working precision are left out.
@@ -91,7 +91,7 @@ def least_step(room, count):  # type: ignore[no-untyped-def]
 
 
 @inner
-def equations(question, hi, hold, room):  # type: ignore[no-untyped-def]
+def equations(question, hi, hold, room):
     """Residuals and their gradients over z at the forces and motions of `room`; returns how many the modes ask for."""
     m = question.m
     a = question.a
@@ -132,7 +132,7 @@ def equations(question, hi, hold, room):  # type: ignore[no-untyped-def]
 
 
 @inner
-def contact(i, question, e, room):  # type: ignore[no-untyped-def]
+def contact(i, question, e, room):
     """Residuals from e on, and gradients over base values, of a contact; returns how many."""
     residuals, gradients = room.residuals, room.gradients
     cos = question.cos
@@ -202,7 +202,7 @@ def contact(i, question, e, room):  # type: ignore[no-untyped-def]
 
 
 @inner
-def actuator(j, question, e, room):  # type: ignore[no-untyped-def]
+def actuator(j, question, e, room):
     """The same of an actuator."""
     mode = room.drives[j]
     count = 0
@@ -218,7 +218,7 @@ def actuator(j, question, e, room):  # type: ignore[no-untyped-def]
 
 
 @inner
-def limit(k, question, hi, hold, e, room):  # type: ignore[no-untyped-def]
+def limit(k, question, hi, hold, e, room):
     """The same of a plain force that is at a bound; hold: so is the first, at its lower one."""
     if room.side[k] == 0 and not (k == 0 and hold):
         return 0
@@ -229,7 +229,7 @@ def limit(k, question, hi, hold, e, room):  # type: ignore[no-untyped-def]
 
 
 @inner
-def read(question, tolerance, room):  # type: ignore[no-untyped-def]
+def read(question, tolerance, room):
     """The modes that the point of `room` shows; motions and forces below the tolerance count as none."""
     m = question.m
     for i in range(m):
@@ -249,7 +249,7 @@ def read(question, tolerance, room):  # type: ignore[no-untyped-def]
 
 
 @inner
-def repair(question, hi, slack, across, room):  # type: ignore[no-untyped-def]
+def repair(question, hi, slack, across, room):
     """Change modes where an inequality is violated; True if any was."""
     m = question.m
     first = 3 * m + 2 * question.a
@@ -285,7 +285,7 @@ def repair(question, hi, slack, across, room):  # type: ignore[no-untyped-def]
 
 
 @inner
-def other_contact(i, question, slack, across, room):  # type: ignore[no-untyped-def]
+def other_contact(i, question, slack, across, room):
     """The mode that a contact should have."""
     c = room.c
     d = room.d
@@ -307,7 +307,7 @@ def other_contact(i, question, slack, across, room):  # type: ignore[no-untyped-
 
 
 @inner
-def solve_modes(question, hi, hold, room):  # type: ignore[no-untyped-def]
+def solve_modes(question, hi, hold, room):
     """Newton's method in the modes of `room` from its z; returns the residual, and the largest force it compares to."""
     n = room.z.shape[0]
     error = np.inf
@@ -344,7 +344,7 @@ def solve_modes(question, hi, hold, room):  # type: ignore[no-untyped-def]
 
 
 @inner
-def refine(question, hi, room, tolerance, hold):  # type: ignore[no-untyped-def]
+def refine(question, hi, room, tolerance, hold):
     """An exact solution near `room.start`, its forces and motions into room.z, c and d; False if none was found.
 
     hi: upper bounds of the plain base values. tolerance: below which motions and forces of the start are none. hold:
@@ -375,6 +375,6 @@ def refine(question, hi, room, tolerance, hold):  # type: ignore[no-untyped-def]
 
 
 @inner
-def refined(question, worker, room, tolerance, hold):  # type: ignore[no-untyped-def]
+def refined(question, worker, room, tolerance, hold):
     """`refine` for Python: 1 if a solution was found."""
     return 1 if refine(question, worker.hi, room, tolerance, hold) else 0

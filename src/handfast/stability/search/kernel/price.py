@@ -41,7 +41,7 @@ FEASIBLE = 1e-9  # a row that is violated by less is met
 
 
 @inner
-def trigonometry(m, node):  # type: ignore[no-untyped-def]
+def trigonometry(m, node):
     """Sector ends as unit vectors: cos and sin of the left end, of the right end."""
     turn = 2 * np.pi / TURN
     for i in range(m):
@@ -52,7 +52,7 @@ def trigonometry(m, node):  # type: ignore[no-untyped-def]
 
 
 @inner
-def price(question, hi, node, c, d, tolerance, cone):  # type: ignore[no-untyped-def]
+def price(question, hi, node, c, d, tolerance, cone):
     """The id of the row that forces c and motions d violate most, -1 if none is by more than `tolerance`.
 
     Round ones by more than `cone`. The rows of part k (contact, actuator, plain value) are left out if node.skip[k].
@@ -82,7 +82,7 @@ def price(question, hi, node, c, d, tolerance, cone):  # type: ignore[no-untyped
 
 
 @inner
-def contact(i, question, node, c, d, loose, worst, found):  # type: ignore[no-untyped-def]
+def contact(i, question, node, c, d, loose, worst, found):
     """The worst violation so far and its row, with those of contact i.
 
     loose: by how much more a row that is made where it is violated may be missed.
@@ -144,7 +144,7 @@ def contact(i, question, node, c, d, loose, worst, found):  # type: ignore[no-un
 
 
 @inner
-def sector(i, question, node, c, d, worst, found):  # type: ignore[no-untyped-def]
+def sector(i, question, node, c, d, worst, found):
     """The same with the rows that the sector of contact i brings, and how far it lets normals reach, sin(eta) |d_t|."""
     m = question.m
     la = node.state[m + i]
@@ -186,7 +186,7 @@ def sector(i, question, node, c, d, worst, found):  # type: ignore[no-untyped-de
 
 
 @inner
-def actuator(j, question, node, c, d, worst, found):  # type: ignore[no-untyped-def]
+def actuator(j, question, node, c, d, worst, found):
     """The worst violation so far and its row, with those of actuator j."""
     m = question.m
     moves = node.state[3 * m + j]
@@ -212,7 +212,7 @@ def actuator(j, question, node, c, d, worst, found):  # type: ignore[no-untyped-
 
 
 @inner
-def plain(k, question, hi, c, d, worst, found):  # type: ignore[no-untyped-def]
+def plain(k, question, hi, c, d, worst, found):
     """The worst violation so far and its row, with those of the k-th plain value."""
     at = 3 * question.m + 2 * question.a + k
     x = c[at] if at < question.F else d[at - question.F + 3 * question.m + question.a]

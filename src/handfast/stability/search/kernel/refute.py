@@ -9,7 +9,7 @@ from handfast.stability.search.rows import BOX_DOWN, BOX_UP, KIND
 
 
 @inner
-def refuted(question, worker, pool, leaves, work):  # type: ignore[no-untyped-def]
+def refuted(question, worker, pool, leaves, work):
     """Which leaves' rays prove infeasibility as things are now, into `leaves.closed`; of `work` only room is used."""
     n = question.box.shape[0]
     term, total, size = work.entering, work.column, work.pivot

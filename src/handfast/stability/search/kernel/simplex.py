@@ -42,7 +42,7 @@ MOST_EXCHANGES = 500
 
 
 @quick
-def invert(work):  # type: ignore[no-untyped-def]
+def invert(work):
     """The inverse of a working set by Gauss-Jordan; False if its matrix is singular to working precision.
 
     Columns of the inverse beyond n are zero: whole vectors are quicker.
@@ -90,7 +90,7 @@ def invert(work):  # type: ignore[no-untyped-def]
 
 
 @quick
-def solve(question, hi, node, work, counts, cone, attempt, data, balance):  # type: ignore[no-untyped-def]
+def solve(question, hi, node, work, counts, cone, attempt, data, balance):
     """Solve a node's program from a working set; node.skip, node.trig and `work` are changed in place.
 
     ids (n of them), matrix, rhs, inverse and age of `work` must be given and consistent. hi: upper bounds of the plain
@@ -166,7 +166,7 @@ def solve(question, hi, node, work, counts, cone, attempt, data, balance):  # ty
 
 
 @quick
-def begin(question, hi, node, work):  # type: ignore[no-untyped-def]
+def begin(question, hi, node, work):
     """No row is left out; right-hand sides are those of now.
 
     The cut may have moved since, and the box may have been wider.
@@ -182,7 +182,7 @@ def begin(question, hi, node, work):  # type: ignore[no-untyped-def]
 
 
 @quick
-def place(question, work):  # type: ignore[no-untyped-def]
+def place(question, work):
     """Point, multipliers and base values afresh from the inverse; returns the tolerance of rows there."""
     n = question.cost.shape[0]
     for k in range(n):
@@ -202,7 +202,7 @@ def place(question, work):  # type: ignore[no-untyped-def]
 
 
 @quick
-def imbalance(question, node, work, data, balance):  # type: ignore[no-untyped-def]
+def imbalance(question, node, work, data, balance):
     """(scaled) energy by which the point misses the balance's tangent at node `balance` of the tree."""
     last = question.D.shape[0] - 1
     missed = -work.d[last - 1] - data[balance, question.cost.shape[0]] * work.d[last]
@@ -212,7 +212,7 @@ def imbalance(question, node, work, data, balance):  # type: ignore[no-untyped-d
 
 
 @quick
-def against(work, b):  # type: ignore[no-untyped-def]
+def against(work, b):
     """The entering row in terms of the working set into delta; returns by how much it is missed."""
     n = work.z.shape[0]
     N = work.inverse.shape[1]
@@ -230,7 +230,7 @@ def against(work, b):  # type: ignore[no-untyped-def]
 
 
 @quick
-def leaving(work, least, blur):  # type: ignore[no-untyped-def]
+def leaving(work, least, blur):
     """The ratio test, in favour of large pivots: the row that leaves, -1 if none can."""
     n = work.z.shape[0]
     bound = np.inf
@@ -247,7 +247,7 @@ def leaving(work, least, blur):  # type: ignore[no-untyped-def]
 
 
 @quick
-def ray(question, work, b):  # type: ignore[no-untyped-def]
+def ray(question, work, b):
     """What the entering row, to be at least b, and the working set prove: RAY, RAY_OF_BOX or NO_RAY."""
     n = work.z.shape[0]
     total = work.pivot
@@ -279,7 +279,7 @@ def ray(question, work, b):  # type: ignore[no-untyped-def]
 
 
 @quick
-def widen(work):  # type: ignore[no-untyped-def]
+def widen(work):
     """Let the program begin in a larger box."""
     for k in range(work.rhs.shape[0]):
         kind = work.ids[k] >> KIND
@@ -288,7 +288,7 @@ def widen(work):  # type: ignore[no-untyped-def]
 
 
 @quick
-def leave_out(enter, question, node):  # type: ignore[no-untyped-def]
+def leave_out(enter, question, node):
     """Leave out the rows of the part that this row is of; False if they are, or it is of no part."""
     part = (enter >> INDEX) & 255
     if enter >> KIND >= T_UP:
@@ -300,7 +300,7 @@ def leave_out(enter, question, node):  # type: ignore[no-untyped-def]
 
 
 @quick
-def swap(question, work, enter, leave, b, missed):  # type: ignore[no-untyped-def]
+def swap(question, work, enter, leave, b, missed):
     """Exchange the row `leave` of the working set for the row `enter`: inverse, multipliers, point and base values."""
     n = work.z.shape[0]
     inverse = work.inverse

@@ -25,7 +25,7 @@ DECIDE = 1e9  # added to the energy that an undecided part misses: it is split b
 
 
 @inner
-def select(question, node, c, d, cone):  # type: ignore[no-untyped-def]
+def select(question, node, c, d, cone):
     """Where to split, by the point's forces c and motions d: contact i or m + actuator j; -1 if all is decided.
 
     Of what is violated, an undecided part comes first, then where the balance of energy misses most:
@@ -75,7 +75,7 @@ def select(question, node, c, d, cone):  # type: ignore[no-untyped-def]
 
 
 @inner
-def contact(i, question, node, c, d, cone, narrow):  # type: ignore[no-untyped-def]
+def contact(i, question, node, c, d, cone, narrow):
     """By how much contact i misses the model, by how much energy, and its rank where nothing is missed."""
     m = question.m
     state = node.state[i]
@@ -117,7 +117,7 @@ def contact(i, question, node, c, d, cone, narrow):  # type: ignore[no-untyped-d
 
 
 @inner
-def split(question, node, c, d, pick):  # type: ignore[no-untyped-def]
+def split(question, node, c, d, pick):
     """States and sector ends of the part `pick` in the children into node.children; returns how many they are."""
     m = question.m
     child = node.children
@@ -164,7 +164,7 @@ def split(question, node, c, d, pick):  # type: ignore[no-untyped-def]
 
 
 @inner
-def direction(state, c, d, pick):  # type: ignore[no-untyped-def]
+def direction(state, c, d, pick):
     """Against the motion of a contact; where it slides or rests, between that and its friction."""
     k = 3 * pick
     speed = larger(length(d[k + 1], d[k + 2]), 1e-12)

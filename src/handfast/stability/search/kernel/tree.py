@@ -52,9 +52,7 @@ AS_READ, FREED, AT_END = 0, 1, 2  # how Newton's method is tried: as a point say
 
 
 @inner
-def run(  # type: ignore[no-untyped-def]
-    question, worker, pool, kept, node, work, room, gap, gap_absolute, budget, close
-):
+def run(question, worker, pool, kept, node, work, room, gap, gap_absolute, budget, close):
     """Expand up to `budget` nodes; the arrays of worker and pool are the search's state and change in place.
 
     kept, node, work, room: what the kernel alone uses, see `Workspace`. gap, gap_absolute: by how much the next
@@ -84,9 +82,7 @@ def run(  # type: ignore[no-untyped-def]
 
 
 @inner
-def expand(  # type: ignore[no-untyped-def]
-    question, worker, pool, kept, node, work, room, gap, gap_absolute, this, result, cone
-):
+def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, this, result, cone):
     """Split a node whose program was solved with this result; True if any solution is sought and one was found."""
     n = question.cost.shape[0]
     pick = select(question, node, work.c, work.d, cone)
@@ -130,7 +126,7 @@ def expand(  # type: ignore[no-untyped-def]
 
 
 @inner
-def make_child(question, worker, pool, node, this, pick, k):  # type: ignore[no-untyped-def]
+def make_child(question, worker, pool, node, this, pick, k):
     """The k-th child of a node, which is split at the part `pick`, as a new row of the tree; returns its number."""
     m = question.m
     child = worker.counts[USED]
@@ -150,7 +146,7 @@ def make_child(question, worker, pool, node, this, pick, k):  # type: ignore[no-
 
 
 @inner
-def bound(question, worker, pool, kept, node, work, this, start, warm, cone):  # type: ignore[no-untyped-def]
+def bound(question, worker, pool, kept, node, work, this, start, warm, cone):
     """Solve the program of node `this` from the working set of node `start`, itself or its parent.
 
     Infeasible, it is closed by its ray. If all attempts fail, the point is that of `start`: it is split from there.
@@ -194,13 +190,13 @@ def bound(question, worker, pool, kept, node, work, this, start, warm, cone):  #
 
 
 @inner
-def corner(question, i):  # type: ignore[no-untyped-def]
+def corner(question, i):
     """The i-th row of the box's corner that the cost points to: where a program starts that has no working set."""
     return ((BOX_UP if question.cost[i] >= 0.0 else BOX_DOWN) << KIND) | (i << INDEX)
 
 
 @inner
-def rebuild(question, hi, pool, work, start, afresh):  # type: ignore[no-untyped-def]
+def rebuild(question, hi, pool, work, start, afresh):
     """The working set of a node from its names, or from the corner of the box; False if it is singular."""
     work.age[0] = 0
     for i in range(question.cost.shape[0]):
@@ -210,7 +206,7 @@ def rebuild(question, hi, pool, work, start, afresh):  # type: ignore[no-untyped
 
 
 @inner
-def keep(kept, place, owner, work):  # type: ignore[no-untyped-def]
+def keep(kept, place, owner, work):
     """Keep a working set, for a node to be gone on from."""
     kept.owner[0, place] = owner
     kept.owner[1, place] = work.age[0]
@@ -224,7 +220,7 @@ def keep(kept, place, owner, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def take(kept, place, work):  # type: ignore[no-untyped-def]
+def take(kept, place, work):
     """Go on from a working set that was kept."""
     work.age[0] = kept.owner[1, place]
     for i in range(work.rhs.shape[0]):
@@ -237,7 +233,7 @@ def take(kept, place, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def attempts(worker, node):  # type: ignore[no-untyped-def]
+def attempts(worker, node):
     """How often Newton's method is to be tried from a node's point, by its violation."""
     count = 0
     if node.violation[1] == 0.0:
@@ -249,7 +245,7 @@ def attempts(worker, node):  # type: ignore[no-untyped-def]
 
 
 @inner
-def improve(question, worker, work, room, gap, gap_absolute, value, first, tries):  # type: ignore[no-untyped-def]
+def improve(question, worker, work, room, gap, gap_absolute, value, first, tries):
     """Newton's method from guesses (those with numbers below 0, from `first` on) and then, `tries` times with ever
     larger tolerances, from the point of `work`. True if any solution is sought and one was found.
 
@@ -288,7 +284,7 @@ def improve(question, worker, work, room, gap, gap_absolute, value, first, tries
 
 
 @inner
-def is_better(question, worker, room, gap, gap_absolute):  # type: ignore[no-untyped-def]
+def is_better(question, worker, room, gap, gap_absolute):
     """Is an exact solution better than the incumbent? It takes its place then, and the cut moves."""
     found = achieved(question, room)
     if question.objective == SCALAR and not found >= question.lo[0] - 1e-9 * abs(question.lo[0]):
@@ -307,13 +303,13 @@ def is_better(question, worker, room, gap, gap_absolute):  # type: ignore[no-unt
 
 
 @inner
-def objective(question, c):  # type: ignore[no-untyped-def]
+def objective(question, c):
     """Of a point with these forces, 0 if any solution is sought."""
     return c[3 * question.m + 2 * question.a] if question.objective != ANY else 0.0
 
 
 @inner
-def achieved(question, room):  # type: ignore[no-untyped-def]
+def achieved(question, room):
     """What an exact solution achieves: its scalar, or the effort of the driven actuators that turn."""
     m = question.m
     a = question.a
@@ -336,7 +332,7 @@ def achieved(question, room):  # type: ignore[no-untyped-def]
 
 
 @inner
-def push(worker, pool, node):  # type: ignore[no-untyped-def]
+def push(worker, pool, node):
     """Into the heap of waiting nodes, smallest rank first."""
     heap = worker.heap
     k = worker.counts[HEAP]
@@ -351,7 +347,7 @@ def push(worker, pool, node):  # type: ignore[no-untyped-def]
 
 
 @inner
-def pop(worker, pool):  # type: ignore[no-untyped-def]
+def pop(worker, pool):
     """The waiting node with the smallest rank."""
     heap = worker.heap
     first = heap[0]

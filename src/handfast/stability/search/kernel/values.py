@@ -36,7 +36,7 @@ from handfast.stability.search.rows import (
 
 
 @quick
-def row(id, question, hi, data, out, gradient):  # type: ignore[no-untyped-def]
+def row(id, question, hi, data, out, gradient):
     """Coefficients of a named row into `out` (n,), over its base values into `gradient` (6,).
 
     hi: upper bounds of the plain base values; data: `Pool.data`. Returns b of out . z >= b.
@@ -82,7 +82,7 @@ def row(id, question, hi, data, out, gradient):  # type: ignore[no-untyped-def]
 
 
 @quick
-def energy_row(node, question, data, out):  # type: ignore[no-untyped-def]
+def energy_row(node, question, data, out):
     """The tangent of the balance of energy at the point of a node into `out` (n,); returns b."""
     C = question.C
     D = question.D
@@ -103,7 +103,7 @@ def energy_row(node, question, data, out):  # type: ignore[no-untyped-def]
 
 
 @quick
-def contact_row(id, kind, question, g):  # type: ignore[no-untyped-def]
+def contact_row(id, kind, question, g):
     """A contact's row over its forces and motions into g (6,)."""
     mu = question.mu[(id >> INDEX) & 255]
     cos = question.cos
@@ -160,7 +160,7 @@ def contact_row(id, kind, question, g):  # type: ignore[no-untyped-def]
 
 
 @quick
-def actuator_row(kind, g):  # type: ignore[no-untyped-def]
+def actuator_row(kind, g):
     """An actuator's row over its force above the command, its effort left and its motion into g (6,)."""
     if kind <= T_DOWN:
         g[3] = 1.0 if kind == T_UP else -1.0
@@ -171,7 +171,7 @@ def actuator_row(kind, g):  # type: ignore[no-untyped-def]
 
 
 @quick
-def blend(x, first, rows, out):  # type: ignore[no-untyped-def]
+def blend(x, first, rows, out):
     """out += x rows, of x from `first` on; four rows at a time."""
     n = rows.shape[0]
     for j in range(0, n - 3, 4):
@@ -188,7 +188,7 @@ def blend(x, first, rows, out):  # type: ignore[no-untyped-def]
 
 
 @quick
-def values(question, z, c, d):  # type: ignore[no-untyped-def]
+def values(question, z, c, d):
     """The base values of a point z, forces into c, motions into d."""
     for k in range(c.shape[0]):
         c[k] = question.off[k]

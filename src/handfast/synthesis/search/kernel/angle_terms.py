@@ -29,7 +29,7 @@ class Direction(NamedTuple):
 
 
 @inner
-def direction(i, which, polynomials):  # type: ignore[no-untyped-def]
+def direction(i, which, polynomials):
     """HAND_DIRECTION or OBJECT_DIRECTION of contact or cone i."""
     return Direction(
         polynomials.value[i, which],
@@ -40,7 +40,7 @@ def direction(i, which, polynomials):  # type: ignore[no-untyped-def]
 
 
 @inner
-def unit(body, remainder, stray, half, use, work):  # type: ignore[no-untyped-def]
+def unit(body, remainder, stray, half, use, work):
     """The polynomial of f / |f| into work, a `LineWork`, from that of a line f, `work.line[body]`.
 
     Its bounds are infinite if f may vanish. Along a straight path the second derivative of f / |f| is at most
@@ -66,7 +66,7 @@ def unit(body, remainder, stray, half, use, work):  # type: ignore[no-untyped-de
 
 
 @inner
-def _scalar(slot, value, remainder, half, use, terms):  # type: ignore[no-untyped-def]
+def _scalar(slot, value, remainder, half, use, terms):
     """Finish the polynomial in a slot, whose derivatives are there: value, remainder, how far it strays."""
     reach = 0.0
     for i in use:
@@ -77,7 +77,7 @@ def _scalar(slot, value, remainder, half, use, terms):  # type: ignore[no-untype
 
 
 @inner
-def product(slot, a, b, half, use, terms):  # type: ignore[no-untyped-def]
+def product(slot, a, b, half, use, terms):
     """Scalar product of two directions."""
     for i in use:
         total = 0.0
@@ -89,7 +89,7 @@ def product(slot, a, b, half, use, terms):  # type: ignore[no-untyped-def]
 
 
 @inner
-def triple(slot, a, b, c, half, use, terms):  # type: ignore[no-untyped-def]
+def triple(slot, a, b, c, half, use, terms):
     """a . (b x c) of three directions."""
     u, v, w = a.value, b.value, c.value
     vw0, vw1, vw2 = v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]
@@ -108,7 +108,7 @@ def triple(slot, a, b, c, half, use, terms):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _combine(slot, f, x, y, g, z, constant, half, use, terms):  # type: ignore[no-untyped-def]
+def _combine(slot, f, x, y, g, z, constant, half, use, terms):
     """Slot = f (x y) + g z + constant, of slots x, y, z; z may be -1."""
     value, slope = terms.value, terms.slope
     for i in use:
@@ -125,7 +125,7 @@ def _combine(slot, f, x, y, g, z, constant, half, use, terms):  # type: ignore[n
 
 
 @inner
-def agree(hand, tolerance, box, use, terms):  # type: ignore[no-untyped-def]
+def agree(hand, tolerance, box, use, terms):
     """Narrow by: two angles agree up to the tolerance. False if impossible.
 
     hand: slot of the hand's cosine. With c the object's cosine and s = sqrt(1 - c^2) <=
@@ -159,7 +159,7 @@ def agree(hand, tolerance, box, use, terms):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _balance(a, b, p2, q2, pq):  # type: ignore[no-untyped-def]
+def _balance(a, b, p2, q2, pq):
     """The weight w in [0, 1] for which w a + (1 - w) b + |w p + (1 - w) q| is least (it is convex)."""
     left, right = 0.0, 1.0
     for _ in range(14):
@@ -174,7 +174,7 @@ def _balance(a, b, p2, q2, pq):  # type: ignore[no-untyped-def]
 
 
 @inner
-def twist(tolerance_i, tolerance_j, box, use, terms):  # type: ignore[no-untyped-def]
+def twist(tolerance_i, tolerance_j, box, use, terms):
     """Narrow by: one spin of the object about a line suits two directions i and j. False if impossible.
 
     From slots LINE_I, LINE_J, I_J and TRIPLE. For any weights w_i + w_j = 1 the spins satisfy, at

@@ -31,7 +31,7 @@ NORMAL = 6  # row of a surface's unit outward normal; then its derivatives by s 
 
 
 @inner
-def chain(k, x, chains, work):  # type: ignore[no-untyped-def]
+def chain(k, x, chains, work):
     """Pose of the link of contact k in the palm frame, the axes of its joints and points on them, into `work`.
 
     x (n, 2): coordinates; work: `ContactBalls`.
@@ -60,7 +60,7 @@ def chain(k, x, chains, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _follow(rotation, translation, work):  # type: ignore[no-untyped-def]
+def _follow(rotation, translation, work):
     """Multiply the link's pose by the rigid motion behind a joint, (3, 3) and (3,)."""
     R, p, row, moved = work.link_rotation, work.link_position, work.next_rotation, work.next_position
     for i in range(3):
@@ -87,7 +87,7 @@ def _follow(rotation, translation, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _bernstein(degree, x, out):  # type: ignore[no-untyped-def]
+def _bernstein(degree, x, out):
     """Bernstein polynomials of a degree at x into `out` (degree+1, 2)."""
     y = sub((1.0, 0.0), x)
     put(out, 0, (1.0, 0.0))
@@ -99,7 +99,7 @@ def _bernstein(degree, x, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _weights(degree, x, out, lower):  # type: ignore[no-untyped-def]
+def _weights(degree, x, out, lower):
     """Weights of the control points for the value and two derivatives at x: out (3, degree+1, 2); lower: work."""
     _bernstein(degree, x, out[0])
     for order in range(1, 3):
@@ -122,7 +122,7 @@ def _weights(degree, x, out, lower):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _patch(points, M, N, s, t, out, work):  # type: ignore[no-untyped-def]
+def _patch(points, M, N, s, t, out, work):
     """A Bezier patch and its derivatives: rows 0 to 5 of `out` are p, p_s, p_t, p_ss, p_st, p_tt.
 
     points: ((M+1)(N+1), 3), exact.
@@ -145,7 +145,7 @@ def _patch(points, M, N, s, t, out, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _ball(k, s, t, sign, regions, out):  # type: ignore[no-untyped-def]
+def _ball(k, s, t, sign, regions, out):
     """A cap of the object by polar angle s and azimuth t; rows as in `surface`."""
     ss, cs, st, ct = sine(s), cosine(s), sine(t), cosine(t)
     radius = regions.ball[k, 12]
@@ -168,7 +168,7 @@ def _ball(k, s, t, sign, regions, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def surface(which, k, s, t, regions, out, work):  # type: ignore[no-untyped-def]
+def surface(which, k, s, t, regions, out, work):
     """A region at its parameters, out (9, 3, 2): p, p_s, p_t, p_ss, p_st, p_tt, unit outward normal n, n_s, n_t.
 
     which: k for the object region of contact k, b + k for its hand region.
@@ -196,7 +196,7 @@ def surface(which, k, s, t, regions, out, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def rotation(x, first, out):  # type: ignore[no-untyped-def]
+def rotation(x, first, out):
     """Rotation of the unnormalised quaternion x[first:first+4] and its derivatives: out (5, 3, 3, 2)."""
     size = (0.0, 0.0)
     for i in range(4):
@@ -234,7 +234,7 @@ def rotation(x, first, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def turned(rotations, y, out, slope):  # type: ignore[no-untyped-def]
+def turned(rotations, y, out, slope):
     """R y into `out` (3, 2) and its derivatives by the quaternion into `slope` (4, 3, 2)."""
     times(rotations[0], y, out)
     for d in range(4):

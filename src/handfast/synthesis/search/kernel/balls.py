@@ -19,32 +19,32 @@ CIRCULAR = 5e-16  # error of a sine or cosine
 
 
 @inner
-def add(a, b):  # type: ignore[no-untyped-def]
+def add(a, b):
     m = a[0] + b[0]
     return m, (a[1] + b[1] + UNIT * abs(m)) * UP + TINY
 
 
 @inner
-def sub(a, b):  # type: ignore[no-untyped-def]
+def sub(a, b):
     m = a[0] - b[0]
     return m, (a[1] + b[1] + UNIT * abs(m)) * UP + TINY
 
 
 @inner
-def mul(a, b):  # type: ignore[no-untyped-def]
+def mul(a, b):
     m = a[0] * b[0]
     return m, (abs(a[0]) * b[1] + a[1] * (abs(b[0]) + b[1]) + UNIT * abs(m)) * UP + TINY
 
 
 @inner
-def scale(c, a):  # type: ignore[no-untyped-def]
+def scale(c, a):
     """An exact float times a ball."""
     m = c * a[0]
     return m, (abs(c) * a[1] + UNIT * abs(m)) * UP + TINY
 
 
 @inner
-def div(a, b):  # type: ignore[no-untyped-def]
+def div(a, b):
     """Radius infinite if the divisor's ball reaches zero."""
     room = (abs(b[0]) - b[1]) * (2.0 - UP)
     if not room > 0:
@@ -54,7 +54,7 @@ def div(a, b):  # type: ignore[no-untyped-def]
 
 
 @inner
-def root(a):  # type: ignore[no-untyped-def]
+def root(a):
     """Square root; radius infinite if the ball reaches zero."""
     room = (a[0] - a[1]) * (2.0 - UP)
     if not room > 0:
@@ -64,29 +64,29 @@ def root(a):  # type: ignore[no-untyped-def]
 
 
 @inner
-def sine(a):  # type: ignore[no-untyped-def]
+def sine(a):
     return np.sin(a[0]), (min(a[1], 2.0) + CIRCULAR) * UP
 
 
 @inner
-def cosine(a):  # type: ignore[no-untyped-def]
+def cosine(a):
     return np.cos(a[0]), (min(a[1], 2.0) + CIRCULAR) * UP
 
 
 @inner
-def get(a, i):  # type: ignore[no-untyped-def]
+def get(a, i):
     """Ball i of an array (n, 2)."""
     return a[i, 0], a[i, 1]
 
 
 @inner
-def put(a, i, x):  # type: ignore[no-untyped-def]
+def put(a, i, x):
     a[i, 0] = x[0]
     a[i, 1] = x[1]
 
 
 @inner
-def dot(a, b):  # type: ignore[no-untyped-def]
+def dot(a, b):
     """Of two vectors (3, 2)."""
     m = a[0, 0] * b[0, 0] + a[1, 0] * b[1, 0] + a[2, 0] * b[2, 0]
     r, size = 0.0, 0.0
@@ -97,7 +97,7 @@ def dot(a, b):  # type: ignore[no-untyped-def]
 
 
 @inner
-def cross(a, b, out):  # type: ignore[no-untyped-def]
+def cross(a, b, out):
     """Of two vectors (3, 2) into `out`."""
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -109,7 +109,7 @@ def cross(a, b, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def times(R, v, out):  # type: ignore[no-untyped-def]
+def times(R, v, out):
     """Matrix (3, 3, 2) times vector (3, 2) into `out`."""
     for i in range(3):
         x = dot(R[i], v)

@@ -9,7 +9,7 @@ from handfast.synthesis.task_groups import PATCH, POSE, PRISMATIC, QUATERNION
 
 
 @inner
-def evaluate(x, chains, regions, coordinates, values, work):  # type: ignore[no-untyped-def]
+def evaluate(x, chains, regions, coordinates, values, work):
     """Equations, inequalities and their derivatives at x (n, 2), a point or a box, into `values`.
 
     work: `ContactBalls`.
@@ -30,7 +30,7 @@ def evaluate(x, chains, regions, coordinates, values, work):  # type: ignore[no-
 
 
 @inner
-def _bodies(k, x, regions, coordinates, work):  # type: ignore[no-untyped-def]
+def _bodies(k, x, regions, coordinates, work):
     """Surfaces of contact k, the points and directions of hand and object that are to agree."""
     first, R = coordinates.parameter[k], work.link_rotation
     on_object, on_hand, y, a = work.object_surface, work.hand_surface, work.object_point, work.hand_direction
@@ -53,7 +53,7 @@ def _bodies(k, x, regions, coordinates, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _points(k, x, chains, regions, coordinates, values, work):  # type: ignore[no-untyped-def]
+def _points(k, x, chains, regions, coordinates, values, work):
     """The three equations of coinciding points."""
     row, first = coordinates.row[k], coordinates.parameter[k]
     quaternion, position = coordinates.parameter[0] - QUATERNION, coordinates.parameter[0] - POSE
@@ -92,12 +92,12 @@ def _points(k, x, chains, regions, coordinates, values, work):  # type: ignore[n
 
 
 @inner
-def _negative(vector, i):  # type: ignore[no-untyped-def]
+def _negative(vector, i):
     return -vector[i, 0], vector[i, 1]
 
 
 @inner
-def _within_cone(k, chains, regions, coordinates, values, work):  # type: ignore[no-untyped-def]
+def _within_cone(k, chains, regions, coordinates, values, work):
     """The cosine of the angle between axis and contact, -sign a . R n, must exceed that of the cone."""
     sign, first = regions.sign[k], coordinates.parameter[k]
     slope, a = values.inequality_slope[k], work.hand_direction
@@ -110,7 +110,7 @@ def _within_cone(k, chains, regions, coordinates, values, work):  # type: ignore
 
 
 @inner
-def _opposed(k, chains, coordinates, values, work):  # type: ignore[no-untyped-def]
+def _opposed(k, chains, coordinates, values, work):
     """The normals of two patches must oppose: -R_k m . R n is positive."""
     first, slope, a = coordinates.parameter[k], values.inequality_slope[k], work.hand_direction
     put(values.inequality, k, scale(-1.0, dot(a, work.turned_vector)))
@@ -124,7 +124,7 @@ def _opposed(k, chains, coordinates, values, work):  # type: ignore[no-untyped-d
 
 
 @inner
-def _tangent(k, chains, coordinates, values, work):  # type: ignore[no-untyped-def]
+def _tangent(k, chains, coordinates, values, work):
     """The two equations of patches that are tangent: R_k m . R o_s = 0 and R_k m . R o_t = 0."""
     first, a, vector = coordinates.parameter[k], work.hand_direction, work.turned_vector
     for way in range(2):
@@ -142,7 +142,7 @@ def _tangent(k, chains, coordinates, values, work):  # type: ignore[no-untyped-d
 
 
 @inner
-def _along(k, out, sign, chains, coordinates, work):  # type: ignore[no-untyped-def]
+def _along(k, out, sign, chains, coordinates, work):
     """Derivatives by joints and quaternion of sign a . b into `out` (n, 2): the hand's direction, the turned vector."""
     quaternion = coordinates.parameter[0] - QUATERNION
     for step in range(chains.joints[k]):
@@ -157,7 +157,7 @@ def _along(k, out, sign, chains, coordinates, work):  # type: ignore[no-untyped-
 
 
 @inner
-def _axes(first, coordinates, values, work):  # type: ignore[no-untyped-def]
+def _axes(first, coordinates, values, work):
     """The bounds of the object's axes: below, then above, of R[i, l] at 3l+i; first: row."""
     quaternion, bounds, R = coordinates.parameter[0] - QUATERNION, coordinates.axes, work.object_rotation
     for l in range(3):

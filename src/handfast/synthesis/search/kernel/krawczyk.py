@@ -22,7 +22,7 @@ ROUNDED = 1e-14  # a term: more than the rounding of the sums below, relative
 
 
 @inner
-def certify(x, chains, regions, coordinates, bounds, here, there, contact, proof, chosen, radii):  # type: ignore[no-untyped-def]
+def certify(x, chains, regions, coordinates, bounds, here, there, contact, proof, chosen, radii):
     """True if an exact solution is proved within `radii` of x (n, 2), between the bounds.
 
     Out: chosen (e,) dependent coordinates, radii (e,) of their box.
@@ -57,7 +57,7 @@ def certify(x, chains, regions, coordinates, bounds, here, there, contact, proof
 
 
 @inner
-def _dependents(x, quaternion, bounds, slope, proof, chosen):  # type: ignore[no-untyped-def]
+def _dependents(x, quaternion, bounds, slope, proof, chosen):
     """Choose the dependent coordinates by QR with column pivoting; columns count by their slack.
 
     slope (e, n, 2): derivatives; chosen (e,): out. Returns false if the columns do not suffice. The largest component
@@ -101,7 +101,7 @@ def _dependents(x, quaternion, bounds, slope, proof, chosen):  # type: ignore[no
 
 
 @inner
-def _invert(matrix, inverse):  # type: ignore[no-untyped-def]
+def _invert(matrix, inverse):
     """The inverse (e, e) by Gauss-Jordan elimination with row pivoting; false if there is none. Overwrites the matrix.
 
     It need not be accurate: any matrix near the inverse serves the proof.
@@ -134,7 +134,7 @@ def _invert(matrix, inverse):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _newton(equation, proof):  # type: ignore[no-untyped-def]
+def _newton(equation, proof):
     """Bounds of |Y F(x)|; false if they are too large to be of use."""
     inverse, e = proof.inverse, proof.inverse.shape[0]
     rounded = ROUNDED * e
@@ -152,7 +152,7 @@ def _newton(equation, proof):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _within(box, quaternion, bounds, axes, values):  # type: ignore[no-untyped-def]
+def _within(box, quaternion, bounds, axes, values):
     """Does the whole box (n, 2) keep every bound and every inequality, strictly?
 
     axes (9, 2): bounds of the object's axes; values (g, 2): of the inequalities.
@@ -174,7 +174,7 @@ def _within(box, quaternion, bounds, axes, values):  # type: ignore[no-untyped-d
 
 
 @inner
-def _contracts(slope, proof, chosen, radii):  # type: ignore[no-untyped-def]
+def _contracts(slope, proof, chosen, radii):
     """|Y F(x)| + |1 - Y J(X)| rho < rho?"""
     inverse, moved = proof.inverse, proof.moved
     e = inverse.shape[0]

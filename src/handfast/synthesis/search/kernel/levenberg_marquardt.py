@@ -19,7 +19,7 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-15, 1e6
 
 
 @inner
-def solve(chains, regions, coordinates, interior, here, there, contact, step):  # type: ignore[no-untyped-def]
+def solve(chains, regions, coordinates, interior, here, there, contact, step):
     """Move `step.x` to a candidate; true if it is one.
 
     Levenberg-Marquardt in the space of the rows, which are fewer than the coordinates; a coordinate at a
@@ -54,7 +54,7 @@ def solve(chains, regions, coordinates, interior, here, there, contact, step):  
 
 
 @inner
-def _squares(values):  # type: ignore[no-untyped-def]
+def _squares(values):
     """Sum of squares of equations and of inequalities short of their margin."""
     total = 0.0
     for i in range(values.equation.shape[0]):
@@ -67,7 +67,7 @@ def _squares(values):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _solved(values):  # type: ignore[no-untyped-def]
+def _solved(values):
     largest = 0.0
     for i in range(values.equation.shape[0]):
         largest = max(largest, abs(values.equation[i, 0]))
@@ -78,7 +78,7 @@ def _solved(values):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _copy(values, out):  # type: ignore[no-untyped-def]
+def _copy(values, out):
     """Middles and derivatives."""
     n = values.equation_slope.shape[1]
     for i in range(values.equation.shape[0]):
@@ -92,7 +92,7 @@ def _copy(values, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _rows(values, step):  # type: ignore[no-untyped-def]
+def _rows(values, step):
     """The equations, and the inequalities that are short of their margin, as rows of a step; how many these are."""
     n, m = values.equation_slope.shape[1], values.equation.shape[0]
     for i in range(m):
@@ -109,7 +109,7 @@ def _rows(values, step):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _step(m, damping, interior, s):  # type: ignore[no-untyped-def]
+def _step(m, damping, interior, s):
     """The damped step of the first m rows, and which coordinates it holds."""
     x, lower, upper = s.x, interior.lower, interior.upper
     n = x.shape[0]
@@ -144,7 +144,7 @@ def _step(m, damping, interior, s):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _move(quaternion, interior, step):  # type: ignore[no-untyped-def]
+def _move(quaternion, interior, step):
     """Take the step, within the bounds; the quaternion becomes a unit one; quaternion: its first."""
     x, trial = step.x, step.trial
     for c in range(x.shape[0]):
@@ -159,7 +159,7 @@ def _move(quaternion, interior, step):  # type: ignore[no-untyped-def]
 
 
 @inner
-def factor(matrix, m):  # type: ignore[no-untyped-def]
+def factor(matrix, m):
     """Cholesky factor of a symmetric matrix's first m rows in place; false if it is not positive definite."""
     for i in range(m):
         for j in range(i + 1):
@@ -176,7 +176,7 @@ def factor(matrix, m):  # type: ignore[no-untyped-def]
 
 
 @inner
-def back(lower, m, z):  # type: ignore[no-untyped-def]
+def back(lower, m, z):
     """Solve L L^T z = z in place."""
     for i in range(m):
         for c in range(i):

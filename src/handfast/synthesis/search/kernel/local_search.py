@@ -10,7 +10,7 @@ from handfast.synthesis.search.workspace import PROVED, UNPROVED, USED, Interior
 
 
 @inner
-def find(chains, regions, coordinates, draws, here, there, contact, step, proof, place, out, many):  # type: ignore[no-untyped-def]
+def find(chains, regions, coordinates, draws, here, there, contact, step, proof, place, out, many):
     """Solve and certify from each start until `many` are proved, which go to `out`, a `Found`."""
     x, interior = step.x, Interior(draws.lower, draws.upper)
     proved, used, unproved = 0, 0, 0

@@ -15,7 +15,7 @@ RADIAN = 0.3  # units of length that one of a direction counts for when a coordi
 
 
 @inner
-def narrow(value, gradient, least_error, most_error, box, use):  # type: ignore[no-untyped-def]
+def narrow(value, gradient, least_error, most_error, box, use):
     """Narrow `box`, a `CenteredBox`, by: value + sum_i gradient_i d_i + error = 0. False if nothing is left.
 
     The error is between least_error and most_error; use: coordinates.
@@ -56,7 +56,7 @@ def narrow(value, gradient, least_error, most_error, box, use):  # type: ignore[
 
 
 @inner
-def center(bounds, use, box):  # type: ignore[no-untyped-def]
+def center(bounds, use, box):
     """Of the coordinates `use` of a box (n, 2): middle, half widths, and ends about the middle."""
     for i in use:
         middle = 0.5 * (bounds[i, 0] + bounds[i, 1])
@@ -66,7 +66,7 @@ def center(bounds, use, box):  # type: ignore[no-untyped-def]
 
 
 @inner
-def cut(bounds, use, box):  # type: ignore[no-untyped-def]
+def cut(bounds, use, box):
     """Cut a box (n, 2) to what `narrow` left; the share that is left of the side that shrank most, -1: nothing."""
     shrunk = 1.0
     for i in use:
@@ -84,7 +84,7 @@ def cut(bounds, use, box):  # type: ignore[no-untyped-def]
 
 
 @inner
-def halve(stack, count, split):  # type: ignore[no-untyped-def]
+def halve(stack, count, split):
     """Box `count` of the stack in two along a coordinate: itself and the one behind it, each with half its share."""
     box, second = stack.box[count], stack.box[count + 1]
     middle = 0.5 * (box[split, 0] + box[split, 1])
@@ -96,21 +96,21 @@ def halve(stack, count, split):  # type: ignore[no-untyped-def]
 
 
 @inner
-def set_aside(stack, count, small):  # type: ignore[no-untyped-def]
+def set_aside(stack, count, small):
     """Box `count` of the stack, which has come to the resolution, behind the other small ones."""
     _copy(stack.box[count], stack.small[small])
     stack.small_share[small] = stack.share[count]
 
 
 @inner
-def _copy(box, out):  # type: ignore[no-untyped-def]
+def _copy(box, out):
     """A box (n, 2) into another; assigning it whole compiles the texts of numpy's errors for 8 s."""
     for i in range(box.shape[0]):
         out[i, 0], out[i, 1] = box[i, 0], box[i, 1]
 
 
 @inner
-def tolerance_of(k, regions):  # type: ignore[no-untyped-def]
+def tolerance_of(k, regions):
     """Largest angle [rad] between the hand's and the object's direction at contact k: of a cap; 0 of a patch."""
     if regions.hand[k] == PATCH:
         return 0.0
@@ -118,14 +118,14 @@ def tolerance_of(k, regions):  # type: ignore[no-untyped-def]
 
 
 @inner
-def angle(a, b):  # type: ignore[no-untyped-def]
+def angle(a, b):
     """Between two vectors, accurate also near 0 and pi."""
     c0, c1, c2 = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     return np.arctan2(np.sqrt(c0 * c0 + c1 * c1 + c2 * c2), a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 @inner
-def swept(length, dev):  # type: ignore[no-untyped-def]
+def swept(length, dev):
     """Largest angle between a vector of a length and one that differs by at most dev."""
     if dev >= 0.999 * length:
         return np.pi

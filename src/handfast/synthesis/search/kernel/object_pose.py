@@ -24,7 +24,7 @@ from handfast.synthesis.task_groups import QUATERNION
 
 
 @inner
-def turning(box, first, R, turn):  # type: ignore[no-untyped-def]
+def turning(box, first, R, turn):
     """Rotation of the quaternion in a box, coordinates first to first + 3, in its middle: R (3, 3) and turn (4, 3).
 
     turn: velocities, R y moves by turn_i x R y for a unit of component i. Returns (largest angle between
@@ -50,14 +50,14 @@ def turning(box, first, R, turn):  # type: ignore[no-untyped-def]
 
 
 @inner
-def rotated(R, v, out):  # type: ignore[no-untyped-def]
+def rotated(R, v, out):
     """R v into `out` (3,)."""
     for c in range(3):
         out[c] = R[c, 0] * v[0] + R[c, 1] * v[1] + R[c, 2] * v[2]
 
 
 @inner
-def turn_derivatives(turn, y, sign, first, gradient):  # type: ignore[no-untyped-def]
+def turn_derivatives(turn, y, sign, first, gradient):
     """Derivatives of sign R y by the quaternion's components, into columns first to first + 3 of gradient (., n)."""
     for j in range(4):
         for c in range(3):
@@ -66,7 +66,7 @@ def turn_derivatives(turn, y, sign, first, gradient):  # type: ignore[no-untyped
 
 
 @inner
-def gaps(k, use, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+def gaps(k, use, chains, regions, coordinates, question, work):
     """Taylor polynomials of contact k about the middle of `work.box`.
 
     Into work.turned: derivatives of the gap of the points in rows 0 to 2 of the gradient, of the directions in 3 to 5;
@@ -102,7 +102,7 @@ def gaps(k, use, chains, regions, coordinates, question, work):  # type: ignore[
 
 
 @inner
-def cosine_of_directions(use, work):  # type: ignore[no-untyped-def]
+def cosine_of_directions(use, work):
     """The cosine between the directions, 1 - |a - z|^2 / 2; its derivatives into row 3 of the gradient."""
     a, z, gradient = work.polynomials.value[0, HAND_DIRECTION], work.turned.direction, work.turned.gradient
     d0, d1, d2 = a[0] - z[0], a[1] - z[1], a[2] - z[2]

@@ -60,7 +60,7 @@ MOST_INNER = 3000  # boxes of an inner search, after which the contact is taken 
 
 
 @inner
-def _contact(k, bounds, use, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+def _contact(k, bounds, use, chains, regions, coordinates, question, work):
     """Narrow a box (n, 2) by contact k, which the coordinates `use` concern. False if nothing is left.
 
     `work` holds the polynomials afterwards.
@@ -81,7 +81,7 @@ def _contact(k, bounds, use, chains, regions, coordinates, question, work):  # t
 
 
 @inner
-def _points_meet(use, theta, curve, position, work):  # type: ignore[no-untyped-def]
+def _points_meet(use, theta, curve, position, work):
     """Narrow by: the points coincide. theta, curve: as from `gaps`; position: first coordinate of the object's."""
     box, gradient, y, z = work.box, work.turned.gradient, work.turned.point, work.turned.direction
     value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
@@ -101,7 +101,7 @@ def _points_meet(use, theta, curve, position, work):  # type: ignore[no-untyped-
 
 
 @inner
-def _directions_meet(tolerance, use, theta, curve, work):  # type: ignore[no-untyped-def]
+def _directions_meet(tolerance, use, theta, curve, work):
     """Narrow by: the directions of hand and object agree up to the tolerance. theta, curve: as from `gaps`."""
     box, gradient, z = work.box, work.turned.gradient, work.turned.direction
     value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
@@ -126,7 +126,7 @@ def _directions_meet(tolerance, use, theta, curve, work):  # type: ignore[no-unt
 
 
 @inner
-def _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+def _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question, work):
     """A guess where in a box contact k is made, by Newton steps from `guess` (n,), in and out. True: it is.
 
     The shared ones of the coordinates `use` begin in the middle. Steps are the least in units of the box, and end
@@ -162,7 +162,7 @@ def _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question,
 
 
 @inner
-def _missing(k, use, position, work):  # type: ignore[no-untyped-def]
+def _missing(k, use, position, work):
     """What a contact lacks in the middle of `work.box`, into column 6 of work.inner.newton; its rows and its square."""
     value, tolerance, newton, here = (
         work.polynomials.value[0], work.polynomials.tolerance[k], work.inner.newton, work.turned,
@@ -186,7 +186,7 @@ def _missing(k, use, position, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _least(matrix, rows, side, use, gradient):  # type: ignore[no-untyped-def]
+def _least(matrix, rows, side, use, gradient):
     """Solve (A S^2 A') a = r with A the rows of `gradient`, S = side, r in column 6 of `matrix`, where a goes."""
     for a in range(rows):
         for b in range(a + 1):
@@ -210,7 +210,7 @@ def _least(matrix, rows, side, use, gradient):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _longest(bounds, use, quaternion, work):  # type: ignore[no-untyped-def]
+def _longest(bounds, use, quaternion, work):
     """Of `use` the coordinate that moves the contact most, and how far [units]."""
     slope, y, turn = work.polynomials.slope[0], work.turned.point, work.turned.turn
     best, worst = -1, 0.0
@@ -230,7 +230,7 @@ def _longest(bounds, use, quaternion, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _possible(k, bounds, guess, use, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+def _possible(k, bounds, guess, use, chains, regions, coordinates, question, work):
     """Can contact k be made in a box of poses, as far as an inner search tells? Narrows the box.
 
     guess (n,): where its own coordinates could be last time, in and out. The shared ones of `use` are split
@@ -271,7 +271,7 @@ def _possible(k, bounds, guess, use, chains, regions, coordinates, question, wor
 
 
 @inner
-def _bounded(bounds, pose, coordinates, question, work):  # type: ignore[no-untyped-def]
+def _bounded(bounds, pose, coordinates, question, work):
     """Narrow a box by the bounds of the pose. False if nothing is left; pose: the shared coordinates."""
     box, here = work.box, work.turned
     gradient, y, offset = here.gradient, here.point, here.offset
@@ -296,7 +296,7 @@ def _bounded(bounds, pose, coordinates, question, work):  # type: ignore[no-unty
 
 
 @inner
-def _examine(box, count, chains, regions, coordinates, question, work):  # type: ignore[no-untyped-def]
+def _examine(box, count, chains, regions, coordinates, question, work):
     """Can every contact be made in a box of poses, number `count` of the stack? Narrows it.
 
     Begins with the contact that discarded a box near by. Returns (that, coordinate to split, how far it moves a
@@ -319,7 +319,7 @@ def _examine(box, count, chains, regions, coordinates, question, work):  # type:
 
 
 @inner
-def explore_poses(  # type: ignore[no-untyped-def]
+def explore_poses(
     chains, regions, coordinates, stack, question, box, polynomials, taylor, turned, inner_work, budget, resolution
 ):
     """Depth first from the first box of a `Stack`, in place, until it is empty or `budget` boxes are spent.

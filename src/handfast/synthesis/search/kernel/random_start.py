@@ -12,7 +12,7 @@ from handfast.synthesis.task_groups import PATCH, POSE, QUATERNION
 
 
 @inner
-def start(numbers, chains, regions, coordinates, interior, x, contact, place):  # type: ignore[no-untyped-def]
+def start(numbers, chains, regions, coordinates, interior, x, contact, place):
     """A random start into x (n, 2); contact: `ContactBalls`, place: `StartWork`.
 
     numbers: (n + 1 + ALIGNED * NUMBERS,) uniform in [0, 1). Of `ALIGNED` poses it takes the one that violates the
@@ -51,7 +51,7 @@ def start(numbers, chains, regions, coordinates, interior, x, contact, place):  
 
 
 @inner
-def _inward(k, numbers, regions, first, x, contact, place):  # type: ignore[no-untyped-def]
+def _inward(k, numbers, regions, first, x, contact, place):
     """The hand's point or centre, and its direction: the patch's normal, or a random one within the cap's cone.
 
     first: of the contact's parameters.
@@ -74,7 +74,7 @@ def _inward(k, numbers, regions, first, x, contact, place):  # type: ignore[no-u
 
 
 @inner
-def _place(k, spin, regions, first, interior, x, contact, place):  # type: ignore[no-untyped-def]
+def _place(k, spin, regions, first, interior, x, contact, place):
     """Turn the object so that its normal opposes the hand's, with a spin [turns] about it; move it to the contact.
 
     first: coordinate of the pose.
@@ -105,7 +105,7 @@ def _place(k, spin, regions, first, interior, x, contact, place):  # type: ignor
 
 
 @inner
-def _frame(z, spin, out, across):  # type: ignore[no-untyped-def]
+def _frame(z, spin, out, across):
     """A rotation (3, 3) whose third column is the unit vector z, turned about it by `spin`; across (2, 3): work."""
     e1, e2 = across[0], across[1]
     l = 0
@@ -129,7 +129,7 @@ def _frame(z, spin, out, across):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _quaternion(R, x, first):  # type: ignore[no-untyped-def]
+def _quaternion(R, x, first):
     """Unit quaternion of a rotation (3, 3) into x[first:first+4]."""
     trace = R[0, 0] + R[1, 1] + R[2, 2]
     l = 0

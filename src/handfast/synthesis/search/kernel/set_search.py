@@ -63,7 +63,7 @@ from handfast.synthesis.search.workspace import LEFT, NODES, SMALL
 
 
 @inner
-def _length(a, b, use, box, polynomials, line):  # type: ignore[no-untyped-def]
+def _length(a, b, use, box, polynomials, line):
     """Narrow by the distance of contacts a and b. False if impossible.
 
     Then remainders of the lines on hand and object, and how far these stray.
@@ -92,7 +92,7 @@ def _length(a, b, use, box, polynomials, line):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _line(a, b, use, box, polynomials, line, terms):  # type: ignore[no-untyped-def]
+def _line(a, b, use, box, polynomials, line, terms):
     """Narrow by the line between contacts a and b: its length, and the spins about it. False if impossible."""
     tolerance, swing, arcs, bound = polynomials.tolerance, polynomials.swing, line.arcs, line.unit_bound
     fits, d_error, e_error, d_stray, e_stray = _length(a, b, use, box, polynomials, line)
@@ -120,7 +120,7 @@ def _line(a, b, use, box, polynomials, line, terms):  # type: ignore[no-untyped-
 
 
 @inner
-def _spin(i, use, box, polynomials, line, terms):  # type: ignore[no-untyped-def]
+def _spin(i, use, box, polynomials, line, terms):
     """Narrow by direction i and the line: their angle, and the spins that suit i and one before it."""
     tolerance, arcs, half = polynomials.tolerance, line.arcs, box.half
     for body in range(2):
@@ -146,13 +146,13 @@ def _spin(i, use, box, polynomials, line, terms):  # type: ignore[no-untyped-def
 
 
 @inner
-def _along(body, line):  # type: ignore[no-untyped-def]
+def _along(body, line):
     """The unit vector along a line as a direction."""
     return Direction(line.unit[body], line.unit_slope[body], line.unit_bound[body, 0], line.unit_bound[body, 1])
 
 
 @inner
-def _pair(i, j, use, box, polynomials, terms):  # type: ignore[no-untyped-def]
+def _pair(i, j, use, box, polynomials, terms):
     """Narrow by the angle between directions i and j. False if impossible."""
     value, swing = polynomials.value, polynomials.swing
     both = polynomials.tolerance[i] + polynomials.tolerance[j]
@@ -170,7 +170,7 @@ def _pair(i, j, use, box, polynomials, terms):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _narrowed(bounds, chains, regions, coordinates, question, box, polynomials, taylor, line, terms):  # type: ignore[no-untyped-def]
+def _narrowed(bounds, chains, regions, coordinates, question, box, polynomials, taylor, line, terms):
     """Narrow a box (n, 2), `bounds`, for the contacts of a set. False if nothing is left."""
     contacts, use = question.contacts, question.use
     count = contacts.shape[0]
@@ -198,7 +198,7 @@ def _narrowed(bounds, chains, regions, coordinates, question, box, polynomials, 
 
 
 @inner
-def _longest(box, question, slope):  # type: ignore[no-untyped-def]
+def _longest(box, question, slope):
     """The coordinate that moves a contact most, and how far [units]."""
     best, worst = -1, -1.0
     for i in question.use:
@@ -214,7 +214,7 @@ def _longest(box, question, slope):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _prepare(regions, question, polynomials):  # type: ignore[no-untyped-def]
+def _prepare(regions, question, polynomials):
     """Tolerances of all directions, and the polynomials of the object's axes, which no coordinate moves."""
     contacts, cones = question.contacts, question.cones
     count = contacts.shape[0]
@@ -233,7 +233,7 @@ def _prepare(regions, question, polynomials):  # type: ignore[no-untyped-def]
 
 
 @inner
-def explore_set(  # type: ignore[no-untyped-def]
+def explore_set(
     chains, regions, coordinates, stack, question, box, polynomials, taylor, line, terms, budget, resolution
 ):
     """Depth first from the first box of a `Stack`, in place, until it is empty or `budget` nodes are spent.

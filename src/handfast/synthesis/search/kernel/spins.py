@@ -10,13 +10,13 @@ from handfast.synthesis.search.kernel.taylor import HAND_DIRECTION, OBJECT_DIREC
 
 
 @inner
-def _azimuth(v, e1, e2):  # type: ignore[no-untyped-def]
+def _azimuth(v, e1, e2):
     """Angle of v about an axis with e1, e2 across it."""
     return np.arctan2(v[0] * e2[0] + v[1] * e2[1] + v[2] * e2[2], v[0] * e1[0] + v[1] * e1[1] + v[2] * e1[2])
 
 
 @inner
-def _across(d, e1, e2):  # type: ignore[no-untyped-def]
+def _across(d, e1, e2):
     """Two unit vectors e1, e2 that make a right-handed frame with d."""
     l = 0
     for i in range(1, 3):
@@ -35,14 +35,14 @@ def _across(d, e1, e2):  # type: ignore[no-untyped-def]
 
 
 @inner
-def between(a, b):  # type: ignore[no-untyped-def]
+def between(a, b):
     """Distance of two angles on the circle."""
     off = (a - b) / (2 * np.pi)
     return abs(off - np.floor(off + 0.5)) * 2 * np.pi
 
 
 @inner
-def _arc(theta, phi, tolerance):  # type: ignore[no-untyped-def]
+def _arc(theta, phi, tolerance):
     """Half width of the spins about a line that bring two directions within `tolerance`; -1: none, 4: all.
 
     theta, phi: their angles from the line.
@@ -58,7 +58,7 @@ def _arc(theta, phi, tolerance):  # type: ignore[no-untyped-def]
 
 
 @inner
-def spins(stray, polynomials, work):  # type: ignore[no-untyped-def]
+def spins(stray, polynomials, work):
     """Is there a spin of the object about the line between two contacts that suits every direction?
 
     A turn R with R e' = d' for a line e' near e and d' near d differs from one with R e = d by at most both
@@ -85,7 +85,7 @@ def spins(stray, polynomials, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _in_common(arcs):  # type: ignore[no-untyped-def]
+def _in_common(arcs):
     """Have all arcs a spin in common? Then also the begin of one of them."""
     many, bounded = arcs.shape[0], False
     for i in range(many):

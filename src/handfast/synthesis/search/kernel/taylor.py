@@ -19,12 +19,12 @@ WIDER = 1.0 + 1e-12
 
 
 @inner
-def norm(v):  # type: ignore[no-untyped-def]
+def norm(v):
     return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 @inner
-def spread(slope, half, use):  # type: ignore[no-untyped-def]
+def spread(slope, half, use):
     """Bound of |sum_i g_i d_i| for |d_i| <= half_i, with g_i the rows of slope (n, 3); use: coordinates."""
     total = 0.0
     for c in range(3):
@@ -36,7 +36,7 @@ def spread(slope, half, use):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _chain(k, x, chains, work):  # type: ignore[no-untyped-def]
+def _chain(k, x, chains, work):
     """Pose of the link of contact k, (R, p) in work.pose[0], its joints' axes and points on them."""
     T, U = work.pose[0], work.pose[1]
     for i in range(3):
@@ -66,7 +66,7 @@ def _chain(k, x, chains, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _weights(degree, x, out):  # type: ignore[no-untyped-def]
+def _weights(degree, x, out):
     """Weights of the control points: out[0] of the value, out[1] and out[2] of the derivatives (., degree+1)."""
     y = 1.0 - x
     low, first = out[3], out[1]
@@ -98,7 +98,7 @@ def _weights(degree, x, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _surface(which, k, s, t, regions, out, weight):  # type: ignore[no-untyped-def]
+def _surface(which, k, s, t, regions, out, weight):
     """Rows of out (9, 3): p, p_s, p_t, then three of work, then the unit normal n, n_s, n_t; weight: work."""
     sign = regions.face[which]
     if which == k and regions.object[k] != PATCH:
@@ -145,14 +145,14 @@ def _surface(which, k, s, t, regions, out, weight):  # type: ignore[no-untyped-d
 
 
 @inner
-def _cross(a, b, out):  # type: ignore[no-untyped-def]
+def _cross(a, b, out):
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
 @inner
-def worst(bounds, s, hs, t, ht, out):  # type: ignore[no-untyped-def]
+def worst(bounds, s, hs, t, ht, out):
     """Largest constants over a box of a surface's parameters, into out (10,).
 
     bounds (g, g, 10): for each of g x g cells of the unit square |p_s|, |p_t|, |p_ss|, |p_st|, |p_tt| of the
@@ -171,7 +171,7 @@ def worst(bounds, s, hs, t, ht, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def element(k, row, box, chains, regions, coordinates, derivative_bounds, polynomials, work):  # type: ignore[no-untyped-def]
+def element(k, row, box, chains, regions, coordinates, derivative_bounds, polynomials, work):
     """Taylor polynomials of contact k about the middle of a box (`CenteredBox`), into a row of `polynomials`.
 
     Of HAND_POINT, the point of its region or the centre of its cap, HAND_DIRECTION, OBJECT_POINT, on the surface moved
@@ -198,7 +198,7 @@ def element(k, row, box, chains, regions, coordinates, derivative_bounds, polyno
 
 
 @inner
-def _on_object(k, row, first, box, regions, bounds, polynomials, work):  # type: ignore[no-untyped-def]
+def _on_object(k, row, first, box, regions, bounds, polynomials, work):
     """The object's point and direction of contact k; first: of its parameters."""
     value, slope, remainder = polynomials.value[row], polynomials.slope[row], polynomials.remainder[row]
     surface, largest = work.object_surface, work.largest
@@ -219,7 +219,7 @@ def _on_object(k, row, first, box, regions, bounds, polynomials, work):  # type:
 
 
 @inner
-def _second(largest, first, half_s, half_t):  # type: ignore[no-untyped-def]
+def _second(largest, first, half_s, half_t):
     """What second derivatives of at most largest[first:first+3] add over a box of parameters."""
     bend = (
         largest[first] * half_s * half_s
@@ -230,7 +230,7 @@ def _second(largest, first, half_s, half_t):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _on_hand(k, row, in_link, half, chains, polynomials, work):  # type: ignore[no-untyped-def]
+def _on_hand(k, row, in_link, half, chains, polynomials, work):
     """The hand's point and direction of contact k; in_link: as from `_in_link`, half (n,): widths of the box.
 
     From the tip to the palm: how far the point can be from each joint's axis bounds the second derivatives of its path.
@@ -274,7 +274,7 @@ def _on_hand(k, row, in_link, half, chains, polynomials, work):  # type: ignore[
 
 
 @inner
-def _in_link(k, row, first, box, regions, bounds, polynomials, work):  # type: ignore[no-untyped-def]
+def _in_link(k, row, first, box, regions, bounds, polynomials, work):
     """The hand's point and direction in the palm, with their derivatives by the region's parameters.
 
     Returns how far the point and the direction move in the link, and what their polynomials leave out.

@@ -15,7 +15,7 @@ DAMPING = 1e-12  # of the projection, so that a singular matrix of derivatives d
 
 
 @inner
-def walk(chains, regions, coordinates, departures, here, there, contact, step, proof, out):  # type: ignore[no-untyped-def]
+def walk(chains, regions, coordinates, departures, here, there, contact, step, proof, out):
     """One step from each of the solutions of `departures`; what is proved at their ends goes to `out`, a `Found`."""
     x, interior = step.x, Interior(departures.lower, departures.upper)
     proved, unproved, many = 0, 0, departures.begin.shape[0]
@@ -50,7 +50,7 @@ def walk(chains, regions, coordinates, departures, here, there, contact, step, p
 
 
 @inner
-def _depart(departures, s, quaternion, slope, step):  # type: ignore[no-untyped-def]
+def _depart(departures, s, quaternion, slope, step):
     """Move `step.x` along a tangent, step s; false if its direction has none.
 
     quaternion: its first coordinate; slope (e, n, 2): derivatives of the equations.
