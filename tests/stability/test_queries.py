@@ -352,3 +352,12 @@ def test_what_holds_beyond_the_usual_end_only_is_found() -> None:
     assert most.verdict is Verdict.HOLDS
     assert most.lower >= 1e7
     assert most.unbounded
+
+
+@pytest.mark.parametrize("wrench", [[0, 1, 0, 0, 0, 0], [0, 0, -1, 0, 0, 0], [0, 0, 0, 0, 0.1, 0]])
+def test_without_dissipation_two_workers_answer(wrench: list[float]) -> None:
+    """Where any state is sought, and no energy is bounded, there is no number at which nodes are cut off."""
+    quick = Settings(time_limit=20.0, workers=2)
+    answer = queries.check(load_grasp("fig11"), wrench, mdp=False, settings=quick)
+    assert answer.verdict is not Verdict.UNDECIDED
+    assert answer.verify().ok

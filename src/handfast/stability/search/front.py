@@ -198,7 +198,7 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
     if refused:  # the judge has the last word; everything the search cut off by it is open again
         return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, spent + s.nodes)
     value = best * r.scale
-    shown = float(s.hi[0]) if found else INF
+    shown = s.end if found else INF
     bound = r.scale * (shown if stop is Stop.COMPLETE else s.close())
     first = float(r.lo[0]) if r.objective == arrays.SCALAR else -INF
     at_end = found is not None and first > -INF and s.best <= first + NEAR_END * abs(first)
@@ -265,7 +265,7 @@ def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, 
     """
     r = s.reduced
     s.trim()
-    proof = Proof(r, s.pool, float(s.hi[0]))
+    proof = Proof(r, s.pool, s.end)
     if not settings.verify:
         return proof, False
     best: Proof | None = None
@@ -283,7 +283,7 @@ def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, 
         if s.stop is not Stop.COMPLETE:
             break
         s.trim()
-        proof = Proof(r, s.pool, float(s.hi[0]))
+        proof = Proof(r, s.pool, s.end)
     return best, best is not None
 
 

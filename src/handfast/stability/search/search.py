@@ -248,10 +248,15 @@ class Search:
         return self.nodes < FEW or self.trouble < TROUBLE
 
     @property
+    def end(self) -> float:
+        """The objective at which nodes are cut off, inf if none is sought."""
+        return float(self.hi[0]) if len(self.hi) else INF
+
+    @property
     def bound(self) -> float:
         """No exact solution has a smaller objective than this: over what waits, what is unresolved, and the cut."""
         bound = self.pool.bound[: self.used][self._open()]
-        return float(min(bound.min(initial=INF), self.hi[0] if self.best < INF else INF))
+        return float(min(bound.min(initial=INF), self.end if self.best < INF else INF))
 
     @property
     def unresolved(self) -> int:
@@ -342,9 +347,12 @@ class Search:
         lead = min(states, key=lambda state: float(state.best[0]))
         if lead.best[0] < self.best:
             self.best, self.z = float(lead.best[0]), lead.best_z.copy()
-            self.hi[0] = min(state.hi[0] for state in states)
             for state in states:
-                state.best[0], state.hi[0] = self.best, self.hi[0]
+                state.best[0] = self.best
+            if len(self.hi):  # without a number that is sought nothing may be bounded
+                self.hi[0] = min(state.hi[0] for state in states)
+                for state in states:
+                    state.hi[0] = self.hi[0]
 
     def _partition(self) -> None:
         """Let both searchers have every second node by rank, where that pays."""
