@@ -135,7 +135,7 @@ def show_replayed_grasps(out: Console, what: SavedGrasps, done: ReplayedGrasps) 
         out.print(grid)
     out.print(f"{num(done.seconds, 2)} s, without the search", style="dim")
     out.print(
-        f"Not replayed, and not proved: {done.not_replayed}. Checksums "
+        f"Not replayed, and not proved: {', '.join(done.not_replayed)}. Checksums "
         "protect from damage, not from forgery: compare hand, object and task with those you mean.",
         style="dim",
     )

@@ -39,8 +39,8 @@ class NotProved(Exception):
     """Why a grasp is not proved."""
 
 
-REPLAYED = "existence, joints, contacts, mechanism, preload, every load's equilibrium, and what follows from these"
-NOT_REPLAYED = "clearances, scores, lower bounds and the course of the search"
+REPLAYED = ("existence, joints, contacts, mechanism, preload, every load's equilibrium, and what follows from these",)
+NOT_REPLAYED = ("clearances, scores, lower bounds and the course of the search",)
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class ReplayedGrasp(Checked):
     residuals: tuple[float, ...]
     seconds: float
     reason: str
-    replayed: ClassVar[str] = REPLAYED
-    not_replayed: ClassVar[str] = NOT_REPLAYED
+    replayed: ClassVar[tuple[str, ...]] = REPLAYED
+    not_replayed: ClassVar[tuple[str, ...]] = NOT_REPLAYED
 
     def to_json(self) -> dict[str, Any]:
         return self._json({"witnesses": len(self.residuals), "residual": max(self.residuals, default=0.0)})
@@ -83,8 +83,8 @@ class ReplayedGrasps(Checked):
     residual: float
     seconds: float
     reason: str
-    replayed: ClassVar[str] = REPLAYED
-    not_replayed: ClassVar[str] = NOT_REPLAYED
+    replayed: ClassVar[tuple[str, ...]] = REPLAYED
+    not_replayed: ClassVar[tuple[str, ...]] = NOT_REPLAYED
 
     def to_json(self) -> dict[str, Any]:
         return self._json(
