@@ -114,7 +114,7 @@ def test_it_needs_neither_engine_nor_search(saved: Data, tmp_path: Path) -> None
 def test_an_answer_and_each_of_its_grasps_check_themselves(found: Grasps, saved: Data) -> None:
     done, of_file = found.verify(), replayed(saved)
     assert done.to_json() | {"seconds": 0} == of_file.to_json() | {"seconds": 0}
-    assert "clearances" in done.not_replayed
+    assert any("clearances" in line for line in done.not_replayed)
     assert "equilibrium" in done.replayed
     each = [g.verify() for g in found.grasps]
     assert all(d.ok for d in each)
