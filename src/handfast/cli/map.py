@@ -53,7 +53,7 @@ class Map(QueryOptions, Command):
                 raise InputError(f"is {force:g}; a force above 0 [N] is needed", field=name)
         with console.watch("map") as watch:
             options |= {"interval": self.interval}
-            options |= {"at": self.at, "steps": self.steps, "jobs": jobs(), "on_item": watch.item}
+            options |= {"at": self.at, "steps": self.steps, "on_item": watch.item}
             answer = force_map(grasp, self.plane, **options)
         if self.output:
             save(answer, self.output, limit=self.limit, weight=self.weight, force=self.force)
@@ -66,13 +66,6 @@ class Map(QueryOptions, Command):
         else:
             tables.show_map(console.out(), answer, self)
         return console.status(answer.verdict, answer.stop)
-
-
-def jobs() -> int:
-    """All processors: the program's main module is guarded, so workers may be spawned wherever it runs."""
-    import os
-
-    return os.cpu_count() or 1
 
 
 def save(

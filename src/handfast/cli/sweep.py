@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
-from handfast.cli.map import ENDINGS, jobs, number
+from handfast.cli.map import ENDINGS, number
 from handfast.cli.options import Command, QueryOptions, Wrench, check_writable
 from handfast.core.errors import InputError
 
@@ -55,7 +55,7 @@ class Sweep(QueryOptions, Command):
                 raise InputError(f"is {value}; a finite number is needed", field=field)
         values = np.linspace(self.from_, self.to, self.steps)
         with console.watch("sweep") as watch:
-            answer = sweep(grasp, self.joint, values, self.direction, jobs=jobs(), on_item=watch.item, **options)
+            answer = sweep(grasp, self.joint, values, self.direction, on_item=watch.item, **options)
         if self.output:
             save(answer, self.output, force=self.force)
         if self.report:

@@ -36,9 +36,7 @@ RealArrays4 = Annotated[Array, FieldKind(np.float64, 4)]  # of four dimensions
 RealArrays5 = Annotated[Array, FieldKind(np.float64, 5)]
 Wholes = Annotated[Indices, FieldKind(np.int64, 1)]
 WholeMatrix = Annotated[Indices, FieldKind(np.int64, 2)]
-WholeMatrices = Annotated[Indices, FieldKind(np.int64, 3)]
 Flags = Annotated[Mask, FieldKind(np.bool_, 1)]
-FlagMatrix = Annotated[Mask, FieldKind(np.bool_, 2)]
 
 _NUMBERS = {int: FieldKind(np.int64, 0), float: FieldKind(np.float64, 0), bool: FieldKind(np.bool_, 0)}
 _UNUSED = tuple((0,) * (LINE - 1 - dimensions) for dimensions in range(LINE))

@@ -1,4 +1,4 @@
-"""SearchLimits of a search: a wall clock and a number of nodes, looked at from outside between two of its steps."""
+"""The limits of a search: a wall clock and a number of nodes, looked at from outside between two of its steps."""
 
 from __future__ import annotations
 

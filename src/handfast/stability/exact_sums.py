@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
+
+if TYPE_CHECKING:
+    from flint import fmpq
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +31,29 @@ class Sums:
     t: Array
 
 
+def exact_contacts(grasp: Grasp) -> Iterator[tuple[list[fmpq], list[list[fmpq]], dict[int, list[fmpq]]]]:
+    """Of each contact its position, the three directions of its frame, and its velocity by joint that moves it.
+
+    Rational, from the positions, axes and contact frames as they are: columns of the grasp map and of the Jacobian.
+    """
+    from handfast.core.rational import rational, rational_cross
+
+    for i, contact in enumerate(grasp.contacts):
+        p = [rational(x) for x in contact.position]
+        frame = [[rational(x) for x in column] for column in contact.frame.T]
+        speeds = {}
+        for j, joint in enumerate(grasp.joints):
+            if i not in joint.moves:
+                continue
+            speeds[j] = [rational(x) for x in joint.axis]
+            if joint.type != "prismatic":
+                arm = [x - rational(o) for x, o in zip(p, joint.origin, strict=True)]
+                speeds[j] = rational_cross(speeds[j], arm)
+        yield p, frame, speeds
+
+
 def exact_sums(grasp: Grasp, w: Array, r: Array, q: Array, c: Array, f: Array, coupling: Array) -> Sums:
-    """Rational, from the positions, axes and contact frames as they are; each sum is rounded once, at its end.
+    """Rational; each sum is rounded once, at its end.
 
     The state as `model.State` has it.
     """
@@ -39,19 +65,13 @@ def exact_sums(grasp: Grasp, w: Array, r: Array, q: Array, c: Array, f: Array, c
     R, A = ([[rational(x) for x in row] for row in a] for a in (grasp.mechanism.R, grasp.mechanism.A))
     zero, l = fmpq(0), grasp.l
     balance, torques, d = list(load), [zero] * l, []
-    for i, contact in enumerate(grasp.contacts):
-        p = [rational(x) for x in contact.position]
-        frame = [[rational(x) for x in column] for column in contact.frame.T]
+    for i, (p, frame, speeds) in enumerate(exact_contacts(grasp)):
         point = [x + y for x, y in zip(r_[:3], rational_cross(r_[3:], p), strict=True)]
         force = [sum((c_[3 * i + k] * frame[k][x] for k in range(3)), zero) for x in range(3)]
         balance = [x + y for x, y in zip(balance, [*force, *rational_cross(p, force)], strict=True)]
-        for j, joint in enumerate(grasp.joints):
-            if i in joint.moves:
-                speed = [rational(x) for x in joint.axis]
-                if joint.type != "prismatic":
-                    speed = rational_cross(speed, [x - rational(o) for x, o in zip(p, joint.origin, strict=True)])
-                point = [x - q_[j] * v for x, v in zip(point, speed, strict=True)]
-                torques[j] += sum((x * v for x, v in zip(force, speed, strict=True)), zero)
+        for j, speed in speeds.items():
+            point = [x - q_[j] * v for x, v in zip(point, speed, strict=True)]
+            torques[j] += sum((x * v for x, v in zip(force, speed, strict=True)), zero)
         d += [sum((x * v for x, v in zip(direction, point, strict=True)), zero) for direction in frame]
     for rows, values in ((R, f_), (A, lambda_)):
         for row, value in zip(rows, values, strict=True):

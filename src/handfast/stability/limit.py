@@ -70,10 +70,7 @@ def limit_from(p: ScaledProblem, goal: Goal, state: State, lower: float, upper: 
     state: it resists the magnitude `lower`, under the commands as they are.
     """
     r = reduce(p, goal)
-    scalar = goal.at_magnitude(p, lower)
-    # where all is homogeneous, states are sought for the direction alone
-    sought = state.scaled(scalar) if goal.homogeneous else state
-    return limit_of(r, r.z(p.scaled(sought, scalar)), upper)
+    return limit_of(r, r.at_magnitude(state, lower), upper)
 
 
 def limit_of(r: Reduced, z: Array, upper: float) -> Supremum | None:

@@ -148,12 +148,8 @@ def force_scale(w: Array, c: Array) -> float:
     return scale if scale > 0 else 1.0
 
 
-def equilibrium_residual(grasp: Grasp, c: Array, w: Array) -> tuple[float, float]:
-    """What (1) misses: force [N], and torque [N m] about the middle of the contact forces."""
-    return _equilibrium_residual(object_balance(grasp, c, w), _middle(grasp.positions, c))
-
-
 def _equilibrium_residual(missing: Array, middle: Array) -> tuple[float, float]:
+    """What (1) misses: force [N], and torque [N m] about the middle of the contact forces."""
     moment = missing[3:] - cross(middle, missing[:3])
     return float(np.linalg.norm(missing[:3])), float(np.linalg.norm(moment))
 
@@ -189,22 +185,22 @@ def idle_torque(grasp: Grasp, arms: Array, force: float, moment: float) -> Array
     return np.where(turns, np.minimum(force * arms, moment), force)
 
 
-def linear_sums(grasp: Grasp, w: Array, state: State, force: float) -> Sums:
+def linear_sums(grasp: Grasp, w: Array, state: State, force: float, arms: Array, moment_arm: Array) -> Sums:
     """The linear equations at a state, in floating point where rounding cannot matter, else exact.
 
     Large numbers that cancel hide what they are added to, and G and J are rounded: a locked motor and a coupling on
     the same joints may carry 10^17 each way, two joints that move alike may turn as far against each other.
 
-    force: [N] the largest that acts.
+    force: [N] the largest that acts. arms, moment_arm: `joint_arms`, `actuator_arms`.
     """
-    mech, arms = grasp.mechanism, joint_arms(grasp)
+    mech = grasp.mechanism
     reach = float(np.abs(grasp.positions).max(initial=0.0))
     r = np.abs(state.r)
     largest = max(r[:3].max(), r[3:].max() * (reach + grasp.size))
     if len(arms):
         largest = max(largest, (np.abs(state.q) * arms).max())
     if mech.a:
-        largest = max(largest, (np.abs(state.f) / _actuator_arms(np.abs(mech.R), arms)).max())
+        largest = max(largest, (np.abs(state.f) / moment_arm).max())
     if len(mech.A):
         largest = max(largest, (np.abs(mech.A * state.coupling[:, None]) / arms).max())
     if max(largest / force, reach / grasp.spacing) > LARGE:
@@ -267,7 +263,7 @@ def residuals(
     moment_arm = _actuator_arms(np.abs(R), arms)
     F = force_scale(w, state.c) if largest > 0 else float((np.abs(f_c) / moment_arm)[f_c != 0].min(initial=np.inf))
     F = F if np.isfinite(F) else 1.0
-    sums = linear_sums(grasp, w, state, F)
+    sums = linear_sums(grasp, w, state, F, arms, moment_arm)
     d, dt = sums.d, _norms(sums.d.reshape(-1, 3)[:, 1:])
     c = state.c.reshape(-1, 3)
     middle = _middle(grasp.positions, state.c)

@@ -20,7 +20,7 @@ from pydantic import Field
 from handfast.core.answer import Reach
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import Finite, Strict, Vector, read_json, validate, write_text
+from handfast.core.files import Finite, Strict, Vector, validate, write_text
 from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import ActuatorEntry
@@ -360,11 +360,3 @@ def _grasp(task: Task, e: GraspEntry, answer: dict[str, Any], field: str) -> Sav
         return SavedGrasp(solution, e.joints, grasp, e.grasp, witnesses, answer)
     except InputError as fault:
         raise fault.within(field) from None
-
-
-def load_grasps(path: str | Path) -> SavedGrasps:
-    """The grasps in a file; `InputError` if it is none, or was damaged after it was written."""
-    try:
-        return from_dict(read_json(path, "grasps"))
-    except InputError as fault:
-        raise fault.at(str(path)) from None

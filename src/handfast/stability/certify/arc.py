@@ -105,7 +105,8 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     F = float(np.max([*least_norm(C), *least_norm(w[:, None, :3])]))
     if not F > 0:
         return Residuals(*[np.inf] * len(fields(Residuals)))
-    sums = [model.linear_sums(g, load, control, F) for load, control in zip(w, arc.controls, strict=True)]
+    joint_arms, arms = model.joint_arms(g), model.actuator_arms(g)
+    sums = [model.linear_sums(g, w_k, x, F, joint_arms, arms) for w_k, x in zip(w, arc.controls, strict=True)]
     D = np.stack([x.d for x in sums]).reshape(k + 1, -1, 3)
     c_n, c_t, d_n, d_t, mu = C[:, :, 0], C[:, :, 1:], D[:, :, 0], D[:, :, 1:], g.mu
     least_n = c_n.min(axis=0)
@@ -136,7 +137,6 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     defect = np.minimum(defect, (tangential.max(axis=0) + strength) * fast) / np.maximum(slow, F)
 
     # (8), in the sense of the command, motions and forces in newtons
-    arms = model.actuator_arms(g)
     sense = np.where(f_c < 0, -1.0, 1.0)
     t = sense * np.stack([x.t for x in sums]) * arms
     e = sense * (f - f_c) / arms
@@ -145,7 +145,6 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     actuators = np.where(model.commanded(g), moving, np.abs(t).max(axis=0))
 
     A = g.mechanism.A
-    joint_arms = model.joint_arms(g)
     tied = np.abs(np.stack([x.couplings for x in sums])).max(axis=0)
     slip = tied[:, None] * np.divide(joint_arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 

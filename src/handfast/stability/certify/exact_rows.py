@@ -13,6 +13,7 @@ from handfast.core.rational import rational, rational_cross, rounded
 from handfast.stability.certify.certificate import Columns, Integers, Question
 from handfast.stability.certify.leaf_rows import LeafRows, equations
 from handfast.stability.certify.leaf_systems import LEAST, LeafSystems
+from handfast.stability.exact_sums import exact_contacts
 
 RANK = 1e-9  # relative: what is smaller does not count for the rank, until shown exactly
 
@@ -35,18 +36,11 @@ class ExactRows:
             [{int(j): rational(row[j]) for j in np.flatnonzero(row)} for row in np.atleast_2d(a)]
             for a in equations(question, np.zeros((6, 3 * g.m)), np.zeros((3 * g.m, g.l)))
         )
-        for i, contact in enumerate(g.contacts):
-            p = [rational(x) for x in contact.position]
-            frame = [[rational(x) for x in column] for column in contact.frame.T]
+        for i, (p, frame, speeds) in enumerate(exact_contacts(g)):
             for k, direction in enumerate(frame, start=3 * i):
                 for row, x in enumerate([*direction, *rational_cross(p, direction)]):
                     E[row][at.c.start + k] = Z[k][at.r.start + row] = x
-            for j, joint in enumerate(g.joints):
-                if i not in joint.moves:
-                    continue
-                speed = [rational(x) for x in joint.axis]
-                if joint.type != "prismatic":
-                    speed = rational_cross(speed, [x - rational(o) for x, o in zip(p, joint.origin, strict=True)])
+            for j, speed in speeds.items():
                 for k, direction in enumerate(frame, start=3 * i):
                     x = _sum(a * b for a, b in zip(direction, speed, strict=True))
                     E[6 + j][at.c.start + k], Z[k][at.q.start + j] = x, -x

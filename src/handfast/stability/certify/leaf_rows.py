@@ -23,9 +23,9 @@ from handfast.stability.certify.certificate import (
     Row,
     directions,
 )
+from handfast.stability.witness import VALID
 
 UNIT = 2.0**-53  # relative error of one rounded operation
-MISSED = 1e-9  # relative: what a witness may miss the equilibrium by
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def missed(question: Question, p: int) -> tuple[Array, Array]:
     out = np.zeros((2, p))
     for x, load in zip(out, (question.load.w_a, question.load.w_b), strict=True):
         force = max(np.linalg.norm(load[:3]), np.linalg.norm(load[3:]) / question.grasp.size)
-        x[:6] = MISSED * force * np.repeat([1.0, question.grasp.size], 3)
+        x[:6] = VALID * force * np.repeat([1.0, question.grasp.size], 3)
     return out[0], out[1]
 
 

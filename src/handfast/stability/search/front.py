@@ -12,7 +12,7 @@ import numpy as np
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
 from handfast.core.parallel import default_jobs
-from handfast.stability.goal import ANY_STATE, INF, NEAR_END, Goal, Range
+from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, Goal, Range
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays, exact
 from handfast.stability.search.capped import FARTHER, FIRST, Capped
@@ -227,14 +227,14 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
 
 
 def _just_below(p: ScaledProblem, best: float, settings: Settings) -> Witness | None:
-    """A witness a little inside the largest magnitude -best, found anew."""
-    s = -best * (1 - INSIDE * settings.gap)
-    return _state_at(p, s, replace(settings, verify=False)) if s > 0 else None
+    """A witness a little inside the largest magnitude, of the objective best, found anew."""
+    s = LARGEST.magnitude(p, best) * (1 - INSIDE * settings.gap)
+    return _resisting(p, s, replace(settings, verify=False)) if s > 0 else None
 
 
-def _state_at(p: ScaledProblem, s: float, settings: Settings) -> Witness | None:
-    """A witness that resists the scaled magnitude s."""
-    there = replace(p, w0=p.w0 + s * p.direction, wrench=p.wrench + s * p.direction_scale * p.along)
+def _resisting(p: ScaledProblem, s: float, settings: Settings) -> Witness | None:
+    """A witness that resists the magnitude s."""
+    there = replace(p, w0=p.w0 + s / p.direction_scale * p.direction, wrench=p.wrench + s * p.along)
     return search(there, ANY_STATE, settings).witness
 
 
@@ -243,19 +243,11 @@ def _beyond(r: Reduced, value: float, settings: Settings) -> Array | None:
 
     Bounds up to a cap on motions are tried by it: what moves more may resist more.
     """
-    p, little = r.p, INSIDE * settings.gap
-    if r.goal.maximised:
-        s = -value + little * abs(value)
-    elif r.goal.homogeneous and value > 0:
-        s = (1 + little) / value
-    else:
+    if r.goal.seeks_commands or value == 0:
         return None
-    found = _state_at(p, s, settings)
-    if found is None:
-        return None
-    if r.goal.homogeneous:
-        return r.z(p.scaled(found.state.scaled(1 / s), 1 / s))
-    return r.z(p.scaled(found.state, s))
+    s = r.goal.magnitude(r.p, value) * (1 + INSIDE * settings.gap)
+    found = _resisting(r.p, s, settings)
+    return None if found is None else r.at_magnitude(found.state, s)
 
 
 def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, bool]:

@@ -145,7 +145,7 @@ class _Magnitudes:
 
     def _exact(self, s: float, state: State) -> Array:
         """The point (n,) of a state at a magnitude, solved again with what the magnitude is."""
-        z = self._point(state, s)
+        z = self.r.at_magnitude(state, s)
         solved = self._at(s, z)
         return z if solved is None else solved
 
@@ -212,10 +212,6 @@ class _Magnitudes:
 
     def _state(self, z: Array) -> State:
         return self.p.unscale(self.r.point(z))
-
-    def _point(self, state: State, s: float) -> Array:
-        """(n,) the reduced unknowns of a state at a magnitude."""
-        return self.r.z(self.p.scaled(state, LARGEST.at_magnitude(self.p, s)))
 
     # --- what slips
 

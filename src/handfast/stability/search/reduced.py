@@ -19,6 +19,7 @@ import numpy as np
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import table, whole_vectors
 from handfast.stability.goal import AffineLoad, Goal, Range
+from handfast.stability.model import State
 from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.search import arrays
 from handfast.stability.witness import Witness
@@ -204,6 +205,12 @@ class Reduced:
             y = np.r_[y, x.scalar]
         y = np.r_[y, np.zeros(len(self.y0) - len(y))]
         return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
+
+    def at_magnitude(self, state: State, magnitude: float) -> Array:
+        """The reduced unknowns (n,) nearest to a state that resists a magnitude, commands as they are."""
+        scalar = self.goal.at_magnitude(self.p, magnitude)
+        # where all is homogeneous, states are sought for the direction alone
+        return self.z(self.p.scaled(state.scaled(scalar) if self.goal.homogeneous else state, scalar))
 
     def witness(self, x: ScaledPoint) -> Witness:
         """A scaled point in the grasp's units, with the disturbance and the commands it belongs to.

@@ -193,3 +193,15 @@ def _contracts(slope, proof, chosen, radii):
         if not reach * (1 + rounded) < radii[i]:
             return False
     return True
+
+
+@inner
+def kept(chains, regions, coordinates, here, there, contact, x, proof, out, row):
+    """Certify the middles of x (n, 2); what is proved stands in that row of `out`, a `Found`. False if it is not."""
+    proved = certify(
+        x, chains, regions, coordinates, coordinates, here, there, contact, proof, out.chosen[row], out.radii[row]
+    )
+    if proved:
+        for i in range(x.shape[0]):
+            out.x[row, i] = x[i, 0]
+    return proved

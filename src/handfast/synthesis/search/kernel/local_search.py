@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from handfast.core.compiled import inner
-from handfast.synthesis.search.kernel.krawczyk import certify
+from handfast.synthesis.search.kernel.krawczyk import kept
 from handfast.synthesis.search.kernel.levenberg_marquardt import solve
 from handfast.synthesis.search.kernel.random_start import start
 from handfast.synthesis.search.workspace import PROVED, UNPROVED, USED, Interior
@@ -19,23 +19,9 @@ def find(chains, regions, coordinates, draws, here, there, contact, step, proof,
         used += 1
         if not solve(chains, regions, coordinates, interior, here, there, contact, step):
             continue
-        if not certify(
-            x,
-            chains,
-            regions,
-            coordinates,
-            coordinates,
-            here,
-            there,
-            contact,
-            proof,
-            out.chosen[proved],
-            out.radii[proved],
-        ):
+        if kept(chains, regions, coordinates, here, there, contact, step.x, proof, out, proved):
+            proved += 1
+        else:
             unproved += 1
-            continue
-        for i in range(x.shape[0]):
-            out.x[proved, i] = x[i, 0]
-        proved += 1
     out.counts[PROVED], out.counts[USED], out.counts[UNPROVED] = proved, used, unproved
     return 0

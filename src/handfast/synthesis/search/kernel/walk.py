@@ -6,7 +6,7 @@ import numpy as np
 
 from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.contact_equations import evaluate
-from handfast.synthesis.search.kernel.krawczyk import certify
+from handfast.synthesis.search.kernel.krawczyk import kept
 from handfast.synthesis.search.kernel.levenberg_marquardt import back, factor, solve
 from handfast.synthesis.search.workspace import PROVED, UNPROVED, USED, Interior
 from handfast.synthesis.task_groups import QUATERNION
@@ -27,24 +27,10 @@ def walk(chains, regions, coordinates, departures, here, there, contact, step, p
             continue
         if not solve(chains, regions, coordinates, interior, here, there, contact, step):
             continue
-        if not certify(
-            x,
-            chains,
-            regions,
-            coordinates,
-            coordinates,
-            here,
-            there,
-            contact,
-            proof,
-            out.chosen[proved],
-            out.radii[proved],
-        ):
+        if kept(chains, regions, coordinates, here, there, contact, step.x, proof, out, proved):
+            proved += 1
+        else:
             unproved += 1
-            continue
-        for c in range(x.shape[0]):
-            out.x[proved, c] = x[c, 0]
-        proved += 1
     out.counts[PROVED], out.counts[USED], out.counts[UNPROVED] = proved, many, unproved
     return 0
 
