@@ -115,7 +115,7 @@ def test_an_answer_and_each_of_its_grasps_check_themselves(found: Grasps, saved:
     done, of_file = found.verify(), replayed(saved)
     assert done.to_json() | {"seconds": 0} == of_file.to_json() | {"seconds": 0}
     assert any("clearances" in line for line in done.not_replayed)
-    assert "equilibrium" in done.replayed
+    assert any("equilibrium" in line for line in done.replayed)
     each = [g.verify() for g in found.grasps]
     assert all(d.ok for d in each)
     assert sum(len(d.residuals) for d in each) == done.loads
