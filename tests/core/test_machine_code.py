@@ -132,6 +132,15 @@ def test_no_source_is_forgotten(toy: Toy, capfd: pytest.CaptureFixture[str]) -> 
     assert "helper.py is compiled, too, but not among the library's sources" in capfd.readouterr().err
 
 
+def test_a_package_that_defines_something_is_a_source(toy: Toy, capfd: pytest.CaptureFixture[str]) -> None:
+    library = toy()
+    package = library.sources[0].parent / "__init__.py"
+    package.write_text("SPARE = 2.0\n")
+    with pytest.raises(subprocess.CalledProcessError):
+        library.compiled()
+    assert "__init__.py is compiled, too, but not among the library's sources" in capfd.readouterr().err
+
+
 # --- where code is kept, and what is loaded ---------------------------------------------------------------
 
 

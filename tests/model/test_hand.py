@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
 from handfast.model.hand import Hand, bundled_hands, load_hand
+from handfast.model.hand.hand import Joint, Link
+from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 from tests.support.places import ROOT, SHARED
 
@@ -400,3 +402,12 @@ def test_slow_libraries_are_imported_late() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("places", [((), (0,), (0,)), ((), (0, 0), ())])
+def test_a_joint_moves_one_link_once(places: tuple[tuple[int, ...], ...]) -> None:
+    """Kinematics and its checker would differ about a joint that two links share."""
+    links = tuple(Link(f"link {i}", i - 1, np.eye(4), joints) for i, joints in enumerate(places))
+    mechanism = Mechanism(("a",), np.eye(1), np.zeros((0, 1)), (False,))
+    with pytest.raises(InputError, match="a: moves two links, or one link twice; once is right"):
+        Hand("twins", links, (Joint("a", "revolute", (0, 0, 1), (0, 0, 0), -1.0, 1.0),), mechanism, (), np.ones(1))

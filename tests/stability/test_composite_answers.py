@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -13,9 +14,9 @@ from handfast.core.answer import Verdict
 from handfast.stability.hold import HoldAnswer, hold
 from handfast.stability.loads import Loads
 from handfast.stability.maps import force_map, sweep
-from handfast.stability.margin import Margin
+from handfast.stability.margin import Margin, rubbed
 from handfast.stability.margin_search import margin
-from handfast.stability.queries import check
+from handfast.stability.queries import check, torques
 from tests.support.problems import bell, nest, pinch
 
 UP, SIDE = np.array([0, 1.0, 0, 0, 0, 0]), np.array([0.2, 0, 0, 0, 0, 0])
@@ -91,6 +92,36 @@ def test_a_load_that_nothing_holds_is_replayed() -> None:
     assert "pull: the answer" in replace(impossible(), refuted=("pull", holds)).verify().reason
 
 
+def test_locked_motors_do_not_show_that_no_commands_hold() -> None:
+    """Of two jaws that can squeeze; locked, on one side alone, or within limits that nobody asked for, they drop it."""
+    bare = pinch().with_preload(None)
+    asked = hold(bare, Loads(("up",), np.array([UP])))
+    assert asked.verdict is Verdict.HOLDS
+    slips = {"verdict": Verdict.SLIPS, "preload": None, "checks": (), "bounding": None}
+    for answer, reason in (
+        (check(bare, UP), "all commands that were sought"),
+        (torques(bare, UP, force_limit=1e-3), "another load"),
+    ):
+        assert answer.verdict is Verdict.SLIPS
+        forged = replace(asked, **slips, lower=np.inf, upper=np.inf, refuted=("up", answer)).verify()
+        assert not forged.ok
+        assert reason in forged.reason
+
+
+def test_a_bound_of_fewer_commands_or_other_limits_is_none() -> None:
+    bare = pinch().with_preload(None)
+    asked = hold(bare, Loads(("up",), np.array([UP])))
+    assert asked.verify().ok
+    narrow = replace(asked, actuators=asked.actuators[:1])
+    assert narrow.verify().reason == "up: the answer is not about all commands that were sought"
+    wary = torques(bare, UP, eta=0.05)
+    assert wary.lower > asked.lower
+    forged = replace(asked, lower=wary.lower, bounding=("up", wary)).verify()
+    assert forged.reason == "up: the answer is about another load"
+    crossed = replace(asked, limits={"eta": 0.05}, lower=wary.lower, bounding=("up", wary)).verify()
+    assert crossed.reason == "up: the answer is about another load"  # HOLDS without the uncertainty
+
+
 def test_a_load_beyond_all_forces_is_replayed() -> None:
     flat = bell()
     beyond = HoldAnswer(
@@ -111,6 +142,12 @@ def test_flips_of_a_margin_are_replayed() -> None:
     assert wider.verify().reason == "less friction: the answer is about another change"
     bare = replace(m, less=replace(m.less, answer=None))
     assert bare.verify().reason == "less friction: without an answer that it slips"
+    crossed = replace(m, less=replace(m.less, holds=0.99)).verify()
+    assert re.fullmatch(r"less friction: it slips at \S+, and holds up to 0.99", crossed.reason)
+    tight = check(rubbed(pinch(), 0.99), 0.05 * UP, force_limit=1e-3)
+    assert tight.verdict is Verdict.SLIPS
+    forged = replace(m, less=replace(m.less, holds=0.0, slips=0.01, answer=tight))
+    assert forged.verify().reason == "less friction: the answer is about another change"
     moved = replace(m, witness=replace(m.witness, state=m.witness.state.scaled(2.0)))
     assert moved.verify().reason.startswith("motion: witness: the residual is")
 

@@ -69,6 +69,17 @@ def test_what_was_replayed_is_said(found: Synthesis, undecided: Synthesis) -> No
     assert re.fullmatch(r"\S+ % of the space holds no configuration: .* are not kept", done.not_replayed[0])
 
 
+def test_configurations_belong_to_the_task_and_to_their_proofs(found: Synthesis) -> None:
+    (first, *_) = found.solutions
+    other = replace(found.task, pose=PoseBounds([[5, 6]] * 3, PoseBounds.none().axes))
+    assert not replace(found, task=other).verify().ok
+    done = replace(found, task=replace(found.task, name="another")).verify()
+    assert done.reason == "configuration 0: it is of another task"
+    for change in ({"q": first.q + 1}, {"pose": np.diag([1, -1, -1, 1.0]) @ first.pose}):
+        done = replace(found, solutions=(replace(first, **change),)).verify()
+        assert done.reason == f"configuration 0: {next(iter(change))} are not those of its proof"
+
+
 def test_none_is_shown_anew_by_the_checker(tmp_path: Path) -> None:
     answer = synthesize(grip(0.12))
     answer.save(tmp_path / "s.json")

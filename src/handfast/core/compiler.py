@@ -140,7 +140,7 @@ def _check_sources(library: Library) -> None:
         if name in BEFORE or name.split(".")[0] != library.module.split(".")[0]:
             continue
         path = Path(str(module.__file__)).resolve()
-        if path not in named and path.stem != "__init__":
+        if path not in named and path.read_bytes().strip():  # an `__init__.py` that is empty compiles to nothing
             raise RuntimeError(f"{library.name}: {path} is compiled, too, but not among the library's sources")
 
 

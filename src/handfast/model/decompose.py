@@ -15,6 +15,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.interrupts import deferred_interrupt
 from handfast.core.parallel import end_with
 from handfast.model.shape import Faces
 
@@ -44,7 +45,8 @@ def decompose(vertices: Array, faces: Faces) -> list[Array]:
 
 
 def _work(folder: Path) -> None:
-    import coacd  # slow to import
+    with deferred_interrupt():
+        import coacd  # slow to import
 
     coacd.set_log_level("off")
     with np.load(folder / "solid.npz") as solid:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.core.interrupts import deferred_interrupt
 from handfast.core.transforms import FARTHEST, rigid
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
@@ -258,7 +259,8 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
         raise InputError(f"is not a mesh file; known: {', '.join(MESH_FILES)}", source=str(path))
     if not os.path.isfile(path):
         raise InputError("no such file", source=str(path))
-    import trimesh  # slow to import
+    with deferred_interrupt():
+        import trimesh  # slow to import
 
     obj = path.suffix.lower() == ".obj"
     split = ("split_object", "split_objects", "split_groups")  # trimesh 4 and 5 name them differently

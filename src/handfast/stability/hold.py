@@ -29,6 +29,7 @@ from handfast.stability.settings import Settings
 from handfast.stability.verification import Verified
 
 STRONG = 10.0  # times the largest load: a moderate command
+NO_LIMITS: Mapping[str, Any] = {"eta": 0.0, "torque_limits": {}, "force_limit": None}
 NEGLIGIBLE = 1e-6  # share of the largest command below which one is rounding
 HARDEST = ("hardest: which load asked most is the course of the search",)
 FACTORS = (1.0, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
@@ -51,6 +52,8 @@ class HoldAnswer:
         hardest: name of the load that asked most of the commands, or that was not met; "" if none was.
         bounding: name and answer of the load whose least commands are `lower`; None where nothing is behind it.
         grasp, command_limit: as asked.
+        actuators: whose commands were sought.
+        limits: `eta`, `torque_limits` and `force_limit` as asked.
     """
 
     verdict: Verdict
@@ -67,6 +70,8 @@ class HoldAnswer:
     bounding: tuple[str, TorquesAnswer] | None = field(default=None, repr=False)
     grasp: Grasp | None = field(default=None, repr=False)
     command_limit: float = field(default=np.inf, repr=False)
+    actuators: tuple[str, ...] = field(default=(), repr=False)
+    limits: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def verify(self) -> Verified:
         """Replays every load's witness under the preload, the bound of the commands, or why some load is not held."""
@@ -106,7 +111,11 @@ class HoldAnswer:
         name, answer = self.bounding
         if answer.lower != self.lower or answer.question is None or answer.question.goal.effort != "max":
             return f"the bound {self.lower:.6g} is not that of {name}"
-        return "" if self._is_load(name, answer) else f"{name}: the answer is about another load"
+        if not self._is_load(name, answer):
+            return f"{name}: the answer is about another load"
+        if not self._is_of_all_commands(answer):
+            return f"{name}: the answer is not about all commands that were sought"
+        return "" if self.lower <= self.upper else f"the bound {self.lower:.6g} is above the command {self.upper:.6g}"
 
     def _refuted_fault(self) -> str:
         """What is missing for the claim that no preload holds some load, if its answer is right."""
@@ -119,16 +128,26 @@ class HoldAnswer:
             return "" if cannot else f"{name}: forces can balance it"
         if not self._is_load(name, answer):
             return f"{name}: the answer is about another load"
-        more = isinstance(answer, TorquesAnswer) and answer.lower > self.command_limit
+        if not isinstance(answer, TorquesAnswer) or not self._is_of_all_commands(answer):
+            return f"{name}: the answer is not about all commands that were sought"
+        more = answer.lower > self.command_limit
         return "" if answer.verdict is Verdict.SLIPS or more else f"{name}: the answer does not say that it slips"
 
     def _is_load(self, name: str, answer: Answer) -> bool:
-        """Is the answer about this load, and about the grasp, whatever its preload?"""
+        """Is the answer about this load, within the limits, and about the grasp, whatever its preload?"""
         wrench = dict(zip(self.loads.names, self.loads.wrenches, strict=True)).get(name)
-        if wrench is None or answer.question is None or not np.array_equal(answer.question.wrench, wrench):
+        q = answer.question
+        if wrench is None or q is None or not np.array_equal(q.wrench, wrench) or not q.mdp:
             return False
-        bare, asked = (g and to_dict(g.with_preload(None)) for g in (answer.question.grasp, self.grasp))
+        limits = q.eta, q.torque_limits, q.force_limit
+        if limits != tuple(self.limits.get(name) or none for name, none in NO_LIMITS.items()):
+            return False
+        bare, asked = (g and to_dict(g.with_preload(None)) for g in (q.grasp, self.grasp))
         return asked is None or bare == asked
+
+    def _is_of_all_commands(self, answer: TorquesAnswer) -> bool:
+        """Were the commands sought that were asked for, no fewer?"""
+        return answer.question is not None and set(answer.question.driven) == set(self.actuators)
 
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints."""
@@ -334,6 +353,8 @@ class _HoldSearch:
             bounding=self.bounding,
             grasp=self.grasp,
             command_limit=self.most,
+            actuators=self.names,
+            limits=self.limits,
         )
 
 

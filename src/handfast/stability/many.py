@@ -149,6 +149,8 @@ def _block(shared: tuple[Options, Event], cases: Sequence[Case]) -> list[MaxAnsw
         before = _left(answer, before if same else None)
         last = case
         out.append(with_interval(answer, settings) if options.interval else answer)
+        if out[-1].stop is Stop.INTERRUPTED:
+            break
     return out
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,8 +11,9 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.core.files import SAME
+from handfast.core.files import same_json
 from handfast.model.grasp import Contact, Grasp
+from handfast.model.grasp_file import to_dict
 from handfast.stability.answers import Answer
 from handfast.stability.verification import Verified, WitnessCheck
 from handfast.stability.witness import VALID, Witness
@@ -25,6 +26,7 @@ FRAGILE_TILT = 2.5  # [degrees] or with normals tilted by this
 UNPROVED = (
     "motion: that no equilibrium moves less is the search's word",
     "holds: the changed grasps that held had witnesses, which are not kept; of changes between them nothing is known",
+    "limit, undecided, checks: what was tried is the course of the search",
 )
 
 
@@ -55,21 +57,25 @@ class Flip:
         """Is there a proof that it slips?"""
         return self.answer is not None and self.answer.certificate is not None
 
-    def fault(self, witness: Witness, changed: Callable[[float], Grasp]) -> str:
-        """What is missing for the claim that a changed grasp slips under a witness's load, if the answer is right."""
+    def fault(self, witness: Witness, changed: Callable[[float], Grasp], limits: tuple[Any, Any]) -> str:
+        """What is missing for the claim that a changed grasp slips under a witness's load, if the answer is right.
+
+        Args:
+            changed: the grasp after a change.
+            limits: of torques and of normal forces, as asked.
+        """
         if self.slips is None:
             return ""
         if self.answer is None or self.answer.question is None or self.answer.verdict is not Verdict.SLIPS:
             return "without an answer that it slips"
-        q, grasp = self.answer.question, changed(self.slips)
-        same = all(
-            np.allclose(a.position, b.position, rtol=0, atol=0)
-            and a.friction == b.friction
-            and np.abs(a.normal - b.normal).max() <= SAME
-            for a, b in zip(q.grasp.contacts, grasp.contacts, strict=True)
-        )
-        same = same and q.grasp.preload == grasp.preload and np.array_equal(q.wrench, witness.wrench)
-        return "" if same else "the answer is about another change"
+        if self.holds > self.slips:
+            return f"it slips at {self.slips:.6g}, and holds up to {self.holds:.6g}"
+        q = self.answer.question
+        same = same_json(to_dict(q.grasp), to_dict(changed(self.slips))) and np.array_equal(q.wrench, witness.wrench)
+        same = same and (q.eta, q.mdp) == (witness.eta, witness.mdp)
+        if not same or (q.torque_limits, q.force_limit) != limits:
+            return "the answer is about another change"
+        return ""
 
     def to_json(self) -> dict[str, Any]:
         """The keys `holds`, `slips`, `limit`, `undecided`, `certified`."""
@@ -88,6 +94,7 @@ class Margin:
         tilt: normals tilted, by angles in degrees: one at a time, or all at once.
         checks: how many changed grasps were asked.
         stop: `COMPLETE`, or `INTERRUPTED` by Ctrl-C.
+        torque_limits, force_limit: as asked.
     """
 
     stiffness: float
@@ -97,6 +104,8 @@ class Margin:
     tilt: Flip
     checks: int
     stop: Stop
+    torque_limits: Mapping[str, float] = field(default_factory=dict, repr=False)
+    force_limit: float | None = field(default=None, repr=False)
 
     @property
     def motion(self) -> float:
@@ -144,7 +153,8 @@ class Margin:
             "more friction": lambda x: rubbed(w.grasp, 1 + x),
             "tilted normals": lambda x: tilted(w.grasp, self.tilt.contacts, self.tilt.towards, np.radians(x)),
         }
-        faults = (f"{name}: {fault}" for name, flip in flips.items() if (fault := flip.fault(w, changed[name])))
+        limits = dict(self.torque_limits), self.force_limit
+        faults = (f"{name}: {fault}" for name, flip in flips.items() if (fault := flip.fault(w, changed[name], limits)))
         return Verified.of_parts(parts, time.monotonic() - start, next(faults, ""), UNPROVED)
 
     def to_json(self) -> dict[str, Any]:

@@ -98,7 +98,8 @@ def margin(
     patterns = list(_patterns(sides(grasp, w)))
     tilt = ask.flip("tilt", TILTS, TILT_RESOLUTION, lambda x: [_tilted(grasp, p, np.radians(x)) for p in patterns])
     least = least_motion(answer.posed[0], answer.witness)
-    return Margin(float(stiffness), least, less, more, tilt, ask.count, ask.stop)
+    limits = dict(torque_limits or {}), force_limit
+    return Margin(float(stiffness), least, less, more, tilt, ask.count, ask.stop, *limits)
 
 
 def sides(grasp: Grasp, wrench: Array) -> Array:

@@ -25,6 +25,7 @@ class ResistedInterval:
             or, if that is more, of the other forces in play.
         arcs: states of the magnitudes that are resisted; none where magnitudes make no difference.
         slips: certificates of the holes.
+        interrupted: Ctrl-C came before all was looked at.
     """
 
     holds_from_zero_to: float
@@ -34,6 +35,7 @@ class ResistedInterval:
     resolution: float
     arcs: tuple[Arc, ...]
     slips: tuple[Certificate, ...]
+    interrupted: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """Its keys in the answer of `max`, beside `holds_from_zero_to`."""

@@ -16,6 +16,7 @@ from handfast.model.configuration import Configuration
 from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.certify.existence import Existence, existence_to_dict, moving_joints
 from handfast.synthesis.certify.verify_existence import Report, verify_existence
+from handfast.synthesis.embedded import task_to_dict
 from handfast.synthesis.placed import whole
 from handfast.synthesis.task import Task
 
@@ -80,6 +81,15 @@ class Solution:
         """The same as a `handfast/configuration/1` file, ready to be saved."""
         named = {"hand": self.task.hand.source or self.task.hand.name, "object": self.task.object}
         return Configuration.of(self.task.hand, self.q, self.pose, **named)
+
+    def fault(self, task: Task) -> str:
+        """What of it is not that of its proof and of a task; '' if all is."""
+        if self.task is not task and task_to_dict(self.task) != task_to_dict(task):
+            return "it is of another task"
+        names = ("q", "pose", "points", "normals")
+        same = Solution.of(task, self.existence)
+        wrong = [name for name in names if not np.array_equal(getattr(self, name), getattr(same, name))]
+        return f"{' and '.join(wrong)} are not those of its proof" if wrong else ""
 
     def verify(self) -> Report:
         """The proof, checked with interval arithmetic by code that knows nothing of the search."""

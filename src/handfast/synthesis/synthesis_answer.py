@@ -17,7 +17,7 @@ from handfast.core.answer import Checked, Reach, Stop, header
 from handfast.core.files import write_text
 from handfast.synthesis.certify.existence import ProofRefused
 from handfast.synthesis.certify.impossibility import impossible
-from handfast.synthesis.certify.verify_existence import Report
+from handfast.synthesis.certify.verify_existence import Report, verify_existence
 from handfast.synthesis.distance import features
 from handfast.synthesis.embedded import sealed, task_to_dict
 from handfast.synthesis.solution import Solution
@@ -138,8 +138,9 @@ class Synthesis:
     def verify(self) -> ReplayedSynthesis:
         """Every proof of existence, and of a NONE as much as `impossible` can show by itself: nothing of the search."""
         start = time.monotonic()
-        reports = tuple(solution.verify() for solution in self.solutions)
+        reports = tuple(verify_existence(self.task, solution.existence) for solution in self.solutions)
         refused = [(i, r.reasons[0]) for i, r in enumerate(reports) if not r.ok]
+        refused += [(i, fault) for i, s in enumerate(self.solutions) if (fault := s.fault(self.task))]
         reason = f"configuration {refused[0][0]}: {refused[0][1]}" if refused else ""
         replayed = tuple(f"configuration {i}: an exact one exists in its box" for i, r in enumerate(reports) if r.ok)
         missing: tuple[str, ...] = ()

@@ -143,6 +143,10 @@ class Hand:
             twice = sorted({n for n in names if names.count(n) > 1})
             if twice:
                 raise InputError(f"{kind} '{twice[0]}' is defined twice", source=self.source or None)
+        moved = [j for link in self.links for j in link.joints]
+        if len(set(moved)) < len(moved):
+            joint = self.joint_names[next(j for j in moved if moved.count(j) > 1)]
+            raise InputError("moves two links, or one link twice; once is right", field=joint)
         self._refuse_circles()
         object.__setattr__(self, "closing", frozen(np.sign(self.closing), (self.l,), "closing"))
         if self.mechanism.R.shape[1] != self.l:

@@ -36,4 +36,5 @@ def held_again(
     checks = tuple(check(grasp, w, **how) for w in loads.wrenches)
     if any(a.verdict is not Verdict.HOLDS for a in checks):
         return None
-    return HoldAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, nodes, loads, *known, checks)
+    asked: dict[str, Any] = {"grasp": grasp, "limits": limits.of_a_load}
+    return HoldAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, nodes, loads, *known, checks, **asked)

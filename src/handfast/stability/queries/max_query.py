@@ -316,13 +316,13 @@ def maximum(
 
 
 def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
-    """A maximum with which smaller magnitudes are resisted; as it is if none is."""
-    if answer.posed is None or answer.witness is None or not answer.lower > 0:
+    """A maximum with which smaller magnitudes are resisted; as it is if none is, or after Ctrl-C."""
+    if answer.posed is None or answer.witness is None or not answer.lower > 0 or answer.stop is Stop.INTERRUPTED:
         return answer
     from handfast.stability.search.interval_search import resisted
 
     shown = resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
-    return replace(answer, interval=shown)
+    return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
 
 
 def max_goal(p: ScaledProblem) -> Goal:

@@ -8,7 +8,6 @@ resisted. A range that neither shows is halved, down to the resolution, and what
 from __future__ import annotations
 
 import time
-from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 
@@ -54,12 +53,14 @@ def resisted(
     if not goal.has_scalar:  # what is resisted at one magnitude is resisted at all
         return ResistedInterval(largest, INF, (), (), settings.gap, (), ())
     shown = _Magnitudes(p, goal, settings)
-    with suppress(KeyboardInterrupt):  # what was shown until then stays
+    interrupted = False
+    try:
         shown.cover(largest, state)
+    except KeyboardInterrupt:  # what was shown until then stays
+        interrupted = True
     said = shown.known(largest, upper)
-    return ResistedInterval(
-        said.to, said.upper, said.holes, said.unproved, settings.gap, tuple(shown.arcs), tuple(shown.slips)
-    )
+    proofs = tuple(shown.arcs), tuple(shown.slips)
+    return ResistedInterval(said.to, said.upper, said.holes, said.unproved, settings.gap, *proofs, interrupted)
 
 
 class _Magnitudes:
