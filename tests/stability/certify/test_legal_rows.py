@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
 
+from handfast.model.grasp import Contact, Grasp
 from handfast.stability.certify import checker
-from handfast.stability.certify.certificate import HALF, TURN, Question, Row
+from handfast.stability.certify.certificate import HALF, TURN, Certificate, Question, Row
 from handfast.stability.certify.leaf_rows import bounds
 from handfast.stability.goal import LARGEST, SMALLEST_PRELOAD
 from tests.support.certificates import (
@@ -220,3 +222,54 @@ def test_the_largest_force_of_a_question() -> None:
     assert checker._force(Question(g, wrench=100 * W)) == pytest.approx(
         100 * max(np.linalg.norm(W[:3]), np.linalg.norm(W[3:]) / g.size), rel=1e-12
     )
+
+
+def wedge(reach: float, load: float = 3.0, **more: Any) -> Certificate:
+    """A frictionless wedge that a load presses into its gap: it gives in by `reach` times the load, no less.
+
+    Flanks at an angle d carry c = load / (2 sin d) each, which takes 2 c^2 of energy: load . r >= load^2 / 2 sin^2 d.
+    Energy with tangents at c, weighed by 1; the balance along the load by 2 c / sin d, as -2 c c_n has to vanish; and
+    c_t = 0 by what that balance has of c_t.
+    """
+    sin = np.sqrt(0.5 / reach)
+    cos, c = np.sqrt(1 - sin * sin), load / (2 * sin)
+    contacts = [Contact([x, 0.0, 0.0], [-x * cos, sin, 0.0], 0.0) for x in (-1.0, 1.0)]
+    rows, y = [(Row.ENERGY, 0, 0, 0)], [1.0]
+    for i, contact in enumerate(contacts):
+        u, v = contact.frame.T[1:, 1] / cos
+        rows.append((Row.TANGENT, i, int(np.round(np.arctan2(v, u) / (2 * np.pi) * TURN)), 0))
+        y.append(2 * c / sin * cos)
+    question = Question(Grasp(contacts), wrench=-load * np.eye(6)[1], **more)
+    return empty(question, None, rows, y, [[c, c, 0.0]])
+
+
+@pytest.mark.parametrize("factor", checker.CAPS)
+def test_up_to_which_motions_a_proof_goes(factor: float) -> None:
+    """What it would take more motion than that for; none below a thousand times the load is of use."""
+    answer = checker.verify(wedge(1.01 * factor))
+    assert (answer.ok, answer.reason, answer.unproved, answer.cap) == (True, "", (0,), pytest.approx(3.0 * factor))
+    assert isinstance(answer.cap, float)
+    assert 0 < answer.margin < 0.01
+    less = checker.verify(wedge(0.99 * factor))
+    lower = [f for f in checker.CAPS if f < factor]
+    assert less.ok == bool(lower)
+    assert less.cap == (pytest.approx(3.0 * max(lower)) if lower else None)
+    assert lower or less.reason.startswith("leaf 0 (node 0) is not proved: margin -")
+
+
+def test_leaves_that_are_proved_to_different_caps() -> None:
+    """A tangent at 1.9 c shows 1 - 0.9^2 of the energy only: 0.19 x 2e5 is more than 1e4. The smaller cap counts."""
+    c = wedge(2e5)
+    references, shares = np.outer([1.0, 1.9, 3.0], c.references[0]), (1.0, 1.9, 3.0)
+    rows = {name: np.tile(getattr(c, name), 3) for name in ("kind", "a", "b")}
+    rows |= {"index": np.r_[0, 0, 1, 1, 0, 1, 2, 0, 1], "start": np.array([0, 3, 6, 9]), "references": references}
+    y = np.concatenate([c.multiplier * [1.0, share, share] for share in shares])
+    three = replace(c, leaves=np.array([0, 0, 0]), multiplier=y, **rows)
+    for leaves, expected in (([0], 1e5), ([1], 1e4), ([0, 1], 1e4), ([1, 0], 1e4), ([2], None), ([0, 2], None)):
+        cap, margins = checker._largest_cap(three, np.array(leaves))
+        assert cap == (expected and pytest.approx(3.0 * expected))
+        assert margins.shape == (len(leaves),)
+        assert (margins > 0).all() if expected else (margins == -np.inf).all()
+    endless = empty(Question(c.question.grasp, LARGEST, direction=np.eye(6)[1]), (0.0, np.inf))
+    cap, margins = checker._largest_cap(endless, np.array([0]))
+    assert (cap, margins.tolist()) == (None, [-np.inf])
