@@ -61,7 +61,7 @@ class Part:
 
 CHECKER = ("checker", "claim", "farkas", "leaf_systems", "exact_rows", "leaf_rows", "certificate")
 PARTS = {
-    "model": Part(("stability/model.py",), ("stability/test_model.py",)),
+    "model": Part(("stability/model.py",), ("stability/test_model.py", "stability/test_residual_scales.py")),
     "contacts": Part(("geometry/contacts.py",), ("geometry/test_contacts.py",)),
     "synthesis-interval": Part(
         ("synthesis/certify/interval_arithmetic.py",), ("synthesis/certify/test_interval_arithmetic.py",)

@@ -151,6 +151,8 @@ def test_references_are_part_of_a_name_wherever_they_stand() -> None:
     assert name(0, lists) == name(1, lists[::-1])
     assert name(0, lists) != name(1, lists)
     assert name(0, lists) != name(0, lists, (Row.CN_UP, 0, 0, 0))
+    far = [empty(pair(), None, [(Row.BOUND_UP, 100_000, 0, 0)], [1.0]) for _ in range(2)]
+    assert farkas._name(far[0], case, 0) == farkas._name(far[1], case, 0)  # by value, however large
     plain = empty(pair(), None, [other], [1.0], lists)
     assert farkas._name(plain, case, 0) == farkas._name(replace(plain, references=lists[::-1]), case, 0)
 
