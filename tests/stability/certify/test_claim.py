@@ -156,7 +156,7 @@ def test_the_error_grows_with_the_sums() -> None:
     for count in (0, 500):
         c = empty(question, None, [(Row.CN_UP, 0, 0, 0)] * count, np.ones(count), caps=(CAP_R, CAP_Q))
         k = Fraction(256 + 8 * (n + 9) + count) / 2**53
-        assert Claim.of(c).error == pytest.approx(float(k / (1 - k)), rel=1e-14)
+        assert Claim.of(c).error == pytest.approx(float(k / (1 - k)), rel=1e-14, abs=0)
 
 
 # --- bounds of z with |K z| <= load ------------------------------------------------------------------------------

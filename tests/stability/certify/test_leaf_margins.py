@@ -145,6 +145,26 @@ def test_a_leaf_at_the_edge_of_rounding() -> None:
     assert not table_leaf(error=(1 + JUST) / 62) > 0
 
 
+def test_rows_of_motions_are_rounded_twice() -> None:
+    """d_t1 >= 0 in place of c_n >= 0, where Z says d_t1 = c_n: no less is lost."""
+    Z = np.zeros((3, 9))
+    Z[1, 6] = 1.0
+    row = [(Row.STILL_1_UP, 0, 0, 0)], [2.0]
+    for e in (0.0, 1e-3, 1e-2):
+        assert table_leaf(rows=row, Z=Z, error=e) == pytest.approx((2 - 124 * e) / 2, rel=1e-6)
+
+
+def test_a_leaf_without_rows_beside_others() -> None:
+    """It says nothing, wherever it stands, also where something may be missed."""
+    question, scalar = QUESTIONS["preload"]
+    c, claim = cited(question, scalar, ROWS, WEIGHTS)
+    alone = float(leaf_margins(c, claim)[0])
+    for start, place in (([0, 8, 8, 8], 0), ([0, 0, 8, 8], 1), ([0, 0, 0, 8], 2)):
+        found = leaf_margins(replace(c, leaves=np.array([0, 0, 0]), start=np.array(start)), claim)
+        assert found[place] == pytest.approx(alone, rel=1e-9)
+        assert not (np.delete(found, place) > 0).any()
+
+
 def test_what_may_be_missed_at_the_edge() -> None:
     """|v| slack (1 + e): 2 of slack 1 are all there is."""
     assert table_leaf(slack=0.25) == pytest.approx(0.75, rel=1e-9)
@@ -163,6 +183,8 @@ def test_what_rows_leave_over_is_taken_at_its_worst() -> None:
     lo[6], hi[6] = -4.0, -3.0  # 2 c_n >= 0 is false: by 6 of 8
     assert table_leaf(**of, lo=lo, hi=hi) == pytest.approx(0.75)
     assert table_leaf(**of, lo=lo, hi=hi, error=0.01) == pytest.approx((6 - 2 * (0.04 * 4 + 0.08)) / 8, rel=1e-6)
+    lo[4], hi[4] = -np.inf, np.inf  # of which no row speaks
+    assert table_leaf(**of, lo=lo, hi=hi) == pytest.approx(0.75)
     hi[6] = np.inf  # nothing bounds it: not even by rounding
     assert table_leaf(**of, lo=lo, hi=hi) == -np.inf
 

@@ -80,6 +80,9 @@ def test_an_inequality_gives_in_by_the_root_of_its_weight() -> None:
         expected = (4 - change - 4 * error) / 4
         assert margin(B, w, b, error=error, free=[False, False]) == pytest.approx(expected, rel=1e-6)
     assert margin(B, w, b, error=5 / 13 * (1 + JUST), free=[False, False]) == -np.inf
+    # sums are rounded up by 1e-9
+    assert margin(B, w, b, error=5 / 13 * (1 - 1e-10), free=[False, False]) == -np.inf
+    assert margin(B, w, b, error=5 / 13 * (1 - 2e-9), free=[False, False]) > 0
     # as equations: D = 1, P = (1, -4) / 17, and the inverse misses by e / 17 + 16 e / 17
     error = 5 / 13 * (1 + JUST)
     z = 8 * error / (1 - error)

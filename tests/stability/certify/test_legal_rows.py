@@ -188,6 +188,20 @@ def test_what_a_verdict_of_version_1_says() -> None:
     assert isinstance(checker.verify(smaller).cap, float)
 
 
+def test_what_is_refused_has_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor has a number that is none, in whichever leaf."""
+    c = proof("check")
+    refused = checker.verify(replace(c, multiplier=-c.multiplier))
+    assert (refused.ok, refused.margin, refused.unproved, refused.cap) == (False, -np.inf, (), None)
+    assert refused.leaves == len(c.leaves)
+    margins = np.ones(len(capped_proof("check").leaves))
+    margins[1] = np.nan
+    monkeypatch.setattr(checker, "leaf_margins", lambda *of: margins)
+    none = checker.verify(capped_proof("check"))
+    assert (none.ok, none.margin, none.unproved) == (False, -np.inf, (1,))
+    assert none.reason.startswith("leaf 1 (node ")
+
+
 def test_which_leaf_is_not_proved() -> None:
     """The first; the margin is the smallest, and a leaf that says nothing has none."""
     c = proof("check")
