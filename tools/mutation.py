@@ -30,7 +30,6 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from difflib import unified_diff
 from pathlib import Path
@@ -242,15 +241,22 @@ def mutants(part: Part, folder: Path) -> Iterator[Mutant]:
     for data in records(part, folder):
         tree = ast.parse((folder / "mutants" / data.path).read_text("utf-8"))
         functions = {n.name: n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and "__mutmut_" in n.name}
+        originals: dict[str, tuple[list[str], str]] = {}
         for key, code in data.exit_code_by_key.items():
             name = key.rpartition(".")[2]
-            original, mutant = functions[name.partition("__mutmut_")[0] + "__mutmut_orig"], functions[name]
-            for f in (original, mutant):
-                f.name = "f"
-            diff = unified_diff(ast.unparse(original).splitlines(), ast.unparse(mutant).splitlines(), n=0, lineterm="")
+            original = name.partition("__mutmut_")[0] + "__mutmut_orig"
+            if original not in originals:
+                originals[original] = _said(functions[original])
+            (before, counted), (after, counts) = originals[original], _said(functions[name])
+            diff = unified_diff(before, after, n=0, lineterm="")
             changed = "\n".join(line for line in list(diff)[2:] if not line.startswith("@@"))
-            counts = ast.dump(Silent().visit(deepcopy(original))) != ast.dump(Silent().visit(mutant))
-            yield Mutant(key, str(data.path), status_by_exit_code[code], f"{key}\n{changed}", counts)
+            yield Mutant(key, str(data.path), status_by_exit_code[code], f"{key}\n{changed}", counts != counted)
+
+
+def _said(function: ast.FunctionDef) -> tuple[list[str], str]:
+    """A function's lines, whatever its name is, and all that counts of it."""
+    function.name = "f"
+    return ast.unparse(function).splitlines(), ast.dump(Silent().visit(function))
 
 
 class Silent(ast.NodeTransformer):
