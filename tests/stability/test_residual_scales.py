@@ -95,12 +95,34 @@ def test_every_residual(seed: int, still: tuple[int, ...], eta: float) -> None:
         assert getattr(found, name) == pytest.approx(0.0 if name == "dissipation" else value, rel=1e-9), name
 
 
+@pytest.mark.parametrize("place", [0, 1, 2])
+@pytest.mark.parametrize("turn", [1e-3, 10.0])
+def test_moments_about_the_middle_of_the_forces(place: int, turn: float) -> None:
+    """Of each contact, and of the load, where two contacts are so near each other that their spacing says nothing."""
+    g = hand()
+    points = g.positions + np.array([0.3, -0.2, 0.7])
+    points = np.vstack([points, points[place] + [0.0, 1e-6, 0.0]])
+    contacts = [Contact(p, g.contacts[i % 3].normal, 0.5) for i, p in enumerate(points)]
+    near = Grasp(contacts)
+    for axis in range(3):
+        c = 0.1 * np.random.default_rng(place).normal(size=(4, 3))
+        c[place] = 5 * near.contacts[place].frame.T @ np.eye(3)[axis]
+        for middle in (np.array([0.1, 0.2, -0.3]), np.zeros(3)):
+            w = np.r_[0.4, -0.3, 0.2, turn * np.array([0.2, 0.9, -0.4])]
+            moments = [np.cross(p - middle, k.frame @ x) for p, k, x in zip(points, contacts, c, strict=True)]
+            load = w[3:] - np.cross(middle, w[:3])
+            most = max(float(np.linalg.norm(m)) for m in [*moments, load])
+            assert most > 5.0 * near.spacing
+            assert model._moment_scale(near, c.reshape(-1), w, 5.0, middle) == pytest.approx(most, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("power", [-160, -200, -300])
-def test_numbers_whose_squares_vanish(power: int) -> None:
+def test_numbers_whose_squares_vanish(power: int, seed: int) -> None:
     """Homogeneous: 10^-200 of everything has the same residuals, eta and (6) included."""
-    g, s, k = hand(), wrong(3), 10.0**power
+    g, s, k = hand(), wrong(seed), 10.0**power
     small = g.with_preload(k * g.command)
-    for more in ({}, {"eta": 0.1}, {"mdp": False}, {"command": np.array([0.2, 0.0, 0.1])}):
+    for more in ({}, {"eta": 0.3}, {"mdp": False}, {"command": np.array([0.2, 0.0, 0.1])}):
         tiny = {name: k * v if name == "command" else v for name, v in more.items()}
         whole, part = model.residuals(g, W, s, **more), model.residuals(small, k * W, s.scaled(k), **tiny)
         for name in expected(g, W, s, g.command, 0.0):
