@@ -106,7 +106,7 @@ def test_moments_about_the_middle_of_the_forces(place: int, turn: float) -> None
     near = Grasp(contacts)
     for axis in range(3):
         c = 0.1 * np.random.default_rng(place).normal(size=(4, 3))
-        c[place] = 5 * near.contacts[place].frame.T @ np.eye(3)[axis]
+        c[place] = near.contacts[place].frame.T @ (5 * np.eye(3)[axis] + 3 * np.eye(3)[axis - 1])
         for middle in (np.array([0.1, 0.2, -0.3]), np.zeros(3)):
             w = np.r_[0.4, -0.3, 0.2, turn * np.array([0.2, 0.9, -0.4])]
             moments = [np.cross(p - middle, k.frame @ x) for p, k, x in zip(points, contacts, c, strict=True)]
