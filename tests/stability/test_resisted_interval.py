@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import _thread
+import threading
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +14,15 @@ import pytest
 from benchmarks.grasps import random_case
 from handfast.cli import main
 from handfast.cli.map import csv
-from handfast.core.answer import Verdict
+from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import save_grasp
 from handfast.report import words
 from handfast.report.plot import draw_map
 from handfast.stability.maps import MapAnswer, force_map
 from handfast.stability.queries import MaxAnswer, check, maximum
-from handfast.stability.search.interval_search import resisted
+from handfast.stability.search.interval_search import _Magnitudes, resisted
+from handfast.stability.search.outcome import Outcome
 from handfast.stability.settings import Settings
 from tests.support.problems import pinch, table
 
@@ -155,6 +159,39 @@ def test_what_a_time_limit_leaves_is_said(holed: tuple[Grasp, np.ndarray, MaxAns
     left = resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
     assert left.unproved == ((0.0, answer.lower),)
     assert (left.holds_from_zero_to, left.holes) == (0.0, ())
+
+
+@pytest.mark.parametrize("searches", [1, 5])
+def test_ctrl_c_leaves_an_answer(
+    searches: int, holed: tuple[Grasp, np.ndarray, MaxAnswer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The maximum stays, and what was shown until then; of the rest nothing is said."""
+    grasp, direction, whole = holed
+    search, begun = _Magnitudes._search, []
+
+    def pressed(*of: Any) -> Outcome:
+        begun.append(of)
+        clock = threading.Timer(0.001, _thread.interrupt_main)
+        if len(begun) != searches:
+            return search(*of)
+        clock.start()
+        found = search(*of)
+        clock.join()  # a search may be quicker
+        return found
+
+    monkeypatch.setattr(_Magnitudes, "_search", pressed)
+    answer = maximum(grasp, direction, interval=True)
+    assert len(begun) >= searches
+    assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.COMPLETE)
+    assert (answer.lower, answer.upper) == (whole.lower, whole.upper)
+    i = answer.interval
+    assert i.unproved
+    if searches == 1:
+        assert (i.unproved, i.holds_from_zero_to, i.arcs, i.slips) == (((0.0, answer.lower),), 0.0, (), ())
+    parts = sorted([(a.first, a.last) for a in i.arcs] + [c.magnitudes for c in i.slips] + list(i.unproved))
+    assert (parts[0][0], max(last for _, last in parts)) == (0.0, pytest.approx(answer.lower, rel=1e-12))
+    assert all(first - last <= GAP * max(first, 1.0) for (_, last), (first, _) in pairwise(parts))
+    assert answer.verify().ok
 
 
 @pytest.mark.parametrize("seed", range(700, 716))

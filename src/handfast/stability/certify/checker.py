@@ -88,7 +88,7 @@ def verify(
     if certificate.cap_r is not None:
         cap = float(certificate.cap_r[:3].min())
     elif len(bad):
-        cap, margins[bad] = _largest_cap(certificate, cases, bad)
+        cap, margins[bad] = _largest_cap(certificate, bad)
     left = np.flatnonzero(~(margins > 0))
     margin = float(np.where(np.isnan(margins), -np.inf, margins).min())
     if not len(left):
@@ -99,7 +99,7 @@ def verify(
     return CheckedCertificate(False, leaves, margin, reason, tuple(bad.tolist()))
 
 
-def _largest_cap(certificate: Certificate, cases: Integers, leaves: Integers) -> tuple[float | None, Array]:
+def _largest_cap(certificate: Certificate, leaves: Integers) -> tuple[float | None, Array]:
     """[N] the largest of some motions up to which these leaves are proved, and their margins; None if there is none.
 
     For numbers that are in a special position but for rounding: points on a circle, parallel walls. What would cancel

@@ -1,0 +1,224 @@
+"""What residuals are measured against: of a state that solves nothing, every number worked out a second time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.stability import model
+from handfast.stability.model import LARGE, State
+from tests.support.problems import X, Z, pinch
+from tests.support.rounding_edges import W, hand
+
+
+def wrong(seed: int, still: tuple[int, ...] = ()) -> State:
+    """A state of `hand` out of every balance; contacts that carry nothing are `still`."""
+    rng = np.random.default_rng(seed)
+    c = rng.normal(size=(3, 3))
+    c[list(still)] = 0.0
+    return State(rng.normal(size=6), rng.normal(size=3), c.reshape(-1), rng.normal(size=3), rng.normal(size=1))
+
+
+def expected(g: Grasp, w: np.ndarray, s: State, f_c: np.ndarray, eta: float) -> dict[str, float]:
+    """Contact by contact and joint by joint, as `Residuals` says."""
+    c, mu = s.c.reshape(-1, 3), g.mu
+    forces = [contact.frame @ c[i] for i, contact in enumerate(g.contacts)]
+    F = max([float(np.linalg.norm(w[:3])), *(float(np.linalg.norm(f)) for f in forces)])
+    sizes = np.array([np.linalg.norm(f) for f in forces])
+    middle = sum(n * p for n, p in zip(sizes, g.positions, strict=True)) / sizes.sum()
+    d, dt, torque, arms, loaded = [], [], np.zeros(3), np.zeros(3), np.zeros(3)
+    terms = np.abs(g.mechanism.R.T) @ np.abs(f_c)
+    for i, contact in enumerate(g.contacts):
+        moving = s.r[:3] + np.cross(s.r[3:], contact.position)
+        for j, joint in enumerate(g.joints):
+            if i in joint.moves:
+                column = contact.frame.T @ joint.velocity_at(contact.position)
+                moving = moving - s.q[j] * joint.velocity_at(contact.position)
+                torque[j] += column @ c[i]
+                arms[j] += column @ column
+                terms[j] += np.abs(column) @ np.abs(c[i])
+                loaded[j] += column @ column if c[i].any() else 0.0
+        d.append(contact.frame.T @ moving)
+        dt.append(float(np.linalg.norm(d[-1][1:])))
+    arms, loaded = np.sqrt(arms), np.sqrt(loaded)
+    wrench = np.r_[sum(forces), sum(np.cross(p, f) for p, f in zip(g.positions, forces, strict=True))] + w
+    about = [np.cross(p - middle, f) for p, f in zip(g.positions, forces, strict=True)]
+    moments = max(
+        *(float(np.linalg.norm(m)) for m in about),
+        float(np.linalg.norm(w[3:] - np.cross(middle, w[:3]))),
+        F * g.spacing,
+    )
+    turns = np.array([joint.type == "revolute" for joint in g.joints])
+    idle = np.where(turns, np.minimum(F * arms, moments), F)
+    missing = np.abs(torque - g.mechanism.R.T @ s.f - g.mechanism.A.T @ s.coupling)
+    lever = np.array([min(arms[j] / abs(x) for j, x in enumerate(row) if x) for row in g.mechanism.R])
+    actuators = []
+    for j in range(3):
+        sense = -1.0 if f_c[j] < 0 else 1.0
+        t = sense * (g.mechanism.R[j] @ s.q) * lever[j]
+        slack = sense * (s.f[j] - f_c[j]) / lever[j]
+        moves = f_c[j] != 0 or g.mechanism.tendon[j]
+        actuators.append(max(-t, -slack, min(abs(t), abs(slack))) if moves else abs(t))
+    spring = [max(0.0, -(np.cos(eta) * x[0] + np.sin(eta) * t)) for x, t in zip(d, dt, strict=True)]
+    friction = [c[i, 1:] * dt[i] + mu[i] * c[i, 0] * d[i][1:] for i in range(3)]
+    return {
+        "object_balance": max(
+            float(np.linalg.norm(wrench[:3])) / F,
+            float(np.linalg.norm(wrench[3:] - np.cross(middle, wrench[:3]))) / moments,
+        ),
+        "joint_balance": max(missing / np.maximum.reduce([terms, F * loaded, idle])),
+        "couplings": max(
+            abs(row @ s.q) * arms[j] / abs(x) for row in g.mechanism.A for j, x in enumerate(row) if x
+        ) / F,
+        "normal": max(abs(c[i, 0] - spring[i]) for i in range(3)) / F,
+        "cone": max(0.0, *(float(np.linalg.norm(c[i, 1:])) - mu[i] * c[i, 0] for i in range(3))) / F,
+        "dissipation": max(float(np.abs(x).max()) / max(t, F) for x, t in zip(friction, dt, strict=True)) / F,
+        "actuators": max(0.0, *actuators) / F,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("still", [(), (0,), (1,), (2,), (0, 1)])
+@pytest.mark.parametrize("eta", [0.0, 0.2])
+def test_every_residual(seed: int, still: tuple[int, ...], eta: float) -> None:
+    g, s = hand((-1.0) ** seed), wrong(seed, still)
+    w = W * 10.0 ** (seed % 3 - 1)
+    found = model.residuals(g, w, s, eta=eta)
+    for name, value in expected(g, w, s, g.command, eta).items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-9), name
+    command = np.array([0.0, -0.7, 0.3])
+    found = model.residuals(g, w, s, command=command, mdp=False)
+    for name, value in expected(g, w, s, command, 0.0).items():
+        assert getattr(found, name) == pytest.approx(0.0 if name == "dissipation" else value, rel=1e-9), name
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+@pytest.mark.parametrize("turn", [1e-3, 10.0])
+def test_moments_about_the_middle_of_the_forces(place: int, turn: float) -> None:
+    """Of each contact, and of the load, where two contacts are so near each other that their spacing says nothing."""
+    g = hand()
+    points = g.positions + np.array([0.3, -0.2, 0.7])
+    points = np.vstack([points, points[place] + [0.0, 1e-6, 0.0]])
+    contacts = [Contact(p, g.contacts[i % 3].normal, 0.5) for i, p in enumerate(points)]
+    near = Grasp(contacts)
+    for axis in range(3):
+        c = 0.1 * np.random.default_rng(place).normal(size=(4, 3))
+        c[place] = near.contacts[place].frame.T @ (5 * np.eye(3)[axis] + 3 * np.eye(3)[axis - 1])
+        for middle in (np.array([0.1, 0.2, -0.3]), np.zeros(3)):
+            w = np.r_[0.4, -0.3, 0.2, turn * np.array([0.2, 0.9, -0.4])]
+            moments = [np.cross(p - middle, k.frame @ x) for p, k, x in zip(points, contacts, c, strict=True)]
+            load = w[3:] - np.cross(middle, w[:3])
+            most = max(float(np.linalg.norm(m)) for m in [*moments, load])
+            assert most > 5.0 * near.spacing
+            assert model._moment_scale(near, c.reshape(-1), w, 5.0, middle) == pytest.approx(most, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("power", [-160, -200, -300])
+def test_numbers_whose_squares_vanish(power: int, seed: int) -> None:
+    """Homogeneous: 10^-200 of everything has the same residuals, eta and (6) included."""
+    g, s, k = hand(), wrong(seed), 10.0**power
+    small = g.with_preload(k * g.command)
+    for more in ({}, {"eta": 0.3}, {"mdp": False}, {"command": np.array([0.2, 0.0, 0.1])}):
+        tiny = {name: k * v if name == "command" else v for name, v in more.items()}
+        whole, part = model.residuals(g, W, s, **more), model.residuals(small, k * W, s.scaled(k), **tiny)
+        for name in expected(g, W, s, g.command, 0.0):
+            assert getattr(part, name) == pytest.approx(getattr(whole, name), rel=1e-6), name
+
+
+def test_without_loads_the_smallest_command_is_the_scale() -> None:
+    """0.1 and 0.3 N m at arms of 0.1 m: 1 N. Without commands, 1."""
+    g = pinch().with_preload({"right": 0.1, "left": 0.3})
+    none = State(np.zeros(6), np.array([0.5, 0.0]), np.zeros(6), np.array([0.1, 0.3]), np.zeros(0))
+    assert model.residuals(g, np.zeros(6), none).normal == pytest.approx(0.05)
+    idle = State(np.zeros(6), np.array([0.5, 0.0]), np.zeros(6), np.zeros(2), np.zeros(0))
+    assert model.residuals(g.with_preload(None), np.zeros(6), idle).normal == pytest.approx(0.05)
+    assert model.residuals(g.with_preload({"left": 0.3}), np.zeros(6), idle).normal == pytest.approx(0.05 / 3)
+
+
+def test_a_joint_that_carries_nothing_is_measured_by_what_acts_elsewhere() -> None:
+    """0.5 N m at a joint 10 m from its open contact, where 2 N act 0.06 m apart: by 0.12 N m, not 20."""
+    contacts = [Contact([0.03, 0, 0], -X, 0.5), Contact([-0.03, 0, 0], X, 0.5), Contact([10.0, 0, 0], -X, 0.5)]
+    far = GraspJoint("far", Z, [0.0, 0.0, 0.0], (2,))
+    slide = GraspJoint("slide", X, [0.0, 0.0, 0.0], (2,), "prismatic")
+    c = np.array([2.0, 0, 0, 2.0, 0, 0, 0, 0, 0])
+    for joint, size in ((far, 0.12), (slide, 2.0)):
+        g = Grasp(contacts, [joint])
+        state = State(np.zeros(6), np.zeros(1), c, np.array([0.5]), np.zeros(0))
+        found = model.residuals(g, np.zeros(6), state).joint_balance
+        assert found == pytest.approx(0.5 / size)
+    assert model.idle_torque(hand(), np.array([0.5, 3.0, 0.2]), 2.0, 4.0).tolist() == [1.0, 4.0, 2.0]
+
+
+def test_the_middle_of_the_forces() -> None:
+    p = np.array([[0.0, 0, 0], [4.0, 0, 0], [0, 8.0, 0]])
+    c = np.array([3.0, 0, 0, 0, 1.0, 0, 0, 0, 0])
+    np.testing.assert_allclose(model._middle(p, c), [1.0, 0, 0])
+    np.testing.assert_allclose(model._middle(p, np.zeros(9)), [4 / 3, 8 / 3, 0])
+    np.testing.assert_allclose(model._middle(p, 1e-3 * c), [1.0, 0, 0])
+
+
+# --- where rounding may matter -----------------------------------------------------------------------------------
+
+FIELDS = ("r", "q", "f", "coupling")
+
+
+def sizes(g: Grasp, field: str) -> list[float]:
+    """Of one unit of each entry of a state [N]: how it compares to the force scale."""
+    arms = model.joint_arms(g)
+    reach = np.abs(g.positions).max() + g.size
+    lever = model.actuator_arms(g)
+    return {
+        "r": [1.0] * 3 + [reach] * 3,
+        "q": arms.tolist(),
+        "f": (1 / lever).tolist(),
+        "coupling": [float((np.abs(g.mechanism.A) / arms).max())],
+    }[field]
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond `LARGE` times the force scale, each entry by what it does at a contact; of either sign."""
+    g, calls = hand(), []
+    monkeypatch.setattr(model, "exact_sums", lambda *of: calls.append(of))
+    arms, lever = model.joint_arms(g), model.actuator_arms(g)
+    for k, unit in enumerate(sizes(g, field)):
+        for factor, exact in ((1 - 1e-9, False), (1 + 1e-9, True)):
+            for sign in (1.0, -1.0):
+                parts: dict[str, Any] = {"r": np.zeros(6), "q": np.zeros(3), "f": np.zeros(3), "coupling": np.zeros(1)}
+                parts[field][k] = sign * factor * LARGE * 2.5 / unit
+                state = State(parts["r"], parts["q"], np.arange(9.0), parts["f"], parts["coupling"])
+                calls.clear()
+                sums = model.linear_sums(g, W, state, 2.5, arms, lever)
+                assert bool(calls) == exact == (sums is None), (field, k, factor)
+                if exact:
+                    given = (g, W, state.r, state.q, state.c, state.f, state.coupling)
+                    assert all(mine is its for mine, its in zip(calls[0], given, strict=True))
+
+
+def test_sums_are_exact_where_contacts_are_far_from_the_origin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond `LARGE` times the spacing of the contacts."""
+    calls: list[Any] = []
+    monkeypatch.setattr(model, "exact_sums", lambda *of: calls.append(of))
+    for factor, exact in ((0.9, False), (1.1, True)):
+        calls.clear()
+        spacing = pinch().spacing
+        far = factor * LARGE * spacing
+        contacts = [Contact(c.position + np.array([0.0, far, 0.0]), c.normal, c.friction) for c in pinch().contacts]
+        g = Grasp(contacts)
+        assert g.spacing == pytest.approx(spacing, rel=1e-3)
+        state = State(np.zeros(6), np.zeros(0), np.ones(6), np.zeros(0), np.zeros(0))
+        model.linear_sums(g, W, state, 1.0, np.zeros(0), np.zeros(0))
+        assert bool(calls) == exact
+
+
+def test_sums_say_what_the_exact_ones_say() -> None:
+    for seed in range(4):
+        g, s = hand(), wrong(seed)
+        mine = model.linear_sums(g, W, s, 1.0, model.joint_arms(g), model.actuator_arms(g))
+        exact = model.exact_sums(g, W, s.r, s.q, s.c, s.f, s.coupling)
+        for name in ("object", "joints", "couplings", "d", "t"):
+            np.testing.assert_allclose(getattr(mine, name), getattr(exact, name), rtol=1e-12, atol=1e-13)
