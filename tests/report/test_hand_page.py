@@ -20,11 +20,13 @@ from handfast.core.errors import InputError
 from handfast.model.body import Body
 from handfast.model.hand import Hand, load_hand
 from handfast.model.hand.coupling import coupled
+from handfast.model.hand_regions import HandRegion, HandRegions
+from handfast.model.region import Cap
 from handfast.model.shape import Shape
 from handfast.planning.candidates.palm_poses import palm_of
 from handfast.report.hand_facts import facts_of, shown_hand
 from handfast.report.hand_report import hand_page, report_hand
-from handfast.report.hand_scene import OF_OBJECT, hand_scene
+from handfast.report.hand_scene import OF_HAND, OF_OBJECT, hand_scene
 from tests.support.driven_page import drive, embedded
 from tests.support.shown_hands import many_jointed, write_wristed
 
@@ -188,6 +190,22 @@ def test_a_fine_mesh_is_drawn_coarser_and_the_page_says_so() -> None:
     assert len(json.dumps(data)) < 1_500_000
     (note,) = notes
     assert re.search(r"The object is drawn with fewer triangles: details below 1\.\d mm are lost", note)
+
+
+def test_a_hand_of_fine_meshes_is_drawn_with_coarser_hulls() -> None:
+    """24 links of 6000 triangles each."""
+    points = np.random.default_rng(0).normal(size=(3000, 3))
+    solid = Shape.hull(0.01 * points / np.linalg.norm(points, axis=1, keepdims=True))
+    plain = many_jointed()
+    hand = replace(plain, links=tuple(replace(k, shapes=(solid,)) for k in plain.links))
+    cap = Cap([0, 0, 0], 0.01, [0, 0, 1], 1.0)
+    regions = HandRegions("many", (HandRegion("tip", "f0_3", cap, "f0", "tip"),))
+    data, (note,) = hand_scene(shown_hand(facts_of(hand, regions)))
+    sizes = [len(base64.b64decode(link["solid"]["faces"])) / 6 for link in data["links"]]
+    assert 0.4 * OF_HAND < sum(sizes) <= OF_HAND
+    v = np.frombuffer(base64.b64decode(data["links"][3]["solid"]["vertices"]), "<f4").reshape(-1, 3)
+    assert np.abs(np.linalg.norm(v, axis=1) - 0.01).max() < 2e-4
+    assert note.startswith("The hand's shapes are drawn with fewer triangles")
 
 
 def test_bad_requests(tmp_path: Path, wristed: Hand) -> None:

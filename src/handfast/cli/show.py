@@ -14,6 +14,8 @@ from handfast.cli.options import Command, check_writable
 if TYPE_CHECKING:
     from handfast.report.hand_facts import ShownHand
 
+MANY = 30  # pairs of links that are listed
+
 
 @dataclass(kw_only=True)
 class Show(Command):
@@ -103,9 +105,11 @@ class Show(Command):
             for name, finger, role, link, _, error in hand_rows.region_rows(facts):
                 grid.add_row(name, finger, role, link, error)
             out.print(grid)
-        faults = hand_rows.pair_rows(facts)[: len(facts.overlapping) + len(facts.excluded)]
-        if faults:
+        count = len(facts.overlapping) + len(facts.excluded)
+        if count:
             grid = table("link", "and", "not checked because")
-            for fault in faults:
-                grid.add_row(*fault)
+            for pair in hand_rows.pair_rows(facts)[: min(count, MANY)]:
+                grid.add_row(*pair)
             out.print(grid)
+            if count > MANY:
+                out.print(f"and {count - MANY} more pairs: --json, or -o FILE.html")

@@ -7,7 +7,6 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.model.shape import Faces
 
-FINEST = 256  # cells along the longest side at first
 WIDER = 1.25  # from one try to the next
 
 
@@ -26,7 +25,7 @@ def coarse(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces, floa
     if len(faces) <= most:
         return vertices, faces, 0.0
     low = vertices.min(axis=0)
-    cell = float(np.ptp(vertices, axis=0).max()) / FINEST
+    cell = float(np.ptp(vertices, axis=0).max()) / np.sqrt(most)  # a flat square would have twice as many as asked
     while True:
         _, owner = np.unique(np.floor((vertices - low) / cell).astype(np.int64), axis=0, return_inverse=True)
         owner = owner.reshape(-1)

@@ -17,7 +17,7 @@ from handfast.report.hand_facts import ShownHand
 from handfast.report.hand_scene import PALM, hand_sides, link_meshes, tint, triangle_share
 from handfast.report.task_drawing import DENSE, FINE, Facets, framed, region_facets, rendered, thinned
 
-OF_HAND, OF_OBJECT = 15_000, 10_000  # triangles in a still picture
+OF_HAND, OF_OBJECT = 8_000, 6_000  # triangles in a still picture
 WIDTH, FOOT = 9.0, 0.75  # [inches] of the figure, and of the key below the panels
 ROOM = 0.015  # [m] around what is seen
 AXIS = 0.06  # half length of a joint axis, in the width of a panel

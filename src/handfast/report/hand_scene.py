@@ -6,15 +6,18 @@ The page's script poses the links itself (`kinematics3d.js`), so that a slider n
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_hex
 
 from handfast.core.arrays import Array
+from handfast.core.errors import InputError
 from handfast.model.configuration import Configuration
 from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Link
+from handfast.model.shape import Shape
 from handfast.report.coarse_mesh import coarse
 from handfast.report.drawing import ALONG, SOLID, Mesh, View
 from handfast.report.hand_facts import HandFacts, ShownHand
@@ -46,11 +49,13 @@ def link_meshes(link: Link, share: float = 1.0) -> tuple[list[Mesh], float]:
     found, lost = [], 0.0
     for shape in link.shapes:
         vertices, faces = shape.triangles()
-        vertices, faces, cell = coarse(
-            vertices, faces, max(FEWEST, int(share * len(faces))) if share < 1 else len(faces)
-        )
+        if share < 1:
+            vertices, faces, cell = coarse(vertices, faces, max(FEWEST, int(share * len(faces))))
+            lost = max(lost, cell)
+            if cell:
+                with suppress(InputError):  # so thin that nothing but a plane is left: as it is then
+                    vertices, faces = Shape.hull(vertices).triangles()
         found.append(Mesh(vertices, faces, "hand"))
-        lost = max(lost, cell)
     return found, lost
 
 
