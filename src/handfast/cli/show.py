@@ -94,10 +94,10 @@ class Show(Command):
         for row in hand_rows.overview(facts) + hand_rows.object_facts(shown):
             grid.add_row(*row)
         out.print(grid)
-        senses = table("joint", "limits", "in SI units", "closes", "driven by", "part of", "shown at")
+        senses = table("joint", "limits", "closes", "driven by", "part of", "shown at")
         values = [hand_rows.value_text(facts.hand, j, float(v)) for j, v in enumerate(shown.q)]
-        for (name, _, *others), value in zip(hand_rows.joint_rows(facts), values, strict=True):
-            senses.add_row(name, *others, value)
+        for (name, _, limits, _, *others), value in zip(hand_rows.joint_rows(facts), values, strict=True):
+            senses.add_row(name, limits, *others, value)
         if shown.q.size:
             out.print(senses)
         if facts.regions is not None:
