@@ -39,11 +39,15 @@ function said({ type }, value) {
   const text = `${shown.toFixed(1)}${turns ? "°" : " mm"} · ${value.toFixed(turns ? 3 : 4)} ${turns ? "rad" : "m"}`;
   return text.replaceAll("-", "−");
 }
+/** Where everything stands at q. */
+function stance(at) {
+  const [poses, axes] = standing(scene, at);
+  return [...poses, ...axes, scene.object ? scene.object.pose : STILL];
+}
 /** Put the hand at q. */
 function stand(now) {
   q = now;
-  const [poses, axes] = standing(scene, q);
-  frames.splice(0, frames.length, ...poses, ...axes, scene.object ? scene.object.pose : STILL);
+  frames.splice(0, frames.length, ...stance(q));
   sliders.forEach((slider, k) => {
     const { lower, upper } = joints[k], output = slider.parentElement.querySelector("output");
     slider.value = q[k];
@@ -70,6 +74,7 @@ for (const box of boxes) box.addEventListener("input", later);
 
 figure.classList.add("live");
 stand(scene.q);
+for (const share of [0, 1]) stances.push(stance(followed(scene, closed(scene, q, share)))); // opened, closed: in view
 reset();
 window.addEventListener("hashchange", addressed);
 addressed();

@@ -12,7 +12,8 @@ if (!gl) return; // the sentence for browsers without WebGL stays, and so do the
 const on = (layer) => (find(`[name=${layer}]`) || { checked: true }).checked;
 const things = [];
 const frames = []; // poses
-const poseOf = (t) => frames[t.frame] || STILL;
+const stances = [frames]; // all that has to be in view at once
+const poseOf = (t, stance = frames) => stance[t.frame] || STILL;
 function thing(layer, color, numbers, more = {}) {
   const buffer = gl.createBuffer();
   gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
@@ -71,8 +72,8 @@ const camera = {}, FAR = 4.5; // of the eye, in half heights of what is shown
 function look(R, zoom = 1) {
   const wider = canvas.clientHeight / canvas.clientWidth || 1, [right, up, back] = [0, 1, 2].map((i) => row(R, i));
   let half = 0;
-  for (const t of things.filter((t) => on(t.layer))) {
-    const [turned, shift] = parts(poseOf(t)), far = add(shift, middle, -1), numbers = t.numbers;
+  for (const [t, stance] of things.filter((t) => on(t.layer)).flatMap((t) => stances.map((s) => [t, s]))) {
+    const [turned, shift] = parts(poseOf(t, stance)), far = add(shift, middle, -1), numbers = t.numbers;
     const [x, y, z] = [right, up, back].map((v) => [times3(v, turned), dot(v, far)]);
     for (let k = 0; k < numbers.length; k += 6) {
       const along = ([v, start]) => start + v[0] * numbers[k] + v[1] * numbers[k + 1] + v[2] * numbers[k + 2];
