@@ -29,7 +29,8 @@ from tests.support.shown_hands import many_jointed, write_wristed
 
 @pytest.fixture(scope="module")
 def wristed(tmp_path_factory: pytest.TempPathFactory) -> Hand:
-    return load_hand(write_wristed(tmp_path_factory.mktemp("hand")))
+    hand = load_hand(write_wristed(tmp_path_factory.mktemp("hand")))
+    return hand.with_closing({"lift": 0, "turn": 0, "l1": 1, "r1": 1})
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,6 @@ from html import escape
 from importlib import resources
 from pathlib import Path
 
-import numpy as np
-
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
@@ -147,7 +145,7 @@ def _controls(shown: ShownHand, data: dict[str, object]) -> str:
 def _sliders(facts: HandFacts) -> str:
     """A slider for each joint, by finger; one that closes them together; a button back to the beginning."""
     hand = facts.hand
-    hidden = "" if np.any(hand.closing) else " hidden"
+    hidden = "" if facts.palm else " hidden"  # without one, nothing says what an open hand is
     out = [
         f'<label class="joint"{hidden}><span>all that close</span><output>open to closed</output><input type="range" '
         'name="together" min="0" max="1" step="0.01" value="0" autocomplete="off"></label>'

@@ -68,11 +68,11 @@ def triangle_share(facts: HandFacts, most: int) -> float:
 def hand_scene(shown: ShownHand) -> tuple[dict[str, Any], list[str]]:
     """The page's data as JSON, SI units, and sentences about what is drawn coarser than it is.
 
-    Keys: `links` (`name`, `parent`, `pose`, `joints`, `color`, `solid` in the link frame), `joints`, `q`, `regions`,
-    `palm`, `object`, `configuration` (a file without its joints), `sides`, `size`, `box`, `colors`. A pose is the
-    rows of [R t], 12 numbers.
+    Keys: `links` (`name`, `parent`, `pose`, `joints`, `color`, `solid` in the link frame), `joints`, `q`, `opened` and
+    `shut` (the hand at the ends of closing), `regions`, `palm`, `object`, `configuration` (a file without its joints),
+    `sides`, `size`, `box`, `colors`. A pose is the rows of [R t], 12 numbers.
     """
-    facts, hand = shown.facts, shown.facts.hand
+    facts, hand, palm = shown.facts, shown.facts.hand, shown.facts.palm
     share = triangle_share(facts, OF_HAND)
     links, points, lost = [], [np.zeros((1, 3))], 0.0
     for i, (link, pose) in enumerate(zip(hand.links, hand.link_poses(shown.q), strict=True)):
@@ -83,8 +83,8 @@ def hand_scene(shown: ShownHand) -> tuple[dict[str, Any], list[str]]:
         solid = packed(meshes) if meshes else None
         links.append(entry | {"color": tint(facts, facts.finger[i])[0], "solid": solid})
     notes = [_coarser("The hand's shapes are", lost)] if lost else []
-    if facts.palm:
-        points.append(facts.palm.center[None])
+    if palm:
+        points.append(palm.center[None])
     reach = np.vstack(points)
     size = SIZE * float(np.linalg.norm(np.ptp(reach, axis=0))) / 2
     thing = None
@@ -93,11 +93,12 @@ def hand_scene(shown: ShownHand) -> tuple[dict[str, Any], list[str]]:
         thing = {"solid": packed([Mesh(vertices, faces, "object")]), "pose": _rows(shown.pose)}
         notes += [_coarser("The object is", cell)] if cell else []
         reach = np.vstack([reach, vertices @ shown.pose[:3, :3].T + shown.pose[:3, 3]])
-    palm = facts.palm
     return {
         "links": links,
         "joints": _joints(facts),
         "q": _exact(shown.q),
+        "opened": _exact(palm.opened if palm else shown.q),
+        "shut": _exact(palm.closed if palm else shown.q),
         "regions": _regions(facts),
         "palm": palm and {"center": _exact(palm.center), "axis": _exact(palm.axis)},
         "object": thing,

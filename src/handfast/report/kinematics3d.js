@@ -37,11 +37,10 @@ function followed({ joints }, q, moved) {
     return f.offset + (f.driver < 0 ? 0 : f.ratio * q[f.driver]);
   });
 }
-/** q with every joint that closes a share of the way from its open end to its closed one. */
-function closed({ joints }, q, share) {
+/** q with every joint that closes a share of the way from the opened hand to the closed one. */
+function closed({ joints, opened, shut }, q, share) {
   return q.map((value, j) => {
-    const { lower, upper, closing, follows } = joints[j];
-    if (!closing || follows) return value;
-    return closing > 0 ? lower + share * (upper - lower) : upper - share * (upper - lower);
+    if (!joints[j].closing || joints[j].follows) return value;
+    return opened[j] + share * (shut[j] - opened[j]);
   });
 }
