@@ -25,6 +25,7 @@ from handfast.cli.max import Max
 from handfast.cli.options import Command, GraspOptions, is_number
 from handfast.cli.plan import PlanGrasps
 from handfast.cli.propose import Propose
+from handfast.cli.show import Show
 from handfast.cli.sweep import Sweep
 from handfast.cli.synthesize import Synthesize
 from handfast.cli.torques import Torques
@@ -44,6 +45,7 @@ COMMANDS: dict[str, type[Command]] = {
     "verify": Verify,
     "contacts": Contacts,
     "close": Close,
+    "show": Show,
     "list": List,
     "demo": Demo,
 }
@@ -53,7 +55,7 @@ ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot
 check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? synthesize looks for \
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
 hold with its torques. propose chooses such regions, plan closes the hand from everywhere. verify replays what backs \
-an answer.
+an answer. show looks at a hand.
 
 Start with `handfast demo` or `handfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""

@@ -53,23 +53,16 @@ canvas.addEventListener("keydown", (e) => {
 find(".controls").addEventListener("input", later);
 find("[name=side]").addEventListener("input", reset);
 find("[name=reset]").addEventListener("click", reset);
-const chosen = find("[name=load]");
-chosen.addEventListener("input", () => show(scene.loads[+chosen.value]));
 new ResizeObserver(later).observe(canvas);
 canvas.addEventListener("webglcontextlost", () => figure.classList.remove("live"));
 
-figure.classList.add("live");
-show(scene.loads[+chosen.value]);
-reset();
-/** The page's address may end in #view=AZIMUTH,ELEVATION[,LOAD[,ZOOM]] [degrees], to point at a view. */
+/** The numbers behind #view= in the page's address: AZIMUTH,ELEVATION[,LOAD[,ZOOM]] [degrees], to point at a view. */
 function addressed() {
   const m = /^#view=(.+)$/.exec(location.hash), v = m && m[1].split(",").map(Number);
-  if (!v || v.length < 2 || !v.every(Number.isFinite)) return;
+  if (!v || v.length < 2 || !v.every(Number.isFinite)) return [];
   const [a, e] = [v[0], v[1]].map((x) => (x * Math.PI) / 180);
   const right = [-Math.sin(a), Math.cos(a), 0], flat = Math.cos(e);
   const back = [flat * Math.cos(a), flat * Math.sin(a), Math.sin(e)];
   look([...right, ...cross(back, right), ...back], v[3] > 0 ? v[3] : 1);
-  if (scene.loads[v[2]]) show(scene.loads[(chosen.value = v[2])]);
+  return v;
 }
-window.addEventListener("hashchange", addressed);
-addressed();

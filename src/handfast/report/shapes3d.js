@@ -8,6 +8,13 @@ const norm = (a) => Math.sqrt(dot(a, a));
 const times = (s, a) => [s * a[0], s * a[1], s * a[2]];
 const row = (M, i) => M.slice(3 * i, 3 * i + 3);
 const product = (A, B) => [0, 1, 2].flatMap((i) => [0, 1, 2].map((j) => dot(row(A, i), [B[j], B[3 + j], B[6 + j]])));
+const times3 = (v, R) => [0, 1, 2].map((j) => dot(v, [R[j], R[3 + j], R[6 + j]])); // a row times R
+
+// --- poses: the rows of [R t], 12 numbers ---
+const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
+/** R (9 numbers, by rows) and t of a pose. */
+const parts = (T) => [[0, 1, 2].flatMap((i) => T.slice(4 * i, 4 * i + 3)), [T[3], T[7], T[11]]];
+const placed = (T, p) => [0, 1, 2].map((i) => dot(T.slice(4 * i, 4 * i + 3), p) + T[4 * i + 3]); // a point
 
 // --- geometry: six numbers a corner, position and normal ---
 const SHARP = Math.cos((35 * Math.PI) / 180); // faces that meet at a larger angle have an edge between them
@@ -50,12 +57,16 @@ function solid(packed) {
   return [corners, edges];
 }
 
+/** Two unit vectors at right angles to a third, in the sense of a turn about it. */
+function beside(axis) {
+  const least = axis.map(Math.abs).indexOf(Math.min(...axis.map(Math.abs)));
+  const u = cross(axis, [0, 1, 2].map((i) => +(i === least)));
+  return [times(1 / norm(u), u), cross(axis, times(1 / norm(u), u))];
+}
+
 /** A surface of revolution about the axis (unit) through `at`: profile of [height, radius]. */
 function lathe(out, at, axis, profile, n = 24) {
-  const least = axis.map(Math.abs).indexOf(Math.min(...axis.map(Math.abs)));
-  let u = cross(axis, [0, 1, 2].map((i) => +(i === least)));
-  u = times(1 / norm(u), u);
-  const w = cross(axis, u);
+  const [u, w] = beside(axis);
   for (let s = 0; s + 1 < profile.length; s++) {
     const [h0, r0] = profile[s], [h1, r1] = profile[s + 1], slant = Math.hypot(h1 - h0, r1 - r0) || 1;
     const corner = (k, h, r) => {
@@ -88,4 +99,12 @@ function rod(out, a, b, r) {
 function wire(out, a, b, r) {
   const step = add(b, a, -1), long = norm(step);
   if (long > 0) lathe(out, a, times(1 / long, step), [[0, r], [long, r]], 3);
+}
+/** Three quarters of a circle about the axis (unit) through `at`, with a head: a turn by the right hand. */
+function circling(out, at, axis, r, thick) {
+  const [u, w] = beside(axis), on = (a) => add(add(at, u, r * Math.cos(a)), w, r * Math.sin(a));
+  const angles = [...Array(19).keys()].map((k) => (1.5 * Math.PI * k) / 18);
+  angles.slice(1).forEach((a, k) => rod(out, on(angles[k]), on(a), thick));
+  const ahead = add(times(-Math.sin(angles[18]), u), w, Math.cos(angles[18]));
+  lathe(out, on(angles[18]), ahead, [[0, 0], [0, 3.2 * thick], [9 * thick, 0]], 12);
 }

@@ -103,10 +103,10 @@ def draw_task(task: Task, solution: Drawable | None = None) -> Figure:
         low, high = middle - size / 2, middle + size / 2
         pixels = (round(DENSE * tall) * FINE, round(DENSE * WIDTH / 2) * FINE)
         image = rendered(panel, view, low, high, pixels)
-        ax.imshow(_thinned(image), extent=(low[0], high[0], low[1], high[1]), interpolation="nearest")
+        ax.imshow(thinned(image), extent=(low[0], high[0], low[1], high[1]), interpolation="nearest")
         if solution is not None:
             _contacts(ax, solution, view, 0.1 * size[0])
-        _frame(ax, low, high, view)
+        framed(ax, low, high, view)
     figure.legend(handles=_key(solution), loc="lower center", ncols=5, frameon=False, fontsize=9)
     links = ",  ".join(f"{k}: {t.link}" for k, t in enumerate(task.contact_pairs))
     where: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 9, "color": INK}
@@ -126,7 +126,7 @@ def _hand(task: Task, q: Array) -> list[Facets]:
             vertices, faces = shape.placed(pose).triangles()
             found.append(Facets(vertices[faces], SOLID["hand"], True))
     for pair, link_index in zip(task.contact_pairs, task.links, strict=True):
-        found.append(_region(pair.hand, poses[link_index], HAND_REGION))
+        found.append(region_facets(pair.hand, poses[link_index], HAND_REGION))
     return found
 
 
@@ -137,10 +137,10 @@ def _object(task: Task, pose: Array) -> list[Facets]:
         body = load_body(task.object)
         vertices = body.vertices @ pose[:3, :3].T + pose[:3, 3]
         found.append(Facets(vertices[body.faces], SOLID["object"], True))
-    return found + [_region(pair.object, pose, OBJECT_REGION) for pair in task.contact_pairs]
+    return found + [region_facets(pair.object, pose, OBJECT_REGION) for pair in task.contact_pairs]
 
 
-def _region(region: Region, pose: Array, color: str) -> Facets:
+def region_facets(region: Region, pose: Array, color: str) -> Facets:
     """A region a little above its surface, wound to its outward normal."""
     steps = np.linspace(0, 1, GRID + 1)
     u, v = np.meshgrid(steps, steps, indexing="ij")
@@ -249,7 +249,7 @@ def _fill(image: Array, depth: Array, corner: Array, color: Array) -> None:
     image[y0 : y1 + 1, x0 : x1 + 1][seen] = color
 
 
-def _thinned(image: Array) -> Array:
+def thinned(image: Array) -> Array:
     """Each FINE x FINE pixels as one."""
     rows, columns = (n // FINE for n in image.shape[:2])
     return image.reshape(rows, FINE, columns, FINE, 3).mean(axis=(1, 3))
@@ -274,7 +274,7 @@ def _contacts(ax: Any, solution: Drawable, view: View, length: float) -> None:
         ax.text(*beside, str(k), path_effects=halo, **text)
 
 
-def _frame(ax: Any, low: Array, high: Array, view: View) -> None:
+def framed(ax: Any, low: Array, high: Array, view: View) -> None:
     """Limits, no axes, a title and a scale."""
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     ax.axis("off")

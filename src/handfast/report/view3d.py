@@ -1,6 +1,6 @@
 """The report's view in three dimensions: hand, object, contacts, and the forces under a chosen load.
 
-The geometry goes into the page as base64, the rest as JSON; three small scripts draw it with plain WebGL.
+The geometry goes into the page as base64, the rest as JSON; small scripts draw it with plain WebGL.
 Nothing is fetched, and where there is no WebGL a sentence points at the pictures.
 """
 
@@ -41,7 +41,12 @@ COLORS = {
     "load": AMBER,
 }
 TILT = Rotation.from_euler("yx", [-25.0, 22.0], degrees=True).as_matrix()  # of the first view, out of the flat one
-PROGRAM = ("shapes3d.js", "view3d.js", "controls3d.js")  # one script: each uses the names of those before it
+PROGRAM = (
+    "shapes3d.js",
+    "stage3d.js",
+    "controls3d.js",
+    "view3d.js",
+)  # one script: each uses the names of those before it
 OPACITY = 0.45  # of the object at first; contacts and forces lie inside it
 WIDE = 1 << 16  # vertices that two bytes can no longer count
 SWITCHES = {  # name: (label, on at first with forces, without)
