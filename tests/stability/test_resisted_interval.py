@@ -182,7 +182,7 @@ def test_ctrl_c_leaves_an_answer(
     monkeypatch.setattr(_Magnitudes, "_search", pressed)
     answer = maximum(grasp, direction, interval=True)
     assert len(begun) >= searches
-    assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.COMPLETE)
+    assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.INTERRUPTED)
     assert (answer.lower, answer.upper) == (whole.lower, whole.upper)
     i = answer.interval
     assert i.unproved
