@@ -32,8 +32,8 @@ class Chains(NamedTuple):
 class Regions(NamedTuple):
     """What touches. Surfaces have parameters: first the object regions of all contacts, then the hand's."""
 
-    hand: Wholes  # (b,) CAP or PATCH
-    object: Wholes  # (b,) CAP or PATCH
+    hand: Wholes  # (b,) its kind; a CAP rolls: it has no parameters, but what follows
+    object: Wholes  # (b,) its kind
     center: RealMatrix  # (b, 3) [unit] of the hand's cap, in its link
     axis: RealMatrix  # (b, 3) of the hand's cap, unit vector in its link
     radius: Reals  # (b,) [unit] of the hand's cap, negative if its normals are reversed
@@ -42,7 +42,7 @@ class Regions(NamedTuple):
     degree: WholeMatrix  # (2b, 2) of each patch
     first: Wholes  # (2b,) its first control point in `points`
     points: RealMatrix  # (., 3) [unit] control points of all patches
-    ball: RealMatrix  # (b, 13) of the object's cap: its frame row by row, its centre and radius [unit]
+    numbers: RealMatrix  # (2b, 13) of each surface that is no patch, as `flat.py` lists them
     face: Reals  # (2b,) 1, or -1 if the surface's normals are reversed
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
-from handfast.model.region import evaluate
+from handfast.model.bernstein import evaluate
 from handfast.synthesis.paper.canonical import Canonical, Limit, Patch, Quadratic, Side, VariableLayout
 from handfast.synthesis.paper.loops import HELD, Assembly, Kind, Loops, loops
 from handfast.synthesis.paper.patch_form import COEFFICIENT_ROUNDING, PatchForm

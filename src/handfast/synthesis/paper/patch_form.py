@@ -26,7 +26,8 @@ from math import comb
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.model.region import Bezier, Cap, Region, evaluate, hull_box
+from handfast.model.bernstein import evaluate, hull_box
+from handfast.model.region import Bezier, Cap, Region
 
 STEEP = np.pi / 2 + 1e-9  # [rad] half angles above this take the second map
 COEFFICIENT_ROUNDING = 1e-12  # relative; more than the rounding of the coefficients moves a value
@@ -56,7 +57,12 @@ class PatchForm:
     @classmethod
     def of(cls, region: Region, pose: Array, unit: float) -> PatchForm:
         """A region whose frame has the (4, 4) pose [m] in the body's, lengths divided by `unit` [m]."""
-        return _of_bezier(region, pose, unit) if isinstance(region, Bezier) else _of_cap(region, pose, unit)
+        match region:
+            case Bezier():
+                return _of_bezier(region, pose, unit)
+            case Cap():
+                return _of_cap(region, pose, unit)
+        raise TypeError(type(region))
 
     def at(self, u: float, v: float, normal: Array) -> Array:
         """(3,) the point at parameters u, v, where the unit normal is `normal` (3,)."""

@@ -23,7 +23,7 @@ from handfast.synthesis.search.kernel.balls import (
     sub,
     times,
 )
-from handfast.synthesis.task_groups import PATCH, PRISMATIC
+from handfast.synthesis.task_groups import CAP, PRISMATIC
 
 EXACT = 2e-15  # of the rigid motions between joints: rounding when they were multiplied together
 ORDERS = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])  # of the derivatives in a surface's rows
@@ -145,18 +145,18 @@ def _patch(points, M, N, s, t, out, work):
 
 
 @inner
-def _ball(k, s, t, sign, regions, out):
-    """A cap of the object by polar angle s and azimuth t; rows as in `surface`."""
+def _ball(numbers, s, t, sign, out):
+    """A cap by polar angle s and azimuth t; rows as in `surface`."""
     ss, cs, st, ct = sine(s), cosine(s), sine(t), cosine(t)
-    radius = regions.ball[k, 12]
+    radius = numbers[12]
     for i in range(3):
-        e1, e2, e3 = regions.ball[k, 3 * i], regions.ball[k, 3 * i + 1], regions.ball[k, 3 * i + 2]
+        e1, e2, e3 = numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]
         around = add(scale(e1, ct), scale(e2, st))
         turned = sub(scale(e2, ct), scale(e1, st))
         d = add(mul(ss, around), scale(e3, cs))
         ds = sub(mul(cs, around), scale(e3, ss))
         dt = mul(ss, turned)
-        put(out[0], i, add((regions.ball[k, 9 + i], 0.0), scale(radius, d)))
+        put(out[0], i, add((numbers[9 + i], 0.0), scale(radius, d)))
         put(out[1], i, scale(radius, ds))
         put(out[2], i, scale(radius, dt))
         put(out[3], i, scale(-radius, d))
@@ -174,8 +174,8 @@ def surface(which, k, s, t, regions, out, work):
     which: k for the object region of contact k, b + k for its hand region.
     """
     sign = regions.face[which]
-    if which == k and regions.object[k] != PATCH:
-        _ball(k, s, t, sign, regions, out)
+    if (regions.object[k] if which == k else regions.hand[k]) == CAP:
+        _ball(regions.numbers[which], s, t, sign, out)
         return
     _patch(regions.points[regions.first[which] :], regions.degree[which, 0], regions.degree[which, 1], s, t, out, work)
     normal = out[NORMAL]
