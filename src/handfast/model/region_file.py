@@ -8,9 +8,11 @@ from pydantic import field_validator, model_validator
 
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, Vector
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.region import Bezier, Cap, Region
 
-KINDS: dict[str, type[Region]] = {kind.kind: kind for kind in (Bezier, Cap)}  # each has a field in `RegionEntry`
+# each has a field in `RegionEntry`
+KINDS: dict[str, type[Region]] = {kind.kind: kind for kind in (Bezier, Cap, CylinderSide)}
 
 
 class CapEntry(Strict):
@@ -22,11 +24,23 @@ class CapEntry(Strict):
     half_angle: Finite
 
 
+class CylinderSideEntry(Strict):
+    """Part of a cylinder's side: see `handfast.model.cylinder_side.CylinderSide`."""
+
+    center: Vector
+    radius: Finite
+    axis: Vector
+    x_axis: Vector
+    angles: tuple[Finite, Finite]
+    heights: tuple[Finite, Finite]
+
+
 class RegionEntry(Strict):
     """Exactly one kind of region, under its key; `flip` reverses its outward normal."""
 
     bezier: list[list[Vector]] | None = None
     cap: CapEntry | None = None
+    cylinder_side: CylinderSideEntry | None = None
     flip: bool = False
 
     @field_validator("bezier")

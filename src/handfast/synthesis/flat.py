@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Hand
 from handfast.model.region import Bezier, Cap
 from handfast.synthesis.task import Task
-from handfast.synthesis.task_groups import CAP, PATCH, PRISMATIC, REVOLUTE, Chains, Regions
+from handfast.synthesis.task_groups import CAP, CYLINDER, PATCH, PRISMATIC, REVOLUTE, Chains, Regions
 
-NUMBERS = 13  # of a surface that is no patch, at most
+NUMBERS = 16  # of a surface that is no patch, at most
 
 
 class _Chain(NamedTuple):
@@ -122,6 +123,10 @@ def regions_of(task: Task, unit: float) -> Regions:
             case Cap():  # its frame row by row, its centre and radius
                 kind[which] = CAP
                 numbers[which, :13] = [*region.frame.ravel(), *(region.center / unit), region.radius / unit]
+            case CylinderSide():  # its frame, the lowest point of its axis and radius, first angle, turn and length
+                kind[which], lowest = CYLINDER, region.center + region.heights[0] * region.axis
+                numbers[which, :13] = [*region.frame.ravel(), *(lowest / unit), region.radius / unit]
+                numbers[which, 13:16] = region.angles[0], region.turn, region.length / unit
             case _:
                 raise TypeError(type(region))
     return Regions(

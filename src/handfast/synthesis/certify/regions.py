@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handfast.core.arrays import Array, Indices
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.certify.chains import orthonormal
 from handfast.synthesis.certify.interval_arithmetic import Dual, Interval, columns, cos, cross, join, sin, unit
@@ -105,6 +106,42 @@ class _Caps:
 
 
 @dataclass(frozen=True, eq=False)
+class _CylinderSides:
+    """Sides of cylinders (C): rotations of their frames, points of their axes, radii and signs; columns (2, C) of u, v.
+
+    Attributes:
+        angles, heights: the first of each (C,) and how far it is to the last.
+    """
+
+    parameters: Indices
+    frame: Interval
+    centre: Array
+    radius: Array
+    sign: Array
+    angles: tuple[Interval, Interval]
+    heights: tuple[Interval, Interval]
+
+    @classmethod
+    def of(cls, sides: Sequence[CylinderSide], at: Indices) -> _CylinderSides:
+        R = orthonormal(np.array([c.axis for c in sides]), np.array([c.x_axis for c in sides]))[..., [1, 2, 0]]
+        angles, heights = (Interval.of([getattr(c, name) for c in sides]) for name in ("angles", "heights"))
+        centre, radius, sign = (np.array([getattr(c, name) for c in sides]) for name in ("center", "radius", "sign"))
+        ranges = ((ends[:, 0], ends[:, 1] - ends[:, 0]) for ends in (angles, heights))
+        return cls(at, R, centre, radius[:, None], sign[:, None], *ranges)
+
+    def at(self, x: Dual) -> tuple[Dual, ...]:
+        (u, v), (first, turn), (lowest, length) = (x[..., k] for k in self.parameters), self.angles, self.heights
+        angle, height = u * turn + first, v * length + lowest
+        sine, cosine = sin(angle), cos(angle)
+        zero = 0.0 * sine
+        local = [(cosine, sine, zero), (-sine, cosine, zero), (zero, zero, height), (zero, zero, zero + 1.0)]
+        turned = self.frame @ columns([join([a[..., None] for a in w], -1) for w in local])
+        direction = turned[..., 0]
+        point = direction * self.radius + turned[..., 2] + self.centre
+        return point, direction * self.sign, turned[..., 1], turned[..., 3]
+
+
+@dataclass(frozen=True, eq=False)
 class _Patches:
     """Bezier patches (P) of any degrees, as control points of their derivatives filled up with 0.
 
@@ -157,7 +194,11 @@ class _Patches:
 
 
 # kinds of regions: how several of one are made, from them and the columns (2, .) of their parameters
-SURFACES: Mapping[type[Region], Callable[[Sequence[Any], Indices], _Surfaces]] = {Bezier: _Patches.of, Cap: _Caps.of}
+SURFACES: Mapping[type[Region], Callable[[Sequence[Any], Indices], _Surfaces]] = {
+    Bezier: _Patches.of,
+    Cap: _Caps.of,
+    CylinderSide: _CylinderSides.of,
+}
 
 
 def _weights(degrees: Sequence[int], size: int) -> tuple[Interval, NDArray[np.intp], NDArray[np.intp]]:

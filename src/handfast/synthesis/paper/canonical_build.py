@@ -261,6 +261,7 @@ class _Builder:
         if form.points is None:
             for i in range(3):
                 terms: Polynomial = {(int(point[i]),): 1.0, (int(unit[i]),): -form.radius, (): -form.center[i]}
+                terms[(v,)] = -form.along[i]
                 self._equations(at, name, terms)
         else:
             self.equations += [Patch(at, name, int(point[i]), u, v, form.points[:, :, i]) for i in range(3)]
