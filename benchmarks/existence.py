@@ -23,11 +23,11 @@ import numpy as np
 
 from benchmarks.machine import describe
 from benchmarks.tasks import Others, load_text, origin, tasks
-from handfast.model.region import Bezier, Cap, Region
+from handfast.model.region import Bezier, Region
 from handfast.synthesis.certify.existence import Existence, moving_joints
 from handfast.synthesis.certify.verify_existence import verify_existence
 from handfast.synthesis.search.starts import Starts
-from handfast.synthesis.solution import Solution, point_and_normal
+from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_problem import TaskProblem
 
@@ -54,10 +54,10 @@ def open_by(task: Task, proof: Existence) -> float:
     links, worst = task.hand.link_poses(s.q), 0.0
     for pair, spot, point, normal in zip(task.contact_pairs, proof.contacts, s.points, s.normals, strict=True):
         T = links[task.hand.link(pair.link)]
-        if isinstance(pair.hand, Cap):
-            here = T[:3, :3] @ pair.hand.center + T[:3, 3] + pair.hand.sign * pair.hand.radius * normal
+        if ball := pair.hand.ball:
+            here = T[:3, :3] @ ball.center + T[:3, 3] + ball.sign * ball.radius * normal
         else:
-            here = T[:3, :3] @ point_and_normal(pair.hand, *spot.hand)[0] + T[:3, 3]
+            here = T[:3, :3] @ pair.hand.at(*spot.hand) + T[:3, 3]
         worst = max(worst, float(np.linalg.norm(here - point)))
     return worst
 
@@ -151,7 +151,7 @@ def region(task: Task, proof: Existence, rng: np.random.Generator) -> Wrong:
     """The object's region is a millimetre further along its normal."""
     k = int(rng.integers(len(task.contact_pairs)))
     here = task.contact_pairs[k].object
-    along = point_and_normal(here, *proof.contacts[k].object)[1] * 1e-3
+    along = here.outward(*proof.contacts[k].object) * 1e-3
     if isinstance(here, Bezier):
         further: Region = replace(here, points=here.points + along)
     else:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from handfast.model.region import evaluate
+from handfast.model.bernstein import evaluate
 from handfast.model.shape import Shape
 
 Array = NDArray[np.float64]

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from make_objects import BUTTON, EDGE, KEYS, MM, SCALPEL, Array, fret, half_tube, quarter, section
 
-from handfast.model.region import Bezier, restrict
+from handfast.model.bernstein import restrict
+from handfast.model.region import Bezier
 
 TASKS = Path(__file__).parents[1] / "src" / "handfast" / "data" / "tasks"
 FINGERS = ("ring", "middle", "index", "thumb")

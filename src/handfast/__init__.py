@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from handfast.model.body import load_body as load_body
     from handfast.model.configuration import Configuration as Configuration
     from handfast.model.configuration import load_configuration as load_configuration
+    from handfast.model.cylinder_side import CylinderSide as CylinderSide
     from handfast.model.grasp import Contact as Contact
     from handfast.model.grasp import Grasp as Grasp
     from handfast.model.grasp import GraspJoint as GraspJoint
@@ -74,6 +75,7 @@ _HOME = {
     "Mechanism": "model.mechanism",
     "Bezier": "model.region",
     "Cap": "model.region",
+    "CylinderSide": "model.cylinder_side",
     "close": "planning.closing",
     "plan": "planning.plan_grasps",
     "propose": "planning.propose_tasks",

@@ -11,11 +11,13 @@ from matplotlib.colors import to_rgb
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.region import Cap
 from handfast.model.shape import Shape
 from handfast.report.drawing import View
 from handfast.report.plot import picture
 from handfast.report.task_drawing import (
+    APART,
     HAND_REGION,
     OBJECT_REGION,
     Facets,
@@ -151,3 +153,17 @@ def test_without_a_mesh_the_regions_are_drawn() -> None:
     assert hue(draw_task(bare).axes[1].images[0].get_array(), OBJECT_REGION).any()
     with pytest.raises(InputError, match="no bundled object of that name"):
         draw_task(replace(task, object="spoon"))
+
+
+def test_the_side_of_a_cylinder_is_seen_from_where_its_normals_point() -> None:
+    """The front half of a can, not the half behind, but of a hole the half behind alone."""
+    task = load_task("scalpel-upholding")
+    seen = {}
+    for name, first, flip in (("can", -np.pi / 2, False), ("behind", np.pi / 2, False), ("hole", np.pi / 2, True)):
+        angles, towards = (first, first + np.pi), APART[1].matrix[2]  # about the direction of view
+        side = CylinderSide((0, 0, 0), 0.03, (0, 0, 1), towards, angles, (-0.03, 0.03), flip)
+        alone = replace(task, object=None, contact_pairs=(replace(task.contact_pairs[0], object=side),))
+        seen[name] = hue(draw_task(alone).axes[1].images[0].get_array(), OBJECT_REGION).sum()
+    assert seen["can"] > 1000
+    assert seen["behind"] < 0.02 * seen["can"]
+    assert seen["hole"] > 0.5 * seen["can"]

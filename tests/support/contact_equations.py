@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.hand import Hand
 from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.task import Task
@@ -32,7 +33,7 @@ def contact_equations(task: Task, labels: list[str], x: Array) -> Array:
             here, m, _ = surface_at(pair.hand, at[f"contact:{k}:u"], at[f"contact:{k}:v"])
             there = o
         out += [*(_apply(R_k, here) + p_k - position - _apply(R, there)).T]
-        if isinstance(pair.hand, Bezier):
+        if not isinstance(pair.hand, Cap):
             out += [(_apply(R_k, m) * _apply(R, tangent)).sum(axis=-1) for tangent in tangents]
     return np.stack(out, -1)
 
@@ -82,6 +83,8 @@ def surface_at(region: Region, s: Array, t: Array) -> tuple[Array, Array, list[A
     """Point, outward unit normal and two tangents."""
     if isinstance(region, Bezier):
         return patch_at(region.points, region.sign, s, t)
+    if isinstance(region, CylinderSide):
+        return side_at(region, s, t)
     axis = _normalised(region.axis + 0 * s[:, None])
     e1 = region.frame[:, 0] + 0 * s[:, None]
     e1 = _normalised(e1 - _times(axis, (axis * e1).sum(axis=-1)))
@@ -90,6 +93,18 @@ def surface_at(region: Region, s: Array, t: Array) -> tuple[Array, Array, list[A
     direction = _times(out, np.sin(s)) + _times(axis, np.cos(s))
     tangents = [_times(out, np.cos(s)) - _times(axis, np.sin(s)), _times(e2, np.cos(t)) - _times(e1, np.sin(t))]
     return region.center + region.radius * direction, region.sign * direction, tangents
+
+
+def side_at(side: CylinderSide, s: Array, t: Array) -> tuple[Array, Array, list[Array]]:
+    axis = _normalised(side.axis + 0 * s[:, None])
+    e1 = side.x_axis + 0 * s[:, None]
+    e1 = _normalised(e1 - _times(axis, (axis * e1).sum(axis=-1)))
+    (first, last), (low, high) = side.angles, side.heights
+    angle, height = first * (1 - s) + last * s, low * (1 - t) + high * t
+    around = _times(_product(axis, e1), np.sin(angle))
+    out = _times(e1, np.cos(angle)) + around
+    foot = side.center + _times(axis, height)
+    return foot + side.radius * out, side.sign * out, [_product(axis, out), axis]
 
 
 def patch_at(points: Array, sign: float, s: Array, t: Array) -> tuple[Array, Array, list[Array]]:

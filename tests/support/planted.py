@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap, Region
-from handfast.synthesis.paper.patch_form import cap_parameters
+from handfast.synthesis.paper.patch_form import cap_parameters, cylinder_parameters
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 
 X, Y, Z = np.eye(3)
@@ -42,7 +43,10 @@ class Planted:
 
 
 def parameters(region: Region, at: Array) -> tuple[float, float]:
-    return cap_parameters(region, at) if isinstance(region, Cap) else (float(at[0]), float(at[1]))
+    if isinstance(region, Cap):
+        return cap_parameters(region, at)
+    u, v = float(at[0]), float(at[1])
+    return cylinder_parameters(region, u, v) if isinstance(region, CylinderSide) else (u, v)
 
 
 def chain(*parts: tuple, couplings: Sequence[Coupling] = (), name: str = "chain") -> Hand:
@@ -120,6 +124,9 @@ def moved(region: Region, T: Array) -> Region:
     R = T[:3, :3]
     if isinstance(region, Cap):
         return replace(region, center=R @ region.center + T[:3, 3], axis=R @ region.axis)
+    if isinstance(region, CylinderSide):
+        center = R @ region.center + T[:3, 3]
+        return replace(region, center=center, axis=R @ region.axis, x_axis=R @ region.x_axis)
     return Bezier(region.points @ R.T + T[:3, 3], region.flip)
 
 

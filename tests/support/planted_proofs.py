@@ -15,6 +15,7 @@ import scipy.linalg
 from scipy.spatial.transform import Rotation
 
 from handfast.core.arrays import Array
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.hand import Coupling, Hand, Joint, Link, load_hand
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
@@ -58,7 +59,7 @@ class PlantedProof:
             ContactPoint(
                 pair.link,
                 (values[f"contact:{k}:s"], values[f"contact:{k}:t"]),
-                (values[f"contact:{k}:u"], values[f"contact:{k}:v"]) if isinstance(pair.hand, Bezier) else None,
+                (values[f"contact:{k}:u"], values[f"contact:{k}:v"]) if not isinstance(pair.hand, Cap) else None,
             )
             for k, pair in enumerate(self.task.contact_pairs)
         )
@@ -72,7 +73,7 @@ class PlantedProof:
             return min(x - joint.lower, joint.upper - x)
         if kind[0] == "contact":
             pair = self.task.contact_pairs[int(kind[1])]
-            if isinstance(pair.object if kind[2] in "st" else pair.hand, Bezier):
+            if not isinstance(pair.object if kind[2] in "st" else pair.hand, Cap):
                 return min(x, 1 - x)
         return 0.1 if kind[0] == "position" else 1.0
 
@@ -124,7 +125,7 @@ def plant(hand: Hand, spots: list[Spot], rng: np.random.Generator, far: float = 
         x, normal = R.T @ (R_k @ point + p_k - position), -R.T @ R_k @ n
         on_object, st = surface_through(spot.object, x, normal, rng)
         values |= dict(zip((f"contact:{k}:s", f"contact:{k}:t"), st, strict=True))
-        if isinstance(on_hand, Bezier):
+        if not isinstance(on_hand, Cap):
             values |= dict(zip((f"contact:{k}:u", f"contact:{k}:v"), uv, strict=True))
         pairs.append(ContactPair(spot.link, on_hand, on_object))
     return PlantedProof(replace(task, contact_pairs=tuple(pairs)), values)
@@ -140,6 +141,8 @@ def surface_through(kind: str, x: Array, n: Array, rng: np.random.Generator) -> 
         cap = Cap(x - radius * direction, radius, off.apply(direction), half, flip)
         a, b, c = cap.frame.T @ direction
         return cap, (float(np.arctan2(np.hypot(a, b), c)), float(np.arctan2(b, a)))
+    if kind == "side":
+        return _side_through(x, -n if flip else n, flip, rng)
     M, N = DEGREES[kind]
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, M + 1), np.linspace(-1, 1, N + 1), indexing="ij"), -1)
     points = np.concatenate([grid, np.zeros((M + 1, N + 1, 1))], -1) + 0.12 * rng.normal(size=(M + 1, N + 1, 3))
@@ -151,6 +154,17 @@ def surface_through(kind: str, x: Array, n: Array, rng: np.random.Generator) -> 
     across = _across(n, rng)
     there = np.column_stack([n, across, np.cross(n, across)])
     return Bezier((0.02 * points - at) @ (there @ here.T).T + x, flip), (float(s), float(t))
+
+
+def _side_through(x: Array, out: Array, flip: bool, rng: np.random.Generator) -> tuple[Region, tuple[float, float]]:
+    """Part of a cylinder's side through x, from whose axis it lies in the direction `out`."""
+    axis, radius, (u, v) = _across(out, rng), rng.uniform(0.005, 0.03), rng.uniform(0.15, 0.85, size=2)
+    turn, length, first, lowest = rng.uniform(0.5, 6.2), rng.uniform(0.01, 0.05), *rng.uniform(-3, 3, size=2)
+    zero = Rotation.from_rotvec(-(first + u * turn) * axis).apply(out)
+    lowest *= 0.01
+    center = x - radius * out - (lowest + v * length) * axis
+    side = CylinderSide(center, radius, axis, zero, (first, first + turn), (lowest, lowest + length), flip)
+    return side, (float(u), float(v))
 
 
 def _direction(rng: np.random.Generator) -> Array:

@@ -19,7 +19,7 @@ from handfast.synthesis import query
 from handfast.synthesis.placed import whole
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Certified, Starts
-from handfast.synthesis.solution import Solution, point_and_normal
+from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.holds import OPEN, flat_grip, grip, pinch
@@ -139,10 +139,10 @@ def test_hand_patch_and_object_cap() -> None:
 
 
 def test_region_points_and_normals() -> None:
-    point, normal = point_and_normal(Cap((1, 0, 0), 2.0, (0, 0, 1), 1.0, flip=True), 0.0, 0.3)
-    assert (point, normal) == (pytest.approx([1, 0, 2]), pytest.approx([0, 0, -1]))
-    point, normal = point_and_normal(Bezier([[[0, 0, 0], [0, 1, 0]], [[2, 0, 0], [2, 1, 0]]]), 0.5, 0.25)
-    assert (point, normal) == (pytest.approx([1, 0.25, 0]), pytest.approx([0, 0, 1]))
+    hollow = Cap((1, 0, 0), 2.0, (0, 0, 1), 1.0, flip=True)
+    assert (hollow.at(0.0, 0.3), hollow.outward(0.0, 0.3)) == (pytest.approx([1, 0, 2]), pytest.approx([0, 0, -1]))
+    flat = Bezier([[[0, 0, 0], [0, 1, 0]], [[2, 0, 0], [2, 1, 0]]])
+    assert (flat.at(0.5, 0.25), flat.outward(0.5, 0.25)) == (pytest.approx([1, 0.25, 0]), pytest.approx([0, 0, 1]))
 
 
 def test_slacks_are_those_that_the_checker_finds(pinched: Synthesis) -> None:

@@ -156,11 +156,15 @@ def test_hand_and_object_lie_beside_the_file(tmp_path: Path) -> None:
         ("couplings.0.equals", "elbow", r"couplings\[0\].equals: unknown joint 'elbow'; known: "),
         ("couplings.0.equals", "ring_proximal", r"couplings\[0\]: ties ring_proximal to itself"),
         ("couplings.0.ratio", 0, r"couplings\[0\].ratio: is 0; a finite number other than zero is needed"),
-        ("contacts.0.object.region", {}, r"contacts\[0\].object.region: exactly one of bezier, cap is needed"),
+        (
+            "contacts.0.object.region",
+            {},
+            r"contacts\[0\].object.region: exactly one of bezier, cap, cylinder_side is needed",
+        ),
         (
             "contacts.0.object.region.cap",
             CAP,
-            r"contacts\[0\].object.region: exactly one of bezier, cap is needed",
+            r"contacts\[0\].object.region: exactly one of bezier, cap, cylinder_side is needed",
         ),
         (
             "contacts.0.object.region.bezier",

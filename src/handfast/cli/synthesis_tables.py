@@ -13,7 +13,6 @@ from rich.text import Text
 from handfast.cli.question_tables import show_task_question
 from handfast.cli.table import table
 from handfast.core.answer import Reach, Stop
-from handfast.model.region import Cap
 from handfast.report.words import count as counted
 from handfast.report.words import num, vector
 
@@ -133,7 +132,7 @@ def slack_text(task: Task, label: str, slack: float) -> str:
     straight = kind == "joint" and task.hand.joints[task.hand.joint(name)].type == "prismatic"
     if kind == "position" or straight:
         return f"{num(1e3 * slack, 3)} mm"
-    on_cap = name.endswith(":s") and isinstance(task.contact_pairs[int(name.split(":")[0])].object, Cap)
+    on_cap = name.endswith(":s") and task.contact_pairs[int(name.split(":")[0])].object.ball
     if kind == "joint" or name.endswith(":cone") or on_cap:
         return f"{num(np.degrees(slack), 3)}°"
     return num(slack, 3)

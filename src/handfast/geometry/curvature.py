@@ -16,20 +16,20 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import unit
-from handfast.model.region import VANISHES, Bezier, Cap, Region
+from handfast.model.region import VANISHES, Cap, Region
 
 
-def patch_curvature(patch: Bezier, u: float, v: float) -> Array:
-    """(3, 3) [1/m] the curvature tensor of a patch at parameters u, v, in the patch's frame.
+def patch_curvature(patch: Region, u: float, v: float) -> Array:
+    """(3, 3) [1/m] the curvature tensor of a region at parameters u, v, in the region's frame.
 
     Raises:
-        InputError: the patch has no normal there.
+        InputError: the region has no normal there.
     """
     along = np.stack([patch.at(u, v, 1, 0), patch.at(u, v, 0, 1)])  # (2, 3)
     normal = patch.normal(u, v)
     length = np.linalg.norm(normal)
-    if not length > VANISHES * np.linalg.norm(patch.normal_points, axis=2).max():
-        raise InputError(f"has no normal at u = {u:.3g}, v = {v:.3g}, so no curvature either", field="bezier")
+    if not length > VANISHES * patch.longest_normal:
+        raise InputError(f"has no normal at u = {u:.3g}, v = {v:.3g}, so no curvature either", field=patch.kind)
     mixed = patch.at(u, v, 1, 1)
     second = np.array([[patch.at(u, v, 2, 0), mixed], [mixed, patch.at(u, v, 0, 2)]])  # (2, 2, 3)
     dual = np.linalg.solve(along @ along.T, along)  # (2, 3) with dual_i . along_j = 1 if i = j, else 0
@@ -74,8 +74,8 @@ def rim_depth(curvature: object, radius: float) -> Array:
 
 def curvature_at(region: Region, at: tuple[float, float] | None, R: Array, normal: Array) -> Array:
     """(3, 3) a region's curvature tensor in the frame in which its carrier has rotation R, as has the normal."""
-    if isinstance(region, Cap):
-        return cap_curvature(region, normal)
+    if region.ball:
+        return cap_curvature(region.ball, normal)
     if at is None:
         raise InputError("needs the parameters of the contact on the patch", field="hand")
     return R @ patch_curvature(region, *at) @ R.T

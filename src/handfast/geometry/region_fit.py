@@ -10,7 +10,8 @@ import numpy as np
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.core.transforms import normal_frame
-from handfast.model.region import Bezier, bernstein
+from handfast.model.bernstein import bernstein
+from handfast.model.region import Bezier
 from handfast.model.shape import Faces
 
 STEEPEST = np.radians(80)  # a triangle further from the mean direction than this cannot be projected along it

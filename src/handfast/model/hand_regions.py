@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import numpy as np
 from pydantic import Field
 
 from handfast.core import bundled
@@ -24,7 +23,7 @@ from handfast.core.errors import InputError, unknown_name
 from handfast.core.files import Finite, Strict, read_json, validate, write_text
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.load import bundled_hands, load_hand
-from handfast.model.region import Cap, Region
+from handfast.model.region import Region
 from handfast.model.region_file import RegionEntry, region_to_dict
 
 Role = Literal["tip", "pad", "palm"]
@@ -54,11 +53,7 @@ class HandRegion:
     @property
     def middle(self) -> tuple[Array, Array]:
         """The point (3,) [m] in its middle and the outward unit normal (3,) there, link frame."""
-        r = self.region
-        if isinstance(r, Cap):
-            return r.point(r.axis), r.sign * r.axis
-        normal = r.normal(0.5, 0.5)
-        return r.at(0.5, 0.5), normal / np.linalg.norm(normal)
+        return self.region.middle
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,24 +1,128 @@
-"""Regions of a surface that are to touch: Bezier patches of any degree and spherical caps."""
+"""Regions of a surface that are to touch: what every kind knows, Bezier patches of any degree, spherical caps."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb
+from itertools import pairwise
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.core.transforms import normal_frame
+from handfast.model.bernstein import (
+    differences,
+    evaluate,
+    hull_box,
+    largest_derivatives,
+    least_length,
+    product,
+    restrict,
+)
 
 DEEPEST = 6  # halvings in each parameter before a patch whose normal cannot be told from zero is refused
 VANISHES = 1e-9  # a normal this much shorter than the longest one is none
-PADDING = 1e-13  # of the size of a patch: more than the rounding of a subdivision
+
+
+class Region(ABC):
+    """A surface with outward normals over two parameters, in the frame of the link or object that carries it.
+
+    Each kind of region is a subclass: a frozen dataclass, which refuses bad numbers with `InputError`.
+
+    Attributes:
+        kind: its key in files, where what stands under it are its numbers.
+        flip: the outward normals point to the other side.
+    """
+
+    kind: ClassVar[str]
+    flip: bool
+
+    @classmethod
+    @abstractmethod
+    def of(cls, numbers: Any, flip: bool) -> Self:
+        """From the numbers that a file has for it; the inverse of `numbers`."""
+
+    @abstractmethod
+    def numbers(self) -> Any:
+        """All of it but `flip`, as JSON-able data."""
+
+    @property
+    def sign(self) -> float:
+        """-1 if the normals are flipped, else 1."""
+        return -1.0 if self.flip else 1.0
+
+    @property
+    def ball(self) -> Cap | None:
+        """The region itself if it is part of a sphere, where a contact on a hand needs no parameters but the normal."""
+        return None
+
+    # --- the surface ------------------------------------------------------------------------------
+
+    @property
+    def bounds(self) -> Array:
+        """(2, 2) lower and upper end of each parameter; over these each point is there once, but for edges."""
+        return np.array([[0.0, 1.0], [0.0, 1.0]])
+
+    @property
+    def search_bounds(self) -> Array:
+        """(2, 2) the same for a search: a parameter that goes all around goes further, so that it meets no end."""
+        return self.bounds
+
+    @abstractmethod
+    def at(self, u: object, v: object, du: int = 0, dv: int = 0) -> Array:
+        """(..., 3) [m] the derivative of order (du, dv) at parameters u, v of one shape; the point for (0, 0)."""
+
+    def normal(self, u: object, v: object) -> Array:
+        """(..., 3) outward normal, not normalised: p_u x p_v (2), reversed if flipped."""
+        return self.sign * np.cross(self.at(u, v, 1, 0), self.at(u, v, 0, 1))
+
+    def outward(self, u: object, v: object) -> Array:
+        """(..., 3) outward unit normal."""
+        normal = self.normal(u, v)
+        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+    @property
+    def middle(self) -> tuple[Array, Array]:
+        """The point (3,) [m] in its middle and the outward unit normal (3,) there."""
+        u, v = self.bounds.mean(axis=1).tolist()
+        return self.at(u, v), self.outward(u, v)
+
+    # --- its size ---------------------------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def amid(self) -> Array:
+        """(3,) [m] a point amid the region, on it or not."""
+
+    @property
+    @abstractmethod
+    def outermost(self) -> float:
+        """[m] no point of the region lies farther from the origin of its frame."""
+
+    @property
+    @abstractmethod
+    def extent(self) -> float:
+        """[m] half of its width, roughly."""
+
+    @property
+    @abstractmethod
+    def longest_normal(self) -> float:
+        """No value of `normal` is longer."""
+
+    @abstractmethod
+    def derivative_bounds(self, cells: int) -> tuple[Array, Array]:
+        """Bounds in each of cells x cells equal parts of its parameters, over `bounds`.
+
+        Returns:
+            (cells, cells, 5) of |p_u|, |p_v|, |p_uu|, |p_uv|, |p_vv| [m], and the same of the unit normal.
+        """
 
 
 @dataclass(frozen=True, eq=False)
-class Bezier:
+class Bezier(Region):
     """A Bezier patch p(u, v), 0 <= u, v <= 1, of degree M x N (synthesis paper, equation (3)).
 
     Attributes:
@@ -29,8 +133,17 @@ class Bezier:
         InputError: fewer than 2 x 2 points, not finite, or a normal that vanishes somewhere.
     """
 
+    kind = "bezier"
+
     points: Array
     flip: bool = False
+
+    @classmethod
+    def of(cls, numbers: Any, flip: bool) -> Self:
+        return cls(np.array(numbers), flip)
+
+    def numbers(self) -> Any:
+        return self.points.tolist()
 
     def __post_init__(self) -> None:
         shape = np.shape(self.points)
@@ -46,23 +159,14 @@ class Bezier:
         """(M, N)."""
         return self.points.shape[0] - 1, self.points.shape[1] - 1
 
-    @property
-    def sign(self) -> float:
-        """-1 if the normal is flipped, else 1."""
-        return -1.0 if self.flip else 1.0
-
     def at(self, u: object, v: object, du: int = 0, dv: int = 0) -> Array:
         """(..., 3) the derivative of p of order (du, dv) at parameters u, v of one shape; p itself for (0, 0)."""
         return evaluate(differences(self.points, du, dv), u, v)
 
-    def normal(self, u: object, v: object) -> Array:
-        """(..., 3) outward normal [m^2], not normalised: p_u x p_v (2), reversed if flipped."""
-        return self.sign * np.cross(self.at(u, v, 1, 0), self.at(u, v, 0, 1))
-
     @cached_property
     def normal_points(self) -> Array:
         """(2M, 2N, 3) control points of the outward normal as a patch of degree (2M-1) x (2N-1) (19)."""
-        return self.sign * _cross(differences(self.points, 1, 0), differences(self.points, 0, 1))
+        return self.sign * product(differences(self.points, 1, 0), differences(self.points, 0, 1))
 
     def restricted(self, u: tuple[float, float], v: tuple[float, float]) -> Bezier:
         """The part over a rectangle of parameters, its own parameters again from 0 to 1."""
@@ -71,6 +175,40 @@ class Bezier:
     def enclosure(self) -> Array:
         """(2, 3) [m] lower and upper corner of a box that holds the patch (convex hull property)."""
         return hull_box(self.points)
+
+    @property
+    def amid(self) -> Array:
+        middle: Array = self.points.reshape(-1, 3).mean(axis=0)
+        return middle
+
+    @property
+    def outermost(self) -> float:
+        return float(np.linalg.norm(self.points, axis=2).max())
+
+    @property
+    def extent(self) -> float:
+        across = [np.linalg.norm(self.at(*a) - self.at(*b)) for a, b in (((0, 0.5), (1, 0.5)), ((0.5, 0), (0.5, 1)))]
+        return float(min(across)) / 2
+
+    @property
+    def longest_normal(self) -> float:
+        return float(np.linalg.norm(self.normal_points, axis=2).max())
+
+    def derivative_bounds(self, cells: int) -> tuple[Array, Array]:
+        """From Bernstein coefficients: a polynomial lies in the hull of them.
+
+        With n the normal, not normalised, and f' and f'' its derivatives, those of n / |n| are at most |f'| / |n| and
+        |f''| / |n| + (2 / sqrt 3) |f'|^2 / |n|^2 (mixed ones alike).
+        """
+        surface, normal = np.zeros((2, cells, cells, 5))
+        cuts = list(pairwise(np.linspace(0, 1, cells + 1).tolist()))
+        curve = 2 / np.sqrt(3)
+        for i, j in np.ndindex(cells, cells):
+            points, n = (restrict(p, cuts[i], cuts[j]) for p in (self.points, self.normal_points))
+            surface[i, j], least = largest_derivatives(points, cells), least_length(n)
+            f = largest_derivatives(n, cells) / least
+            normal[i, j] = f + curve * np.array([0, 0, f[0] ** 2, f[0] * f[1], f[1] ** 2])
+        return surface, normal
 
     def _refuse_degenerate(self) -> None:
         """Raise unless the normal is shown to vanish nowhere, by the convex hull of its control points."""
@@ -98,7 +236,7 @@ class Bezier:
 
 
 @dataclass(frozen=True, eq=False)
-class Cap:
+class Cap(Region):
     """A spherical cap: the points of a sphere within an angle of an axis.
 
     Attributes:
@@ -111,6 +249,8 @@ class Cap:
     Raises:
         InputError: a radius that is not positive, an axis of no length, a half angle out of (0, pi].
     """
+
+    kind = "cap"
 
     center: Array
     radius: float
@@ -131,10 +271,17 @@ class Cap:
             raise InputError(f"is {self.half_angle:g}; it lies in (0, pi] [rad]", field="cap.half_angle")
         object.__setattr__(self, "half_angle", float(min(self.half_angle, np.pi)))
 
+    @classmethod
+    def of(cls, numbers: Any, flip: bool) -> Self:
+        return cls(**numbers, flip=flip)
+
+    def numbers(self) -> Any:
+        ball = {"center": self.center.tolist(), "radius": float(self.radius)}
+        return ball | {"axis": self.axis.tolist(), "half_angle": self.half_angle}
+
     @property
-    def sign(self) -> float:
-        """-1 if the normal points to the centre, else 1."""
-        return -1.0 if self.flip else 1.0
+    def ball(self) -> Cap | None:
+        return self
 
     @cached_property
     def frame(self) -> Array:
@@ -146,71 +293,52 @@ class Cap:
         """(..., 3) [m] the surface point in a unit direction (..., 3) from the centre."""
         return self.center + self.radius * np.asarray(direction, dtype=float)
 
+    # --- with parameters: the angle from the axis, and the angle around it from the frame's first column ------------
 
-Region = Bezier | Cap
+    @property
+    def bounds(self) -> Array:
+        return np.array([[0.0, self.half_angle], [-np.pi, np.pi]])
 
+    @property
+    def search_bounds(self) -> Array:
+        return np.array([[0.0, self.half_angle], [-4.0, 4.0]])
 
-# --- polynomials in Bernstein form: (M+1, N+1, ...) coefficients -----------------------------------
+    def at(self, u: object, v: object, du: int = 0, dv: int = 0) -> Array:
+        direction = self._direction(u, v, du, dv)
+        return self.point(direction) if du == dv == 0 else self.radius * direction
 
+    def outward(self, u: object, v: object) -> Array:
+        return self.sign * self._direction(u, v)
 
-def evaluate(points: Array, u: object, v: object) -> Array:
-    """The polynomial with Bernstein coefficients `points` (M+1, N+1, k) at u, v: (..., k)."""
-    a = bernstein(points.shape[0] - 1, np.asarray(u, dtype=float))
-    b = bernstein(points.shape[1] - 1, np.asarray(v, dtype=float))
-    return np.einsum("...i,...j,ijk->...k", a, b, points)
+    def _direction(self, u: object, v: object, du: int = 0, dv: int = 0) -> Array:
+        """(..., 3) the derivative of order (du, dv) of the direction from the centre: waves, a quarter on."""
+        polar, around = np.asarray(u) + du * np.pi / 2, np.asarray(v) + dv * np.pi / 2
+        along = np.cos(polar) * (dv == 0) + 0 * around
+        local = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), along], axis=-1)
+        direction: Array = local @ self.frame.T
+        return direction
 
+    @property
+    def middle(self) -> tuple[Array, Array]:
+        return self.point(self.axis), self.sign * self.axis
 
-def bernstein(degree: int, x: Array) -> Array:
-    """(..., degree+1) the Bernstein polynomials B_i(x) of a degree."""
-    i = np.arange(degree + 1)
-    x = np.asarray(x)[..., None]
-    return np.array([comb(degree, k) for k in i]) * x**i * (1 - x) ** (degree - i)
+    @property
+    def amid(self) -> Array:
+        return self.center
 
+    @property
+    def outermost(self) -> float:
+        return float(np.linalg.norm(self.center)) + self.radius
 
-def differences(points: Array, du: int, dv: int) -> Array:
-    """Bernstein coefficients of a derivative: (M+1-du, N+1-dv, k); zeros (1, ...) beyond the degree."""
-    out = points
-    for _ in range(du):
-        out = (out.shape[0] - 1) * np.diff(out, axis=0) if out.shape[0] > 1 else 0 * out
-    for _ in range(dv):
-        out = (out.shape[1] - 1) * np.diff(out, axis=1) if out.shape[1] > 1 else 0 * out
-    return out
+    @property
+    def extent(self) -> float:
+        return self.radius * float(np.sin(min(self.half_angle, np.pi / 2)))
 
+    @property
+    def longest_normal(self) -> float:
+        return self.radius**2
 
-def restrict(points: Array, u: tuple[float, float], v: tuple[float, float]) -> Array:
-    """Bernstein coefficients of the polynomial over a rectangle of parameters (blossoming)."""
-    return _restrict_first(_restrict_first(points, *u).swapaxes(0, 1), *v).swapaxes(0, 1)
-
-
-def hull_box(points: Array) -> Array:
-    """(2, k) box about all values of a polynomial over the unit square, padded against rounding."""
-    flat = points.reshape(-1, points.shape[-1])
-    pad = PADDING * np.abs(flat).max(initial=0.0)
-    return np.array([flat.min(axis=0) - pad, flat.max(axis=0) + pad])
-
-
-def _restrict_first(points: Array, a: float, b: float) -> Array:
-    """Over [a, b] in the first parameter: coefficient k is the blossom at k times b and the rest a."""
-    degree = len(points) - 1
-    out = np.empty_like(points)
-    for k in range(degree + 1):
-        level = points
-        for x in [b] * k + [a] * (degree - k):
-            level = (1 - x) * level[:-1] + x * level[1:]
-        out[k] = level[0]
-    return out
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Bernstein coefficients of the cross product of two vector polynomials (Yamaguchi 1997)."""
-    a, b = a * _binomials(a)[:, :, None], b * _binomials(b)[:, :, None]
-    out = np.zeros((a.shape[0] + b.shape[0] - 1, a.shape[1] + b.shape[1] - 1, 3))
-    for i, j in np.ndindex(*a.shape[:2]):
-        out[i : i + b.shape[0], j : j + b.shape[1]] += np.cross(a[i, j], b)
-    return out / _binomials(out)[:, :, None]
-
-
-def _binomials(points: Array) -> Array:
-    """(M+1, N+1) products of the binomial coefficients of a polynomial's degrees."""
-    rows, columns = (np.array([float(comb(n - 1, k)) for k in range(n)]) for n in points.shape[:2])
-    return np.outer(rows, columns)
+    def derivative_bounds(self, cells: int) -> tuple[Array, Array]:
+        """Everywhere the same."""
+        shape = (cells, cells, 5)
+        return np.full(shape, self.radius), np.ones(shape)

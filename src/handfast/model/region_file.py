@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from pydantic import field_validator, model_validator
 
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, Vector
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.region import Bezier, Cap, Region
+
+# each has a field in `RegionEntry`
+KINDS: dict[str, type[Region]] = {kind.kind: kind for kind in (Bezier, Cap, CylinderSide)}
 
 
 class CapEntry(Strict):
@@ -21,11 +24,23 @@ class CapEntry(Strict):
     half_angle: Finite
 
 
+class CylinderSideEntry(Strict):
+    """Part of a cylinder's side: see `handfast.model.cylinder_side.CylinderSide`."""
+
+    center: Vector
+    radius: Finite
+    axis: Vector
+    x_axis: Vector
+    angles: tuple[Finite, Finite]
+    heights: tuple[Finite, Finite]
+
+
 class RegionEntry(Strict):
-    """Exactly one of a Bezier patch and a cap; `flip` reverses its outward normal."""
+    """Exactly one kind of region, under its key; `flip` reverses its outward normal."""
 
     bezier: list[list[Vector]] | None = None
     cap: CapEntry | None = None
+    cylinder_side: CylinderSideEntry | None = None
     flip: bool = False
 
     @field_validator("bezier")
@@ -43,30 +58,21 @@ class RegionEntry(Strict):
 
     @model_validator(mode="after")
     def _one(self) -> RegionEntry:
-        if (self.bezier is None) == (self.cap is None):
-            raise ValueError("exactly one of bezier, cap is needed")
+        if sum(getattr(self, kind) is not None for kind in KINDS) != 1:
+            raise ValueError(f"exactly one of {', '.join(KINDS)} is needed")
         return self
 
     def region(self, field: str, flip: bool) -> Region:
         """The region; `field` is where it stands in the file, `flip` what stands beside it."""
         if flip and self.flip:
             raise InputError("is given twice, in the region and beside it; once is enough", field=f"{field}.flip")
-        flip = flip or self.flip
+        (kind,) = (kind for kind in KINDS if getattr(self, kind) is not None)
         try:
-            if self.cap is None:
-                return Bezier(np.array(self.bezier), flip)
-            cap = self.cap
-            return Cap(np.array(cap.center), cap.radius, np.array(cap.axis), cap.half_angle, flip)
+            return KINDS[kind].of(self.model_dump()[kind], flip or self.flip)
         except InputError as fault:
             raise fault.within(field) from None
 
 
 def region_to_dict(region: Region) -> dict[str, Any]:
     """A region as a task file writes it; `RegionEntry.region` reads it."""
-    data: dict[str, Any]
-    if isinstance(region, Bezier):
-        data = {"bezier": region.points.tolist()}
-    else:
-        cap = {"center": region.center.tolist(), "radius": float(region.radius)}
-        data = {"cap": cap | {"axis": region.axis.tolist(), "half_angle": region.half_angle}}
-    return data | ({"flip": True} if region.flip else {})
+    return {region.kind: region.numbers()} | ({"flip": True} if region.flip else {})

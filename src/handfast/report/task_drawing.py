@@ -19,7 +19,7 @@ from matplotlib.patheffects import withStroke
 
 from handfast.core.arrays import Array
 from handfast.model.body import load_body
-from handfast.model.region import Bezier, Region
+from handfast.model.region import Region
 from handfast.report.drawing import GREY, INK, SOLID, View
 from handfast.synthesis.task import Task
 
@@ -142,16 +142,10 @@ def _object(task: Task, pose: Array) -> list[Facets]:
 
 def region_facets(region: Region, pose: Array, color: str) -> Facets:
     """A region a little above its surface, wound to its outward normal."""
-    steps = np.linspace(0, 1, GRID + 1)
-    u, v = np.meshgrid(steps, steps, indexing="ij")
-    if isinstance(region, Bezier):
-        points, normals = region.at(u, v), region.normal(u, v)
-        normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
-    else:
-        polar, turn = u * region.half_angle, 2 * np.pi * v
-        local = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=-1)
-        out = local @ region.frame.T
-        points, normals = region.point(out), region.sign * out
+    lower, upper = region.bounds.T
+    first, second = np.linspace(lower, upper, GRID + 1).T
+    u, v = np.meshgrid(first, second, indexing="ij")
+    points, normals = region.at(u, v), region.outward(u, v)
     grid, normals = (points + LIFT * normals) @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T
     a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
     corners = np.concatenate([np.stack(t, axis=2).reshape(-1, 3, 3) for t in ((a, b, c), (a, c, d))])

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from handfast.core.arrays import Array, Indices
-from handfast.model.region import Bezier
 from handfast.synthesis.certify.existence import free_joints
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
@@ -41,14 +40,8 @@ def features_of(task: Task, coordinates: Array) -> Array:
     turn = _rotations(coordinates[:, nj + 3 : nj + POSE]).reshape(-1, 9) / np.sqrt(2)
     spots, column = [], nj + POSE
     for pair in task.contact_pairs:
-        s, t = coordinates[:, column], coordinates[:, column + 1]
-        if isinstance(pair.object, Bezier):
-            point = pair.object.at(s, t)
-        else:
-            around = np.column_stack([np.sin(s) * np.cos(t), np.sin(s) * np.sin(t), np.cos(s)])
-            point = pair.object.point(around @ pair.object.frame.T)
-        spots.append(point / LENGTH)
-        column += 4 if isinstance(pair.hand, Bezier) else 2
+        spots.append(pair.object.at(coordinates[:, column], coordinates[:, column + 1]) / LENGTH)
+        column += 2 if pair.hand.ball else 4
     return np.hstack([joints, position, turn, *spots])
 
 

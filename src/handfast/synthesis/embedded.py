@@ -18,8 +18,7 @@ from handfast.core.errors import InputError
 from handfast.core.files import FORMER, NAME, Finite, Strict, Vector, validate
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.model.region import Bezier, Region
-from handfast.model.region_file import RegionEntry
+from handfast.model.region_file import RegionEntry, region_to_dict
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 
 Row = tuple[Finite, Finite, Finite, Finite]
@@ -144,7 +143,11 @@ def task_to_dict(task: Task) -> dict[str, Any]:
             ],
         },
         "contacts": [
-            {"link": t.link, "hand": _region_to_dict(t.hand), "object": _region_to_dict(t.object)}
+            {
+                "link": t.link,
+                "hand": region_to_dict(t.hand) | {"flip": t.hand.flip},
+                "object": region_to_dict(t.object) | {"flip": t.object.flip},
+            }
             for t in task.contact_pairs
         ],
         "pose": {
@@ -193,13 +196,6 @@ def digest(data: Any) -> str:
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
     text = text.replace(f'"schema":"{NAME}', f'"schema":"{FORMER}')
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
-
-
-def _region_to_dict(region: Region) -> dict[str, Any]:
-    if isinstance(region, Bezier):
-        return {"bezier": region.points.tolist(), "flip": region.flip}
-    cap = {"center": region.center.tolist(), "radius": float(region.radius)}
-    return {"cap": cap | {"axis": region.axis.tolist(), "half_angle": region.half_angle}, "flip": region.flip}
 
 
 def _ends(bounds: Array, lowest: float, highest: float) -> list[list[float | None]]:

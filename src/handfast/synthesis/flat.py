@@ -7,11 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.model.cylinder_side import CylinderSide
 from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Hand
 from handfast.model.region import Bezier, Cap
 from handfast.synthesis.task import Task
-from handfast.synthesis.task_groups import PRISMATIC, REVOLUTE, Chains, Regions
+from handfast.synthesis.task_groups import CAP, CYLINDER, PATCH, PRISMATIC, REVOLUTE, Chains, Regions
+
+NUMBERS = 16  # of a surface that is no patch, at most
 
 
 class _Chain(NamedTuple):
@@ -103,25 +106,32 @@ def regions_of(task: Task, unit: float) -> Regions:
     b = len(task.contact_pairs)
     center, axis = np.zeros((b, 3)), np.zeros((b, 3))
     radius, cone, sign = np.zeros(b), np.full(b, -2.0), np.ones(b)
-    degree, first = np.zeros((2 * b, 2), dtype=np.intp), np.zeros(2 * b, dtype=np.intp)
-    ball, face = np.zeros((b, 13)), np.ones(2 * b)
-    points: list[Array] = [np.zeros((1, 3))]
     for k, t in enumerate(task.contact_pairs):
-        if isinstance(t.hand, Cap):
-            center[k], axis[k], sign[k] = t.hand.center / unit, t.hand.axis, t.hand.sign
-            radius[k] = t.hand.sign * t.hand.radius / unit
-            cone[k] = np.cos(t.hand.half_angle) if t.hand.half_angle < np.pi else -2.0
-        if isinstance(t.object, Cap):
-            ball[k, :9], ball[k, 9:12] = t.object.frame.ravel(), t.object.center / unit
-            ball[k, 12] = t.object.radius / unit
-        for i, region in ((k, t.object), (b + k, t.hand)):
-            face[i] = region.sign
-            if isinstance(region, Bezier):
-                degree[i], first[i] = region.degree, sum(len(p) for p in points)
+        if ball := t.hand.ball:
+            center[k], axis[k], sign[k] = ball.center / unit, ball.axis, ball.sign
+            radius[k] = ball.sign * ball.radius / unit
+            cone[k] = np.cos(ball.half_angle) if ball.half_angle < np.pi else -2.0
+    surfaces = [*(t.object for t in task.contact_pairs), *(t.hand for t in task.contact_pairs)]
+    kind, degree = np.zeros(2 * b, dtype=np.intp), np.zeros((2 * b, 2), dtype=np.intp)
+    first, numbers = np.zeros(2 * b, dtype=np.intp), np.zeros((2 * b, NUMBERS))
+    points: list[Array] = [np.zeros((1, 3))]
+    for which, region in enumerate(surfaces):
+        match region:
+            case Bezier():
+                kind[which], degree[which], first[which] = PATCH, region.degree, sum(len(p) for p in points)
                 points.append(region.points.reshape(-1, 3) / unit)
+            case Cap():  # its frame row by row, its centre and radius
+                kind[which] = CAP
+                numbers[which, :13] = [*region.frame.ravel(), *(region.center / unit), region.radius / unit]
+            case CylinderSide():  # its frame, the lowest point of its axis and radius, first angle, turn and length
+                kind[which], lowest = CYLINDER, region.center + region.heights[0] * region.axis
+                numbers[which, :13] = [*region.frame.ravel(), *(lowest / unit), region.radius / unit]
+                numbers[which, 13:16] = region.angles[0], region.turn, region.length / unit
+            case _:
+                raise TypeError(type(region))
     return Regions(
-        hand=np.array([int(isinstance(t.hand, Bezier)) for t in task.contact_pairs], dtype=np.intp),
-        object=np.array([int(isinstance(t.object, Bezier)) for t in task.contact_pairs], dtype=np.intp),
+        hand=kind[b:].copy(),
+        object=kind[:b].copy(),
         center=center,
         axis=axis,
         radius=radius,
@@ -130,6 +140,6 @@ def regions_of(task: Task, unit: float) -> Regions:
         degree=degree,
         first=first,
         points=np.vstack(points),
-        ball=ball,
-        face=face,
+        numbers=numbers,
+        face=np.array([region.sign for region in surfaces]),
     )

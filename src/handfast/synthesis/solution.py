@@ -13,7 +13,6 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.configuration import Configuration
-from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.certify.existence import Existence, existence_to_dict, moving_joints
 from handfast.synthesis.certify.verify_existence import Report, verify_existence
 from handfast.synthesis.embedded import task_to_dict
@@ -49,9 +48,8 @@ class Solution:
         pose = transform(proof.position, quaternion_matrix(proof.quaternion / np.linalg.norm(proof.quaternion)))
         points, normals = [], []
         for pair, spot in zip(task.contact_pairs, proof.contacts, strict=True):
-            point, normal = point_and_normal(pair.object, *spot.object)
-            points.append(pose[:3, :3] @ point + pose[:3, 3])
-            normals.append(-pose[:3, :3] @ normal)
+            points.append(pose[:3, :3] @ pair.object.at(*spot.object) + pose[:3, 3])
+            normals.append(-pose[:3, :3] @ pair.object.outward(*spot.object))
         b = len(task.contact_pairs)
         return cls(
             task,
@@ -66,8 +64,8 @@ class Solution:
     def slacks(self) -> Mapping[str, float]:
         """How far each bound is away, by label.
 
-        "joint:NAME" [rad, m], "position:0" [m], "x_axis:0" [-, a component], "contact:0:s" [-, of a patch's
-        side; rad on a cap], "contact:0:cone" [rad].
+        "joint:NAME" [rad, m], "position:0" [m], "x_axis:0" [-, a component], "contact:0:s" [-, a share
+        of the region's side; rad on a cap], "contact:0:cone" [rad].
         """
         return MappingProxyType(_slacks(self.task, self.existence, self.q, self.pose, self.normals))
 
@@ -109,18 +107,6 @@ class Solution:
         }
 
 
-# --- geometry ---------------------------------------------------------------------------------------
-
-
-def point_and_normal(region: Region, s: float, t: float) -> tuple[Array, Array]:
-    """(3,) [m] and (3,) outward unit normal of a region at its parameters."""
-    if isinstance(region, Bezier):
-        normal = region.normal(s, t)
-        return region.at(s, t), normal / np.linalg.norm(normal)
-    direction = region.frame @ [np.sin(s) * np.cos(t), np.sin(s) * np.sin(t), np.cos(s)]
-    return region.point(direction), region.sign * direction
-
-
 def _slacks(task: Task, proof: Existence, q: Array, pose: Array, normals: Array) -> dict[str, float]:
     hand, out = task.hand, {}
     for j in moving_joints(task):
@@ -138,13 +124,13 @@ def _slacks(task: Task, proof: Existence, q: Array, pose: Array, normals: Array)
     links = hand.link_poses(q)
     for n, (pair, spot) in enumerate(zip(task.contact_pairs, proof.contacts, strict=True)):
         for region, names, values in ((pair.object, "st", spot.object), (pair.hand, "uv", spot.hand)):
-            if isinstance(region, Bezier) and values is not None:
+            if not region.ball and values is not None:
                 out |= {f"contact:{n}:{name}": min(x, 1 - x) for name, x in zip(names, values, strict=True)}
-        if isinstance(pair.object, Cap) and pair.object.half_angle < np.pi:
-            out[f"contact:{n}:s"] = pair.object.half_angle - abs(spot.object[0])
-        if isinstance(pair.hand, Cap) and pair.hand.half_angle < np.pi:
-            axis = links[hand.link(pair.link), :3, :3] @ pair.hand.axis
-            out[f"contact:{n}:cone"] = pair.hand.half_angle - _angle(axis, pair.hand.sign * normals[n])
+        if (ball := pair.object.ball) and ball.half_angle < np.pi:
+            out[f"contact:{n}:s"] = ball.half_angle - abs(spot.object[0])
+        if (ball := pair.hand.ball) and ball.half_angle < np.pi:
+            axis = links[hand.link(pair.link), :3, :3] @ ball.axis
+            out[f"contact:{n}:cone"] = ball.half_angle - _angle(axis, ball.sign * normals[n])
     return {label: float(slack) for label, slack in out.items()}
 
 

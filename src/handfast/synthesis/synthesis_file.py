@@ -15,7 +15,6 @@ from pydantic import ConfigDict, Field
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, same_json, validate
-from handfast.model.region import Cap
 from handfast.synthesis.certify.existence import Existence, existence_from_dict, free_joints
 from handfast.synthesis.embedded import fingerprint, refuse_broken, task_from_dict
 from handfast.synthesis.solution import Solution
@@ -160,8 +159,8 @@ def _refuse_misfit(task: Task, proof: Existence) -> None:
     if not (proof.quaternion**2).sum() > 0:
         raise InputError("is zero", field="quaternion")
     for k, (pair, spot) in enumerate(zip(task.contact_pairs, proof.contacts, strict=True)):
-        if isinstance(pair.hand, Cap) != (spot.hand is None):
-            needed = "null, the region is a cap" if isinstance(pair.hand, Cap) else "u and v, the region is a patch"
+        if (pair.hand.ball is not None) != (spot.hand is None):
+            needed = "null, the region is a cap" if pair.hand.ball else "u and v, the region is no cap"
             raise InputError(f"needs {needed}", field=f"contacts[{k}].hand")
 
 

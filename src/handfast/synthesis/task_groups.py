@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from handfast.core.groups import RealArrays4, RealMatrices, RealMatrix, Reals, WholeMatrix, Wholes
 
-CAP, PATCH = 0, 1  # kinds of regions
+CAP, PATCH, CYLINDER = 0, 1, 2  # kinds of regions
 REVOLUTE, PRISMATIC = 0, 1  # kinds of joints
 POSE = 7  # coordinates of the object's pose, the last before the region parameters
 QUATERNION = 4  # of these that turn it, the last
@@ -32,8 +32,8 @@ class Chains(NamedTuple):
 class Regions(NamedTuple):
     """What touches. Surfaces have parameters: first the object regions of all contacts, then the hand's."""
 
-    hand: Wholes  # (b,) CAP or PATCH
-    object: Wholes  # (b,) CAP or PATCH
+    hand: Wholes  # (b,) its kind; a CAP rolls: it has no parameters, but what follows
+    object: Wholes  # (b,) its kind
     center: RealMatrix  # (b, 3) [unit] of the hand's cap, in its link
     axis: RealMatrix  # (b, 3) of the hand's cap, unit vector in its link
     radius: Reals  # (b,) [unit] of the hand's cap, negative if its normals are reversed
@@ -42,7 +42,7 @@ class Regions(NamedTuple):
     degree: WholeMatrix  # (2b, 2) of each patch
     first: Wholes  # (2b,) its first control point in `points`
     points: RealMatrix  # (., 3) [unit] control points of all patches
-    ball: RealMatrix  # (b, 13) of the object's cap: its frame row by row, its centre and radius [unit]
+    numbers: RealMatrix  # (2b, 16) of each surface that is no patch, as `flat.py` lists them
     face: Reals  # (2b,) 1, or -1 if the surface's normals are reversed
 
 

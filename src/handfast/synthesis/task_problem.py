@@ -2,7 +2,7 @@
 
 Coordinates x, in this order: the free joints (those that move a contact, neither driven by another joint nor
 fixed by equal limits), the object's position (3), its unnormalised quaternion (4; w, x, y, z), and for
-each contact the parameters s, t of the object region and, if the hand region is a patch, u, v of that one.
+each contact the parameters s, t of the object region and, if the hand region is no cap, u, v of that one.
 
 Equations, 3 or 5 a contact. A cap on the hand rolls: its centre lies at the distance of its radius from the
 object region, along the region's normal, so that points coincide and normals oppose (15), (16) whatever
@@ -10,7 +10,7 @@ the direction,
 
     p_k + R_k c = p + R (o + r n)(s, t)                                                     three,
 
-and a patch on the hand is tangent to the region with coinciding points,
+and any other region on the hand is tangent to the region with coinciding points,
 
     p_k + R_k h(u, v) = p + R o(s, t),   R_k m . R o_s = 0,   R_k m . R o_t = 0              five.
 
@@ -29,7 +29,6 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.model.hand.coupling import driver_ranges, drivers
 from handfast.model.hand.hand import Hand
-from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.flat import chains_of, regions_of
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_groups import Coordinates, Flat
@@ -68,12 +67,10 @@ class TaskProblem:
         lower, upper = np.array([ranges.get(j, (0.0, 0.0)) for j in range(hand.l)]).T
         driving = sorted({follows[j][0] for j in task.involved.tolist() if follows[j][0] >= 0})
         free = tuple(j for j in driving if lower[j] < upper[j])
-        reach = [
-            _reach(hand, link) + _outermost(t.hand) for link, t in zip(task.links, task.contact_pairs, strict=True)
-        ]
+        reach = [_reach(hand, link) + t.hand.outermost for link, t in zip(task.links, task.contact_pairs, strict=True)]
         unit = float(2.0 ** np.round(np.log2(max(max(reach), 1e-6))))
         # no contact lets the origin be farther from the palm than it is from the region beyond the hand's reach
-        far = min(r + _outermost(t.object) for r, t in zip(reach, task.contact_pairs, strict=True)) * (1 + 1e-9)
+        far = min(r + t.object.outermost for r, t in zip(reach, task.contact_pairs, strict=True)) * (1 + 1e-9)
         position = np.clip(task.pose.position, -far, far) / unit
         labels = [f"joint:{hand.joint_names[j]}" for j in free]
         labels += [f"position:{i}" for i in range(3)] + [f"quaternion:{i}" for i in range(4)]
@@ -84,11 +81,10 @@ class TaskProblem:
         for k, t in enumerate(task.contact_pairs):
             params.append(len(labels))
             rows.append(row)
-            names = "st" if isinstance(t.hand, Cap) else "stuv"
+            names = "st" if t.hand.ball else "stuv"
             labels += [f"contact:{k}:{name}" for name in names]
-            box += [(0.0, t.object.half_angle), (-4.0, 4.0)] if isinstance(t.object, Cap) else [(0.0, 1.0)] * 2
-            box += [(0.0, 1.0)] * (len(names) - 2)
-            row += 3 if isinstance(t.hand, Cap) else 5
+            box += t.object.search_bounds.tolist() + ([] if t.hand.ball else t.hand.search_bounds.tolist())
+            row += 3 if t.hand.ball else 5
         bounds = np.array(box)
         coordinates = Coordinates(
             row=np.array(rows, dtype=np.intp),
@@ -123,10 +119,3 @@ def _reach(hand: Hand, link: int) -> float:
             reach += float(travel)
         link = hand.links[link].parent
     return reach
-
-
-def _outermost(region: Region) -> float:
-    """[m] no point of the region lies farther from the origin of its frame."""
-    if isinstance(region, Bezier):
-        return float(np.linalg.norm(region.points, axis=2).max())
-    return float(np.linalg.norm(region.center)) + region.radius

@@ -115,7 +115,7 @@ def test_the_order_of_the_dependent_coordinates_does_not_matter() -> None:
     ("change", "message"),
     [
         (lambda p: {"contacts": (replace(p.contacts[0], hand=None), p.contacts[1])},
-         "contact 0: the hand region is a patch, which needs u and v"),
+         "contact 0: the hand region is no cap, so it needs u and v"),
         (lambda p: {"contacts": (p.contacts[0], replace(p.contacts[1], hand=(0.5, 0.5)))},
          "contact 1: the hand region is a cap, which has no u and v"),
         (lambda p: {"dependent": (p.dependent[1], *p.dependent[1:])}, r"\S+ is dependent twice"),

@@ -7,8 +7,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from handfast.model.bernstein import evaluate
 from handfast.model.hand import load_hand
-from handfast.model.region import Bezier, Cap, evaluate
+from handfast.model.region import Bezier, Cap
 from handfast.synthesis.paper.canonical_build import canonical
 from handfast.synthesis.paper.patch_form import PatchForm, cap_parameters
 from handfast.synthesis.task import Task

@@ -17,7 +17,7 @@ from handfast.core.branch import BranchAndPrune, Discarded
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier, Cap
 from handfast.synthesis.search.boxes import Boxes, Part, PoseSpace
-from handfast.synthesis.search.derivative_bounds import CELLS, bounds
+from handfast.synthesis.search.derivative_bounds import CELLS
 from handfast.synthesis.search.kernel.object_pose import turning
 from handfast.synthesis.search.prover import LEAVES, POSES, Prover
 from handfast.synthesis.search.starts import Starts
@@ -183,7 +183,7 @@ def test_the_share_that_is_discarded_adds_up():
 def test_constants_bound_the_derivatives_of_regions(seed: int):
     rng = np.random.default_rng(seed)
     region = bump(rng, tuple(rng.integers(1, 5, 2)), flip=bool(seed % 2))
-    surfaces, normals = bounds(region)
+    surfaces, normals = region.derivative_bounds(CELLS)
     orders = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
     step = 1e-4
 
@@ -209,7 +209,7 @@ def test_constants_bound_the_derivatives_of_regions(seed: int):
             assert largest <= normals[i, j, k] * (1 + 1e-3) + 1e-5
             assert length >= 0.3 * surfaces[i, j, k] or sum(order) == 2  # bounds, but not idle ones
     cap = Cap([0, 0, 0], 0.02, [0, 0, 1], 1.0)
-    assert bounds(cap)[0].max() == 0.02
+    assert cap.derivative_bounds(CELLS)[0].max() == 0.02
 
 
 # --- pose by pose ---------------------------------------------------------------------------------

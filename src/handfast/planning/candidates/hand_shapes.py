@@ -11,7 +11,6 @@ from handfast.core.arrays import Array
 from handfast.model.hand.coupling import coupled
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegion
-from handfast.model.region import Cap
 
 ROUND = 0.05  # [m] a cap of a larger sphere is taken as a flat disc
 PATCH_SLACK = np.radians(25)  # [rad] how far a contact's normal may be from that in the middle of a patch
@@ -68,9 +67,9 @@ class HandShapes:
         poses = hand.link_poses(q)
         radii, slacks, points, axes = [], [], [], []
         for r in regions:
-            round_tip = isinstance(r.region, Cap) and r.region.radius < ROUND
-            radii.append(r.region.radius if isinstance(r.region, Cap) and round_tip else 0.0)
-            slacks.append(max(r.region.half_angle, LOOSE) if isinstance(r.region, Cap) else PATCH_SLACK)
+            ball = r.region.ball
+            radii.append(ball.radius if ball and ball.radius < ROUND else 0.0)
+            slacks.append(max(ball.half_angle, LOOSE) if ball else PATCH_SLACK)
             middle, normal = r.middle
             pose = poses[hand.link(r.link)]
             points.append(pose[:, :3, :3] @ (middle - radii[-1] * normal) + pose[:, :3, 3])

@@ -12,7 +12,6 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.body import Body
 from handfast.model.hand_regions import HandRegion, HandRegions
-from handfast.model.region import Cap
 from handfast.planning.candidates.hand_shapes import HandShapes, Match
 from handfast.planning.candidates.place_sets import Reachable, balanced_sets
 from handfast.planning.candidates.places import ERROR, Place, find_places
@@ -92,7 +91,7 @@ def find_candidates(
     shapes = HandShapes.of(hand, own, SHAPES, seed)
     wholes = [tuple(own.index(r) for r in chosen) for chosen in sets]
     size = float(np.ptp(body.vertices, axis=0).max())
-    radius = min(PATCH[0] * float(np.median([extent(r) for r in own])), PATCH[1] * size)
+    radius = min(PATCH[0] * float(np.median([r.region.extent for r in own])), PATCH[1] * size)
     places, unfit = find_places(body, radius, count=spread, seed=seed)
     opening = max(shapes.opening(chosen) for chosen in wholes) + SLACK
     tally = Tally()
@@ -155,12 +154,3 @@ def region_sets(regions: HandRegions, kind: Kind) -> list[tuple[HandRegion, ...]
     if len(sets[0]) < 3:
         raise InputError("a power grasp needs three regions or more: a palm, pads or more tips", field="regions")
     return sets
-
-
-def extent(region: HandRegion) -> float:
-    """[m] half of the width of a region, roughly."""
-    r = region.region
-    if isinstance(r, Cap):
-        return r.radius * float(np.sin(min(r.half_angle, np.pi / 2)))
-    across = [np.linalg.norm(r.at(*a) - r.at(*b)) for a, b in (((0, 0.5), (1, 0.5)), ((0.5, 0), (0.5, 1)))]
-    return float(min(across)) / 2

@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 
 from handfast.core.arrays import Array, Indices
-from handfast.model.region import Bezier
 from handfast.synthesis.certify.chains import Arms, Drive
 from handfast.synthesis.certify.existence import ProofRefused, free_joints
 from handfast.synthesis.certify.interval_arithmetic import Dual, Interval, columns, join
@@ -86,11 +85,11 @@ def equations_of(task: Task) -> Equations:
     labels += [f"position:{i}" for i in range(3)] + [f"quaternion:{i}" for i in range(4)]
     rows: list[int] = []
     for k, pair in enumerate(task.contact_pairs):
-        patch = isinstance(pair.hand, Bezier)
-        labels += [f"contact:{k}:{name}" for name in ("stuv" if patch else "st")]
-        rows += range(5 * k, 5 * k + (5 if patch else 3))
+        labels += [f"contact:{k}:{name}" for name in ("st" if pair.hand.ball else "stuv")]
+        rows += range(5 * k, 5 * k + (3 if pair.hand.ball else 5))
     column = {label: n for n, label in enumerate(labels)}
-    radius = [0.0 if isinstance(t.hand, Bezier) else t.hand.sign * t.hand.radius for t in task.contact_pairs]
+    balls = [t.hand.ball for t in task.contact_pairs]
+    radius = [ball.sign * ball.radius if ball else 0.0 for ball in balls]
     drive = Drive.of(task, column)
     return Equations(
         task,

@@ -9,10 +9,11 @@ decides whether that is so. Coordinates are named by labels:
     position:0 .. 2      the object's origin in the palm frame [m]
     quaternion:0 .. 3    w, x, y, z of the object in the palm frame, of any length: R = matrix / |q|^2
     contact:K:s, :t      parameters of contact K (from 0) on its object region
-    contact:K:u, :v      parameters on its hand region, if that is a patch
+    contact:K:u, :v      parameters on its hand region, if that is no cap
 
-On a patch both parameters run from 0 to 1. On a cap, s is the angle from the axis and t the angle around it:
-direction = cap.frame @ (sin s cos t, sin s sin t, cos s) from the centre.
+On a patch both parameters run from 0 to 1; on a cylinder's side too, over its angles and over its heights. On a
+cap, s is the angle from the axis and t the angle around it: direction = cap.frame @ (sin s cos t, sin s sin t,
+cos s) from the centre.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class ContactPoint:
     Attributes:
         link: name of the hand link, as in the task.
         object: (s, t) on the object region.
-        hand: (u, v) on the hand region if it is a patch; None on a cap, where the normal says the point.
+        hand: (u, v) on the hand region; None on a cap, where the normal says the point.
     """
 
     link: str

@@ -4,7 +4,7 @@ Whatever the object's pose, a rigid motion keeps lengths and angles. At a contac
 point P and direction A in the palm frame, and the object's point O and direction N in its own, are
 
     a hand cap with centre c, axis a, half angle h:  P = p_k + R_k c,  A = R_k a,  O = o + g r n,  N = -g n,
-    a hand patch with point h, normal m:             P = p_k + R_k h,  A = R_k m,  O = o,          N = -n, with h = 0,
+    any other one with point h, normal m:            P = p_k + R_k h,  A = R_k m,  O = o,          N = -n, with h = 0,
 
 and R O + p = P while R N is within the angle h of A. So for any two of them, with dP = P - P' and dO = O - O',
 
@@ -26,7 +26,6 @@ from itertools import combinations
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
-from handfast.model.region import Cap
 from handfast.synthesis.certify.chains import Arms, Drive
 from handfast.synthesis.certify.existence import free_joints
 from handfast.synthesis.certify.interval_arithmetic import TINY, ULP, Dual, Interval, dot, join, sqr, sqrt
@@ -37,6 +36,7 @@ BOXES = 20_000  # that are looked at before the question is left open
 BATCH = 64  # boxes that are looked at together
 LARGE = 2_000  # derivatives of all conditions, beyond which boxes and batches are fewer
 FINEST = 1e-6  # of the whole: a box with no longer side could be halved for ever
+AROUND = 3.2  # [rad] more than half a turn: as far as a parameter goes either way
 MORE = 1 + 1e-9  # over the rounding of a bound
 CONE_ROUNDING = 1e-9  # more than the rounding of a cone about the bounds of an axis
 
@@ -153,14 +153,13 @@ class _Conditions:
         root += task.pose.position.tolist() if origin else []
         for k, pair in enumerate(pairs):
             for region, names in ((pair.object, "st"), (pair.hand, "uv")):
-                if isinstance(region, Cap) and names == "uv":
+                if region.ball and names == "uv":
                     continue
                 labels += [f"contact:{k}:{name}" for name in names]
-                around = [[0.0, region.half_angle], [-3.2, 3.2]] if isinstance(region, Cap) else [[0.0, 1.0]] * 2
-                root += around
+                root += np.clip(region.search_bounds, -AROUND, AROUND).tolist()
         column = {label: n for n, label in enumerate(labels)}
         drive, K = Drive.of(task, column), len(pairs)
-        caps = [pair.hand if isinstance(pair.hand, Cap) else None for pair in pairs]
+        caps = [pair.hand.ball for pair in pairs]
         two, (axes, around_axes) = list(combinations(range(K + origin), 2)), _cones(task.pose)
         along = [(k, n) for n, t in enumerate(two) for k in t if k < K]
         along += [(K + i, n) for n in range(len(two)) for i in range(len(around_axes))]

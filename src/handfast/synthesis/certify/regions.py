@@ -1,55 +1,61 @@
-"""Patches and caps in interval arithmetic: points, normals and tangents with their derivatives."""
+"""Regions in interval arithmetic: points, normals and tangents with their derivatives."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import comb
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handfast.core.arrays import Array, Indices
-from handfast.model.region import Bezier, Cap
+from handfast.model.cylinder_side import CylinderSide
+from handfast.model.region import Bezier, Cap, Region
 from handfast.synthesis.certify.chains import orthonormal
 from handfast.synthesis.certify.interval_arithmetic import Dual, Interval, columns, cos, cross, join, sin, unit
 
 ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # the derivatives of a patch that F and F' need
 
 
+class _Surfaces(Protocol):
+    """Regions of one kind."""
+
+    def at(self, x: Dual) -> tuple[Dual, ...]:
+        """As `ContactSide.at`."""
+
+
 @dataclass(frozen=True, eq=False)
 class ContactSide:
-    """The regions of one side of the contacts, patches and caps apart.
+    """The regions of one side of the contacts, each kind apart.
 
     Attributes:
-        patches, caps: None without.
-        order: (K,) of the contacts, in the patches followed by the caps.
+        parts: of each kind that there is, see `SURFACES`.
+        order: (K,) of the contacts, in one part after the other.
     """
 
-    patches: _Patches | None
-    caps: _Caps | _Centres | None
+    parts: tuple[_Surfaces, ...]
     order: Indices
 
     @classmethod
-    def of(cls, regions: Sequence[Bezier | Cap], names: str, column: Mapping[str, int], *, still: bool) -> ContactSide:
+    def of(cls, regions: Sequence[Region], names: str, column: Mapping[str, int], *, still: bool) -> ContactSide:
         """With parameters of these names; `still`: of a cap only its centre and axis are wanted."""
-        patches = {k: r for k, r in enumerate(regions) if isinstance(r, Bezier)}
-        caps = {k: r for k, r in enumerate(regions) if isinstance(r, Cap)}
-
-        def at(contacts: Mapping[int, object]) -> Indices:
-            of = [[column[f"contact:{k}:{name}"] for name in names] for k in contacts]
-            return np.array(of, dtype=np.intp).T
-
-        kind = _Centres.of if still else _Caps.of
-        return cls(
-            _Patches.of(list(patches.values()), at(patches)) if patches else None,
-            kind(list(caps.values()), np.zeros(0, dtype=np.intp) if still else at(caps)) if caps else None,
-            np.argsort([*patches, *caps]),
-        )
+        parts: list[_Surfaces] = []
+        order: list[int] = []
+        for kind, surfaces in SURFACES.items():
+            its = {k: region for k, region in enumerate(regions) if type(region) is kind}
+            stands = still and kind is Cap
+            at = [[column[f"contact:{k}:{name}"] for name in names] for k in its if not stands]
+            if its:
+                make: Callable[[Sequence[Any], Indices], _Surfaces] = _Centres.of if stands else surfaces
+                parts.append(make(list(its.values()), np.array(at, dtype=np.intp).T))
+            order += its
+        return cls(tuple(parts), np.argsort(order))
 
     def at(self, x: Dual) -> tuple[Dual, ...]:
         """(N, K, 3) each at (N, n): point, outward unit normal (axis of a cap that stands still), two tangents."""
-        parts = [part.at(x) for part in (self.patches, self.caps) if part is not None]
+        parts = [part.at(x) for part in self.parts]
         return tuple(join(list(p), -2)[..., self.order, :] for p in zip(*parts, strict=True))
 
 
@@ -97,6 +103,42 @@ class _Caps:
         turned = self.frame @ columns([join([a[..., None] for a in v], -1) for v in local])
         direction = turned[..., 0]
         return direction * self.radius + self.centre, direction * self.sign, turned[..., 1], turned[..., 2]
+
+
+@dataclass(frozen=True, eq=False)
+class _CylinderSides:
+    """Sides of cylinders (C): rotations of their frames, points of their axes, radii and signs; columns (2, C) of u, v.
+
+    Attributes:
+        angles, heights: the first of each (C,) and how far it is to the last.
+    """
+
+    parameters: Indices
+    frame: Interval
+    centre: Array
+    radius: Array
+    sign: Array
+    angles: tuple[Interval, Interval]
+    heights: tuple[Interval, Interval]
+
+    @classmethod
+    def of(cls, sides: Sequence[CylinderSide], at: Indices) -> _CylinderSides:
+        R = orthonormal(np.array([c.axis for c in sides]), np.array([c.x_axis for c in sides]))[..., [1, 2, 0]]
+        angles, heights = (Interval.of([getattr(c, name) for c in sides]) for name in ("angles", "heights"))
+        centre, radius, sign = (np.array([getattr(c, name) for c in sides]) for name in ("center", "radius", "sign"))
+        ranges = ((ends[:, 0], ends[:, 1] - ends[:, 0]) for ends in (angles, heights))
+        return cls(at, R, centre, radius[:, None], sign[:, None], *ranges)
+
+    def at(self, x: Dual) -> tuple[Dual, ...]:
+        (u, v), (first, turn), (lowest, length) = (x[..., k] for k in self.parameters), self.angles, self.heights
+        angle, height = u * turn + first, v * length + lowest
+        sine, cosine = sin(angle), cos(angle)
+        zero = 0.0 * sine
+        local = [(cosine, sine, zero), (-sine, cosine, zero), (zero, zero, height), (zero, zero, zero + 1.0)]
+        turned = self.frame @ columns([join([a[..., None] for a in w], -1) for w in local])
+        direction = turned[..., 0]
+        point = direction * self.radius + turned[..., 2] + self.centre
+        return point, direction * self.sign, turned[..., 1], turned[..., 3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +191,14 @@ class _Patches:
         jet = Dual(d[..., [0, 1, 2], :], by_u * d[..., [1, 3, 4], :] + by_v * d[..., [2, 4, 5], :])
         first, second = jet[..., 1, :], jet[..., 2, :]
         return jet[..., 0, :], unit(cross(first, second)) * self.sign, first, second
+
+
+# kinds of regions: how several of one are made, from them and the columns (2, .) of their parameters
+SURFACES: Mapping[type[Region], Callable[[Sequence[Any], Indices], _Surfaces]] = {
+    Bezier: _Patches.of,
+    Cap: _Caps.of,
+    CylinderSide: _CylinderSides.of,
+}
 
 
 def _weights(degrees: Sequence[int], size: int) -> tuple[Interval, NDArray[np.intp], NDArray[np.intp]]:

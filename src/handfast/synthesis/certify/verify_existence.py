@@ -11,7 +11,7 @@ o and n its point and outward unit normal, o_s and o_t two tangents:
 
 - a hand cap with centre c, radius r and sign g (-1 if hollow): its outward normal must be -R n, so
   p_k + R_k c = p + R (o + g r n), 3 equations; and -g R n must lie in the cone about R_k axis.
-- a hand patch with point h and outward normal m: p_k + R_k h = p + R o, (R_k m) . (R o_s) = 0 and
+- any other hand region with point h and outward normal m: p_k + R_k h = p + R o, (R_k m) . (R o_s) = 0 and
   (R_k m) . (R o_t) = 0, 5 equations; and (R_k m) . (R n) < 0.
 
 Every float of hand, task and regions is exact, except where no float can be: rotations and unit vectors are
@@ -27,7 +27,6 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
-from handfast.model.region import Bezier
 from handfast.synthesis.certify.equations import Equations, Values, equations_of
 from handfast.synthesis.certify.existence import Existence, ProofRefused, free_joints
 from handfast.synthesis.certify.interval_arithmetic import ULP, Interval, cos, sqr, sqrt
@@ -137,9 +136,9 @@ def _refuse_misfit(task: Task, proof: Existence) -> None:
     for k, (point, pair) in enumerate(zip(proof.contacts, task.contact_pairs, strict=True)):
         if point.link != pair.link:
             raise ProofRefused(f"contact {k} is on {point.link}; in the task it is on {pair.link}")
-        patch = isinstance(pair.hand, Bezier)
+        patch = pair.hand.ball is None
         if patch != (point.hand is not None):
-            needed = "a patch, which needs u and v" if patch else "a cap, which has no u and v"
+            needed = "no cap, so it needs u and v" if patch else "a cap, which has no u and v"
             raise ProofRefused(f"contact {k}: the hand region is {needed}")
     if not (proof.quaternion**2).sum() > SHORTEST**2:
         raise ProofRefused(f"the quaternion is shorter than {SHORTEST:g}")
@@ -249,18 +248,18 @@ def _contact_bounds(equations: Equations, x: Interval, facing: Interval) -> list
         for name in "stuv":
             label = f"contact:{k}:{name}"
             region = pair.object if name in "st" else pair.hand
-            if isinstance(region, Bezier):
+            if not region.ball:
                 out.append(_between(label, label, x[equations.column[label]], 0.0, 1.0))
-            elif name == "s" and region.half_angle < np.pi:  # -s is the point opposite, as far from the axis
-                s, most = x[equations.column[label]], region.half_angle
+            elif name == "s" and region.ball.half_angle < np.pi:  # -s is the point opposite, as far from the axis
+                s, most = x[equations.column[label]], region.ball.half_angle
                 out.append(_between(label, label, s, -most, most))
-        if isinstance(pair.hand, Bezier):
+        if not (ball := pair.hand.ball):
             cosine = -facing[k]
             comes = f"their cosine comes to [{float(-cosine.hi):.9g}, {float(-cosine.lo):.9g}] in the box"
             fault = f"contact {k}: the normals are not opposite: {comes}"
             out.append(_Bound(f"contact:{k}:normals", float(cosine.lo), fault))
-        elif pair.hand.half_angle < np.pi:
-            inside = -pair.hand.sign * facing[k] - cos(Interval.of(pair.hand.half_angle))
+        elif ball.half_angle < np.pi:
+            inside = -ball.sign * facing[k] - cos(Interval.of(ball.half_angle))
             fault = f"contact {k} may leave the hand's cap, by a cosine of {-inside.lo:.3g}"
             out.append(_Bound(f"contact:{k}:cone", float(inside.lo), fault))
     return out

@@ -285,11 +285,8 @@ class Canonical:
             shift = f" {offset:+g}" if offset else ""
             lines.append(f"  coupling: {names[j]} = {ratio:g} {names[k]}{shift}")
         for n, (hand, obj) in enumerate(at.sides):
-            what = [
-                "cap" if s.form.points is None else "x".join(str(m - 1) for m in s.form.points.shape[:2]) + " patch"
-                for s in (hand, obj)
-            ]
-            lines.append(f"  contact {n}: {what[0]} on {at.links[hand.body]}, {what[1]} on {at.links[obj.body]}")
+            what = (f"{side.form.name} on {at.links[side.body]}" for side in (hand, obj))
+            lines.append(f"  contact {n}: {', '.join(what)}")
         return "\n".join(lines)
 
 

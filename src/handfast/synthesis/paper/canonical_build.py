@@ -17,7 +17,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
-from handfast.model.region import evaluate
+from handfast.model.bernstein import evaluate
 from handfast.synthesis.paper.canonical import Canonical, Limit, Patch, Quadratic, Side, VariableLayout
 from handfast.synthesis.paper.loops import HELD, Assembly, Kind, Loops, loops
 from handfast.synthesis.paper.patch_form import COEFFICIENT_ROUNDING, PatchForm
@@ -261,6 +261,7 @@ class _Builder:
         if form.points is None:
             for i in range(3):
                 terms: Polynomial = {(int(point[i]),): 1.0, (int(unit[i]),): -form.radius, (): -form.center[i]}
+                terms[(v,)] = -form.along[i]
                 self._equations(at, name, terms)
         else:
             self.equations += [Patch(at, name, int(point[i]), u, v, form.points[:, :, i]) for i in range(3)]

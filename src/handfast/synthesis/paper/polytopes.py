@@ -14,7 +14,7 @@ from scipy import sparse
 from scipy.spatial import ConvexHull, QhullError
 
 from handfast.core.arrays import Array, Indices
-from handfast.model.region import PADDING, restrict
+from handfast.model.bernstein import PADDING, restrict
 from handfast.synthesis.paper.canonical import Expanded, Patch
 
 INF = np.inf

@@ -13,7 +13,6 @@ from handfast.core.branch import Discarded, Outcome, Split, Unfinished
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
 from handfast.core.groups import Block, table
-from handfast.model.region import Bezier
 from handfast.synthesis.search.library import LIBRARY
 from handfast.synthesis.search.workspace import (
     LEFT,
@@ -159,9 +158,7 @@ class PoseSpace(Boxes):
             each[k, : len(row)] = row
         self.use, self.concern = np.array(pose, dtype=np.intp), np.arange(problem.n)
         self.words = "all contacts, pose by pose"
-        regions = [t.object for t in problem.task.contact_pairs]
-        middles = [r.points.reshape(-1, 3).mean(axis=0) if isinstance(r, Bezier) else r.center for r in regions]
-        self.middle = np.mean(middles, axis=0) / problem.unit
+        self.middle = np.mean([t.object.amid for t in problem.task.contact_pairs], axis=0) / problem.unit
         box = np.column_stack([coordinates.lower, coordinates.upper])
         near = box[at : at + 3].copy()
         self.question = PoseQuestion(each, sizes, derivative_bounds, self.middle, near, len(pose))

@@ -8,7 +8,6 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.core.groups import Block, table
-from handfast.model.region import Cap
 from handfast.synthesis.certify.existence import ContactPoint, Existence
 from handfast.synthesis.search.library import LIBRARY
 from handfast.synthesis.search.workspace import (
@@ -55,7 +54,7 @@ class Certified:
         contacts = []
         for k, pair in enumerate(problem.task.contact_pairs):
             s, t, u, v = (value.get(f"contact:{k}:{name}", 0.0) for name in "stuv")
-            contacts.append(ContactPoint(pair.link, (s, t), None if isinstance(pair.hand, Cap) else (u, v)))
+            contacts.append(ContactPoint(pair.link, (s, t), None if pair.hand.ball else (u, v)))
         return Existence(
             joints={name.removeprefix("joint:"): y for name, y in value.items() if name.startswith("joint:")},
             position=np.array([value[f"position:{i}"] for i in range(3)]),

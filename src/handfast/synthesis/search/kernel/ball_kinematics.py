@@ -23,7 +23,7 @@ from handfast.synthesis.search.kernel.balls import (
     sub,
     times,
 )
-from handfast.synthesis.task_groups import PATCH, PRISMATIC
+from handfast.synthesis.task_groups import CAP, CYLINDER, PRISMATIC
 
 EXACT = 2e-15  # of the rigid motions between joints: rounding when they were multiplied together
 ORDERS = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])  # of the derivatives in a surface's rows
@@ -145,18 +145,18 @@ def _patch(points, M, N, s, t, out, work):
 
 
 @inner
-def _ball(k, s, t, sign, regions, out):
-    """A cap of the object by polar angle s and azimuth t; rows as in `surface`."""
+def _ball(numbers, s, t, sign, out):
+    """A cap by polar angle s and azimuth t; rows as in `surface`."""
     ss, cs, st, ct = sine(s), cosine(s), sine(t), cosine(t)
-    radius = regions.ball[k, 12]
+    radius = numbers[12]
     for i in range(3):
-        e1, e2, e3 = regions.ball[k, 3 * i], regions.ball[k, 3 * i + 1], regions.ball[k, 3 * i + 2]
+        e1, e2, e3 = numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]
         around = add(scale(e1, ct), scale(e2, st))
         turned = sub(scale(e2, ct), scale(e1, st))
         d = add(mul(ss, around), scale(e3, cs))
         ds = sub(mul(cs, around), scale(e3, ss))
         dt = mul(ss, turned)
-        put(out[0], i, add((regions.ball[k, 9 + i], 0.0), scale(radius, d)))
+        put(out[0], i, add((numbers[9 + i], 0.0), scale(radius, d)))
         put(out[1], i, scale(radius, ds))
         put(out[2], i, scale(radius, dt))
         put(out[3], i, scale(-radius, d))
@@ -168,14 +168,40 @@ def _ball(k, s, t, sign, regions, out):
 
 
 @inner
+def _cylinder(numbers, s, t, sign, out):
+    """Part of a cylinder's side by the shares s of its angles and t of its heights; rows as in `surface`."""
+    radius, turn, length = numbers[12], numbers[14], numbers[15]
+    angle = add((numbers[13], 0.0), scale(turn, s))
+    sa, ca = sine(angle), cosine(angle)
+    for i in range(3):
+        e1, e2, axis = numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]
+        d = add(scale(e1, ca), scale(e2, sa))
+        ds = scale(turn, sub(scale(e2, ca), scale(e1, sa)))
+        up = scale(length, scale(axis, t))
+        put(out[0], i, add(add((numbers[9 + i], 0.0), up), scale(radius, d)))
+        put(out[1], i, scale(radius, ds))
+        put(out[2], i, scale(length, (axis, 0.0)))
+        put(out[3], i, scale(-radius * turn * turn, d))
+        put(out[4], i, (0.0, 0.0))
+        put(out[5], i, (0.0, 0.0))
+        put(out[NORMAL], i, scale(sign, d))
+        put(out[NORMAL + 1], i, scale(sign, ds))
+        put(out[NORMAL + 2], i, (0.0, 0.0))
+
+
+@inner
 def surface(which, k, s, t, regions, out, work):
     """A region at its parameters, out (9, 3, 2): p, p_s, p_t, p_ss, p_st, p_tt, unit outward normal n, n_s, n_t.
 
     which: k for the object region of contact k, b + k for its hand region.
     """
     sign = regions.face[which]
-    if which == k and regions.object[k] != PATCH:
-        _ball(k, s, t, sign, regions, out)
+    kind = regions.object[k] if which == k else regions.hand[k]
+    if kind == CAP:
+        _ball(regions.numbers[which], s, t, sign, out)
+        return
+    if kind == CYLINDER:
+        _cylinder(regions.numbers[which], s, t, sign, out)
         return
     _patch(regions.points[regions.first[which] :], regions.degree[which, 0], regions.degree[which, 1], s, t, out, work)
     normal = out[NORMAL]

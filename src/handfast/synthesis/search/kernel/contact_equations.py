@@ -5,7 +5,7 @@ from __future__ import annotations
 from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.ball_kinematics import NORMAL, chain, rotation, surface, turned
 from handfast.synthesis.search.kernel.balls import add, cross, dot, get, put, scale, sub, times
-from handfast.synthesis.task_groups import PATCH, POSE, PRISMATIC, QUATERNION
+from handfast.synthesis.task_groups import CAP, POSE, PRISMATIC, QUATERNION
 
 
 @inner
@@ -21,7 +21,7 @@ def evaluate(x, chains, regions, coordinates, values, work):
         chain(k, x, chains, work)
         _bodies(k, x, regions, coordinates, work)
         _points(k, x, chains, regions, coordinates, values, work)
-        if regions.hand[k] != PATCH:
+        if regions.hand[k] == CAP:
             _within_cone(k, chains, regions, coordinates, values, work)
         else:
             _opposed(k, chains, coordinates, values, work)
@@ -35,7 +35,7 @@ def _bodies(k, x, regions, coordinates, work):
     first, R = coordinates.parameter[k], work.link_rotation
     on_object, on_hand, y, a = work.object_surface, work.hand_surface, work.object_point, work.hand_direction
     surface(k, k, get(x, first), get(x, first + 1), regions, on_object, work)
-    if regions.hand[k] != PATCH:
+    if regions.hand[k] == CAP:
         for i in range(3):
             put(on_hand[0], i, (regions.center[k, i], 0.0))
             put(on_hand[NORMAL], i, (regions.axis[k, i], 0.0))
@@ -58,7 +58,7 @@ def _points(k, x, chains, regions, coordinates, values, work):
     row, first = coordinates.row[k], coordinates.parameter[k]
     quaternion, position = coordinates.parameter[0] - QUATERNION, coordinates.parameter[0] - POSE
     slope, tangent, velocity = values.equation_slope, work.tangent, work.velocity
-    rolls = regions.hand[k] != PATCH
+    rolls = regions.hand[k] == CAP
     for i in range(3):
         away = sub(sub(get(work.hand_point, i), get(x, position + i)), get(work.turned_point, i))
         put(values.equation, row + i, away)

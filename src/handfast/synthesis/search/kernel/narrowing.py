@@ -6,7 +6,7 @@ import numpy as np
 
 from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.taylor import WIDER
-from handfast.synthesis.task_groups import PATCH
+from handfast.synthesis.task_groups import CAP
 
 PAD = 1e-12  # of the sizes that meet in a row: far more than a few hundred roundings
 AGAIN = 0.7  # a box that has shrunk to this share in some coordinate is looked at again
@@ -112,7 +112,7 @@ def _copy(box, out):
 @inner
 def tolerance_of(k, regions):
     """Largest angle [rad] between the hand's and the object's direction at contact k: of a cap; 0 of a patch."""
-    if regions.hand[k] == PATCH:
+    if regions.hand[k] != CAP:
         return 0.0
     return np.pi if regions.cone[k] <= -1 else np.arccos(regions.cone[k]) + PAD
 

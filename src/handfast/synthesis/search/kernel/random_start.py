@@ -8,7 +8,7 @@ from handfast.core.compiled import inner
 from handfast.synthesis.search.kernel.ball_kinematics import NORMAL, chain, rotation, surface
 from handfast.synthesis.search.kernel.balls import get
 from handfast.synthesis.search.workspace import ALIGNED, NUMBERS
-from handfast.synthesis.task_groups import PATCH, POSE, QUATERNION
+from handfast.synthesis.task_groups import CAP, POSE, QUATERNION
 
 
 @inner
@@ -56,7 +56,7 @@ def _inward(k, numbers, regions, first, x, contact, place):
 
     first: of the contact's parameters.
     """
-    if regions.hand[k] == PATCH:
+    if regions.hand[k] != CAP:
         surface(
             regions.hand.shape[0] + k, k, get(x, first + 2), get(x, first + 3), regions, contact.hand_surface, contact
         )
@@ -98,7 +98,7 @@ def _place(k, spin, regions, first, interior, x, contact, place):
         value = contact.link_position[i, 0]
         for j in range(3):
             y = contact.object_surface[0, j, 0]
-            if regions.hand[k] != PATCH:
+            if regions.hand[k] == CAP:
                 y += regions.radius[k] * contact.object_surface[NORMAL, j, 0]
             value += R[i, j, 0] * place.spot[j] - contact.object_rotation[0, i, j, 0] * y
         x[first + i, 0] = min(max(value, interior.lower[first + i]), interior.upper[first + i])

@@ -1,7 +1,7 @@
 """Where a contact can be over a box of coordinates, compiled: Taylor polynomials of degree one with remainders.
 
 Remainders bound the second derivatives over the whole box: for chains of joints by the distances to the axes,
-for patches by constants that Bernstein coefficients give (`search.derivative_bounds`). Middles are plain
+for regions by constants of theirs (`search.derivative_bounds`). Middles are plain
 floating point. A chain of s joints and a patch of degree (M, N) make them within `ROUNDING` of the exact
 values: at most 30 (s + M + N) roundings of 1.2e-16, on numbers of at most a few units, is below 1e-13.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner
-from handfast.synthesis.task_groups import PATCH, POSE, PRISMATIC
+from handfast.synthesis.task_groups import CAP, CYLINDER, POSE, PRISMATIC
 
 HAND_POINT, HAND_DIRECTION, OBJECT_POINT, OBJECT_DIRECTION = 0, 1, 2, 3  # what there are polynomials of
 ROUNDING = 1e-11  # units and units per radian
@@ -101,14 +101,24 @@ def _weights(degree, x, out):
 def _surface(which, k, s, t, regions, out, weight):
     """Rows of out (9, 3): p, p_s, p_t, then three of work, then the unit normal n, n_s, n_t; weight: work."""
     sign = regions.face[which]
-    if which == k and regions.object[k] != PATCH:
-        ss, cs, st, ct, radius = np.sin(s), np.cos(s), np.sin(t), np.cos(t), regions.ball[k, 12]
+    kind, numbers = regions.object[k] if which == k else regions.hand[k], regions.numbers[which]
+    if kind == CAP:
+        ss, cs, st, ct, radius = np.sin(s), np.cos(s), np.sin(t), np.cos(t), numbers[12]
         for i in range(3):
-            e1, e2, e3 = regions.ball[k, 3 * i], regions.ball[k, 3 * i + 1], regions.ball[k, 3 * i + 2]
+            e1, e2, e3 = numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]
             d = ss * (ct * e1 + st * e2) + cs * e3
             ds, dt = cs * (ct * e1 + st * e2) - ss * e3, ss * (ct * e2 - st * e1)
-            out[0, i], out[1, i], out[2, i] = regions.ball[k, 9 + i] + radius * d, radius * ds, radius * dt
+            out[0, i], out[1, i], out[2, i] = numbers[9 + i] + radius * d, radius * ds, radius * dt
             out[6, i], out[7, i], out[8, i] = sign * d, sign * ds, sign * dt
+        return
+    if kind == CYLINDER:
+        turn, length, radius = numbers[14], numbers[15], numbers[12]
+        sa, ca = np.sin(numbers[13] + turn * s), np.cos(numbers[13] + turn * s)
+        for i in range(3):
+            e1, e2, e3 = numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]
+            d, ds = ca * e1 + sa * e2, turn * (ca * e2 - sa * e1)
+            out[0, i], out[1, i], out[2, i] = numbers[9 + i] + radius * d + t * length * e3, radius * ds, length * e3
+            out[6, i], out[7, i], out[8, i] = sign * d, sign * ds, 0.0
         return
     M, N, first = regions.degree[which, 0], regions.degree[which, 1], regions.first[which]
     _weights(M, s, weight[0])
@@ -204,7 +214,7 @@ def _on_object(k, row, first, box, regions, bounds, polynomials, work):
     surface, largest = work.object_surface, work.largest
     s, t, half_s, half_t = box.middle[first], box.middle[first + 1], box.half[first], box.half[first + 1]
     _surface(k, k, s, t, regions, surface, work.weights)
-    rolls = regions.hand[k] != PATCH
+    rolls = regions.hand[k] == CAP
     out = regions.radius[k] if rolls else 0.0
     faces = -regions.sign[k] if rolls else -1.0
     for i in range(3):
@@ -283,7 +293,7 @@ def _in_link(k, row, first, box, regions, bounds, polynomials, work):
     surface, largest = work.hand_surface, work.largest
     for i in range(3):
         value[HAND_POINT, i], value[HAND_DIRECTION, i] = T[i, 3], 0.0
-    if regions.hand[k] != PATCH:
+    if regions.hand[k] == CAP:
         for i in range(3):
             for j in range(3):
                 value[HAND_POINT, i] += T[i, j] * regions.center[k, j]

@@ -1,0 +1,146 @@
+"""Part of a cylinder's side: of a handle, a can, a finger's shaft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from handfast.core.arrays import Array, frozen
+from handfast.core.errors import InputError
+from handfast.model.region import Region
+
+SHORTEST = 1e-9  # length of a direction below which it is none
+FULL_TURN = 2 * np.pi * (1 + 1e-12)  # [rad] with room for a file's rounding
+
+
+@dataclass(frozen=True, eq=False)
+class CylinderSide(Region):
+    """The points of a cylinder's side within ranges of the angle about its axis and of the height along it.
+
+    The parameters u and v go from 0 to 1 over the angles and over the heights.
+
+    Attributes:
+        center: (3,) [m] a point of the axis, where the height is 0; frame of the link or object.
+        radius: [m].
+        axis: (3,) unit, the way in which heights grow.
+        x_axis: (3,) unit, across the axis: the direction in which the angle is 0. What is given need only not be
+            parallel to the axis; angles grow counterclockwise as seen from the tip of the axis.
+        angles: [rad] the first and the last, at most a full turn apart.
+        heights: [m] the lowest and the highest.
+        flip: the outward normal points to the axis (a hollow) instead of away from it.
+
+    Raises:
+        InputError: a radius that is not positive, directions of no length or parallel ones, ranges that are empty, not
+            finite, or more than a full turn.
+    """
+
+    kind = "cylinder_side"
+
+    center: Array
+    radius: float
+    axis: Array
+    x_axis: Array
+    angles: tuple[float, float]
+    heights: tuple[float, float]
+    flip: bool = False
+
+    def __post_init__(self) -> None:
+        def put(name: str, value: object) -> None:
+            object.__setattr__(self, name, value)
+
+        put("center", frozen(self.center, (3,), "cylinder_side.center"))
+        if not (np.isfinite(self.radius) and self.radius > 0):
+            raise InputError(f"is {self.radius:g}; it must be positive [m]", field="cylinder_side.radius")
+        axis = _unit(self.axis, "cylinder_side.axis")
+        across = _unit(self.x_axis, "cylinder_side.x_axis")
+        across = across - axis * (axis @ across)
+        if np.linalg.norm(across) < SHORTEST:
+            raise InputError("is parallel to axis; a direction across it is needed", field="cylinder_side.x_axis")
+        put("axis", frozen(axis, (3,), "cylinder_side.axis"))
+        put("x_axis", _unit(across, "cylinder_side.x_axis"))
+        for name, unit in (("angles", "rad"), ("heights", "m")):
+            lo, hi = frozen(getattr(self, name), (2,), f"cylinder_side.{name}").tolist()
+            if not lo < hi:
+                problem = f"is [{lo:g}, {hi:g}]; the lower one comes first [{unit}]"
+                raise InputError(problem, field=f"cylinder_side.{name}")
+            put(name, (lo, hi))
+        if not self.turn <= FULL_TURN:
+            problem = f"is {self.turn:g} wide; a full turn is {2 * np.pi:.9g} [rad]"
+            raise InputError(problem, field="cylinder_side.angles")
+
+    @classmethod
+    def of(cls, numbers: Any, flip: bool) -> Self:
+        return cls(**numbers, flip=flip)
+
+    def numbers(self) -> Any:
+        return {
+            "center": self.center.tolist(),
+            "radius": float(self.radius),
+            "axis": self.axis.tolist(),
+            "x_axis": self.x_axis.tolist(),
+            "angles": list(self.angles),
+            "heights": list(self.heights),
+        }
+
+    @property
+    def turn(self) -> float:
+        """[rad] from the first to the last angle."""
+        return self.angles[1] - self.angles[0]
+
+    @property
+    def length(self) -> float:
+        """[m] from the lowest to the highest."""
+        return self.heights[1] - self.heights[0]
+
+    @cached_property
+    def frame(self) -> Array:
+        """(3, 3) rotation with the columns x_axis, the direction of a right angle, and axis."""
+        columns = [self.x_axis, np.cross(self.axis, self.x_axis), self.axis]
+        return frozen(np.column_stack(columns), (3, 3), "cylinder_side.frame")
+
+    def at(self, u: object, v: object, du: int = 0, dv: int = 0) -> Array:
+        u, v = np.broadcast_arrays(np.asarray(u, dtype=float), np.asarray(v, dtype=float))
+        angle = self.angles[0] + self.turn * u + du * np.pi / 2  # a wave's derivative is a quarter ahead
+        height = {(0, 0): self.heights[0] + self.length * v, (0, 1): self.length}.get((du, dv), 0.0)
+        around = self.radius * self.turn**du if dv == 0 else 0.0
+        local = np.stack([around * np.cos(angle), around * np.sin(angle), height + 0 * v], axis=-1)
+        out: Array = local @ self.frame.T
+        return self.center + out if du == dv == 0 else out
+
+    @property
+    def amid(self) -> Array:
+        middle: Array = self.center + sum(self.heights) / 2 * self.axis
+        return middle
+
+    @property
+    def outermost(self) -> float:
+        ends = [float(np.linalg.norm(self.center + height * self.axis)) for height in self.heights]
+        return max(ends) + self.radius
+
+    @property
+    def extent(self) -> float:
+        across = self.radius * float(np.sin(min(self.turn / 2, np.pi / 2)))
+        return min(across, self.length / 2)
+
+    @property
+    def longest_normal(self) -> float:
+        return self.radius * self.turn * self.length
+
+    def derivative_bounds(self, cells: int) -> tuple[Array, Array]:
+        """Everywhere the same: the point goes round on a circle, and straight along the axis."""
+        around = np.array([self.turn, 0.0, self.turn**2, 0.0, 0.0])
+        shape = (cells, cells, 5)
+        surface = self.radius * around + np.array([0.0, self.length, 0.0, 0.0, 0.0])
+        return np.broadcast_to(surface, shape).copy(), np.broadcast_to(around, shape).copy()
+
+
+def _unit(vector: object, field: str) -> Array:
+    """(3,) of length 1; `InputError` if it has none."""
+    a = frozen(vector, (3,), field)
+    length = float(np.linalg.norm(a))
+    if length < SHORTEST:
+        raise InputError("is zero; a direction is needed", field=field)
+    return frozen(a / length, (3,), field)
