@@ -1,0 +1,105 @@
+"""Fingers that a published grasp leaves short of its object, closed onto it towards where their motors push them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.geometry.scene import Scene
+from handfast.model.hand.hand import Hand
+
+TOUCH = 2e-5  # [m] a finger this near touches
+REACH = 0.05  # [m] beyond this, distances are not computed
+LOOKS = 24  # along the way to the target; the search for the touch halves one of these steps
+HALVINGS = 14
+
+
+@dataclass(frozen=True, eq=False)
+class GapsClosed:
+    """Where the fingers are that did not touch.
+
+    Attributes:
+        q: (l,) configuration.
+        closed: [m] the gap of each finger that now touches, by the name of its last link.
+        open: [m] the gap of each finger that does not meet the object on its way, as it was.
+    """
+
+    q: Array
+    closed: dict[str, float]
+    open: dict[str, float]
+
+
+def gaps_closed(scene: Scene, q: Array, pose: Array, target: Array) -> GapsClosed:
+    """Move each finger that does not touch along the straight way to its target until it does; else leave it.
+
+    A finger's joints all move in proportion. One that touches with any link stays as it is.
+
+    Args:
+        q: (l,) configuration; pose: (4, 4) of the object in the hand's base frame.
+        target: (l,) configuration, the squeeze of the file or of the mapping.
+    """
+    hand = scene.hand
+    fingers = [f for f in fingers_of(hand) if any(hand.links[i].shapes for i in f[1])]
+    joints = [list(j) for j, _ in fingers]
+    links = [list(i) for _, i in fingers]
+    names = [hand.links[i[-1]].name for i in links]
+    way = target - q
+
+    def gaps(t: Array) -> Array:
+        at = q.copy()
+        for own, share in zip(joints, t, strict=True):
+            at[own] += share * way[own]
+        distance = scene.distance(at, pose, REACH)
+        return np.array([distance[own].min() for own in links])
+
+    count = len(fingers)
+    first = gaps(np.zeros(count)) if count else np.zeros(0)
+    moving = np.array([bool(first[k] > TOUCH and np.abs(way[joints[k]]).max() > 0) for k in range(count)], dtype=bool)
+    low, high = np.zeros(count), np.full(count, np.nan)
+    for step in range(1, LOOKS + 1):
+        if not (moving & np.isnan(high)).any():
+            break
+        t = np.where(moving & np.isnan(high), step / LOOKS, 0.0)
+        met = (gaps(t) <= TOUCH) & (t > 0)
+        high[met] = t[met]
+        low = np.where((t > 0) & ~met, t, low)
+    met = ~np.isnan(high)
+    for _ in range(HALVINGS if met.any() else 0):
+        middle = np.where(met, (low + high) / 2, 0.0)
+        found = gaps(middle)
+        low, high = np.where(met & (found > 0), middle, low), np.where(met & (found <= 0), middle, high)
+    out = q.copy()
+    for k in np.flatnonzero(met):
+        out[joints[k]] += low[k] * way[joints[k]]
+    short = [k for k in range(count) if first[k] > TOUCH]
+    return GapsClosed(
+        out,
+        {names[k]: float(first[k]) for k in short if met[k]},
+        {names[k]: float(first[k]) for k in short if not met[k]},
+    )
+
+
+def fingers_of(hand: Hand) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Joints and links of each finger; one begins at the first joint that not all of them share.
+
+    Fingers whose joints are coupled, or driven by one motor, count as one.
+    """
+    chains = [hand.moved_by(i) for i in range(len(hand.links))]
+    moving = [i for i, chain in enumerate(chains) if chain]
+    last = [i for i in moving if not any(hand.links[k].parent == i for k in moving)]
+    shared = set(chains[last[0]]).intersection(*(chains[i] for i in last)) if len(last) > 1 else set()
+    groups = [set(chains[i]) - shared for i in last]
+    rows = np.vstack([hand.mechanism.R, hand.mechanism.A]) != 0
+    groups += [{int(j) for j in np.flatnonzero(row)} - shared for row in rows]
+    merged: list[set[int]] = []
+    for group in groups:
+        joined = [g for g in merged if g & group]
+        merged = [g for g in merged if not g & group] + [group.union(*joined)]
+    found = []
+    for group in sorted((g for g in merged if g), key=min):
+        own = tuple(i for i in moving if set(chains[i]) & group)
+        if own:
+            found.append((tuple(sorted(group)), own))
+    return found
