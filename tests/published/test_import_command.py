@@ -11,11 +11,12 @@ import pytest
 
 from handfast import load_body, load_configuration, load_grasp, load_hand
 from handfast.core import bundled
-from handfast.core.files import validate
+from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.scene import Scene
-from handfast.published.mapping_file import KIND, HandMapping
+from handfast.published.mapping_file import KIND, HandMapping, read_mapping
 from handfast.published.published_file import LAYOUTS, read_published
 from handfast.published.recorded import RecordedGrasp
+from tests.support.places import ROOT
 from tests.support.program import ask, complains, run
 from tests.support.published import LEFT, RIGHT, dexgraspnet_row, root, row, samples, saved_npy, tiny
 
@@ -189,11 +190,48 @@ def test_exports_of_what_close_wrote(here: Path, capsys: pytest.CaptureFixture[s
     complains(capsys, ["export", configuration, "--layout", "graspgen"], ["export: missing: -o FOLDER"])
 
 
+def test_several_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    good = [str(saved_npy(here / f"{k}.npy", {"grasp_qpos": row(), "obj_path": "cube"})) for k in range(3)]
+    (here / "bad.npy").write_bytes(b"cos\nsystem\n.")
+    rows = ask(capsys, "import", "bad.npy", *good, *WITH, "-o", "out")["rows"]
+    assert "names os.system" in rows[0]["reason"]
+    assert [r["file"] for r in rows[1:]] == good
+    assert len(ask(capsys, "import", *good, *WITH, "-o", "out", "--force", "--count", "2")["rows"]) == 2
+    assert len(list(Path("out").glob("0*.json"))) == 4
+    assert run(capsys, "import", *good, *WITH[:-1], "2", "-o", "two")[0] == 0
+    one, two = (Path(f, "00001.grasp.json").read_text() for f in ("out", "two"))
+    assert one == two
+    plain = [w for w in WITH if w not in ("--mapping", "tiny.json")]
+    complains(
+        capsys, ["import", "bad.npy", "bad.npy", *plain, "-o", "x"], ["none of 2 files can be read; the first: bad.npy"]
+    )
+    other = str(samples(here)["mj_grasp_sim"])
+    says = ["several layouts (dexgraspbench, mj_grasp_sim); import one layout at a time"]
+    complains(capsys, ["import", good[0], other, *plain, "-o", "x"], says)
+
+
+def test_the_same_hand_in_two_layouts() -> None:
+    """Between BODex and DexGraspBench: R = R' Q^T, p = p' - R t, with t and Q of the MJCF's palm."""
+    turn, place = (
+        {"shadow": [1, 0, 0, 0], "allegro": [0, 1, 0, 1], "leap": [0, 1, 0, 0]},
+        {"shadow": 0.034, "leap": 0.1},
+    )
+    for name, quaternion in turn.items():
+        world = transform([0.1, 0.2, 0.3], quaternion_matrix([0.5, 0.5, -0.5, 0.5]) @ quaternion_matrix(quaternion).T)
+        world[:3, 3] -= world[:3, :3] @ [0, 0, place.get(name, 0)]
+        palm = world @ read_mapping(f"{name}-mjcf").offset.matrix
+        other = transform([0.1, 0.2, 0.3], quaternion_matrix([0.5, 0.5, -0.5, 0.5]))
+        assert np.allclose(palm, other @ read_mapping(f"{name}-bodex").offset.matrix)
+
+
 def test_bundled_mappings_are_whole() -> None:
+    page = (ROOT / "docs" / "published-grasps.md").read_text("utf-8")
+    assert all(f"| `{name}` |" in page for name in HandMapping.model_fields if name != "schema_")
     names = bundled.names(KIND)
     assert {"shadow-mjcf", "allegro-mjcf", "leap-mjcf", "franka-mjcf"} <= set(names)
     for name in names:
-        found = validate(HandMapping, bundled.read(KIND, name))
+        found = read_mapping(name)
+        assert f"`{name}`" in page
         assert set(found.layouts) <= set(LAYOUTS)
         for order in (found.joints or [], list(found.names.values())):
             assert len(set(order)) == len(order)

@@ -15,7 +15,7 @@ from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.hand import Hand
-    from handfast.published.importing import ImportedGrasp
+    from handfast.published.importing import ImportedGrasp, Source
     from handfast.published.mapping_file import HandMapping
 
 
@@ -85,7 +85,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         found = list(islice(sources(self.files, self.layout), self.count))
         if not found:
             raise InputError("no grasps", source=", ".join(map(str, self.files)))
-        name, mapping = self._mapping(hand, found[0].layout)
+        name, mapping = self._mapping(hand, found)
         treatment = Treatment(self.contacts, self.separate, self.close_gaps, self.threshold, self.tolerance)
         importer = Importer(
             hand, mapping, treatment, self.hand, self.objects, self.object, self.mass, self.friction, self.scale
@@ -121,10 +121,19 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
             if not folder.is_dir():
                 raise InputError("is no folder; the objects' meshes are needed", source=str(folder))
 
-    def _mapping(self, hand: Hand, layout: str) -> tuple[str, HandMapping]:
+    def _mapping(self, hand: Hand, found: list[Source]) -> tuple[str, HandMapping]:
         from handfast.published.mapping_file import load_mapping, mapping_for
 
-        return (self.mapping, load_mapping(self.mapping, hand)) if self.mapping else mapping_for(layout, hand)
+        if self.mapping:
+            return self.mapping, load_mapping(self.mapping, hand)
+        layouts = sorted({s.layout for s in found if s.layout})
+        if not layouts:  # not one of several files could be read
+            raise InputError(
+                f"none of {len(self.files)} files can be read; the first: {getattr(found[0].row, 'reason', '')}"
+            )
+        if len(layouts) > 1:
+            raise InputError(f"the files are of several layouts ({', '.join(layouts)}); import one layout at a time")
+        return mapping_for(layouts[0], hand)
 
     def _show(self, rows: list[ImportedGrasp], mapping: str) -> None:
         from collections import Counter

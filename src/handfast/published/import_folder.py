@@ -41,6 +41,8 @@ def write_folder(path: Path, rows: Sequence[ImportedGrasp], about: dict[str, Any
         about: of the whole import, for `import.json`.
         friction: of the body files.
     """
+    for file in [path / SUMMARY, *(f for name in FILES for f in path.glob(name.format(0).replace("00000", "[0-9]*")))]:
+        file.unlink(missing_ok=True)  # of an earlier import, which may have had more grasps
     entries: list[dict[str, Any]] = []
     objects: dict[tuple[Any, ...], str] = {}
     for row in rows:
