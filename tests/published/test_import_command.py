@@ -116,7 +116,8 @@ def test_paths_in_files_are_not_followed(here: Path, capsys: pytest.CaptureFixtu
     plain = [w for w in WITH if w not in ("--objects", "objects")]
     answer = ask(capsys, "import", file, *plain, "-o", "out", status=2)
     assert "was not found beside the file" in answer["rows"][0]["reason"]
-    assert "reason" not in ask(capsys, "import", file, *WITH, "-o", "out", "--force")["rows"][0]
+    assert not Path("out").exists()
+    assert "reason" not in ask(capsys, "import", file, *WITH, "-o", "out")["rows"][0]
     relative = saved_npy(here / "elsewhere" / "1.npy", data | {"obj_path": "../../objects/cube"})
     assert "reason" not in ask(capsys, "import", str(relative), *plain, "-o", "out2")["rows"][0]
 
@@ -126,6 +127,8 @@ def test_what_is_missing_is_asked_for_in_one_line(here: Path, capsys: pytest.Cap
     hand = ["--hand", "tiny.xml"]
     complains(capsys, ["import", file, *hand], ["import: missing: -o FOLDER, or a table"])
     complains(capsys, ["import", file, "-o", "out"], ["import: missing: --hand HAND"])
+    complains(capsys, ["import", *hand, "-o", "out"], ["import: missing: FILE..."])
+    complains(capsys, ["import", "objects", *hand, "-o", "out"], ["objects: has no files of published grasps"])
     says = [
         "tiny.xml: is no hand that a bundled mapping knows (bundled for dexgraspbench: allegro-mjcf",
         "--mapping FILE",
@@ -198,6 +201,16 @@ def test_several_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert [r["file"] for r in rows[1:]] == good
     assert len(ask(capsys, "import", *good, *WITH, "-o", "out", "--force", "--count", "2")["rows"]) == 2
     assert len(list(Path("out").glob("0*.json"))) == 4
+    Path("some", "deeper").mkdir(parents=True)
+    for file in good:
+        Path(file).rename(Path("some", "deeper", Path(file).name))
+    assert [Path(r["file"]).name for r in ask(capsys, "import", "some", *WITH, "-o", "f")["rows"]] == [
+        "0.npy",
+        "1.npy",
+        "2.npy",
+    ]
+    for file in good:
+        Path("some", "deeper", Path(file).name).rename(file)
     assert run(capsys, "import", *good, *WITH[:-1], "2", "-o", "two")[0] == 0
     one, two = (Path(f, "00001.grasp.json").read_text() for f in ("out", "two"))
     assert one == two

@@ -29,7 +29,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     is said for each; a row that is broken is recorded with its reason while the rest goes on."""
 
     files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILE...")]
-    """.npy, .npz, .pt, .pth, .json or .yaml; nothing in a pickle is ever run"""
+    """.npy, .npz, .pt, .pth, .json or .yaml, or folders of all but .json; nothing in a pickle is ever run"""
     hand: Annotated[str, arg(metavar="HAND")] = ""
     """the hand model that the grasps are of: a URDF or MJCF file, or the name of a bundled hand"""
     output: Annotated[Path | None, arg(metavar="FOLDER|TABLE", aliases=["-o"])] = None
@@ -74,7 +74,10 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         from handfast.model.hand import load_hand
         from handfast.published.import_folder import TABLES, refuse_target, write_folder, write_table
         from handfast.published.importing import Importer, Treatment, imported, sources
+        from handfast.published.published_file import published_files
 
+        if not self.files:
+            raise InputError("missing: FILE..., files of published grasps, or folders of them", source="import")
         if self.output is None:
             raise InputError("missing: -o FOLDER, or a table that ends in .csv, .jsonl or .parquet", source="import")
         if not self.hand:
@@ -82,7 +85,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         self._check()
         refuse_target(self.output, self.force)
         hand = load_hand(self.hand)
-        found = list(islice(sources(self.files, self.layout), self.count))
+        found = list(islice(sources(published_files(self.files), self.layout), self.count))
         if not found:
             raise InputError("no grasps", source=", ".join(map(str, self.files)))
         name, mapping = self._mapping(hand, found)
@@ -96,15 +99,16 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
                 rows.append(row)
                 watch.item(len(rows), len(found))
         about: dict[str, Any] = {"hand": self.hand, "mapping": name, "mass": self.mass}
-        if self.output.suffix.lower() in TABLES:
+        good = any(not r.reason for r in rows)
+        if good and self.output.suffix.lower() in TABLES:
             write_table(self.output, rows, force=self.force)
-        else:
+        elif good:
             write_folder(self.output, rows, about, self.friction)
         if self.json:
             console.print_json({"schema": "handfast/import/1", **about, "rows": [r.to_json() for r in rows]})
         else:
             self._show(rows, name)
-        return console.ANSWERED if any(not r.reason for r in rows) else console.BAD_INPUT
+        return console.ANSWERED if good else console.BAD_INPUT
 
     def _check(self) -> None:
         for field, value in (
@@ -153,13 +157,14 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
             out.print(grid)
         reasons = Counter(r.reason for r in rows if r.reason)
         if reasons:
-            grid = table("left out", "grasps")
+            grid = table("grasps", "left out because")
             for reason, count in reasons.most_common(8):
-                grid.add_row(reason, str(count))
+                grid.add_row(str(count), reason)
             if len(reasons) > 8:
-                grid.add_row(f"and {len(reasons) - 8} other reasons", str(sum(reasons.values())))
+                others = sum(count for _, count in reasons.most_common()[8:])
+                grid.add_row(str(others), f"{len(reasons) - 8} other reasons")
             out.print(grid)
-        out.print(f"Written: {self.output}", soft_wrap=True)
+        out.print(f"Written: {self.output}" if good else "Nothing was written.", soft_wrap=True)
 
 
 SAID = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,21 @@ def layout_named(name: str) -> Layout:
     if name not in LAYOUTS:
         raise InputError(f"unknown layout '{name}'; known: {', '.join(LAYOUTS)}", field="--layout")
     found: Layout = importlib.import_module(f"handfast.published.layouts.{name}").LAYOUT
+    return found
+
+
+def published_files(paths: Sequence[Path]) -> list[Path]:
+    """Files as they are, folders as what is in them and below that can hold published grasps, in order.
+
+    JSON has too many other uses to be taken from a folder.
+    """
+    found: list[Path] = []
+    for path in paths:
+        inside = path.rglob("*") if path.is_dir() else ()
+        files = sorted(f for f in inside if f.suffix.lower() in ENDINGS and f.suffix.lower() != ".json" and f.is_file())
+        if path.is_dir() and not files:
+            raise InputError("has no files of published grasps in it or below", source=str(path))
+        found += files or [path]
     return found
 
 
