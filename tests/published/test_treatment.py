@@ -17,7 +17,7 @@ from handfast.model.grasp import Contact
 from handfast.model.hand import Hand, load_hand
 from handfast.model.shape import Shape
 from handfast.published.contact_reduction import distance_to_cone, patches, reduced_contacts, spanning, wrench_edges
-from handfast.published.gap_closing import fingers_of, gaps_closed
+from handfast.published.gap_closing import fingers_of, gaps_closed, pushed_on
 from handfast.published.separating import CLEAR, Separator, least_distance
 from tests.support.published import tiny
 
@@ -138,6 +138,24 @@ def test_a_finger_that_never_arrives_stays(hand: Hand) -> None:
     assert found.q[hand.joint("right_hinge")] == 0
     touching = gaps_closed(scene, found.q, pose, target)
     assert touching.q[hand.joint("left_hinge")] == found.q[hand.joint("left_hinge")]
+
+
+def test_a_gripper_pushes_the_object_until_it_is_held() -> None:
+    gripper = load_hand("parallel-gripper")
+    body = Body.of([Shape("box", [0.02, 0.05, 0.02])])
+    q, pose = gripper.configuration(), transform([0, 0.01, 0.095])  # 5 mm from one jaw, 25 mm from the other
+    separator = Separator(Scene(gripper, body))
+    target = gripper.configuration({"left_slide": 0.04})
+    touching = gaps_closed(separator.scene, q, pose, target).q
+    assert touching[0] == pytest.approx(0.005, abs=1e-4)
+    held, there, pushed = pushed_on(separator, touching, pose, target)
+    assert pushed == pytest.approx(0.01, abs=1e-4)
+    assert np.abs(there[:3, 3] - [0, 0, 0.095]).max() < 1e-4
+    assert held == pytest.approx([0.015, 0.015], abs=1e-4)
+    assert sorted(separator.scene.distance(held, there))[1] < 5e-5
+    # nothing to push against: the other jaw is gone
+    short = gripper.configuration({"left_slide": 0.01})
+    assert pushed_on(separator, touching, pose, short) == (pytest.approx(touching), pytest.approx(pose), 0)
 
 
 def test_fingers_begin_where_they_part_and_one_motor_makes_them_one() -> None:

@@ -171,6 +171,7 @@ SAID = (
     ("penetration_before", "penetration as published", 1e3, " mm"),
     ("object_moved", "object moved", 1e3, " mm"),
     ("object_turned", "object turned", 57.29578, "°"),
+    ("object_pushed", "object pushed by the gripper", 1e3, " mm"),
     ("surface_moved", "surface of the hand moved, at most", 1e3, " mm"),
     ("contacts_before", "contacts found", 1, ""),
     ("contacts", "contacts kept", 1, ""),

@@ -7,13 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.geometry.contacts import THRESHOLD
 from handfast.geometry.scene import Scene
 from handfast.model.hand.hand import Hand
+from handfast.published.separating import Separator
 
 TOUCH = 2e-5  # [m] a finger this near touches
 REACH = 0.05  # [m] beyond this, distances are not computed
 LOOKS = 24  # along the way to the target; the search for the touch halves one of these steps
 HALVINGS = 14
+FARTHEST = 0.05  # [m] that a gripper pushes an object before it
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +82,34 @@ def gaps_closed(scene: Scene, q: Array, pose: Array, target: Array) -> GapsClose
         {names[k]: float(first[k]) for k in short if met[k]},
         {names[k]: float(first[k]) for k in short if not met[k]},
     )
+
+
+def pushed_on(separator: Separator, q: Array, pose: Array, target: Array) -> tuple[Array, Array, float]:
+    """A gripper closed on, from where it first touches: it pushes the object before it until that is held.
+
+    The joints go straight towards their target in steps that are halved where the object cannot give way; it gives
+    way by the least motion. What was pushed to the target without being held by a second link stays where it was.
+
+    Args:
+        q: (l,) configuration; pose: (4, 4) of the object in the hand's base frame; target: (l,).
+
+    Returns:
+        configuration, object's pose, and how far its centre was pushed [m].
+    """
+    scene, first = separator.scene, (q, pose)
+    if (scene.distance(q, pose, REACH) <= THRESHOLD).sum() != 1:
+        return q, pose, 0.0
+    way, t, step, moved = target - q, 0.0, 1 / LOOKS, 0.0
+    while step > 2.0**-HALVINGS and t < 1 and moved < FARTHEST:
+        further = q + min(1.0, t + step) * way
+        done = separator.separated(further, pose, joints=False)
+        if done.apart:
+            t, pose = min(1.0, t + step), done.pose
+            moved += done.object_moved
+        else:
+            step /= 2
+    held = (scene.distance(q + t * way, pose, REACH) <= THRESHOLD).sum() > 1
+    return (q + t * way, pose, moved) if held else (*first, 0.0)
 
 
 def fingers_of(hand: Hand) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:

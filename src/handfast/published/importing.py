@@ -17,7 +17,7 @@ from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.published.contact_reduction import TOLERANCE, reduced_contacts
-from handfast.published.gap_closing import gaps_closed
+from handfast.published.gap_closing import gaps_closed, pushed_on
 from handfast.published.mapping_file import HandMapping
 from handfast.published.object_finder import FoundObject, find_object
 from handfast.published.placing import Placed, placed
@@ -140,7 +140,7 @@ class Importer:
             return ImportedGrasp(source, "", place, scale=scale, said=clipped, **targets)
         found = self._object(row.object, Path(source.file))
         separator = self._separator(found, scale)
-        at, said = self._treated(separator, at)
+        at, said = self._treated(separator, at, grips=row.squeeze is None)
         scene, threshold = separator.scene, self.treatment.threshold
         contacts = find_contacts(self.hand, at.q, scene.body, at.pose, threshold, scene=scene)
         if not contacts:
@@ -152,8 +152,12 @@ class Importer:
         place = Configuration.of(self.hand, at.q, at.pose, hand=self.hand_name or None)
         return ImportedGrasp(source, "", place, grasp, found, scale, clipped | said, **targets)
 
-    def _treated(self, separator: Separator, at: Placed) -> tuple[Placed, dict[str, Any]]:
-        """Hand and object taken apart, fingers closed onto the object, and what that was."""
+    def _treated(self, separator: Separator, at: Placed, *, grips: bool) -> tuple[Placed, dict[str, Any]]:
+        """Hand and object taken apart, fingers closed onto the object, and what that was.
+
+        Args:
+            grips: the squeeze is the mapping's: a gripper closes until the object is held, wherever it stood.
+        """
         said: dict[str, Any] = {}
         scene = separator.scene
         depth = max([0.0, *(-p.distance for p in scene.nearest(at.q, at.pose, 1e-3))])
@@ -175,10 +179,14 @@ class Importer:
                 "surface_moved": done.surface_moved,
             }
             at = replace(at, q=done.q, pose=done.pose)
-        if self.treatment.close_gaps and at.squeeze is not None:
-            closed = gaps_closed(scene, at.q, at.pose, at.squeeze)
+        squeeze = at.squeeze
+        if self.treatment.close_gaps and squeeze is not None:
+            closed = gaps_closed(scene, at.q, at.pose, squeeze)
             said |= {"gaps_closed": closed.closed, "gaps_left": closed.open}
             at = replace(at, q=closed.q)
+            if grips:
+                q, pose, said["object_pushed"] = pushed_on(separator, at.q, at.pose, squeeze)
+                at = replace(at, q=q, pose=pose)
         return at, said
 
     def _object(self, named: str, file: Path) -> FoundObject:

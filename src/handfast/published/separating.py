@@ -74,8 +74,12 @@ class Separator:
         lever = np.array([np.linalg.norm(self.reach * self.spread[:, k]) for k in range(len(self.free))])
         self.size = np.r_[np.ones(3), np.full(3, self.radius), np.maximum(lever, 1e-4)]
 
-    def separated(self, q: Array, pose: Array) -> Separation:
-        """The hand at q (l,) and the object at `pose` (4, 4), base frame, moved until nothing penetrates."""
+    def separated(self, q: Array, pose: Array, *, joints: bool = True) -> Separation:
+        """The hand at q (l,) and the object at `pose` (4, 4), base frame, moved until nothing penetrates.
+
+        Args:
+            joints: whether they may move; else the object alone does.
+        """
         start, first = (q, pose), None
         depth = 0.0
         for step in range(STEPS + 1):
@@ -84,7 +88,7 @@ class Separator:
             first = depth if first is None else first
             if depth <= CLEAR or step == STEPS:
                 break
-            q, pose = self._moved(q, pose, self._step(q, pose, near, own))
+            q, pose = self._moved(q, pose, self._step(q, pose, near, own if joints else (), joints))
         moved = np.abs(q - start[0])
         there, here = (p @ np.append(self.center, 1) for p in (pose, start[1]))
         return Separation(
@@ -98,14 +102,21 @@ class Separator:
             float((moved * self.reach).max(initial=0.0)),
         )
 
-    def _step(self, q: Array, pose: Array, near: Sequence[HandObjectPair], own: Sequence[SelfCollisionPair]) -> Array:
+    def _step(
+        self,
+        q: Array,
+        pose: Array,
+        near: Sequence[HandObjectPair],
+        own: Sequence[SelfCollisionPair],
+        joints: bool,
+    ) -> Array:
         """The smallest motion, object's velocity and turn and then the free joints, that is to open all gaps."""
         hand, center = self.scene.hand, pose[:3, :3] @ self.center + pose[:3, 3]
         axes, origins = hand.joint_axes(q)
         rows, least = [], []
         for n in near:
             of_joints = n.normal @ _jacobian(hand, n.link, n.on_hand, axes, origins) @ self.spread
-            rows.append(np.r_[n.normal, cross(n.on_object - center, n.normal), -of_joints])
+            rows.append(np.r_[n.normal, cross(n.on_object - center, n.normal), -of_joints * joints])
             least.append(TOUCH - n.distance)
         for s in own:
             first, second = (
