@@ -18,7 +18,7 @@ from handfast.model.hand import Hand, load_hand
 from handfast.model.shape import Shape
 from handfast.published.contact_reduction import distance_to_cone, patches, reduced_contacts, spanning, wrench_edges
 from handfast.published.gap_closing import fingers_of, gaps_closed, pushed_on
-from handfast.published.separating import CLEAR, Separator, least_distance
+from handfast.published.separating import CLEAR, Separator, least_distance, reaches
 from tests.support.published import tiny
 
 
@@ -112,6 +112,19 @@ def test_what_cannot_part_is_said(hand: Hand) -> None:
     assert not done.apart
     assert done.after > CLEAR
     assert (done.q >= hand.limits[:, 0]).all()
+
+
+def test_reaches_bound_what_a_joint_moves_at_any_configuration() -> None:
+    hand = load_hand("schunk-sah")
+    scene, rng = Scene(hand, cube()), np.random.default_rng(0)
+    reach, (lower, upper) = reaches(hand, scene.link_radius), hand.limits.T
+    for _ in range(20):
+        q = lower + rng.random(hand.l) * (upper - lower)
+        poses, (_, origins) = hand.link_poses(q), hand.joint_axes(q)
+        for i, radius in enumerate(scene.link_radius):
+            for j in hand.moved_by(i):
+                assert np.linalg.norm(poses[i][:3, 3] - origins[j]) + radius <= reach[j] + 1e-12
+    assert reach.max() < 0.3
 
 
 # --- gaps ------------------------------------------------------------------------------------------

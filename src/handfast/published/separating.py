@@ -177,18 +177,34 @@ def _softened(rows: Array, least: Array) -> Array:
 
 
 def reaches(hand: Hand, radius: Array) -> Array:
-    """(l,) [m] how far from each joint's axis what it moves can be at most; 1 for a prismatic joint.
+    """(l,) [m] how far from a hinge's axis what it moves can be, whatever the others do; 1 for a prismatic joint.
+
+    Lengths along the chain are added up, with twice the offset of an axis about which a link's origin turns, and with
+    the travel of prismatic joints.
 
     Args:
         radius: (n_links,) [m] of a sphere about each link's origin that holds its shapes.
     """
-    q = hand.configuration()
-    poses, (_, origins) = hand.link_poses(q), hand.joint_axes(q)
-    out = np.full(hand.l, 1e-3)
+    along = np.zeros(len(hand.links))  # from the base to the links' origins
+    before = np.zeros(len(hand.links))  # the same, without the link's own joints
+    out = np.zeros(hand.l)
+    for i, link in enumerate(hand.links):
+        if link.parent >= 0:
+            before[i] = along[link.parent] + float(np.linalg.norm(link.pose[:3, 3]))
+        along[i] = before[i]
+        for j in link.joints:
+            joint = hand.joints[j]
+            slides = joint.type == "prismatic"
+            travel = max(abs(joint.lower - joint.ref), abs(joint.upper - joint.ref))
+            along[i] += travel if slides else 2 * float(np.linalg.norm(joint.anchor))
     for i in range(len(hand.links)):
-        for j in hand.moved_by(i):
-            out[j] = max(out[j], float(np.linalg.norm(poses[i][:3, 3] - origins[j])) + radius[i])
-    return np.where([j.type == "prismatic" for j in hand.joints], 1.0, out)
+        k = i
+        while k >= 0:
+            for j in hand.links[k].joints:
+                anchor = float(np.linalg.norm(hand.joints[j].anchor))
+                out[j] = max(out[j], along[i] - before[k] + anchor + radius[i])
+            k = hand.links[k].parent
+    return np.where([j.type == "prismatic" for j in hand.joints], 1.0, np.maximum(out, 1e-3))
 
 
 def _jacobian(hand: Hand, link: int, point: Array, axes: Array, origins: Array) -> Array:
