@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
+from handfast.published import published_file
 from handfast.published.layouts.multidex import rotation_6d
 from handfast.published.published_file import LAYOUTS, read_published
 from handfast.published.recorded import BrokenRow, RecordedGrasp
@@ -154,3 +155,54 @@ def test_the_layout_asked_for_wins(tmp_path: Path) -> None:
         read_published(file, "graspgen")
     with pytest.raises(InputError, match="unknown layout 'x'; known: dexgraspnet, bodex"):
         read_published(file, "x")
+
+
+ODD: list[Any] = [
+    1e300,
+    float("nan"),
+    None,
+    "x",
+    [],
+    {},
+    np.zeros(3),
+    np.zeros((0, 7)),
+    10**400,
+    b"x",
+    {"a": 1},
+    3 + 4j,
+]
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_odd_values_anywhere_are_faults_of_the_file_or_the_row(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = samples(tmp_path)[name]
+    whole, layout = published_file._data(file), published_file.layout_named(name)
+    first = whole[0] if isinstance(whole, np.ndarray) else whole
+    for place in paths(first):
+        for odd in ODD:
+            changed = altered(first, place, odd)
+            data = [changed] if isinstance(whole, np.ndarray) else changed
+            monkeypatch.setattr(published_file, "_data", lambda _, data=data: data)
+            try:
+                rows = list(read_published(file, layout.name)[1])
+            except InputError as fault:
+                assert str(file) in str(fault)  # noqa: PT017
+                continue
+            assert all(isinstance(r, RecordedGrasp) or r.reason for r in rows)
+
+
+def paths(data: Any) -> list[tuple[Any, ...]]:
+    """Ways to each value in dictionaries and lists."""
+    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list | tuple) else ()
+    return [(), *((key, *rest) for key, value in items for rest in paths(value))]
+
+
+def altered(data: Any, place: tuple[Any, ...], value: Any) -> Any:
+    """The same with another value at a place."""
+    if not place:
+        return value
+    if isinstance(data, dict):
+        return data | {place[0]: altered(data[place[0]], place[1:], value)}
+    return type(data)(altered(x, place[1:], value) if i == place[0] else x for i, x in enumerate(data))

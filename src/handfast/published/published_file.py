@@ -58,17 +58,25 @@ def read_published(path: str | Path, layout: str | None = None) -> tuple[Layout,
     try:
         data = _data(file)
         if chosen is None:
-            chosen = next((known for known in map(layout_named, LAYOUTS) if known.recognises(data)), None)
+            chosen = next((known for known in map(layout_named, LAYOUTS) if _recognised(known, data)), None)
         if chosen is None:
             raise InputError(f"is of no known layout: it holds {_described(data)}; give --layout if you know better")
         return chosen, chosen.read(data, _stem(file))
     except InputError as fault:
         raise fault.at(str(path)) from None
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
         name = chosen.name if chosen else "any"
         raise InputError(
             f"does not fit the layout {name}; {chosen and chosen.keys} is needed", source=str(path)
         ) from None
+
+
+def _recognised(layout: Layout, data: Any) -> bool:
+    """Whether data are of a layout; what a test of the keys stumbles over is not."""
+    try:
+        return bool(layout.recognises(data))
+    except (TypeError, ValueError, LookupError, AttributeError):
+        return False
 
 
 def _stem(path: Path) -> str:

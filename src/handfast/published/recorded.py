@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.transforms import quaternion_matrix, rigid, transform
+from handfast.core.transforms import FARTHEST, quaternion_matrix, rigid, transform
 
 Joints = Mapping[str, float] | Array  # by the file's names, or (k,) in an order that the file does not say
 TURNED = 1e-3  # by how much a rotation may miss being one, by the rounding of single precision
@@ -89,6 +89,8 @@ def rows(count: int, make: Callable[[int], RecordedGrasp]) -> Rows:
             yield make(i)
         except InputError as fault:
             yield BrokenRow(i, str(fault))
+        except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as fault:
+            yield BrokenRow(i, f"does not fit the layout ({type(fault).__name__})")
 
 
 def entry(data: Any, key: str) -> Any:
@@ -103,6 +105,8 @@ def entry(data: Any, key: str) -> Any:
 def numbers(value: Any, shape: tuple[int | None, ...], field: str) -> Array:
     """Finite numbers of a shape, None for any size; `InputError` if they are not."""
     try:
+        if np.iscomplexobj(value):
+            raise TypeError
         found = np.asarray(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise InputError("holds what are no numbers, or rows of different lengths", field=field) from None
@@ -112,6 +116,8 @@ def numbers(value: Any, shape: tuple[int | None, ...], field: str) -> Array:
         raise InputError(f"has shape {found.shape}; {need} is needed", field=field)
     if not np.isfinite(found).all():
         raise InputError("has a number that is NaN or infinite", field=field)
+    if np.abs(found).max(initial=0.0) > FARTHEST:
+        raise InputError(f"has a number beyond {FARTHEST:g}; metres and radians are needed", field=field)
     return found
 
 

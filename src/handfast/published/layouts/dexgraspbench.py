@@ -22,8 +22,9 @@ def read(data: Any, name: str) -> Rows:
     """A file holds one grasp."""
 
     def grasp(i: int) -> RecordedGrasp:
+        at_all = entry(data, "grasp_qpos")
         object_pose = pose_of(np.ravel(data["obj_pose"]), "obj_pose") if "obj_pose" in data else np.eye(4)
-        at = posture_of(np.ravel(entry(data, "grasp_qpos")), "grasp_qpos", object_pose)
+        at = posture_of(np.ravel(at_all), "grasp_qpos", object_pose)
         squeeze, before = (
             posture_of(np.ravel(data[key]), key, object_pose) if key in data else None
             for key in ("squeeze_qpos", "pregrasp_qpos")
