@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,24 @@ def test_tables(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (entry,) = map(json.loads, Path("t.jsonl").read_text().splitlines())
     assert len(entry["contact_list"]) == entry["contacts"] == len(json.loads(flat["contact_list"]))
     complains(capsys, ["import", file, *WITH, "-o", "t.csv"], ["t.csv: exists already; give --force"])
+
+
+def test_parquet_asks_for_what_it_needs_before_the_work(
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    says = ["t.parquet: needs pandas and pyarrow, which are not installed; a .csv or .jsonl needs neither"]
+    complains(capsys, ["import", "none.npy", *WITH, "-o", "t.parquet"], says)
+
+
+def test_yaml_asks_for_what_it_needs(
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (here / "cube.yaml").write_text("format: isaac_grasp\n")
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    complains(
+        capsys, ["import", "cube.yaml", *WITH, "-o", "out"], ["cube.yaml: is YAML, which needs PyYAML: pip install"]
+    )
 
 
 def test_without_contacts_no_object_is_needed(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -153,6 +153,15 @@ def test_a_finger_that_never_arrives_stays(hand: Hand) -> None:
     assert touching.q[hand.joint("left_hinge")] == found.q[hand.joint("left_hinge")]
 
 
+def test_a_finger_that_would_meet_another_stays(hand: Hand) -> None:
+    scene, q = Scene(hand, cube(half=0.004)), hand.configuration()
+    target = hand.configuration({"left_hinge": 0.8, "right_hinge": 0.8})
+    found = gaps_closed(scene, q, above(hand, x=0.02), target)  # the left finger would have to go through the right one
+    assert found.closed == {}
+    assert "left" in found.open
+    assert scene.self_collisions(found.q, 0.0) == []
+
+
 def test_a_gripper_pushes_the_object_until_it_is_held() -> None:
     gripper = load_hand("parallel-gripper")
     body = Body.of([Shape("box", [0.02, 0.05, 0.02])])

@@ -16,6 +16,7 @@ TOUCH = 2e-5  # [m] a finger this near touches
 REACH = 0.05  # [m] beyond this, distances are not computed
 LOOKS = 24  # along the way to the target; the search for the touch halves one of these steps
 HALVINGS = 14
+MEETING = 1e-4  # [m] by which two links may go deeper into each other
 FARTHEST = 0.05  # [m] that a gripper pushes an object before it
 
 
@@ -26,7 +27,7 @@ class GapsClosed:
     Attributes:
         q: (l,) configuration.
         closed: [m] the gap of each finger that now touches, by the name of its last link.
-        open: [m] the gap of each finger that does not meet the object on its way, as it was.
+        open: [m] the gap of each finger that does not meet the object on its way, or another finger first, as it was.
     """
 
     q: Array
@@ -37,7 +38,8 @@ class GapsClosed:
 def gaps_closed(scene: Scene, q: Array, pose: Array, target: Array) -> GapsClosed:
     """Move each finger that does not touch along the straight way to its target until it does; else leave it.
 
-    A finger's joints all move in proportion. One that touches with any link stays as it is.
+    A finger's joints all move in proportion. One that touches with any link stays as it is, and so does one that would
+    meet another link of the hand.
 
     Args:
         q: (l,) configuration; pose: (4, 4) of the object in the hand's base frame.
@@ -73,15 +75,28 @@ def gaps_closed(scene: Scene, q: Array, pose: Array, target: Array) -> GapsClose
         middle = np.where(met, (low + high) / 2, 0.0)
         found = gaps(middle)
         low, high = np.where(met & (found > 0), middle, low), np.where(met & (found <= 0), middle, high)
-    out = q.copy()
-    for k in np.flatnonzero(met):
-        out[joints[k]] += low[k] * way[joints[k]]
+    while True:
+        out = q.copy()
+        for k in np.flatnonzero(met):
+            out[joints[k]] += low[k] * way[joints[k]]
+        meeting = _meeting(scene, q, out, pose) if met.any() else set()
+        into = met & np.array([bool(meeting.intersection(own)) for own in links], dtype=bool)
+        if not into.any():
+            break
+        met &= ~into
     short = [k for k in range(count) if first[k] > TOUCH]
     return GapsClosed(
         out,
         {names[k]: float(first[k]) for k in short if met[k]},
         {names[k]: float(first[k]) for k in short if not met[k]},
     )
+
+
+def _meeting(scene: Scene, before: Array, after: Array, pose: Array) -> set[int]:
+    """Links of pairs of the hand that one configuration puts deeper into each other than another one did."""
+    was, now = (scene.clearances(x, pose, MEETING)[1] for x in (before, after))
+    deeper = now < np.minimum(was, 0.0) - MEETING
+    return {link for pair, yes in zip(scene.self_pairs, deeper, strict=True) if yes for link in pair}
 
 
 def pushed_on(separator: Separator, q: Array, pose: Array, target: Array) -> tuple[Array, Array, float]:
