@@ -6,6 +6,7 @@ import csv
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from handfast import load_body, load_configuration, load_grasp, load_hand
 from handfast.core import bundled
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.scene import Scene
+from handfast.planning.results import grasps_file
+from handfast.published.exporting import exported_from
 from handfast.published.mapping_file import KIND, HandMapping, read_mapping
 from handfast.published.published_file import LAYOUTS, read_published
 from handfast.published.recorded import RecordedGrasp
@@ -210,6 +213,26 @@ def test_exports_of_what_close_wrote(here: Path, capsys: pytest.CaptureFixture[s
     complains(capsys, ["export", configuration, "-o", "x"], ["export: missing: --layout isaac_grasp, graspgen"])
     complains(capsys, ["export", configuration, "--layout", "bodex", "-o", "x"], ["unknown layout 'bodex'"])
     complains(capsys, ["export", configuration, "--layout", "graspgen"], ["export: missing: -o FOLDER"])
+
+
+def test_folders_of_configurations_keep_their_order(here: Path) -> None:
+    text = Path(bundled.resolve("configurations", "barrett-can")).read_text()
+    for name in ("configuration-10", "configuration-2", "configuration-1"):
+        Path(f"{name}.json").write_text(json.dumps(json.loads(text) | {"object": name}))
+    found = exported_from(here)
+    assert [g.object for g in found] == ["configuration-1", "configuration-2", "configuration-10"]
+
+
+def test_the_grasps_of_a_task(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hand, pose = load_hand("schunk-sah"), transform([0.01, 0.02, 0.03])
+    task = SimpleNamespace(hand=hand, object="scalpel")
+    grasp = SimpleNamespace(solution=SimpleNamespace(task=task, pose=pose), q=hand.configuration())
+    monkeypatch.setattr(grasps_file, "from_dict", lambda data: SimpleNamespace(grasps=[grasp]))
+    Path("grasps.json").write_text(json.dumps({"schema": "handfast/grasps/2"}))
+    (found,) = exported_from(Path("grasps.json"))
+    assert found.object == "scalpel"
+    assert found.configuration.hand == "schunk-sah"
+    assert np.allclose(found.configuration.pose, pose)
 
 
 def test_several_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

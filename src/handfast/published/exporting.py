@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,10 +66,9 @@ def exported_from(path: Path) -> list[ExportedGrasp]:
     return [_plain(load_configuration(path))]
 
 
-def _natural(path: Path) -> list[tuple[int, str]]:
-    """Sorts configuration-2 before configuration-10."""
-    words = "".join(c if c.isdigit() else f" {c}" for c in path.name).split()
-    return [(int(w), "") if w.isdigit() else (-1, w) for w in words]
+def _natural(path: Path) -> list[Any]:
+    """Sorts configuration-2 before configuration-10: texts and numbers in turns."""
+    return [int(part) if i % 2 else part for i, part in enumerate(re.split(r"(\d+)", path.name))]
 
 
 def _plain(configuration: Configuration) -> ExportedGrasp:
