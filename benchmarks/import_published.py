@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import resource
 import tempfile
 import time
@@ -79,6 +80,7 @@ def measured(files: list[Path], model: Path, objects: tuple[Path, ...], count: i
         "jobs": jobs,
         "seconds": round(seconds, 1),
         "processor_seconds": round(spent, 1),
+        "load_of_the_machine": round(os.getloadavg()[0], 1),  # how many processes wanted its cores in the last minute
         "deepest_penetration_left_mm": round(1e3 * deepest, 4),
         "contacts_in_files": spread(contacts),
         "contacts_before": spread([s["contacts_before"] for s in good]),
