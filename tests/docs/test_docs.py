@@ -31,6 +31,7 @@ from handfast.model.configuration import Configuration, load_configuration
 from handfast.model.grasp_file import GraspFile, load_grasp
 from handfast.model.hand_regions import load_hand_regions
 from handfast.model.region_file import KINDS
+from handfast.published.mapping_file import read_mapping
 from handfast.stability.certify.certificate_file import (
     CertificateFile,
     CertificateNodesEntry,
@@ -53,6 +54,7 @@ LOADERS: dict[str, Callable[[str], object]] = {
     "handfast/task/1": load_task,
     "handfast/loads/1": load_loads,
     "handfast/hand-regions/1": load_hand_regions,
+    "handfast/mapping/1": read_mapping,
 }
 BLOCK = re.compile(
     r"(?:^<!-- not run: (?P<skip>[^\n]+) -->\n)?^```(?P<kind>\w+)(?P<rest>[^\n]*)\n(?P<text>.*?)^```$",

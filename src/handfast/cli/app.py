@@ -18,7 +18,9 @@ from handfast.cli.check import Check
 from handfast.cli.close import Close
 from handfast.cli.contacts import Contacts
 from handfast.cli.demo import Demo
+from handfast.cli.export import ExportGrasps
 from handfast.cli.grasp import FindGrasps
+from handfast.cli.import_grasps import ImportGrasps
 from handfast.cli.list import List
 from handfast.cli.map import Map
 from handfast.cli.max import Max
@@ -42,6 +44,8 @@ COMMANDS: dict[str, type[Command]] = {
     "grasp": FindGrasps,
     "propose": Propose,
     "plan": PlanGrasps,
+    "import": ImportGrasps,
+    "export": ExportGrasps,
     "verify": Verify,
     "contacts": Contacts,
     "close": Close,

@@ -1,0 +1,180 @@
+"""`handfast import`: grasps that others have published, as configurations and grasps of ours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional, arg
+
+from handfast.cli import console
+from handfast.cli.options import Command
+from handfast.core import bundled
+from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from handfast.model.hand import Hand
+    from handfast.published.importing import ImportedGrasp, Source
+    from handfast.published.mapping_file import HandMapping
+
+
+@dataclass(kw_only=True)
+class ImportGrasps(Command):
+    """Published grasps as configurations and grasp files: DexGraspNet, BODex, DexGraspBench, Dexonomy, GraspQP, \
+MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
+
+    Each is placed on your hand model, moved by as little as takes hand and object apart, closed onto the object
+    towards the squeeze of the file, and its contacts are reduced to a few that span the same wrenches. What was done
+    is said for each; a row that is broken is recorded with its reason while the rest goes on."""
+
+    files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILE...")]
+    """.npy, .npz, .pt, .pth, .json or .yaml, or folders of all but .json; nothing in a pickle is ever run"""
+    hand: Annotated[str, arg(metavar="HAND")] = ""
+    """the hand model that the grasps are of: a URDF or MJCF file, or the name of a bundled hand"""
+    output: Annotated[Path | None, arg(metavar="FOLDER|TABLE", aliases=["-o"])] = None
+    """a folder of configurations, grasps and objects, or one table that ends in .csv, .jsonl or .parquet"""
+    layout: Annotated[str | None, arg(metavar="NAME")] = None
+    """the files' layout, in place of what their keys say"""
+    mapping: Annotated[str | None, arg(metavar="FILE")] = None
+    """a handfast/mapping/1 file or the name of a bundled one: which joint is which, and the hand's frame"""
+    objects: Annotated[tuple[Path, ...], arg(metavar="FOLDER")] = ()
+    """folders in which the objects' meshes are; by default those above each file"""
+    object: Annotated[str | None, arg(metavar="OBJECT")] = None
+    """one mesh, body file or bundled object for all grasps, in place of what the files name"""
+    scale: Annotated[float, arg(metavar="M")] = 1.0
+    """metres per unit of the objects' meshes, beside the scale that a file has"""
+    contacts: bool = True
+    """leave out contacts, and all that needs the object"""
+    separate: bool = True
+    """leave hand and object as deep in each other as they are"""
+    close_gaps: bool = True
+    """leave fingers that do not touch where they are"""
+    threshold: Annotated[float, arg(metavar="M")] = 5e-4
+    """surfaces nearer than this touch [m]"""
+    tolerance: Annotated[float, arg(metavar="E")] = 0.05
+    """relative error of the wrenches that contacts may be reduced by; 0 keeps all contacts"""
+    mass: Annotated[float | None, arg(metavar="KG")] = None
+    """mass of the objects [kg]"""
+    friction: Annotated[float | None, arg(metavar="MU")] = None
+    """friction coefficient between hand and object; 0.5 unless given"""
+    count: Annotated[int | None, arg(metavar="N")] = None
+    """the first N grasps only"""
+    jobs: Annotated[int, arg(metavar="N")] = 0
+    """processes; 0 for one a core"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+        from itertools import islice
+
+        from handfast.core.parallel import default_jobs
+        from handfast.model.hand import load_hand
+        from handfast.published.import_folder import TABLES, refuse_target, write_folder, write_table
+        from handfast.published.importing import Importer, Treatment, imported, sources
+        from handfast.published.published_file import published_files
+
+        if not self.files:
+            raise InputError("missing: FILE..., files of published grasps, or folders of them", source="import")
+        if self.output is None:
+            raise InputError("missing: -o FOLDER, or a table that ends in .csv, .jsonl or .parquet", source="import")
+        if not self.hand:
+            raise InputError("missing: --hand HAND, the model of the hand that the grasps are of", source="import")
+        self._check()
+        refuse_target(self.output, self.force)
+        hand = load_hand(self.hand)
+        found = list(islice(sources(published_files(self.files), self.layout), self.count))
+        if not found:
+            raise InputError("no grasps", source=", ".join(map(str, self.files)))
+        name, mapping = self._mapping(hand, found)
+        treatment = Treatment(self.contacts, self.separate, self.close_gaps, self.threshold, self.tolerance)
+        importer = Importer(
+            hand, mapping, treatment, self.hand, self.objects, self.object, self.mass, self.friction, self.scale
+        )
+        rows: list[ImportedGrasp] = []
+        with console.watch("import") as watch:
+            for row in imported(importer, found, self.jobs or default_jobs()):
+                rows.append(row)
+                watch.item(len(rows), len(found))
+        about: dict[str, Any] = {"hand": self.hand, "mapping": name, "mass": self.mass}
+        good = any(not r.reason for r in rows)
+        if good and self.output.suffix.lower() in TABLES:
+            write_table(self.output, rows, force=self.force)
+        elif good:
+            write_folder(self.output, rows, about, self.friction)
+        if self.json:
+            console.print_json({"schema": "handfast/import/1", **about, "rows": [r.to_json() for r in rows]})
+        else:
+            self._show(rows, name)
+        return console.ANSWERED if good else console.BAD_INPUT
+
+    def _check(self) -> None:
+        for field, value in (
+            *(("--threshold", self.threshold), ("--scale", self.scale)),
+            *(("--mass", self.mass), ("--count", self.count)),
+        ):
+            if value is not None and not 0 < value < float("inf"):
+                raise InputError(f"is {value:g}; a number above 0 is needed", field=field)
+        if not 0 <= self.tolerance < 1:
+            raise InputError(f"is {self.tolerance:g}; a number from 0 to below 1 is needed", field="--tolerance")
+        if self.object is not None and not Path(bundled.resolve("objects", self.object)).is_file():
+            raise InputError("no such file; a mesh or a body file is needed", source=self.object)
+        for folder in self.objects:
+            if not folder.is_dir():
+                raise InputError("is no folder; the objects' meshes are needed", source=str(folder))
+
+    def _mapping(self, hand: Hand, found: list[Source]) -> tuple[str, HandMapping]:
+        from handfast.published.mapping_file import load_mapping, mapping_for
+
+        if self.mapping:
+            return self.mapping, load_mapping(self.mapping, hand)
+        layouts = sorted({s.layout for s in found if s.layout})
+        if not layouts:  # not one of several files could be read
+            raise InputError(
+                f"none of {len(self.files)} files can be read; the first: {getattr(found[0].row, 'reason', '')}"
+            )
+        if len(layouts) > 1:
+            raise InputError(f"the files are of several layouts ({', '.join(layouts)}); import one layout at a time")
+        return mapping_for(layouts[0], hand)
+
+    def _show(self, rows: list[ImportedGrasp], mapping: str) -> None:
+        from collections import Counter
+
+        from handfast.cli.table import table
+
+        out = console.out()
+        good = [r for r in rows if not r.reason]
+        layouts = ", ".join(sorted({r.source.layout for r in rows if r.source.layout}))
+        out.print(f"{len(good)} of {len(rows)} grasps imported ({layouts}, mapping {mapping})", style="bold")
+        grid = table("what was done", "median", "most")
+        for name, words, factor, unit in SAID:
+            values = sorted(float(r.said[name]) * factor for r in good if name in r.said)
+            if values:
+                grid.add_row(words, f"{values[len(values) // 2]:.3g}{unit}", f"{values[-1]:.3g}{unit}")
+        if grid.row_count:
+            out.print(grid)
+        reasons = Counter(r.reason for r in rows if r.reason)
+        if reasons:
+            grid = table("grasps", "left out because")
+            for reason, count in reasons.most_common(8):
+                grid.add_row(str(count), reason)
+            if len(reasons) > 8:
+                others = sum(count for _, count in reasons.most_common()[8:])
+                grid.add_row(str(others), f"{len(reasons) - 8} other reasons")
+            out.print(grid)
+        out.print(f"Written: {self.output}" if good else "Nothing was written.", soft_wrap=True)
+
+
+SAID = (
+    ("penetration_before", "penetration as published", 1e3, " mm"),
+    ("object_moved", "object moved", 1e3, " mm"),
+    ("object_turned", "object turned", 57.29578, "°"),
+    ("object_pushed", "object pushed by the gripper", 1e3, " mm"),
+    ("surface_moved", "surface of the hand moved, at most", 1e3, " mm"),
+    ("contacts_before", "contacts found", 1, ""),
+    ("contacts", "contacts kept", 1, ""),
+    ("reduction_error", "relative error of their wrenches", 1, ""),
+    ("past_limits", "joint values past their limits", 1, " rad"),
+)

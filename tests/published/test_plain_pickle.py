@@ -1,0 +1,139 @@
+"""Pickles: plain data of every protocol come back as they were; what names or does anything else is refused."""
+
+from __future__ import annotations
+
+import builtins
+import os
+import pickle
+import random
+from collections import OrderedDict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast.core.errors import InputError
+from handfast.published.plain_pickle import read_pickle
+
+
+class Calls:
+    """Pickled, it asks its reader to call something."""
+
+    def __init__(self, function: Any, *arguments: Any) -> None:
+        self.function, self.arguments = function, arguments
+
+    def __reduce__(self) -> Any:
+        return self.function, self.arguments
+
+
+PLAIN = {
+    "values": [1, -2.5, None, True, "é", b"\x00\xff", 2**70, 1j],
+    "containers": ((), (1, [2]), {3}, frozenset("a"), OrderedDict(a=1), bytearray(b"xy")),
+    "numbers": np.arange(6.0).reshape(2, 3),
+    "columns": np.asfortranarray(np.arange(6).reshape(2, 3)),
+    "other": [np.array(["a", "bc"]), np.array([True]), np.arange(3, dtype=">i4"), np.float32(1.5), np.array(2.0)],
+    "objects": np.array([{"q": np.arange(3)}, [1, 2]], dtype=object),
+}
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_plain_data_of_every_protocol(protocol: int) -> None:
+    found, end = read_pickle(pickle.dumps(PLAIN, protocol) + b"rest")
+    assert end == len(pickle.dumps(PLAIN, protocol))
+    assert found["values"] == PLAIN["values"]
+    assert found["containers"] == PLAIN["containers"]
+    for key in ("numbers", "columns"):
+        assert found[key].tolist() == PLAIN[key].tolist()  # type: ignore[attr-defined]
+    texts, truths, big, scalar, single = found["other"]
+    assert (texts.tolist(), truths.tolist(), big.tolist(), scalar) == (["a", "bc"], [True], [0, 1, 2], 1.5)
+    assert single.shape == ()
+    assert found["objects"][0]["q"].tolist() == [0, 1, 2]
+
+
+def called(tmp_path: Path) -> list[tuple[Calls, str]]:
+    mark = str(tmp_path / "mark")
+    return [
+        (Calls(os.system, f"touch {mark}"), "system"),
+        (Calls(builtins.eval, f"open({mark!r}, 'w')"), "eval"),
+        (Calls(getattr, 1, "real"), "getattr"),
+        (Calls(np.load, mark, None, True), "load"),
+        (Calls(open, mark, "w"), "open"),
+        (Calls(__import__, "os"), "__import__"),
+    ]
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_what_calls_something_is_refused_by_name_and_not_run(protocol: int, tmp_path: Path) -> None:
+    for thing, name in called(tmp_path):
+        with pytest.raises(InputError, match=rf"names \S+\.{name}, which is no plain .* nothing of the file was run"):
+            read_pickle(pickle.dumps({"a": [thing]}, protocol))
+    assert not (tmp_path / "mark").exists()
+
+
+@pytest.mark.parametrize(
+    "data, says",
+    [
+        (b"(S'id'\nios\nsystem\n.", "instruction INST"),
+        (b"(cos\nsystem\nS'id'\no.", "names os.system"),
+        (b"\x82\x01.", "instruction EXT1"),
+        (b"cnumpy\nndarray\n(I1000000000\ntR.", "calls numpy.ndarray"),
+        (b"\x80\x04\x8c\x05numpy\x8c\x0endarray.tofile\x93.", "names numpy.ndarray.tofile"),
+        (b"}(S'a'\nI1\nd}(S'x'\nI1\ndb.", "inner state of a dict"),
+        (b"cnumpy\ndtype\n.", "numpy.dtype itself"),
+        (b"cnumpy\ndtype\n(S'V8'\ntR.", "type 'V8'"),
+        (b"S'a'\nQ.", "persistent id"),
+        (b"", "no whole pickle"),
+        (b"(.", "no whole pickle"),
+        (b"a.", "no whole pickle"),
+        (b"h\x05.", "no whole pickle"),
+        (b"}(lNs.", "no whole pickle"),
+        (b"(" * 200 + b"]" + b"t" * 200 + b".", "nested too deeply"),
+        (b"}" + b")" + b"\x85" * 50_000 + b"Ns.", "a tuple is a key"),
+        (b"cnumpy._core.multiarray\n_reconstruct\n(tR.", "no whole pickle"),
+        (b"cbuiltins\nbytearray\n(I99999999999999\ntR.", "contents of a bytearray"),
+    ],
+)
+def test_programs_that_no_plain_data_need(data: bytes, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        read_pickle(data)
+
+
+def test_memo_bombs_take_no_memory_and_shared_lists_no_time() -> None:
+    assert read_pickle(b"\x80\x02Nr\xff\xff\xff\x7f.")[0] is None  # the two thousand millionth place of the memo
+    laughs: list[Any] = []
+    for _ in range(60):
+        laughs = [laughs] * 10
+    found, _ = read_pickle(pickle.dumps(laughs))
+    assert found[0] is found[9]
+    text = b"\x80\x02c_codecs\nencode\nq\x000X\x00\x00\x10\x00" + b"a" * 2**20 + b"q\x01X\x06\x00\x00\x00latin1q\x020"
+    with pytest.raises(InputError, match="makes more than"):
+        read_pickle(text + b"](" + b"h\x00h\x01h\x02\x86R0" * 2100 + b"e.")
+    own: list[Any] = []
+    own.append(own)
+    with pytest.raises(InputError, match="contains itself"):
+        read_pickle(pickle.dumps(own))
+
+
+def test_shapes_that_lie() -> None:
+    told = pickle.dumps(np.arange(4.0), 2)
+    for shape in (b"K\x05\x85", b"\x8a\x08" + (2**60).to_bytes(8, "little") + b"\x85", b"J\xff\xff\xff\xff\x85"):
+        with pytest.raises(InputError, match="has an array"):
+            read_pickle(told.replace(b"K\x04\x85", shape))
+    objects = pickle.dumps(np.array([1, None], dtype=object), 2)
+    with pytest.raises(InputError, match="array of objects whose shape"):
+        read_pickle(objects.replace(b"K\x02\x85", b"K\x09\x85"))
+
+
+def test_broken_bytes_are_one_kind_of_fault() -> None:
+    whole, rng = pickle.dumps(PLAIN, 4), random.Random(0)
+    refused = 0
+    for _ in range(500):
+        data = bytearray(whole)
+        for _ in range(rng.randint(1, 4)):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        try:
+            read_pickle(bytes(data[: rng.choice([len(data), rng.randrange(len(data))])]))
+        except InputError:
+            refused += 1
+    assert refused > 250
