@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
 from handfast.model.mechanism import Mechanism
@@ -20,15 +20,19 @@ from handfast.model.shape import Shape, read_mesh
 TURN = 2 * np.pi  # limits of a continuous joint: a finger joint never needs more
 
 
-def read_urdf(root: Element, path: Path) -> Hand:
+def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
     """A hand from a parsed URDF file.
 
     Fixed joints make links without joints, so the palm and every frame keep their names; the order of
     links and joints is depth first, as in the file. `mimic` becomes a coupling; every other joint is its
     own actuator. Collision elements become shapes; a mesh is taken as its convex hull.
 
+    Args:
+        base: name of a link: only what hangs on it is read, in its frame, without the joint that moves it.
+
     Raises:
-        InputError: no single root link, unknown joint type, missing limits, missing mesh file, bad numbers.
+        InputError: no single root link, unknown joint type, missing limits, missing mesh file, bad numbers, an unknown
+            base, a joint of its part that mimics one outside.
     """
     elements = {_attribute(e, "name", "link"): e for e in root.findall("link")}
     joints_xml = root.findall("joint")
@@ -47,10 +51,13 @@ def read_urdf(root: Element, path: Path) -> Hand:
     if len(orphans) != 1:
         raise InputError(f"has {len(orphans)} links without a parent; exactly one base link is needed")
 
+    if base is not None and base not in elements:
+        raise unknown_name("link", base, elements, field="root")
+
     links: list[Link] = []
     joints: list[Joint] = []
     order: dict[str, int] = {}
-    todo: list[tuple[str, int, Element | None]] = [(next(iter(orphans)), -1, None)]
+    todo: list[tuple[str, int, Element | None]] = [(base or next(iter(orphans)), -1, None)]
     while todo:
         name, parent, above = todo.pop()
         own: tuple[int, ...] = ()
@@ -63,7 +70,7 @@ def read_urdf(root: Element, path: Path) -> Hand:
         links.append(Link(name, parent, pose, own, shapes))
         for child in reversed(children[name]):
             todo.append((child.find("child").get("link", ""), len(links) - 1, child))  # type: ignore[union-attr]
-    if len(links) != len(elements):
+    if base is None and len(links) != len(elements):
         raise InputError("has a loop of links; a tree is needed")
 
     couplings = tuple(c for e in joints_xml if (c := _mimic(e, order)) is not None)
@@ -105,7 +112,8 @@ def _mimic(e: Element, order: dict[str, int]) -> Coupling | None:
         return None
     driver = mimic.get("joint", "")
     if driver not in order:
-        raise InputError(f"mimics joint '{driver}', which is not a moving joint", field=f"joint {name}")
+        problem = f"mimics joint '{driver}', which is not a moving joint of what is read"
+        raise InputError(problem, field=f"joint {name}")
     ratio = _numbers(mimic, "multiplier", 1, f"joint {name}", "1")[0]
     offset = _numbers(mimic, "offset", 1, f"joint {name}", "0")[0]
     return Coupling(order[name], order[driver], ratio, offset)
