@@ -20,9 +20,9 @@ class SceneOptions:
     """A hand and an object."""
 
     hand: Annotated[Positional[str], arg(metavar="HAND")]
-    """a URDF or MJCF file or the name of a bundled hand"""
+    """a URDF or MJCF file (FILE#LINK: what hangs on that link), a bundled hand, menagerie:ROBOT or ..._description"""
     object: Annotated[Positional[str], arg(metavar="OBJECT")]
-    """a mesh (OBJ, STL, PLY, OFF) or handfast/body/1 file or the name of a bundled object"""
+    """a mesh (OBJ, STL, PLY, OFF), URDF, SDF or handfast/body/1 file, a folder of meshes, or a bundled object"""
     friction: Annotated[float | None, arg(metavar="MU")] = None
     """friction coefficient between hand and object; the object file's, or 0.5"""
     mass: Annotated[float | None, arg(metavar="KG")] = None
