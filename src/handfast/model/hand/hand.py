@@ -312,7 +312,11 @@ class Hand:
         """
         if not self.loops:
             return self.mechanism
-        return replace(self.mechanism, A=np.vstack([self.mechanism.A, self._closure.rows(q)]))
+        return replace(self.mechanism, A=np.vstack([self.mechanism.A, self.loop_rows(q)]))
+
+    def loop_rows(self, q: Array, *, refuse: bool = True) -> Array:
+        """(k, l) of the joints that follow from loops: see `LoopClosure.rows`; of a tree, none."""
+        return self._closure.rows(q, refuse=refuse) if self.loops else np.zeros((0, self.l))
 
     @cached_property
     def _closure(self) -> LoopClosure:

@@ -144,13 +144,16 @@ class LoopClosure:
                 raise self._open(gap, f"cannot be closed at {self._where(q)}")
         return at
 
-    def rows(self, q: Array) -> Array:
+    def rows(self, q: Array, *, refuse: bool = True) -> Array:
         """(k, l) rows of A: the motion of each dependent joint less what the others make of it, to first order at q.
 
+        Args:
+            refuse: singular positions, where the others do not determine the motion; else the least motion counts.
+
         Raises:
-            InputError: the loops are in a singular position, where the others do not determine the motion.
+            InputError: the loops are in a singular position.
         """
-        T = self._tangent(np.asarray(q, dtype=float), refuse=True)
+        T = self._tangent(np.asarray(q, dtype=float), refuse=refuse)
         rows = -T
         rows[np.arange(len(T)), list(self.dependent)] = 1.0
         return rows
