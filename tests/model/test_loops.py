@@ -141,3 +141,18 @@ def test_a_tree_has_no_loops() -> None:
     assert hand.dependent == ()
     assert hand.closed(q) is q
     assert hand.mechanism_at(q) is hand.mechanism
+
+
+def test_a_joint_of_a_loop_that_nothing_moves_is_idle(tmp_path: Path, linkage: Hand) -> None:
+    """Four bars with a fifth joint between: the motor leaves one of the two degrees of freedom free."""
+    assert linkage.idle == ()
+    path = FourBar().write(tmp_path)
+    middle = '<body name="mid"><joint name="mid" range="-1 0"/><geom type="sphere" size=".003"/>'
+    text = path.read_text().replace('<body name="rocker"', f'{middle}</body><body name="rocker"')
+    path.write_text(
+        text.replace('<joint name="coupler"/>', '<joint name="coupler"/><joint name="bent" pos=".01 0 0"/>')
+    )
+    hand = load_hand(path)
+    assert [hand.joint_names[j] for j in hand.dependent] == ["bent", "rocker"]
+    assert [hand.joint_names[j] for j in hand.idle] == ["coupler"]  # `mid` is in no loop
+    assert hand.closing[hand.joint("coupler")] == 0

@@ -117,7 +117,7 @@ class _Motion:
         self.touching: list[str] = []
         self._still: set[int] = set()  # stopped joints
         self._clutched: set[int] = set()  # mimic joints that go on alone
-        self.closes = [j for j in range(hand.l) if hand.closing[j]]
+        self.closes = [j for j in range(hand.l) if hand.closing[j] and j not in hand.idle]
         if not self.closes:
             raise InputError("no joint of the hand closes; give a closing sense", field="closing")
         self.rate = self._rates()

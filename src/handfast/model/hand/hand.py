@@ -212,6 +212,15 @@ class Hand:
         """Indices of the joints that follow from the others because the linkage closes loops; () for a tree."""
         return self._closure.dependent if self.loops else ()
 
+    @cached_property
+    def idle(self) -> tuple[int, ...]:
+        """Indices of the joints of loops that no motor moves and that follow from none: they give way."""
+        if not self.loops:
+            return ()
+        driven = np.abs(np.vstack([self.mechanism.R, self.mechanism.A])).max(axis=0, initial=0.0) > 0
+        moves = np.abs(self.loop_rows(self.assembled, refuse=False)).max(axis=0) > 0
+        return tuple(j for j in np.flatnonzero(moves & ~driven).tolist() if j not in self.dependent)
+
     @property
     def assembled(self) -> Array:
         """(l,) a configuration at which the loops are closed; of a tree, the joints' references."""

@@ -125,15 +125,11 @@ def _part(m: Any, base: str | None) -> ModelPart:
 def _closing_by_motors(hand: Hand) -> Hand:
     """Closing senses where loops decide: joints that follow go where the motors' joints take them.
 
-    A joint of a loop that no motor moves, and that follows from none, does not close by itself.
+    Idle joints do not close by themselves.
     """
     closing = np.array(hand.closing)
-    rows = hand.mechanism_at(hand.assembled).A[len(hand.couplings) :]
-    driven = np.abs(np.vstack([hand.mechanism.R, hand.mechanism.A])).max(axis=0, initial=0.0) > 0
-    for j in np.flatnonzero(np.abs(rows).max(axis=0)).tolist():
-        if not driven[j] and j not in hand.dependent:
-            closing[j] = 0
-    for j, row in zip(hand.dependent, rows, strict=True):
+    closing[list(hand.idle)] = 0
+    for j, row in zip(hand.dependent, hand.loop_rows(hand.assembled, refuse=False), strict=True):
         others = row.copy()
         others[j] = 0.0
         closing[j] = np.sign(-(others @ closing).round(9))
