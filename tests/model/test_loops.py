@@ -13,6 +13,7 @@ from handfast.geometry.contacts import grasp_of
 from handfast.model.grasp import Contact
 from handfast.model.hand import Hand, load_hand
 from handfast.model.hand.coupling import coupled
+from handfast.synthesis.task import Task
 from tests.support.four_bar import FourBar
 
 UPRIGHT = np.pi / 2
@@ -156,3 +157,8 @@ def test_a_joint_of_a_loop_that_nothing_moves_is_idle(tmp_path: Path, linkage: H
     assert [hand.joint_names[j] for j in hand.dependent] == ["bent", "rocker"]
     assert [hand.joint_names[j] for j in hand.idle] == ["coupler"]  # `mid` is in no loop
     assert hand.closing[hand.joint("coupler")] == 0
+
+
+def test_synthesis_refuses_a_loop(linkage: Hand) -> None:
+    with pytest.raises(InputError, match=r"four-bar.xml: closes a loop \(pin\); synthesis knows hands whose links are"):
+        Task.of(linkage, ())

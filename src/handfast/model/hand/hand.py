@@ -348,19 +348,26 @@ class Hand:
             np.abs(self.mechanism.R @ follow).max(axis=0, initial=0.0) > 0,
         )
 
+    @cached_property
+    def _pin_chains(self) -> Array:
+        """(n, 2, l) 1 for the joints that move the first end of each pin, -1 for those that move the second."""
+        out = np.zeros((len(self.loops), 2, self.l))
+        for k, loop in enumerate(self.loops):
+            out[k, 0, list(self.moved_by(loop.first))] = 1.0
+            out[k, 1, list(self.moved_by(loop.second))] = -1.0
+        return out
+
     def _gaps(self, q: Array) -> tuple[Array, Array]:
         """(3n,) [m] from the second link's point of each pin to the first's, base frame, and the Jacobian (3n, l)."""
         poses, (axes, origins) = self.link_poses(q), self.joint_axes(q)
-        slides = np.array([j.type == "prismatic" for j in self.joints])[:, None]
-        gap, J = np.zeros((len(self.loops), 3)), np.zeros((len(self.loops), 3, self.l))
-        for k, loop in enumerate(self.loops):
-            ends = ((1.0, loop.first, loop.on_first), (-1.0, loop.second, loop.on_second))
-            for sign, link, point in ends:
-                chain = list(self.moved_by(link))
-                at = poses[link][:3, :3] @ point + poses[link][:3, 3]
-                gap[k] += sign * at
-                J[k][:, chain] += sign * np.where(slides, axes, np.cross(axes, at - origins))[chain].T
-        return gap.ravel(), J.reshape(-1, self.l)
+        slides = np.array([j.type == "prismatic" for j in self.joints])
+        ends = [[(o.first, o.on_first), (o.second, o.on_second)] for o in self.loops]
+        at = np.array([[poses[i][:3, :3] @ x + poses[i][:3, 3] for i, x in pair] for pair in ends])  # (n, 2, 3)
+        arm = at[:, :, None] - origins
+        turned = axes[:, [1, 2, 0]] * arm[..., [2, 0, 1]] - axes[:, [2, 0, 1]] * arm[..., [1, 2, 0]]
+        speed = np.where(slides[:, None], axes, turned)  # (n, 2, l, 3) of each end by each joint
+        J = np.einsum("nel,nelk->nkl", self._pin_chains, speed)
+        return (at[:, 0] - at[:, 1]).ravel(), J.reshape(-1, self.l)
 
     def values(self, q: Array) -> dict[str, float]:
         """A configuration by joint name."""
