@@ -47,7 +47,7 @@ def overlaps(hand: Hand) -> set[str]:
         ("1 2 2 4 4 1", {"ab", "ac", "bc"}),  # one way is enough
         ("1 2 2 1 4 4", {"ab"}),
         ("0 0 1 1 1 1", {"bc"}),  # a is for the eye
-        ("1 0 1 0 1 0", {"ab", "ac", "bc"}),  # checks turned off altogether say nothing about any pair
+        ("1 0 1 0 1 0", {"ab", "ac", "bc"}),  # checks turned off for all that moves say nothing about any pair
     ],
 )
 def test_masks(tmp_path: Path, masks: str, found: set[str]) -> None:
@@ -61,6 +61,17 @@ def test_excludes(tmp_path: Path) -> None:
     assert overlaps(hand.with_closing({"ja": 1})) == {"ab", "bc"}
     assert not hand.may_collide("a", "c")
     assert hand.may_collide("a", "b")
+
+
+def test_contacts_that_are_listed_count_whatever_else_is_said(tmp_path: Path) -> None:
+    both = '<contact><exclude body1="a" body2="b"/><pair geom1="ga" geom2="gb"/></contact>'
+    path = write(tmp_path, "1 0 1 0 1 0", both)
+    text = path.read_text()
+    for name in "ab":
+        joint = f'<joint name="j{name}" axis="0 0 1" range="-1 1"/><geom'
+        text = text.replace(joint, f'{joint} name="g{name}"')
+    path.write_text(text)
+    assert overlaps(load_hand(path)) == {"ab"}
 
 
 def robot(folder: Path) -> Path:

@@ -157,27 +157,35 @@ def _pins(part: ModelPart, e: int, field: str, weld: bool) -> list[Loop]:
 def non_colliding(part: ModelPart) -> frozenset[tuple[str, str]]:
     """Pairs of links that an exclude names, or no two geoms of which may touch by contype and conaffinity.
 
-    Where these leave no pair at all, a simulator was to save time, and links are checked against each other as if
-    they said nothing: a hand does not pass through itself.
+    Not those of which the file lists two geoms as a contact pair. Where all this leaves no pair of moving links, a
+    simulator was to save time, and links are checked against each other as if contype and conaffinity said nothing:
+    a hand does not pass through itself.
     """
-    m, pairs = part.m, set()
-    for signature in m.exclude_signature.tolist():
-        ends = [signature >> 16, signature & 0xFFFF]
-        if all(b in part.bodies for b in ends):
-            pairs.add((part.link_name(ends[0]), part.link_name(ends[1])))
+    m = part.m
+    listed = {
+        frozenset((int(m.geom_bodyid[a]), int(m.geom_bodyid[b])))
+        for a, b in zip(m.pair_geom1, m.pair_geom2, strict=True)
+    }
+    excluded = {frozenset((s >> 16, s & 0xFFFF)) for s in m.exclude_signature.tolist()}
     solid: dict[int, set[tuple[int, int]]] = {}
     for b in part.bodies:
         bits = {(int(m.geom_contype[g]), int(m.geom_conaffinity[g])) for g in np.flatnonzero(m.geom_bodyid == b)}
         if b and bits - {(0, 0)}:
             solid[b] = bits - {(0, 0)}
-    parents = {(int(m.body_parentid[b]), b) for b in solid}  # those are never checked
-    every = [pair for pair in combinations(solid, 2) if pair not in parents]
-    apart = [
-        (part.link_name(a), part.link_name(b))
-        for a, b in every
-        if not any((t & c2) | (t2 & c) for t, c in solid[a] for t2, c2 in solid[b])
-    ]
-    return frozenset(pairs | (set(apart) if len(apart) < len(every) else set()))
+    parents = {frozenset((int(m.body_parentid[b]), b)) for b in solid}  # those are never checked
+    every = {frozenset(pair) for pair in combinations(solid, 2)} - parents
+    apart = {pair for pair in every - listed if not _meet(*(solid[b] for b in pair))}
+    still = m.body_weldid[part.bodies[0]]
+    between = {pair for pair in every if all(m.body_weldid[b] != still for b in pair)}
+    off = between and not between - apart
+    kept = (excluded - listed) | (set() if off else apart)
+    pairs = [sorted(pair) for pair in kept if pair.issubset(part.bodies) and len(pair) == 2]
+    return frozenset((part.link_name(a), part.link_name(b)) for a, b in pairs)
+
+
+def _meet(one: set[tuple[int, int]], other: set[tuple[int, int]]) -> bool:
+    """Whether any two geoms of two links may touch, by (contype, conaffinity) of each."""
+    return any((t & c2) | (t2 & c) for t, c in one for t2, c2 in other)
 
 
 def mechanism(part: ModelPart, joints: tuple[Joint, ...], couplings: tuple[Coupling, ...], A: Array) -> Mechanism:
