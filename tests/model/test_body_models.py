@@ -93,6 +93,9 @@ def test_a_folder_is_an_object_of_pieces(tmp_path: Path) -> None:
     assert (body.name, body.mass, len(body.pieces)) == ("mug", 0.2, 2)
     assert body.vertices[:, 0].max() == pytest.approx(0.5)
     np.testing.assert_allclose(body.center_of_mass, [0.25, 0.05, 0.05])
+    (folder / "whole.obj").write_text(CUBE.replace("v 1 1 1", "v .2 .2 .2"))  # a corner pushed in
+    with pytest.raises(InputError, match=r"whole.obj: is not convex; a folder is taken for the convex pieces of one"):
+        load_body(folder)
 
 
 LINK = "<link name='l'><collision>{}</collision></link>"

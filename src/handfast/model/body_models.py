@@ -17,8 +17,8 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.hand.urdf import find_mesh, numbers, origin, parse_xml, roll_pitch_yaw
-from handfast.model.mesh_pieces import mesh_pieces
-from handfast.model.shape import MESH_FILES, Kind, Shape
+from handfast.model.mesh_pieces import components, is_convex, mesh_pieces
+from handfast.model.shape import MESH_FILES, Kind, Shape, read_mesh
 
 MODEL_FILES = (".urdf", ".sdf")
 
@@ -49,17 +49,22 @@ class BodyParts:
 
 
 def read_folder(folder: Path, scale: float = 1.0) -> BodyParts:
-    """The meshes of a folder as the pieces of one object; one that is not convex is decomposed.
+    """The meshes of a folder as the convex pieces of one object.
 
     Args:
         scale: metres per unit.
 
     Raises:
-        InputError: no meshes in it, and what is wrong with one of them.
+        InputError: no meshes in it, one that is not convex, as where a folder has an object in several versions, and
+            what is wrong with one of them.
     """
     files = sorted(f for f in folder.iterdir() if f.suffix.lower() in MESH_FILES and f.is_file())
     if not files:
         raise InputError(f"is a folder without meshes; files of convex pieces are needed ({', '.join(MESH_FILES)})")
+    for file in files:
+        if not all(is_convex(*part) for group in read_mesh(file) for part in components(*group)):
+            right = "a folder is taken for the convex pieces of one object; name the mesh itself"
+            raise InputError(f"is not convex; {right}", source=str(file))
     return BodyParts(folder.name, [piece for file in files for piece in mesh_pieces(file, scale)])
 
 
