@@ -147,7 +147,7 @@ LINKS = "<link name='a'/><link name='b'/>"
         (LINKS + joint("<axis xyz='1 0 inf'/>" + LIMIT), "joint j: <axis> xyz is '1 0 inf'; 3 finite numbers"),
         (LINKS + joint("<origin rpy='1'/>" + LIMIT), "joint j: <origin> rpy is '1'; 3 finite numbers are needed$"),
         (LINKS + joint("<origin xyz='1'/>" + LIMIT), "joint j: <origin> xyz is '1'; 3 finite numbers are needed$"),
-        (LINKS + joint("<mimic/>" + LIMIT), "joint j: mimics joint '', which is not a moving joint$"),
+        (LINKS + joint("<mimic/>" + LIMIT), "joint j: mimics joint '', which is not a moving joint of what is read$"),
         (
             "<link name='c'/>" + LINKS + joint(LIMIT)
             + joint("<mimic joint='j' multiplier='?'/>" + LIMIT, name="k", parent="b", child="c"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 from handfast.planning.closing import GAP, close
+from tests.support.four_bar import FourBar
 from tests.support.places import SHARED
 
 R = 0.005  # finger radius
@@ -198,3 +200,33 @@ def test_allegro_on_real_objects(name: str) -> None:
     body = load_body(SHARED / "objects" / "ycb" / f"{name}.obj", mass=0.4)
     across = transform([0.07, 0, 0.02], np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))
     check(hand, hand.configuration({"joint_12.0": 1.2}), body, across @ transform(-body.center_of_mass))
+
+
+def test_a_four_bar_finger_closes_along_its_loop(tmp_path: Path) -> None:
+    """The crank drives, the tip on the coupler arrives at the ball, and the loop is closed all the way."""
+    bar = FourBar()
+    hand = load_hand(bar.write(tmp_path)).with_closing({"crank": -1})
+    start = hand.configuration({"crank": 0.5})
+    link = hand.link("coupler")
+
+    def tip(q: np.ndarray) -> np.ndarray:
+        pose = hand.link_poses(q)[link]
+        return pose[:3, :3] @ hand.links[link].shapes[-1].pose[:3, 3] + pose[:3, 3]
+
+    goal = hand.configuration({"crank": -0.4})
+    way = tip(goal) - tip(hand.configuration({"crank": -0.39}))
+    center = tip(goal) + 0.028 * way / np.linalg.norm(way)  # radii 8 and 20 mm
+    ball = Body.of([Shape("sphere", 0.02)])
+    closed = close(hand, start, ball, transform(center))
+    assert closed.touching == ("coupler",)
+    assert hand.values(closed.q) == pytest.approx(bar.joints(np.pi / 2 + hand.values(closed.q)["crank"]), abs=1e-7)
+    assert np.linalg.norm(tip(closed.q) - center) == pytest.approx(0.028, abs=3e-5)
+    assert closed.stopped["crank"] == "coupler touches"
+
+
+def test_a_loop_stops_where_it_is_stretched(tmp_path: Path) -> None:
+    hand = load_hand(FourBar(0.04, 0.035, 0.035, 0.05).write(tmp_path)).with_closing({"crank": 1})
+    closed = close(hand, hand.configuration(), Body.of([Shape("sphere", 0.02)]), transform((1.0, 0, 0)))
+    stretched = np.arccos((0.04**2 + 0.05**2 - 0.07**2) / (2 * 0.04 * 0.05)) - np.pi / 2
+    assert closed.q[0] == pytest.approx(stretched, abs=1e-3)
+    assert closed.stopped["crank"] == "loop"

@@ -31,6 +31,7 @@ class List(Command):
 
     def run(self) -> int:
         found = {kind: {name: describe(kind, name) for name in bundled.names(kind)} for kind in bundled.KINDS}
+        found["hands"] |= table_1()
         if self.json:
             console.print_json({"schema": "handfast/list/1", **found})
             return console.ANSWERED
@@ -54,6 +55,17 @@ class List(Command):
             out.print(Text.assemble((kind.replace("_", " "), "bold"), "  ", (uses[kind], "dim")))
             out.print(grid if entries else "  none")
         return console.ANSWERED
+
+
+def table_1() -> dict[str, str]:
+    """The hands of the synthesis paper's Table 1, which are built and have no files."""
+    from handfast.model.hand.load import TABLE_1_PREFIX
+    from handfast.model.hand.structures import TABLE_1
+
+    return {
+        TABLE_1_PREFIX + name: f"{design.title}: {design.dof} motors, nominal dimensions"
+        for name, design in TABLE_1.items()
+    }
 
 
 def describe(kind: str, name: str) -> str:

@@ -24,7 +24,7 @@ class Propose(Command):
     """
 
     hand: Annotated[Positional[str], arg(metavar="HAND")]
-    """a URDF or MJCF file, or the name of a bundled hand"""
+    """a URDF or MJCF file (FILE#LINK: what hangs on that link), a bundled hand, menagerie:ROBOT or ..._description"""
     object: Annotated[Positional[str], arg(metavar="OBJECT")]
     """a mesh or handfast/body/1 file, or the name of a bundled object"""
     kind: Literal["pinch", "tripod", "power"] = "pinch"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
@@ -20,9 +21,13 @@ class SceneOptions:
     """A hand and an object."""
 
     hand: Annotated[Positional[str], arg(metavar="HAND")]
-    """a URDF or MJCF file or the name of a bundled hand"""
+    """a URDF or MJCF file (FILE#LINK: what hangs on that link), a bundled hand, menagerie:ROBOT or ..._description"""
+    root: Annotated[str | None, arg(metavar="LINK")] = None
+    """read only what hangs on this link of the robot: the hand without its arm, one of two hands"""
+    srdf: Annotated[str | None, arg(metavar="FILE")] = None
+    """SRDF file that says which links do not collide; the URDF's namesake beside it"""
     object: Annotated[Positional[str], arg(metavar="OBJECT")]
-    """a mesh (OBJ, STL, PLY, OFF) or handfast/body/1 file or the name of a bundled object"""
+    """a mesh (OBJ, STL, PLY, OFF), URDF, SDF or handfast/body/1 file, a folder of meshes, or a bundled object"""
     friction: Annotated[float | None, arg(metavar="MU")] = None
     """friction coefficient between hand and object; the object file's, or 0.5"""
     mass: Annotated[float | None, arg(metavar="KG")] = None
@@ -35,7 +40,10 @@ class SceneOptions:
         from handfast.model.body import load_body
         from handfast.model.hand import load_hand
 
-        hand = load_hand(self.hand)
+        hand = load_hand(self.hand, root=self.root, srdf=self.srdf)
+        if self.root:  # saved files load it again by its source, from anywhere
+            file, _, link = hand.source.rpartition("#")
+            self.hand = f"{Path(file).resolve()}#{link}"
         body = load_body(
             bundled.resolve("objects", self.object), mass=self.mass, friction=self.friction, scale=self.scale
         )

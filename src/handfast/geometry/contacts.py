@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -140,6 +141,8 @@ def grasp_of(
 ) -> Grasp:
     """The grasp of a hand at q with contacts that are known already: `contact_grasp` without the detection.
 
+    Loops of the hand count to first order at q, as couplings (`Hand.mechanism_at`).
+
     Args:
         contacts: object frame; `link` names the hand link of each.
 
@@ -147,7 +150,9 @@ def grasp_of(
         InputError: no contacts, an unknown link, joint or actuator.
     """
     moving = [hand.moved_by(hand.link(c.link)) for c in contacts]
-    whole = Mechanism.direct(hand.joint_names) if mechanism == "direct" else hand.mechanism
+    whole = hand.mechanism_at(q)
+    if mechanism == "direct":
+        whole = replace(Mechanism.direct(hand.joint_names), A=whole.A[len(hand.couplings) :])  # loops are no motor's
     kept = _connected({j for chain in moving for j in chain}, whole)
     held = {hand.joint(joint, field="lock") for joint in lock}
     sign = np.where(hand.closing < 0, -1.0, 1.0)

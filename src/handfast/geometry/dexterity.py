@@ -134,7 +134,7 @@ def finger_manipulability(hand: Hand, link: int, point: Array, q: Array) -> floa
     """
     chain = list(hand.moved_by(link))
     fixed = [j for j, joint in enumerate(hand.joints) if joint.lower == joint.upper]
-    speeds = _free(np.vstack([hand.mechanism.A, np.eye(hand.l)[fixed]]))[chain]
+    speeds = _free(np.vstack([hand.mechanism_at(q).A, np.eye(hand.l)[fixed]]))[chain]
     left, values, _ = np.linalg.svd(speeds, full_matrices=False)
     own = left[:, values > RANK]  # (|chain|, k) orthonormal: speeds of this finger alone
     found = _largest(hand.jacobian(link, point, q)[:, chain] @ own, 3)

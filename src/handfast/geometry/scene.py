@@ -70,7 +70,8 @@ class Scene:
 
     Attributes:
         hand, body: as given.
-        self_pairs: pairs of links that may meet: not a parent and its child, nor two that move as one.
+        self_pairs: pairs of links that may meet: not a parent and its child, nor two that move as one,
+            nor the hand's `non_colliding`.
         link_radius: (n_links,) [m], of a sphere about each link's origin that holds its shapes.
         placed: (n_links + 1, 4, 4) the links' poses as last placed and the object's, base frame.
 
@@ -209,7 +210,7 @@ class Scene:
         return outwards / max(float(np.linalg.norm(outwards)), 1e-12)
 
     def _meeting_links(self) -> list[tuple[int, int]]:
-        """Link pairs that can meet: not in one rigid group, not parent and child group."""
+        """Link pairs that can meet: not in one rigid group, not parent and child group, not excluded by the hand."""
         links = self.hand.links
         group: list[int] = []  # links that move as one share the index of the first
         parent: list[int] = []  # of each group: the nearest group above it that has shapes
@@ -227,7 +228,8 @@ class Scene:
         for i in range(len(links)):
             for j in range(i + 1, len(links)):
                 adjacent = group[i] == group[j] or group[i] == parent[j] or group[j] == parent[i]
-                if links[i].shapes and links[j].shapes and not adjacent:
+                free = self.hand.may_collide(links[i].name, links[j].name)
+                if links[i].shapes and links[j].shapes and free and not adjacent:
                     pairs.append((i, j))
         return pairs
 

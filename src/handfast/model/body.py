@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from handfast.core import bundled
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.model.body_models import MODEL_FILES, read_body_model, read_folder
 from handfast.model.mesh_pieces import joined, mesh_pieces
 from handfast.model.shape import MESH_FILES, Faces, Shape, read_mesh
 
@@ -112,41 +114,46 @@ def load_body(
     center_of_mass: object = None,
     scale: float = 1.0,
 ) -> Body:
-    """An object from a mesh file or a `handfast/body/1` JSON file, or a bundled one by name.
+    """An object from a mesh, URDF, SDF or `handfast/body/1` JSON file, a folder of meshes, or a bundled one by name.
 
     A mesh may consist of several convex parts (groups, or connected components): they are taken as they
     are, each as its convex hull. A part that is not convex is decomposed into convex pieces with CoACD,
     with a fixed seed. The centre of mass defaults to the centre of the volume (of the pieces, if there
-    are several).
+    are several). Of a URDF or SDF file count collision shapes, masses and (SDF) the smallest friction; the meshes of a
+    folder are pieces of one object.
 
     Args:
-        source: OBJ, STL, PLY, OFF or JSON.
+        source: OBJ, STL, PLY, OFF, URDF, SDF, JSON or a folder.
         mass: [kg]; unknown if absent here and in the file.
         friction: coefficient; 0.5 if absent here and in the file.
         center_of_mass: (3,) [m] in the object frame, after scaling.
-        scale: metres per unit of a mesh file; a JSON file states its own.
+        scale: metres per unit of a mesh, a folder's meshes, or a URDF or SDF file; a JSON file states its own.
 
     Raises:
         InputError: no such file, no triangles, NaN, flat, negative mass or friction, zero scale, a
             field that the JSON schema does not know. One line, naming the file.
     """
     path = Path(bundled.resolve("objects", str(source)))
-    if not os.path.isfile(path):  # False, too, for what can be no name
-        raise InputError("no such file; an OBJ, STL, PLY, OFF or JSON file is needed", source=str(path))
+    if not os.path.isfile(path) and not os.path.isdir(path):  # False, too, for what can be no name
+        raise InputError("no such file; an OBJ, STL, PLY, OFF, URDF, SDF or JSON file is needed", source=str(path))
     try:
+        drawn: tuple[Array, Faces] | None = None
+        stored: tuple[object, ...] = (None, None, None)
         if path.suffix.lower() in MESH_FILES:
-            pieces = mesh_pieces(path, scale)
+            name, pieces = path.stem, mesh_pieces(path, scale)
             vertices, faces = joined(read_mesh(path))
             drawn = (vertices * scale, faces)
-            name, found = path.stem, (mass, friction, center_of_mass)
+        elif path.is_dir() or path.suffix.lower() in MODEL_FILES:
+            parts = read_folder(path, scale) if path.is_dir() else read_body_model(path, scale)
+            name, pieces, stored = parts.name, parts.pieces, (parts.mass, parts.friction, parts.center_of_mass)
         else:
             from handfast.model.body_file import read_body_file  # pydantic, slow to import
 
-            file, drawn = read_body_file(path), None
+            file = read_body_file(path)
             pieces = file.shapes_in(path.parent)
-            name = file.name or path.stem
-            given, stored = (mass, friction, center_of_mass), (file.mass, file.friction, file.center_of_mass)
-            found = tuple(s if v is None else v for v, s in zip(given, stored, strict=True))  # type: ignore[assignment]
+            name, stored = file.name or path.stem, (file.mass, file.friction, file.center_of_mass)
+        given = (mass, friction, center_of_mass)
+        found: Any = [s if v is None else v for v, s in zip(given, stored, strict=True)]
         return Body.of(
             pieces,
             name=name,

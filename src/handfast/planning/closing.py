@@ -19,6 +19,8 @@ GAP = 2e-5  # [m] a link nearer than this touches; bisection stops between 0 and
 OVERLAP = 1e-4  # [m] a start deeper than this is refused
 SLIDE = 0.1  # [m/s] of a prismatic joint while revolute ones turn 1 rad/s
 LEAST = 2e-3  # [s] smallest step between looks; the distances say how much larger it may be
+MOST = 0.1  # [s] the largest while loops change how joints follow
+STUCK = 1e-9  # [rad, m] by which a joint that drives a loop is behind where its linkage ends
 REACH = 0.03  # [m] beyond this, distances are not computed
 ROUNDING = 1e-12
 
@@ -31,7 +33,8 @@ class Closed:
         q: (l,) configuration [rad, m].
         contacts: with the object, object frame, as `find_contacts` gives them.
         stopped: for each joint that was closing, why it stopped: "<link> touches" the object, "<link>
-            meets <link>" of the hand, "limit", or "follows <joint>" to which it is coupled.
+            meets <link>" of the hand, "limit", "follows <joint>" to which it is coupled, or "loop": its linkage
+            lets it go no further.
         touching: names of the links that touch the object, in the order in which they arrived.
     """
 
@@ -63,7 +66,8 @@ def close(
     touches the object, the joints between it and the base stop; those further out go on. A mimic joint
     moves at its ratio with its driver. If the driver is stopped by a contact of a link between the two,
     the mimic joint goes on alone if `breakaway`, and stops if not. Fingers that meet each other or the
-    palm stop too; links that are neighbours or that overlap at the start are allowed to. Deterministic:
+    palm stop too; links that are neighbours or that overlap at the start are allowed to. Joints that follow
+    from loops go where the others take them, and stop these where they are stopped themselves. Deterministic:
     links end between 0 and 0.02 mm from what they touch, up to what the start already had.
 
     Args:
@@ -113,7 +117,7 @@ class _Motion:
         self.touching: list[str] = []
         self._still: set[int] = set()  # stopped joints
         self._clutched: set[int] = set()  # mimic joints that go on alone
-        self.closes = [j for j in range(hand.l) if hand.closing[j]]
+        self.closes = [j for j in range(hand.l) if hand.closing[j] and j not in hand.idle]
         if not self.closes:
             raise InputError("no joint of the hand closes; give a closing sense", field="closing")
         self.rate = self._rates()
@@ -146,9 +150,10 @@ class _Motion:
         live = watched[(apart & (self.rate != 0)).any(axis=1)]
         free = np.concatenate([(links - GAP)[moves] / fast[moves], (between - GAP)[live] / meet[live]])
         step = min(max(LEAST, free.min(initial=np.inf)), self._time_to_limit())
+        step = min(step, MOST) if self.hand.loops else step
 
         def ahead(t: float) -> tuple[float, Array, Array]:
-            d, m = scene.clearances(start + t * self.rate, pose, REACH)
+            d, m = scene.clearances(self._at(start, t), pose, REACH)
             return min([np.inf, *d[moves], *m[live]]), d, m
 
         least, links, between = ahead(step)
@@ -161,14 +166,23 @@ class _Motion:
             if least < 0:  # it was touching from the start of the step
                 step = before
                 least, links, between = ahead(step)
-        self.q = start + step * self.rate
+        self.q = self._at(start, step)
         lower, upper = self.hand.limits.T
         inside = self.rate != 0
         self.q[inside] = np.clip(self.q, np.minimum(lower, start), np.maximum(upper, start))[inside]
         self.seen = links, between
+        if self.hand.loops:
+            led = [*self.hand.dependent, *self.couplings]
+            behind = np.delete(np.abs(start + step * self.rate - self.q), led)
+            if behind.max(initial=0.0) > STUCK:  # what drives the loops did not get where it was sent
+                self._stop(set(self._moving()), "loop")
         stop_at = links.copy()
         stop_at[~moves] = np.inf
         self.arrive(stop_at, between, pairs, live)
+
+    def _at(self, start: Array, t: float) -> Array:
+        """(l,) where the joints are after a time t at their rates."""
+        return self.hand.closed(start + t * self.rate, start, as_far_as_possible=True)
 
     def _apart(self, first: int, second: int) -> set[int]:
         """Joints that move one of two links against the other."""
@@ -213,15 +227,36 @@ class _Motion:
                 else:
                     follower, stopped = (j, c.driver) if c.driver in self._still else (c.driver, j)
                     self._stop({follower}, f"follows {self.hand.joints[stopped].name}")
+            for j, moved_by in self._followed().items():
+                if j in self._still and moved_by - self._still:
+                    changed = True
+                    self._stop(moved_by - self._still, f"follows {self.hand.joints[j].name}")
         rate = np.zeros(self.hand.l)
         for j in self.closes:
-            if j not in self._still and (j not in self.couplings or j in self._clutched):
+            led = j in self.hand.dependent or (j in self.couplings and j not in self._clutched)
+            if j not in self._still and not led:
                 rate[j] = self.hand.closing[j] * self.speed[j]
         for _ in self.couplings:
             for j, c in self.couplings.items():
                 if j not in self._still and j not in self._clutched:
                     rate[j] = c.ratio * rate[c.driver]
+        if self.hand.loops:
+            own = list(self.hand.dependent)
+            rate[own] = 0.0
+            rate[own] = -(self._loop_rows() @ rate)
         return rate
+
+    def _loop_rows(self) -> Array:
+        """(k, l) the loops' rows of A at q."""
+        return self.hand.loop_rows(self.q, refuse=False)
+
+    def _followed(self) -> dict[int, set[int]]:
+        """For each joint that follows from loops: the closing joints that move it at q."""
+        if not self.hand.loops:
+            return {}
+        closes = set(self.closes) - set(self.hand.dependent)
+        rows = zip(self.hand.dependent, self._loop_rows(), strict=True)
+        return {j: set(np.flatnonzero(row).tolist()) & closes for j, row in rows}
 
     def _same_finger(self, inner: int, outer: int) -> bool:
         return any(inner in chain and outer in chain for chain in self.chains)

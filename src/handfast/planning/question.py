@@ -16,8 +16,11 @@ from handfast.synthesis.embedded import digest
 
 def fingerprint(hand: Hand, body: Body, loads: Loads, seed: int, **others: object) -> str:
     """What tells two questions apart: every number of hand, object and loads, the seed, and `others` as text."""
+    loops = [[o.first, o.second, o.on_first.tolist(), o.on_second.tolist()] for o in hand.loops]
+    more = {"loops": loops, "non_colliding": sorted(map(sorted, hand.non_colliding))}
     return digest(
-        {
+        {key: value for key, value in more.items() if value}
+        | {
             "links": [
                 [k.name, k.parent, k.pose.tolist(), list(k.joints), [_shape(s) for s in k.shapes]] for k in hand.links
             ],

@@ -116,8 +116,11 @@ class Task:
 
         Raises:
             InputError: an unknown joint (the known ones are listed), a lower limit above the upper one,
-                a joint that drives itself or is tied twice.
+                a joint that drives itself or is tied twice, a hand with closed loops.
         """
+        if hand.loops:
+            problem = f"closes a loop ({hand.loops[0].name}); synthesis knows hands whose links are a tree"
+            raise InputError(problem, source=hand.source or hand.name)
         joints = list(hand.joints)
         for joint, (lo, hi) in (limits or {}).items():
             j = hand.joint(joint, field="limits")

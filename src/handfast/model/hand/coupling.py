@@ -58,9 +58,15 @@ def driver_ranges(hand: Hand, needed: Iterable[int] = ()) -> dict[int, tuple[flo
 
 
 def coupled(hand: Hand, q: Array) -> Array:
-    """q (..., l) with the coupled joints where their drivers put them, whatever their limits."""
+    """q (..., l) with the coupled joints where their drivers put them, whatever their limits.
+
+    The joints of loops are as near to q as the loops, and the limits of those that follow, let them come.
+    """
     out = q.copy()
     for j, (driver, ratio, offset) in drivers(hand).items():
         if driver != j:
             out[..., j] = offset + (ratio * q[..., driver] if driver >= 0 else 0.0)
+    if hand.loops:
+        rows = out.reshape(-1, hand.l)
+        out = np.array([hand.closed(row, as_far_as_possible=True) for row in rows]).reshape(out.shape)
     return np.asarray(out)

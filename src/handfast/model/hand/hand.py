@@ -13,10 +13,12 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import FARTHEST, rigid
+from handfast.model.hand.loop import Loop, LoopClosure
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 
 LIMIT_TOLERANCE = 1e-6  # [rad or m] rounding of a limit in a file is not a violation
+LOOP_TOLERANCE = 0.01  # [rad or m] by which a simulated joint may be off, as simulators let the ends of a loop part
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +129,9 @@ class Hand:
         breakaway: a coupled joint goes on alone when its driver is stopped by a contact further in on
             the same finger, like the Barrett hand's clutch; False for a rigid linkage.
         source: the file it was read from.
+        non_colliding: pairs of link names that are not checked against each other, in either order.
+        loops: pins that close loops of the linkage. Some joints follow from the others then (`dependent`), and
+            how they do changes with the configuration: `mechanism_at` says it.
     """
 
     name: str
@@ -137,6 +142,8 @@ class Hand:
     closing: Array
     breakaway: bool = True
     source: str = ""
+    non_colliding: frozenset[tuple[str, str]] = frozenset()
+    loops: tuple[Loop, ...] = ()
 
     def __post_init__(self) -> None:
         for kind, names in (("link", self.link_names), ("joint", self.joint_names)):
@@ -152,6 +159,12 @@ class Hand:
         if self.mechanism.R.shape[1] != self.l:
             columns = self.mechanism.R.shape[1]
             raise InputError(f"has {columns} columns for {self.l} joints", field="mechanism")
+        for pair in self.non_colliding:
+            for name in pair:
+                if name not in self.link_names:
+                    raise unknown_name("link", name, self.link_names, field="non_colliding")
+        if self.loops:
+            _ = self._closure  # loops that cannot be closed are refused here
 
     def _refuse_circles(self) -> None:
         """Couplings that are no numbers, tie a joint twice, or lead from a joint back to itself."""
@@ -198,6 +211,29 @@ class Hand:
         """(l, 2) lower and upper joint limits."""
         return frozen([[j.lower, j.upper] for j in self.joints], (self.l, 2), "limits")
 
+    @cached_property
+    def dependent(self) -> tuple[int, ...]:
+        """Indices of the joints that follow from the others because the linkage closes loops; () for a tree."""
+        return self._closure.dependent if self.loops else ()
+
+    @cached_property
+    def idle(self) -> tuple[int, ...]:
+        """Indices of the joints of loops that no motor moves and that follow from none: they give way."""
+        if not self.loops:
+            return ()
+        driven = np.abs(np.vstack([self.mechanism.R, self.mechanism.A])).max(axis=0, initial=0.0) > 0
+        moves = np.abs(self.loop_rows(self.assembled, refuse=False)).max(axis=0) > 0
+        return tuple(j for j in np.flatnonzero(moves & ~driven).tolist() if j not in self.dependent)
+
+    @property
+    def assembled(self) -> Array:
+        """(l,) a configuration at which the loops are closed; of a tree, the joints' references."""
+        return self._closure.assembled if self.loops else np.array([j.ref for j in self.joints])
+
+    def may_collide(self, first: str, second: str) -> bool:
+        """Whether two links, by name, are checked against each other."""
+        return not {(first, second), (second, first)} & self.non_colliding
+
     def link(self, name: str) -> int:
         """Index of a link; `InputError` listing the known ones if there is none."""
         if name not in self.link_names:
@@ -230,11 +266,12 @@ class Hand:
 
         A missing coupled joint follows its driver (or the driver it); any other missing joint is 0,
         clipped to its limits. A joint given explicitly keeps its value even against a coupling, because
-        a clutch may have opened.
+        a clutch may have opened. Joints that follow from loops are where these close; a value given for
+        one has to be that to `LOOP_TOLERANCE`.
 
         Raises:
             InputError: unknown joint (the known ones are listed), a value that is not finite, given or
-                coupled outside the limits by more than 1e-6.
+                coupled outside the limits by more than 1e-6, loops that cannot be closed.
         """
         q = np.full(self.l, np.nan)
         for name, value in (values or {}).items():
@@ -242,15 +279,25 @@ class Hand:
             if not np.isfinite(value):
                 raise InputError(f"is {value}; a finite number is needed", field=name)
             q[j] = value
+        given = q[list(self.dependent)]
+        for j, value in zip(self.dependent, given, strict=True):
+            q[j] = self._closure.assembled[j] if np.isnan(value) else value
         self._follow(q)
         for j in range(self.l):
             drives = any(c.driver == j for c in self.couplings)
             if np.isnan(q[j]) and (drives or not any(c.joint == j for c in self.couplings)):
                 q[j] = np.clip(0.0, self.joints[j].lower, self.joints[j].upper)
                 self._follow(q)
-        for joint, value in zip(self.joints, q, strict=True):
+        if self.loops:
+            q = self.closed(q)
+            for j, value in zip(self.dependent, given, strict=True):
+                if abs(value - q[j]) > LOOP_TOLERANCE:  # not where it was not given
+                    right = f"the loop that it is in puts it at {q[j]:.6g}; leave it out"
+                    raise InputError(f"is {value:g}, but {right}", field=self.joint_names[j])
+        for j, (joint, value) in enumerate(zip(self.joints, q, strict=True)):
             if not joint.lower - LIMIT_TOLERANCE <= value <= joint.upper + LIMIT_TOLERANCE:
-                how = "" if joint.name in (values or {}) else " through its coupling"
+                through = "loop" if j in self.dependent else "coupling"
+                how = "" if joint.name in (values or {}) else f" through its {through}"
                 raise InputError(
                     f"is {value:g}{how}; the limits are [{joint.lower:g}, {joint.upper:g}]", field=joint.name
                 )
@@ -266,6 +313,65 @@ class Hand:
                     q[c.joint] = c.ratio * q[c.driver] + c.offset
                 elif c.driver >= 0 and np.isnan(q[c.driver]) and c.ratio:
                     q[c.driver] = (q[c.joint] - c.offset) / c.ratio
+
+    def closed(self, q: Array, start: Array | None = None, *, as_far_as_possible: bool = False) -> Array:
+        """q (l,) with the joints that follow from loops where these close; of a tree, q. See `LoopClosure.closed`."""
+        return self._closure.closed(q, start, as_far_as_possible=as_far_as_possible) if self.loops else q
+
+    def mechanism_at(self, q: Array) -> Mechanism:
+        """The mechanism, with the loops as they are at q (l,): rows of A that hold to first order there.
+
+        By virtual work their multipliers are the forces in the pins; no motor sees them. See `LoopClosure.rows`.
+        """
+        if not self.loops:
+            return self.mechanism
+        return replace(self.mechanism, A=np.vstack([self.mechanism.A, self.loop_rows(q)]))
+
+    def loop_rows(self, q: Array, *, refuse: bool = True) -> Array:
+        """(k, l) of the joints that follow from loops: see `LoopClosure.rows`; of a tree, none."""
+        return self._closure.rows(q, refuse=refuse) if self.loops else np.zeros((0, self.l))
+
+    @cached_property
+    def _closure(self) -> LoopClosure:
+        """The loops, assembled from where the links stand at their `pose`."""
+        follow, offset = np.eye(self.l), np.zeros(self.l)
+        for c in self.couplings:
+            follow[c.joint] = 0.0
+        for _ in self.couplings:  # a driver may itself be coupled
+            for c in self.couplings:
+                follow[c.joint] = c.ratio * follow[c.driver] if c.driver >= 0 else 0.0
+                offset[c.joint] = c.offset + (c.ratio * offset[c.driver] if c.driver >= 0 else 0.0)
+        return LoopClosure.of(
+            self.joint_names,
+            self._gaps,
+            (follow, offset),
+            self.limits,
+            [j.type == "prismatic" for j in self.joints],
+            tuple(loop.name for loop in self.loops),
+            np.array([j.ref for j in self.joints]),
+            np.abs(self.mechanism.R @ follow).max(axis=0, initial=0.0) > 0,
+        )
+
+    @cached_property
+    def _pin_chains(self) -> Array:
+        """(n, 2, l) 1 for the joints that move the first end of each pin, -1 for those that move the second."""
+        out = np.zeros((len(self.loops), 2, self.l))
+        for k, loop in enumerate(self.loops):
+            out[k, 0, list(self.moved_by(loop.first))] = 1.0
+            out[k, 1, list(self.moved_by(loop.second))] = -1.0
+        return out
+
+    def _gaps(self, q: Array) -> tuple[Array, Array]:
+        """(3n,) [m] from the second link's point of each pin to the first's, base frame, and the Jacobian (3n, l)."""
+        poses, (axes, origins) = self.link_poses(q), self.joint_axes(q)
+        slides = np.array([j.type == "prismatic" for j in self.joints])
+        ends = [[(o.first, o.on_first), (o.second, o.on_second)] for o in self.loops]
+        at = np.array([[poses[i][:3, :3] @ x + poses[i][:3, 3] for i, x in pair] for pair in ends])  # (n, 2, 3)
+        arm = at[:, :, None] - origins
+        turned = axes[:, [1, 2, 0]] * arm[..., [2, 0, 1]] - axes[:, [2, 0, 1]] * arm[..., [1, 2, 0]]
+        speed = np.where(slides[:, None], axes, turned)  # (n, 2, l, 3) of each end by each joint
+        J = np.einsum("nel,nelk->nkl", self._pin_chains, speed)
+        return (at[:, 0] - at[:, 1]).ravel(), J.reshape(-1, self.l)
 
     def values(self, q: Array) -> dict[str, float]:
         """A configuration by joint name."""

@@ -1,4 +1,4 @@
-"""One door for hands: bundled names, URDF files and MJCF files."""
+"""One door for hands: bundled names, URDF and MJCF files, collections of robots, mujoco models in memory."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ import os
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from handfast.core.errors import InputError, unknown_name
 from handfast.model.hand.hand import Hand
-from handfast.model.hand.mjcf import read_mjcf
+from handfast.model.hand.mjcf import hand_of_model, hand_of_spec, read_mjcf
+from handfast.model.hand.named_models import collected
+from handfast.model.hand.srdf import read_srdf
+from handfast.model.hand.structures import TABLE_1, table_1_hand
 from handfast.model.hand.urdf import parse_xml, read_urdf
 
 # What a description file cannot say: which joints close (each one not named here stays 0), and whether
@@ -30,44 +34,94 @@ BUNDLED: dict[str, tuple[str, dict[str, int], bool]] = {
 }
 
 
+TABLE_1_PREFIX = "table1:"  # of the hands of the synthesis paper's Table 1, which are built and not read
+
+
 def bundled_hands() -> tuple[str, ...]:
     """Names that `load_hand` takes instead of a path."""
-    return tuple(BUNDLED)
+    return (*BUNDLED, *(TABLE_1_PREFIX + name for name in TABLE_1))
 
 
-def load_hand(source: str | Path) -> Hand:
-    """A hand from a URDF or MJCF file, or a bundled one by name.
+def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None = None) -> Hand:
+    """A hand from a URDF or MJCF file, by name, or from a mujoco model in memory.
 
     Only collision shapes are read (URDF `collision`; MJCF geoms that can collide), and a mesh counts as
     its convex hull: split a non-convex link into several meshes to keep its hollows. A link without
     collision shapes keeps `shapes == ()`. Coupled joints (URDF `mimic`, MJCF joint equalities) become
-    couplings. `Hand.closing` is guessed from the limits for a file and stated for a bundled hand.
+    couplings, pins (MJCF connect and weld) loops. `Hand.closing` is guessed from the limits for a file and
+    stated for a bundled hand.
+
+    Args:
+        source: a path; a bundled name (`bundled_hands`); `menagerie:robot/model` and `..._description`, of
+            collections that are installed (see `named_models`); an `mujoco.MjModel` or `mujoco.MjSpec`. A path or a
+            name of a collection may end in `#link`, which is the root.
+        root: name of a link: only what hangs on it is read, in its frame: the hand without the arm that carries it,
+            the left hand of a robot with two.
+        srdf: a file whose `disable_collisions` say which links are not checked against each other; for a URDF the one
+            of the same name beside it unless given.
 
     Raises:
         InputError: no such file or name (the bundled ones are listed), not a hand file, a missing mesh,
             a joint or transmission that is not understood. One line, naming the file.
     """
-    if str(source) in BUNDLED:
-        name = str(source)
-        file, closing, breakaway = BUNDLED[name]
-        hand = _read(Path(str(files("handfast") / "data" / "hands" / file)))
-        hand = hand.with_closing(dict.fromkeys(hand.joint_names, 0) | closing)
-        return replace(hand, name=name, breakaway=breakaway, source=name)
-    path = Path(source)
+    if not isinstance(source, (str, Path)):
+        hand = _in_memory(source, root)
+        return _with_srdf(hand, Path(srdf), strict=root is None) if srdf else hand
+    if str(source) in bundled_hands():
+        if root or srdf:
+            raise InputError("is a bundled hand, which has no root or SRDF file to choose", source=str(source))
+        return _bundled(str(source))
+    name, path = str(source), Path(source)
+    if "#" in name and not os.path.isfile(path):
+        name, _, link = name.rpartition("#")
+        if root not in (None, link):
+            raise InputError(f"asks for root '{link}', and root is '{root}'; one is needed", source=str(source))
+        root, path = link, Path(name)
+    path = collected(name) or path
     if not os.path.isfile(path):  # False, too, for what can be no name
         if path.suffix:
             raise InputError("no such file", source=str(path))
-        raise unknown_name("hand", str(source), BUNDLED)
-    return _read(path)
+        raise unknown_name("hand", str(source), bundled_hands())
+    hand = _read(path, root)
+    if root:
+        hand = replace(hand, source=f"{path}#{root}")
+    beside = path.with_suffix(".srdf")
+    if srdf is None and path.suffix.lower() == ".urdf" and os.path.isfile(beside):
+        srdf = beside
+    return _with_srdf(hand, Path(srdf), strict=root is None) if srdf else hand
 
 
-def _read(path: Path) -> Hand:
+def _bundled(name: str) -> Hand:
+    if name.startswith(TABLE_1_PREFIX):
+        return replace(table_1_hand(name.removeprefix(TABLE_1_PREFIX)), source=name)
+    file, closing, breakaway = BUNDLED[name]
+    hand = _read(Path(str(files("handfast") / "data" / "hands" / file)))
+    hand = hand.with_closing(dict.fromkeys(hand.joint_names, 0) | closing)
+    return replace(hand, name=name, breakaway=breakaway, source=name)
+
+
+def _in_memory(model: Any, root: str | None) -> Hand:
+    """Of an `MjModel` or `MjSpec`, told apart without importing mujoco, which is slow and here already if it is one."""
+    kind = type(model).__name__
+    if kind == "MjModel":
+        return hand_of_model(model, root)
+    if kind == "MjSpec":
+        return hand_of_spec(model, root)
+    right = "a path, a name, an mujoco.MjModel or an mujoco.MjSpec is needed"
+    raise InputError(f"is of type {kind}; {right}", field="source")
+
+
+def _with_srdf(hand: Hand, srdf: Path, strict: bool) -> Hand:
+    return replace(hand, non_colliding=hand.non_colliding | read_srdf(srdf, hand, strict=strict))
+
+
+def _read(path: Path, base: str | None = None) -> Hand:
     root = parse_xml(path)
     try:
         if root.tag == "robot":
-            return read_urdf(root, path)
+            return read_urdf(root, path, base)
         if root.tag == "mujoco":
-            return read_mjcf(root, path)
+            return read_mjcf(root, path, base)
     except InputError as fault:
         raise fault.at(str(path)) from None
     except UnicodeDecodeError:  # mujoco reads bytes, whatever encoding the file declares

@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, unknown_name
 from handfast.core.quiet import quiet
 from handfast.core.transforms import quaternion_matrix, transform
-from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
+from handfast.model.hand.hand import Hand, Joint, Link, coupling_rows, guess_closing
+from handfast.model.hand.mjcf_ties import ModelPart, mechanism, non_colliding, ties
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 
+UNNAMED = "MuJoCo Model"  # what mujoco calls a model whose file gives no name
+UNMOVED = 1e-12  # of the pose of a body that stands in the world's frame
 
-def read_mjcf(root: Element, path: Path) -> Hand:
-    """A hand from an MJCF file.
 
-    A single body below the world is the base, whatever its pose in the world; with several, or if that
-    body moves, the world is the base. Geoms that can collide become shapes, meshes as their convex
-    hulls; geoms of a fixed world (floors) are left out. Active joint equalities with a linear polynomial
-    become couplings. Actuators on joints and fixed tendons become the rows of R, scaled by their gear; a
-    tendon whose force can have one sign only can only pull. Without actuators every joint that is
-    not the dependent side of a coupling is its own actuator.
+def read_mjcf(root: Element, path: Path, base: str | None = None) -> Hand:
+    """A hand from an MJCF file: see `hand_of_model`.
 
     Raises:
-        InputError: what mujoco says about an unreadable file, ball or free joints, closed loops,
-            equalities or transmissions that are not linear in the joints, planes and height fields.
+        InputError: what mujoco says about an unreadable file, and as `hand_of_model`.
     """
     import mujoco  # slow to import
 
@@ -39,28 +35,106 @@ def read_mjcf(root: Element, path: Path) -> Hand:
     except (ValueError, mujoco.FatalError) as fault:
         message = " ".join(str(fault).split()).removeprefix("Error: ")
         raise InputError(message, field=_user_of_file(root, message)) from None
+    return hand_of_model(m, base, name=path.stem, source=str(path))
 
-    joints = tuple(_joint(m, j) for j in range(m.njnt))
-    top = [b for b in range(1, m.nbody) if m.body_parentid[b] == 0]
-    if not top:
-        raise InputError("has no bodies; a hand is needed")
-    world_is_base = len(top) > 1 or m.body_jntnum[top[0]] > 0
-    bodies = list(range(0 if world_is_base else 1, m.nbody))
+
+def hand_of_spec(spec: Any, base: str | None = None) -> Hand:
+    """A hand from an `mujoco.MjSpec`, compiled as it is; as `hand_of_model`."""
+    import mujoco
+
+    try:
+        with quiet():
+            m = spec.compile()
+    except (ValueError, mujoco.FatalError) as fault:
+        raise InputError(" ".join(str(fault).split()).removeprefix("Error: "), source="MjSpec") from None
+    return hand_of_model(m, base)
+
+
+def hand_of_model(m: Any, base: str | None = None, *, name: str = "hand", source: str = "") -> Hand:
+    """A hand from a compiled `mujoco.MjModel`.
+
+    A single body below the world that stands in the world's own frame is the base; with several, if that body
+    moves, or if it has a pose of its own in the world, the world is the base, so that every pose is kept. Geoms that
+    can collide become shapes, meshes as their convex hulls; geoms of a fixed world (floors) are left out. Active
+    equalities become couplings (joint, or fixed tendons of two joints, linear) and loops (connect, weld). Actuators
+    on joints and fixed tendons become the rows of R, scaled by their gear; a tendon whose force can have one sign
+    only can only pull. Without actuators every joint that follows from no other is its own actuator. Pairs of links
+    that an exclude names, or whose contype and conaffinity never meet, are not checked against each other.
+
+    Args:
+        base: name of a body: only what hangs on it is read, in its frame, without its own joints.
+        name: for a model without a name.
+        source: for the record.
+
+    Raises:
+        InputError: ball or free joints, equalities or transmissions that are not understood or lead out of the part
+            that is read, loops that cannot be closed, planes and height fields, an unknown base.
+    """
+    part = _part(m, base)
+    joints = tuple(_joint(m, j) for j in part.joints)
     links = []
-    for b in bodies:
-        first = b == bodies[0]
+    for b in part.bodies:
+        first = b == part.bodies[0]
         pose = np.eye(4) if first else transform(m.body_pos[b], quaternion_matrix(m.body_quat[b]))
         shapes = () if b == 0 else tuple(_shapes(m, b))
-        own = tuple(int(m.body_jntadr[b]) + k for k in range(m.body_jntnum[b]))
-        parent = -1 if first else bodies.index(int(m.body_parentid[b]))
-        links.append(Link(m.body(b).name or f"body_{b}", parent, pose, own, shapes))
+        own = tuple(part.column[j] for j in part.joints if m.jnt_bodyid[j] == b)
+        parent = -1 if first else part.row[int(m.body_parentid[b])]
+        links.append(Link(part.link_name(b), parent, pose, own, shapes))
+    couplings, loops = ties(part)
+    A = coupling_rows(couplings, len(joints))
+    drives = mechanism(part, joints, couplings, A)
+    given = m.names[: m.names.find(b"\0")].decode()
+    hand = Hand(
+        name if given in ("", UNNAMED) else given,
+        tuple(links),
+        joints,
+        drives,
+        couplings,
+        guess_closing(joints, couplings),
+        source=source,
+        non_colliding=non_colliding(part),
+        loops=loops,
+    )
+    if loops and m.nu == 0:
+        follow = {joints[j].name for j in hand.dependent}
+        rows = [i for i, n in enumerate(drives.actuators) if n not in follow]
+        names = tuple(drives.actuators[i] for i in rows)
+        hand = replace(hand, mechanism=Mechanism(names, drives.R[rows], A, (False,) * len(rows)))
+    return _closing_by_motors(hand) if loops else hand
 
-    couplings = tuple(_coupling(m, e) for e in range(m.neq) if m.eq_active0[e])
-    A = coupling_rows(couplings, m.njnt)
-    mechanism = _mechanism(m, joints, couplings, A)
-    closing = guess_closing(joints, couplings)
-    name = m.names[: m.names.find(b"\0")].decode() or path.stem
-    return Hand(name, tuple(links), joints, mechanism, couplings, closing, source=str(path))
+
+def _part(m: Any, base: str | None) -> ModelPart:
+    """What is read of a model: all of it, or what hangs on one body."""
+    if base is None:
+        top = [b for b in range(1, m.nbody) if m.body_parentid[b] == 0]
+        if not top:
+            raise InputError("has no bodies; a hand is needed")
+        own = np.abs([*m.body_pos[top[0]], *m.body_quat[top[0], 1:]]).max() > UNMOVED
+        world = len(top) > 1 or own or m.body_jntnum[top[0]] > 0
+        return ModelPart(m, tuple(range(0 if world else 1, m.nbody)), tuple(range(m.njnt)), whole=True)
+    names = [m.body(b).name for b in range(m.nbody)]
+    if base not in names:
+        raise unknown_name("link", base, [n for n in names if n], field="root")
+    below = [names.index(base)]
+    for b in range(below[0] + 1, m.nbody):
+        if m.body_parentid[b] in below:
+            below.append(b)
+    return ModelPart(m, tuple(below), tuple(j for j in range(m.njnt) if m.jnt_bodyid[j] in below[1:]), whole=False)
+
+
+def _closing_by_motors(hand: Hand) -> Hand:
+    """Closing senses where loops decide: joints that follow go where the motors' joints take them.
+
+    Idle joints do not close by themselves.
+    """
+    closing = np.array(hand.closing)
+    closing[list(hand.idle)] = 0
+    for j, row in zip(hand.dependent, hand.loop_rows(hand.assembled, refuse=False), strict=True):
+        others = row.copy()
+        others[j] = 0.0
+        closing[j] = np.sign(-(others @ closing).round(9))
+    named = {n: int(s) for n, s in zip(hand.joint_names, closing, strict=True)}
+    return hand.with_closing(named)
 
 
 def _user_of_file(root: Element, message: str) -> str | None:
@@ -82,9 +156,8 @@ def _joint(m: Any, j: int) -> Joint:
     kind = mujoco.mjtJoint(m.jnt_type[j])
     if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
         word = "free" if kind == mujoco.mjtJoint.mjJNT_FREE else "ball"
-        raise InputError(
-            f"is a {word} joint; a hand is a tree of hinges and slides on a fixed base", field=f"joint {name}"
-        )
+        right = "a hand has hinges and slides on a fixed base (root=LINK reads a part of a scene)"
+        raise InputError(f"is a {word} joint; {right}", field=f"joint {name}")
     lower, upper = m.jnt_range[j] if m.jnt_limited[j] else (-2 * np.pi, 2 * np.pi)
     ref = float(m.qpos0[m.jnt_qposadr[j]])
     hinge = kind == mujoco.mjtJoint.mjJNT_HINGE
@@ -127,73 +200,3 @@ def _shapes(m: Any, body: int) -> list[Shape]:
                     field=f"geom {name}",
                 )
     return shapes
-
-
-def _coupling(m: Any, e: int) -> Coupling:
-    import mujoco
-
-    name = m.eq(e).name or str(e)
-    kind = mujoco.mjtEq(m.eq_type[e])
-    if kind != mujoco.mjtEq.mjEQ_JOINT:
-        word = kind.name.removeprefix("mjEQ_").lower()
-        raise InputError(
-            f"is of type {word}; only couplings between two joints are understood", field=f"equality {name}"
-        )
-    a = m.eq_data[e, :5].tolist()
-    if any(a[2:]):
-        raise InputError(f"has polycoef {a}; it must be linear", field=f"equality {name}")
-    joint, driver = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
-    ref = float(m.qpos0[m.jnt_qposadr[joint]])  # mujoco couples displacements from the reference pose
-    if driver < 0:
-        return Coupling(joint, -1, 0.0, ref + a[0])
-    return Coupling(joint, driver, a[1], ref + a[0] - a[1] * float(m.qpos0[m.jnt_qposadr[driver]]))
-
-
-def _mechanism(m: Any, joints: tuple[Joint, ...], couplings: tuple[Coupling, ...], A: Array) -> Mechanism:
-    if m.nu == 0:
-        driven = [j for j in range(m.njnt) if j not in {c.joint for c in couplings}]
-        R = np.eye(m.njnt)[driven]
-        return Mechanism(tuple(joints[j].name for j in driven), R, A, (False,) * len(driven))
-    names, rows, tendon = [], np.zeros((m.nu, m.njnt)), []
-    for u in range(m.nu):
-        names.append(m.actuator(u).name or f"actuator_{u}")
-        rows[u], on_tendon = _transmission(m, u, names[-1])
-        sign = _one_sign(m, u) if on_tendon else 0
-        rows[u] *= sign or 1
-        tendon.append(sign != 0)
-    return Mechanism(tuple(names), rows, A, tuple(tendon))
-
-
-def _transmission(m: Any, u: int, name: str) -> tuple[Array, bool]:
-    """The row of R of an actuator (motion of the actuator per joint motion), and whether it is a tendon."""
-    import mujoco
-
-    row, gear, target = np.zeros(m.njnt), float(m.actuator_gear[u, 0]), int(m.actuator_trnid[u, 0])
-    kinds = mujoco.mjtTrn
-    kind = kinds(m.actuator_trntype[u])
-    if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-        row[target] = gear
-        return row, False
-    if kind == kinds.mjTRN_TENDON:
-        for w in range(m.tendon_adr[target], m.tendon_adr[target] + m.tendon_num[target]):
-            if m.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT:
-                raise InputError("pulls a spatial tendon; a fixed one is needed", field=f"actuator {name}")
-            row[m.wrap_objid[w]] += gear * m.wrap_prm[w]
-        return row, True
-    word = kind.name.removeprefix("mjTRN_").lower()
-    raise InputError(f"acts on a {word}; joints and fixed tendons are understood", field=f"actuator {name}")
-
-
-def _one_sign(m: Any, u: int) -> int:
-    """+1 or -1 if the actuator's force can have that sign only, else 0."""
-    ranges = [m.actuator_forcerange[u]] if m.actuator_forcelimited[u] else []
-    plain = not m.actuator_biasprm[u].any()  # the control is a force, not a position to hold
-    if m.actuator_ctrllimited[u] and plain:
-        ranges.append(m.actuator_ctrlrange[u] * np.sign(m.actuator_gainprm[u, 0]))
-    for r in ranges:
-        low, high = min(r), max(r)
-        if low >= 0 < high:
-            return 1
-        if high <= 0 > low:
-            return -1
-    return 0

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import transform
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
 from handfast.model.mechanism import Mechanism
@@ -20,15 +20,19 @@ from handfast.model.shape import Shape, read_mesh
 TURN = 2 * np.pi  # limits of a continuous joint: a finger joint never needs more
 
 
-def read_urdf(root: Element, path: Path) -> Hand:
+def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
     """A hand from a parsed URDF file.
 
     Fixed joints make links without joints, so the palm and every frame keep their names; the order of
     links and joints is depth first, as in the file. `mimic` becomes a coupling; every other joint is its
     own actuator. Collision elements become shapes; a mesh is taken as its convex hull.
 
+    Args:
+        base: name of a link: only what hangs on it is read, in its frame, without the joint that moves it.
+
     Raises:
-        InputError: no single root link, unknown joint type, missing limits, missing mesh file, bad numbers.
+        InputError: no single root link, unknown joint type, missing limits, missing mesh file, bad numbers, an unknown
+            base, a joint of its part that mimics one outside.
     """
     elements = {_attribute(e, "name", "link"): e for e in root.findall("link")}
     joints_xml = root.findall("joint")
@@ -47,14 +51,17 @@ def read_urdf(root: Element, path: Path) -> Hand:
     if len(orphans) != 1:
         raise InputError(f"has {len(orphans)} links without a parent; exactly one base link is needed")
 
+    if base is not None and base not in elements:
+        raise unknown_name("link", base, elements, field="root")
+
     links: list[Link] = []
     joints: list[Joint] = []
     order: dict[str, int] = {}
-    todo: list[tuple[str, int, Element | None]] = [(next(iter(orphans)), -1, None)]
+    todo: list[tuple[str, int, Element | None]] = [(base or next(iter(orphans)), -1, None)]
     while todo:
         name, parent, above = todo.pop()
         own: tuple[int, ...] = ()
-        pose = np.eye(4) if above is None else _origin(above, f"joint {above.get('name')}")
+        pose = np.eye(4) if above is None else origin(above, f"joint {above.get('name')}")
         if above is not None and above.get("type") != "fixed":
             own = (len(joints),)
             order[above.get("name", "")] = len(joints)
@@ -63,7 +70,7 @@ def read_urdf(root: Element, path: Path) -> Hand:
         links.append(Link(name, parent, pose, own, shapes))
         for child in reversed(children[name]):
             todo.append((child.find("child").get("link", ""), len(links) - 1, child))  # type: ignore[union-attr]
-    if len(links) != len(elements):
+    if base is None and len(links) != len(elements):
         raise InputError("has a loop of links; a tree is needed")
 
     couplings = tuple(c for e in joints_xml if (c := _mimic(e, order)) is not None)
@@ -88,13 +95,13 @@ def _joint(e: Element) -> Joint:
             field=f"joint {name}",
         )
     axis = e.find("axis")
-    direction = [1.0, 0.0, 0.0] if axis is None else _numbers(axis, "xyz", 3, f"joint {name}")
+    direction = [1.0, 0.0, 0.0] if axis is None else numbers(axis, "xyz", 3, f"joint {name}")
     if kind == "continuous":
         return Joint(name, "revolute", np.array(direction), np.zeros(3), -TURN, TURN)
     limit = e.find("limit")
     if limit is None:
         raise InputError("has no <limit>; lower and upper are needed", field=f"joint {name}")
-    lower, upper = (_numbers(limit, key, 1, f"joint {name}", "0")[0] for key in ("lower", "upper"))
+    lower, upper = (numbers(limit, key, 1, f"joint {name}", "0")[0] for key in ("lower", "upper"))
     moves: Literal["revolute", "prismatic"] = "prismatic" if kind == "prismatic" else "revolute"
     return Joint(name, moves, np.array(direction), np.zeros(3), lower, upper)
 
@@ -105,27 +112,28 @@ def _mimic(e: Element, order: dict[str, int]) -> Coupling | None:
         return None
     driver = mimic.get("joint", "")
     if driver not in order:
-        raise InputError(f"mimics joint '{driver}', which is not a moving joint", field=f"joint {name}")
-    ratio = _numbers(mimic, "multiplier", 1, f"joint {name}", "1")[0]
-    offset = _numbers(mimic, "offset", 1, f"joint {name}", "0")[0]
+        problem = f"mimics joint '{driver}', which is not a moving joint of what is read"
+        raise InputError(problem, field=f"joint {name}")
+    ratio = numbers(mimic, "multiplier", 1, f"joint {name}", "1")[0]
+    offset = numbers(mimic, "offset", 1, f"joint {name}", "0")[0]
     return Coupling(order[name], order[driver], ratio, offset)
 
 
 def _shape(e: Element, link: str, number: int, path: Path) -> Shape:
     where = f"link {link}"
-    pose, geometry = _origin(e, where), e.find("geometry")
+    pose, geometry = origin(e, where), e.find("geometry")
     name = e.get("name") or f"{link}/{number}"
     for g in () if geometry is None else geometry:
         match g.tag:
             case "box":
-                return Shape("box", _numbers(g, "size", 3, where), pose, name=name)
+                return Shape("box", numbers(g, "size", 3, where), pose, name=name)
             case "sphere":
-                return Shape("sphere", _numbers(g, "radius", 1, where), pose, name=name)
+                return Shape("sphere", numbers(g, "radius", 1, where), pose, name=name)
             case "cylinder" | "capsule":
-                size = [_numbers(g, key, 1, where)[0] for key in ("radius", "length")]
+                size = [numbers(g, key, 1, where)[0] for key in ("radius", "length")]
                 return Shape(g.tag, size, pose, name=name)
             case "mesh":
-                scale = np.array(_numbers(g, "scale", 3, where, "1 1 1"))
+                scale = np.array(numbers(g, "scale", 3, where, "1 1 1"))
                 file = find_mesh(g.get("filename", ""), path, where)
                 points = np.vstack([v for v, _ in read_mesh(file)])
                 return Shape.hull(points * scale, pose, name)
@@ -133,18 +141,19 @@ def _shape(e: Element, link: str, number: int, path: Path) -> Shape:
 
 
 def find_mesh(filename: str, path: Path, where: str) -> Path:
-    """The file that a URDF at `path` means by `filename`.
+    """The file that a URDF or SDF file at `path` means by `filename`.
 
-    `package://name/rest` is looked for upwards from the URDF, both as a directory called `name` that
-    holds it and beside one; other names are relative to the URDF's directory.
+    `package://name/rest`, in an SDF file `model://name/rest`, is looked for upwards from the file, both as a
+    directory called `name` that holds it and beside one; other names are relative to the file's directory.
 
     Raises:
         InputError: nothing there, naming the file and the link (`where`).
     """
     folder = path.resolve().parent
     candidates = []
-    if filename.startswith("package://"):
-        package, _, rest = filename.removeprefix("package://").partition("/")
+    scheme = next((s for s in ("package://", "model://") if filename.startswith(s)), "")
+    if scheme:
+        package, _, rest = filename.removeprefix(scheme).partition("/")
         for up in (folder, *folder.parents):
             if up.name == package:
                 candidates.append(up / rest)
@@ -154,23 +163,30 @@ def find_mesh(filename: str, path: Path, where: str) -> Path:
     for candidate in candidates:
         if os.path.isfile(candidate):  # False, too, for what can be no name
             return candidate
-    upwards = "searched upwards from" if filename.startswith("package://") else "searched in"
+    upwards = "searched upwards from" if scheme else "searched in"
     raise InputError(f"its mesh file '{filename}' was not found ({upwards} {folder})", field=where)
 
 
-def _origin(e: Element, where: str) -> Array:
+def origin(e: Element, where: str) -> Array:
+    """(4, 4) of an element's <origin>, the identity without one; `InputError` if it is not of numbers."""
     o = e.find("origin")
     if o is None:
         return np.eye(4)
-    r, p, y = _numbers(o, "rpy", 3, where, "0 0 0")
+    rotation = roll_pitch_yaw(*numbers(o, "rpy", 3, where, "0 0 0"))
+    return transform(numbers(o, "xyz", 3, where, "0 0 0"), rotation)
+
+
+def roll_pitch_yaw(r: float, p: float, y: float) -> Array:
+    """(3, 3) turned by r about x, then p about y, then y about z [rad], all of the fixed frame."""
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (r, p, y))
     Rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     Ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     Rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return transform(_numbers(o, "xyz", 3, where, "0 0 0"), Rz @ Ry @ Rx)
+    return np.asarray(Rz @ Ry @ Rx)
 
 
-def _numbers(e: Element, key: str, n: int, where: str, default: str | None = None) -> list[float]:
+def numbers(e: Element, key: str, n: int, where: str, default: str | None = None) -> list[float]:
+    """The n finite numbers of an attribute; `InputError` if it has others, or is missing without a default."""
     text = e.get(key, default)
     if text is None:
         raise InputError(f"<{e.tag}> has no {key}", field=where)

@@ -1,0 +1,223 @@
+"""Objects from robot description files and folders: URDF, SDF, and meshes that are convex pieces of one object.
+
+Read are the links' collision elements (their visual ones if no link has any), their masses and centres of mass,
+and where fixed poses put them. An object is one rigid body: what moves inside it is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix, transform
+from handfast.model.hand.urdf import find_mesh, numbers, origin, parse_xml, roll_pitch_yaw
+from handfast.model.mesh_pieces import components, is_convex, mesh_pieces
+from handfast.model.shape import MESH_FILES, Kind, Shape, read_mesh
+
+MODEL_FILES = (".urdf", ".sdf")
+
+
+@dataclass
+class BodyParts:
+    """What a file says of an object, in its frame, metres and kilograms."""
+
+    name: str
+    pieces: list[Shape] = field(default_factory=list)
+    masses: list[tuple[float, Array]] = field(default_factory=list)
+    frictions: list[float] = field(default_factory=list)
+
+    @property
+    def mass(self) -> float | None:
+        """[kg] of all links together; None if none says it."""
+        return sum(m for m, _ in self.masses) if self.masses else None
+
+    @property
+    def center_of_mass(self) -> Array | None:
+        """(3,) [m]; None if there is no mass."""
+        return sum(m * c for m, c in self.masses) / self.mass if self.mass else None  # type: ignore[return-value]
+
+    @property
+    def friction(self) -> float | None:
+        """The smallest coefficient that the file gives; None if it gives none."""
+        return min(self.frictions, default=None)
+
+
+def read_folder(folder: Path, scale: float = 1.0) -> BodyParts:
+    """The meshes of a folder as the convex pieces of one object.
+
+    Args:
+        scale: metres per unit.
+
+    Raises:
+        InputError: no meshes in it, one that is not convex, as where a folder has an object in several versions, and
+            what is wrong with one of them.
+    """
+    files = sorted(f for f in folder.iterdir() if f.suffix.lower() in MESH_FILES and f.is_file())
+    if not files:
+        raise InputError(f"is a folder without meshes; files of convex pieces are needed ({', '.join(MESH_FILES)})")
+    for file in files:
+        if not all(is_convex(*part) for group in read_mesh(file) for part in components(*group)):
+            right = "a folder is taken for the convex pieces of one object; name the mesh itself"
+            raise InputError(f"is not convex; {right}", source=str(file))
+    return BodyParts(folder.name, [piece for file in files for piece in mesh_pieces(file, scale)])
+
+
+def read_body_model(path: Path, scale: float = 1.0) -> BodyParts:
+    """The object of a URDF or SDF file. The frame is the base link's (URDF), the model's (SDF).
+
+    Args:
+        scale: by which everything in the file is longer.
+
+    Raises:
+        InputError: another kind of file, no solid or several models in it, joints that move, a geometry or pose that
+            is not understood, a mesh that is missing or scaled differently along its axes.
+    """
+    if not (np.isfinite(scale) and scale > 0):
+        raise InputError(f"is {scale}; a number above 0 is needed", field="scale")
+    root = parse_xml(path)
+    if root.tag == "robot":
+        return _of_urdf(root, path, scale)
+    if root.tag == "sdf":
+        return _of_sdf(root, path, scale)
+    raise InputError(f"has root element <{root.tag}>; an object is a <robot> (URDF) or an <sdf>")
+
+
+def _of_urdf(root: Element, path: Path, scale: float) -> BodyParts:
+    links = {e.get("name", ""): e for e in root.findall("link")}
+    above: dict[str, tuple[str, Array]] = {}
+    for joint in root.findall("joint"):
+        name, ends = joint.get("name", "?"), [joint.find(end) for end in ("parent", "child")]
+        _refuse_moving(joint, name)
+        first, second = ("" if e is None else e.get("link", "") for e in ends)
+        for link in (first, second):
+            if link not in links:
+                raise InputError(f"has link '{link}', which is not defined", field=f"joint {name}")
+        above[second] = (first, origin(joint, f"joint {name}"))
+
+    def pose(link: str) -> Array:
+        T = np.eye(4)
+        for _ in links:
+            if link not in above:
+                return T
+            link, step = above[link]
+            T = step @ T
+        raise InputError("has a loop of links; a tree is needed")
+
+    return _parts(root.get("name", path.stem), links, pose, origin, path, scale)
+
+
+def _of_sdf(root: Element, path: Path, scale: float) -> BodyParts:
+    models = root.findall("model")
+    if len(models) != 1 or models[0].find("model") is not None or models[0].find("include") is not None:
+        raise InputError("is not of one model without others in it; such an SDF file is needed")
+    for joint in models[0].findall("joint"):
+        _refuse_moving(joint, joint.get("name", "?"))
+    links = {e.get("name", ""): e for e in models[0].findall("link")}
+    return _parts(
+        models[0].get("name", path.stem),
+        links,
+        lambda name: _sdf_pose(links[name], f"link {name}"),
+        _sdf_pose,
+        path,
+        scale,
+    )
+
+
+def _refuse_moving(joint: Element, name: str) -> None:
+    if joint.get("type") != "fixed":
+        raise InputError(f"is {joint.get('type')}; an object is one rigid body", field=f"joint {name}")
+
+
+def _parts(
+    name: str,
+    links: dict[str, Element],
+    pose: Callable[[str], Array],
+    place: Callable[[Element, str], Array],
+    path: Path,
+    scale: float,
+) -> BodyParts:
+    """The solids and masses of all links, `pose` of each, and `place` of what is in one."""
+    out = BodyParts(name)
+    kind = "collision" if any(e.find("collision") is not None for e in links.values()) else "visual"
+    for link, e in links.items():
+        where = f"link {link}"
+        base = pose(link)
+        for solid in e.findall(kind):
+            geometry = solid.find("geometry")
+            if geometry is None or not len(geometry):
+                raise InputError(f"has a {kind} without geometry", field=where)
+            at = _scaled(base @ place(solid, where), scale)
+            out.pieces += _solids(geometry[0], at, f"{link}/{len(out.pieces)}", where, path, scale)
+            mu = solid.find("surface/friction/ode/mu")
+            if mu is not None:
+                out.frictions.append(_values(mu, 1, where)[0])
+        inertial = e.find("inertial")
+        mass = None if inertial is None else inertial.find("mass")
+        if inertial is not None and mass is not None:
+            kg = numbers(mass, "value", 1, where)[0] if mass.get("value") else _values(mass, 1, where)[0]
+            out.masses.append((kg, _scaled(base @ place(inertial, where), scale)[:3, 3]))
+    if not out.pieces:
+        raise InputError("has no collision or visual shapes; an object needs at least one solid")
+    return out
+
+
+def _scaled(T: Array, scale: float) -> Array:
+    return transform(scale * T[:3, 3], T[:3, :3])
+
+
+def _solids(g: Element, at: Array, name: str, where: str, path: Path, scale: float) -> list[Shape]:
+    """The convex pieces of one geometry. URDF has its numbers in attributes, SDF in elements."""
+
+    def get(key: str, n: int, default: str | None = None) -> list[float]:
+        inner = g.find(key)
+        return numbers(g, key, n, where, default) if inner is None else _values(inner, n, where)
+
+    size: list[float]
+    match g.tag:
+        case "box":
+            size = get("size", 3)
+        case "sphere":
+            size = get("radius", 1)
+        case "cylinder" | "capsule":
+            size = get("radius", 1) + get("length", 1)
+        case "ellipsoid":
+            size = get("radii", 3)
+        case "mesh":
+            along = get("scale", 3, "1 1 1")
+            if g.find("submesh") is not None or max(along) - min(along) > 1e-9 * max(along) or min(along) <= 0:
+                raise InputError(
+                    "has a mesh of which a part is taken, or whose scales differ or are no lengths", field=where
+                )
+            uri = g.findtext("uri", g.get("filename", "")).strip()
+            return mesh_pieces(find_mesh(uri, path, where), along[0] * scale, at)
+        case _:
+            right = "box, sphere, cylinder, capsule, ellipsoid and mesh are understood"
+            raise InputError(f"has a {g.tag}; {right}", field=where)
+    kind: Kind = g.tag
+    return [Shape(kind, [scale * x for x in size], at, name=name)]
+
+
+def _sdf_pose(e: Element, where: str) -> Array:
+    """(4, 4) of an element's <pose>: position and roll, pitch, yaw, or a quaternion x, y, z, w."""
+    pose = e.find("pose")
+    if pose is None or not (pose.text or "").strip():
+        return np.eye(4)
+    if pose.get("relative_to") not in (None, "", "__model__"):
+        raise InputError(f"has a pose relative to {pose.get('relative_to')}; the model's frame is needed", field=where)
+    if pose.get("rotation_format") == "quat_xyzw":
+        values = _values(pose, 7, where)
+        return transform(values[:3], quaternion_matrix([values[6], *values[3:6]]))
+    values = _values(pose, 6, where)
+    turn = np.pi / 180 if pose.get("degrees") in ("true", "1") else 1.0
+    return transform(values[:3], roll_pitch_yaw(*(turn * v for v in values[3:])))
+
+
+def _values(e: Element, n: int, where: str) -> list[float]:
+    """The finite numbers in an element's text."""
+    return numbers(Element(e.tag, {"value": e.text or ""}), "value", n, where)
