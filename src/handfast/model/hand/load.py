@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from handfast.core.errors import InputError, unknown_name
+from handfast.model.hand.anatomy import with_guessed_senses
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.mjcf import read_mjcf
 from handfast.model.hand.urdf import parse_xml, read_urdf
@@ -41,7 +42,7 @@ def load_hand(source: str | Path) -> Hand:
     Only collision shapes are read (URDF `collision`; MJCF geoms that can collide), and a mesh counts as
     its convex hull: split a non-convex link into several meshes to keep its hollows. A link without
     collision shapes keeps `shapes == ()`. Coupled joints (URDF `mimic`, MJCF joint equalities) become
-    couplings. `Hand.closing` is guessed from the limits for a file and stated for a bundled hand.
+    couplings. `Hand.closing` is guessed from limits and geometry for a file and stated for a bundled hand.
 
     Raises:
         InputError: no such file or name (the bundled ones are listed), not a hand file, a missing mesh,
@@ -58,7 +59,7 @@ def load_hand(source: str | Path) -> Hand:
         if path.suffix:
             raise InputError("no such file", source=str(path))
         raise unknown_name("hand", str(source), BUNDLED)
-    return _read(path)
+    return with_guessed_senses(_read(path))
 
 
 def _read(path: Path) -> Hand:
