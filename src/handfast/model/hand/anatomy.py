@@ -18,7 +18,7 @@ from handfast.model.hand.hand import Hand
 
 LOOKS = 9  # values of a joint, from limit to limit, at which the fingertips are looked at
 AGAINST = 0.3  # of the way that a tip goes, by how much it has to come nearer for a sense against the limits' hint
-CLOSES = 0.25  # .. for a sense of which the limits say nothing, if the joint moves further than spreads do ..
+CLOSES = 0.1  # .. for a sense of which the limits say nothing, if the joint moves further than spreads do ..
 SURELY = 0.8  # .. and if it does not
 SPREAD = np.radians(140)  # range of a joint that is no spread or abduction
 HYPEREXTENDED = np.radians(30)  # an open finger is bent back by at most this from the hand's rest
