@@ -24,6 +24,7 @@ SPREAD = np.radians(140)  # range of a joint that is no spread or abduction
 HYPEREXTENDED = np.radians(30)  # an open finger is bent back by at most this from the hand's rest
 MIDWAY = 0.5  # of the closing ranges, where the other joints are while one is looked at
 ROUNDS = 3
+STILL = 1e-6  # [m] a fingertip that moves less stays where it is
 REVOLUTION = np.pi  # [rad] what a joint without limits is looked at within, each way
 
 
@@ -110,18 +111,14 @@ def with_guessed_senses(hand: Hand) -> Hand:
     if not anatomy.tips:
         return hand
     follows = drivers(hand)
-    moves = {
-        j: {t for t in anatomy.tips if any(follows[k][0] == j for k in hand.moved_by(t))}
-        for j in range(hand.l)
-        if follows[j][0] == j
-    }
     limits = np.where([j in anatomy.wrist for j in range(hand.l)], 0.0, hand.closing)
     closing = limits.copy()
+    free = [j for j in range(hand.l) if follows[j][0] == j and j not in anatomy.wrist]
+    free = [j for j in free if hand.joints[j].lower < hand.joints[j].upper]
     for _ in range(ROUNDS):
         before = closing.copy()
-        for j, tips in moves.items():
-            if tips and j not in anatomy.wrist and hand.joints[j].lower < hand.joints[j].upper:
-                closing[j] = _sense(anatomy, closing, j, sorted(tips), limits[j])
+        for j in free:
+            closing[j] = _sense(anatomy, closing, j, limits[j])
         for j, (driver, ratio, _) in follows.items():
             if driver != j:
                 closing[j] = np.sign(ratio) * closing[driver] if driver >= 0 else 0.0
@@ -130,17 +127,20 @@ def with_guessed_senses(hand: Hand) -> Hand:
     return replace(hand, closing=closing)
 
 
-def _sense(anatomy: Anatomy, closing: Array, j: int, tips: list[int], hint: float) -> float:
+def _sense(anatomy: Anatomy, closing: Array, j: int, hint: float) -> float:
     """-1, 0 or 1 for a joint that drives, the others as they close now; `hint`: what the limits suggest."""
-    joint, gain = anatomy.hand.joints[j], approach_gain(anatomy, closing, j, tips)
+    joint, gain = anatomy.hand.joints[j], approach_gain(anatomy, closing, j)
     if hint:
         return -hint if gain * hint < -AGAINST else hint
     wide = joint.type == "prismatic" or joint.upper - joint.lower > SPREAD
     return float(np.sign(gain)) if abs(gain) > (CLOSES if wide else SURELY) else 0.0
 
 
-def approach_gain(anatomy: Anatomy, closing: Array, j: int, tips: list[int]) -> float:
-    """By how much fingertips come nearer to the others and to the palm as a joint grows, over the way they go."""
+def approach_gain(anatomy: Anatomy, closing: Array, j: int) -> float:
+    """By how much fingertips come nearer to the others and to the palm as a joint grows, over the way they go.
+
+    0 for a joint that moves no fingertip.
+    """
     hand = anatomy.hand
     opened, closed = anatomy.ends(closing)
     q = np.tile(opened + MIDWAY * (closed - opened), (LOOKS, 1))
@@ -151,14 +151,15 @@ def approach_gain(anatomy: Anatomy, closing: Array, j: int, tips: list[int]) -> 
     palm = anatomy.middles(q, anatomy.palm).mean(axis=0) if anatomy.palm else None
     fingers = [anatomy.finger(t) for t in anatomy.tips]
     gain = way = 0.0
-    for k in (anatomy.tips.index(t) for t in tips):
+    for k in range(len(anatomy.tips)):
         others = [i for i, f in enumerate(fingers) if f != fingers[k]]
         parts = [np.linalg.norm(at[k] - at[others], axis=2).mean(axis=0)] if others else []
         parts += [np.linalg.norm(at[k] - palm, axis=1)] if palm is not None else []
         apart = np.mean(parts, axis=0) if parts else np.zeros(LOOKS)
-        gain += float(apart[0] - apart[-1])
-        way += float(np.linalg.norm(np.diff(at[k], axis=0), axis=1).sum())
-    return gain / way if way > 1e-9 else 0.0
+        moved = float(np.linalg.norm(np.diff(at[k], axis=0), axis=1).sum())
+        if moved > STILL:
+            gain, way = gain + float(apart[0] - apart[-1]), way + moved
+    return gain / way if way else 0.0
 
 
 def _palm(hand: Hand, group: list[int], tips: list[int], wrist: tuple[int, ...]) -> tuple[int, ...]:
