@@ -20,6 +20,7 @@ from handfast.model.hand.anatomy import MIDWAY, Anatomy
 from handfast.model.hand.hand import Hand
 
 NEUTRAL = 2  # power that draws a joint towards rest: with 2, the mean deviation is a third of the largest
+MEETING = 0.75  # share of closing at which the fingertips meet
 TOUCH = 2e-4  # [m] the push ends when the hand is this near
 SIDEWAYS = 10  # points drawn to find a side of the object
 STEPS = 10  # of closing that are looked at
@@ -136,19 +137,22 @@ def palm_of(hand: Hand, approach: object = None) -> Palm:
     if not palm.tips:
         raise InputError("no link with a solid is moved by a closing joint; give closing senses", field="closing")
     center = anatomy.middles(half, palm.tips).mean(axis=0)
-    axis = _out_of_face(anatomy, half, center) if approach is None else frozen(approach, (3,), "approach")
+    axis = _out_of_face(palm) if approach is None else frozen(approach, (3,), "approach")
     if np.linalg.norm(axis) < 1e-9:
         raise InputError("is zero; the direction in which the palm approaches is needed", field="approach")
     return replace(palm, center=center, axis=axis / np.linalg.norm(axis))
 
 
-def _out_of_face(anatomy: Anatomy, q: Array, point: Array) -> Array:
-    """(3,) the mean normal of the palm's solids as seen from a point, each face by the solid angle that it takes.
+def _out_of_face(palm: Palm) -> Array:
+    """(3,) the mean normal of the palm's solids as seen from where the fingertips meet, each face by its solid angle.
 
-    Where none is seen, as the point is in a solid, the direction from their middle.
+    Where none is seen, as that is in a solid, the direction from their middle.
     """
+    anatomy = palm.anatomy
+    q = anatomy.within(palm.opened + MEETING * (palm.closed - palm.opened))
+    point = anatomy.middles(q, palm.tips).mean(axis=0)
     if not anatomy.palm:
-        return point
+        return np.asarray(point)
     poses = anatomy.hand.link_poses(q)
     solids = [(poses[i], *shape.triangles()) for i in anatomy.palm for shape in anatomy.hand.links[i].shapes]
     a, b, c = np.vstack([(vertices @ T[:3, :3].T + T[:3, 3])[faces] for T, vertices, faces in solids]).swapaxes(0, 1)
