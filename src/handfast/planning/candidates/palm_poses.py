@@ -19,6 +19,7 @@ from handfast.model.body import Body
 from handfast.model.hand.anatomy import MIDWAY, Anatomy
 from handfast.model.hand.hand import Hand
 
+JAWS = 2  # fingertips of a gripper
 NEUTRAL = 2  # power that draws a joint towards rest: with 2, the mean deviation is a third of the largest
 MEETING = 0.75  # share of closing at which the fingertips meet
 TOUCH = 2e-4  # [m] the push ends when the hand is this near
@@ -182,8 +183,12 @@ def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampl
 
 
 def _preshape(rng: np.random.Generator, hand: Hand, palm: Palm, how: Sampling) -> Array:
-    """(l,) closing joints up to some share closed, abductions near rest, spreads anywhere, the wrist at rest."""
+    """(l,) closing joints up to some share closed, abductions near rest, spreads anywhere, the wrist at rest.
+
+    A gripper of two jaws starts open: it has no other pre-shape, and the object has to fit between them.
+    """
     share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
+    share *= len(palm.tips) > JAWS
     q = palm.opened + share * (palm.closed - palm.opened)
     lower, upper = hand.limits.T
     rest, drawn = palm.anatomy.neutral, rng.random(hand.l)

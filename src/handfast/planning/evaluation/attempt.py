@@ -9,7 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.geometry.contacts import THRESHOLD, contact_grasp
+from handfast.geometry.contacts import THRESHOLD, grasp_of
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
@@ -20,6 +20,7 @@ from handfast.planning.closing import Closed, close
 from handfast.planning.evaluation.holding import held
 from handfast.planning.filters.balance import balances
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
+from handfast.planning.filters.spanning import spanning
 from handfast.planning.gathering import UnitResult
 from handfast.planning.question import fingerprint
 from handfast.planning.rejection import Overlap, RejectionReason, Tally, of_verdict
@@ -173,7 +174,8 @@ class Runner:
         inside = max(deep.inside, closed.penetration)
         if max(inside, deep.itself) > PENETRATION:
             return _overlap(deep, RejectionReason.PENETRATES, RejectionReason.PENETRATES)
-        grasp = contact_grasp(a.hand, closed.q, a.body, pose, scene=self.scene)
+        name = f"{a.hand.name} on {a.body.name}"
+        grasp = grasp_of(a.hand, closed.q, spanning(closed.contacts), pose, name=name)
         if not balances(grasp, a.loads.wrenches):
             return RejectionReason.UNBALANCED, None
         actuators = squeezing(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
