@@ -140,7 +140,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
         found = words.count(len(planned.grasps), "grasp")
         asked = "" if planned.stop == "complete" else f" of {planned.count} asked for (stopped: {planned.stop})"
         out.print(f"{found}{asked}, {planned.tried} starts, {planned.seconds:.1f} s", style="bold")
-        out.print(f"Each holds, under its preload: {', '.join(planned.loads.names)}")
+        what = "Each holds, under its preload" if planned.grasps else "Asked to hold, under one preload"
+        out.print(f"{what}: {', '.join(planned.loads.names)}")
         if planned.grasps:
             grid = table("grasp", "start", "contacts", "links", "preload", "largest")
             for g in planned.grasps:

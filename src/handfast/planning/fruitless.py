@@ -30,7 +30,8 @@ ADVICE: Mapping[RejectionReason, str] = {
     "convex hull, are much wider than they.",
     RejectionReason.PENETRATES: "Once closed, the hand is in the object or in itself: see whether its shapes, each a "
     "convex hull, are much wider than its links.",
-    RejectionReason.MISSES: f"The fingers do not reach the object when they close: it may be too small; {AIM}.",
+    RejectionReason.MISSES: f"The fingers do not reach around the object when they close: it may be too small, or "
+    f"too large; {AIM}.",
     RejectionReason.FEW: f"Only one finger reaches the object: it may be too large for the hand; {AIM}.",
     RejectionReason.UNBALANCED: "No contact forces carry the load: more friction, fewer directions (--up z) or a "
     "lighter object may help; two point contacts hold no torque about the line between them.",

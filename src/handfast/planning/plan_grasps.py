@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from handfast.core.answer import Stop
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, unknown_name
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
@@ -80,7 +80,8 @@ def plan(
     loads = Loads.gravity(body) if loads is None else loads
     pairs = tuple(sorted((min(a, b), max(a, b)) for a, b in ignored))
     for name in (name for pair in pairs for name in pair):
-        hand.link(name)
+        if name not in hand.link_names:
+            raise unknown_name("link", name, hand.link_names, field="ignored")
     asked = Attempts(hand, body, palm_of(hand, sampling.approach), loads, seed, limits, sampling, pairs)
     begin, question = time.monotonic(), asked.question
     before = journal.earlier(asked)

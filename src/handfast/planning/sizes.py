@@ -37,8 +37,8 @@ def compared(hand: Hand, body: Body) -> str:
     ratio = its / own if own and its else 1.0
     if 1 / STRANGE <= ratio <= STRANGE:
         return ""
-    unit = "millimetres need --scale 0.001, inches --scale 0.0254"
-    help_ = f"a mesh in {unit}" if ratio > 1 else "its mesh may be in metres already: --scale 1"
+    smaller = "a mesh in millimetres needs --scale 0.001, one in inches --scale 0.0254"
+    help_ = smaller if ratio > 1 else "its mesh may be in metres already: --scale 1"
     sizes = f"is {_length(its)} long, the hand {_length(own)}; {help_}"
     if not 1 / ABSURD <= ratio <= ABSURD:
         raise InputError(sizes, source=body.name or None, field="size")
