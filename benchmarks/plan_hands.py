@@ -14,7 +14,7 @@ Times on a busy machine mean little: processor seconds over the cores are what a
 
     python -m benchmarks.plan_hands --hands FOLDER --shared ../shared --results benchmarks/results/plan_hands.json
 
-Resumable: pairs that the results hold already are not done again.
+Resumable: pairs that were planned for already are not done again, those that were refused are.
 """
 
 from __future__ import annotations
@@ -156,13 +156,14 @@ def main() -> int:
     rows = {r["pair"]: r for r in data["rows"]}
     pairs = [f"{hand}_{thing}" for hand in (*HANDS, *options.also) for thing in MASSES]
     for pair in (p for p in pairs if options.only in p):
-        if pair in rows and not options.again:
+        if "found" in rows.get(pair, {}) and not options.again:
             continue
         rows[pair] = r = row(pair, options)
         said = r.get("refused") or f"{r['found']} of {r['starts']} starts in {r['seconds']} s"
         print(f"{pair}: {said}", file=sys.stderr, flush=True)
         known = [rows[p] for p in pairs if p in rows] + [r for p, r in rows.items() if p not in pairs]
-        data = {"count": COUNT, "seed": SEED, "friction": FRICTION, "machine": describe(), "rows": known}
+        asked = {"count": COUNT, "seed": SEED, "friction": FRICTION, "timeout": options.timeout}
+        data = asked | {"machine": describe(), "rows": known}
         options.results.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     print(table(data["rows"]))
     return 0
