@@ -106,6 +106,8 @@ def test_jaws_of_either_sense_close_on_a_block(tmp_path: Path, grows: bool) -> N
     assert {c.link for c in closed.contacts} == {"left", "right"}
     assert moved[0, 3] == pytest.approx(0, abs=1e-4)
     assert one.asked.palm.axis @ [0, 0, 1] > 0.99
+    start = palm_poses.draw(np.random.default_rng(0), hand, one.asked.palm, one.surface, STANDARD)
+    np.testing.assert_array_equal(start.q, one.asked.palm.opened)  # a gripper starts open
 
 
 # --- links that overlap ----------------------------------------------------------------------------

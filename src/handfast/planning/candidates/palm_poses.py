@@ -19,7 +19,7 @@ from handfast.model.body import Body
 from handfast.model.hand.anatomy import MIDWAY, Anatomy
 from handfast.model.hand.hand import Hand
 
-JAWS = 2  # fingertips of a gripper
+JAWS = 2  # fingers of a gripper
 NEUTRAL = 2  # power that draws a joint towards rest: with 2, the mean deviation is a third of the largest
 MEETING = 0.75  # share of closing at which the fingertips meet
 TOUCH = 2e-4  # [m] the push ends when the hand is this near
@@ -188,7 +188,7 @@ def _preshape(rng: np.random.Generator, hand: Hand, palm: Palm, how: Sampling) -
     A gripper of two jaws starts open: it has no other pre-shape, and the object has to fit between them.
     """
     share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
-    share *= len(palm.tips) > JAWS
+    share *= len({palm.anatomy.finger(i) for i in palm.tips}) > JAWS
     q = palm.opened + share * (palm.closed - palm.opened)
     lower, upper = hand.limits.T
     rest, drawn = palm.anatomy.neutral, rng.random(hand.l)
