@@ -94,9 +94,9 @@ def run(shared: Path, hand_name: str, thing: str) -> dict[str, Any]:
     """One pair."""
     hand = hand_named(shared, hand_name)
     body = load_body(shared / "objects" / "ycb" / f"{thing}.obj", mass=MASSES[thing], friction=FRICTION)
-    before = _processor()
+    before = processor()
     planned = plan(hand, body, count=COUNT, seed=SEED, timeout=TIMEOUT)
-    used = _processor() - before
+    used = processor() - before
     rows = measured(hand, body, planned)
     return {
         "pair": f"{hand_name}_{thing}",
@@ -127,7 +127,7 @@ def one_side(shared: Path, record: dict[str, Any]) -> dict[str, Any]:
     return {"starts": planned.tried, "one": holding, "six": record["fates"]["kept"] + record["fates"]["alike"]}
 
 
-def _processor() -> float:
+def processor() -> float:
     """[s] of the processor that this process and those it waited for have used."""
     return sum(
         u.ru_utime + u.ru_stime for u in map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))

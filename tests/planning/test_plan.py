@@ -26,9 +26,10 @@ from handfast.core.errors import InputError
 from handfast.geometry.collision import always_meeting
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
+from handfast.model.hand.coupling import coupled
 from handfast.model.shape import Shape
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.palm_poses import STANDARD, Sampling, SurfaceSampler, fingertips, palm_of, sweeps
+from handfast.planning.candidates.palm_poses import STANDARD, Sampling, SurfaceSampler, palm_of, sweeps
 from handfast.planning.evaluation.attempt import REASONS, Attempts, Runner, squeezing
 from handfast.planning.plan_grasps import plan
 from handfast.planning.ranking.distinct import difference, most_different
@@ -163,7 +164,7 @@ def test_the_barrett_hand_reaches_forward_between_its_fingers() -> None:
     palm = palm_of(HAND)
     assert palm.axis @ [0, 0, 1] > 0.98
     assert 0.1 < palm.center[2] < 0.25
-    assert [HAND.link_names[i] for i in fingertips(HAND)] == ["finger_1_dist", "finger_2_dist", "finger_3_dist"]
+    assert [HAND.link_names[i] for i in palm.tips] == ["finger_1_dist", "finger_2_dist", "finger_3_dist"]
 
 
 def test_a_given_approach_is_taken() -> None:
@@ -181,7 +182,7 @@ def test_coupled_joints_follow_in_every_start() -> None:
     lower, upper = HAND.limits.T
     for seed in range(20):
         start = palm_poses.draw(np.random.default_rng(seed), HAND, palm, surface, STANDARD)
-        np.testing.assert_array_equal(start.q, palm_poses.coupled(HAND, start.q))
+        np.testing.assert_array_equal(start.q, coupled(HAND, start.q))
         assert (start.q >= lower).all()
         assert (start.q <= upper).all()
         np.testing.assert_allclose(start.pose[:3, :3] @ start.pose[:3, :3].T, np.eye(3), atol=1e-12)
@@ -223,10 +224,10 @@ def test_a_look_ahead_sees_what_the_fingers_pass() -> None:
     scene, palm = Scene(HAND, body), palm_of(HAND)
     pose = np.eye(4)
     pose[:3, 3] = palm.center
-    tips = fingertips(HAND)
-    assert sweeps(scene, palm.opened, pose)[tips].all()
+    tips = list(palm.tips)
+    assert sweeps(scene, palm.anatomy, palm.opened, pose)[tips].all()
     pose[:3, 3] = [0, 0, 1.0]
-    assert not sweeps(scene, palm.opened, pose).any()
+    assert not sweeps(scene, palm.anatomy, palm.opened, pose).any()
 
 
 def test_a_gripper_pushes_the_object_to_its_middle() -> None:

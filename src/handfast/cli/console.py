@@ -27,9 +27,15 @@ def complain(message: str) -> int:
     return BAD_INPUT
 
 
+def warn(message: str) -> None:
+    """One line on standard error about what is odd but not refused; nothing for an empty one."""
+    if message:
+        complain(f"warning: {message}")
+
+
 def status(verdict: Verdict | Reach, stop: Stop) -> int:
     """Exit status of an answer. A limit that was hit leaves the question open, whatever is known by then."""
-    cut_short = stop in (Stop.TIME, Stop.NODES, Stop.INTERRUPTED)
+    cut_short = stop in (Stop.TIME, Stop.NODES, Stop.INTERRUPTED, Stop.FRUITLESS)
     return UNDECIDED if verdict in (Verdict.UNDECIDED, Reach.UNDECIDED) or cut_short else ANSWERED
 
 
@@ -70,9 +76,9 @@ class Watch:
             text += f" · bounds {progress.lower:.5g} to {progress.upper:.5g}"
         self._show(text, None, None)
 
-    def item(self, done: int, total: int) -> None:
-        """After each case of a map or sweep."""
-        self._show(f"{done} of {total}", done, total)
+    def item(self, done: int, total: int, more: str = "") -> None:
+        """After each case of a map or sweep; `more` to say."""
+        self._show(f"{done} of {total}{more}", done, total)
 
     def say(self, text: str) -> None:
         """As anything else goes on."""

@@ -71,6 +71,7 @@ class FindGrasps(LoadsOptions, Command):
         from handfast.planning.journal import Journal
         from handfast.planning.requirements import Limits
         from handfast.planning.results.grasp_folder import GraspFolder
+        from handfast.planning.sizes import compared
 
         task = load_solvable(self.task)
         if self.count < 1:
@@ -81,6 +82,7 @@ class FindGrasps(LoadsOptions, Command):
         check_writable(self.report, self.force, (".html", ".htm"))
         GraspFolder.refuse(self.output, resume=self.resume, force=self.force)
         body = load_body(name, mass=self.mass, friction=self.friction)
+        console.warn(compared(task.hand, body))
         with console.watch("grasp") as watch:
 
             def note(so_far: Grasps) -> None:

@@ -14,10 +14,24 @@ from handfast.cli.question_tables import show_grasps_question
 from handfast.cli.synthesis_tables import STYLE, WHY
 from handfast.cli.table import table
 from handfast.core.answer import Reach
-from handfast.planning.rejection import RejectionReason, Tally
+from handfast.planning.rejection import Pair, Rejected, RejectionReason, Tally
 from handfast.planning.results.search_file import REASONS
 from handfast.report import words
 from handfast.report.words import num
+
+SHOWN_REASONS = 3
+SHORT = {  # reasons in a few words, for a line of progress
+    RejectionReason.PAST: "past the object",
+    RejectionReason.INSIDE: "in the object",
+    RejectionReason.FOLDED: "hand in itself",
+    RejectionReason.MISSES: "would miss",
+    RejectionReason.FEW: "too few fingers",
+    RejectionReason.PENETRATES: "penetrate",
+    RejectionReason.UNBALANCED: "unbalanced",
+    RejectionReason.SLIPS: "slip",
+    RejectionReason.UNDECIDED: "undecided",
+    RejectionReason.STRONG: "need too much",
+}
 
 if TYPE_CHECKING:
     from handfast.planning.results.grasps import Grasps
@@ -35,6 +49,44 @@ def tally_rows(tally: Tally, passed: str, reasons: Sequence[RejectionReason]) ->
     for what, number in [(passed, tally.passed), *((str(reason), tally[reason]) for reason in reasons)]:
         if number:
             yield what, str(number)
+
+
+def starts_text(tally: Tally) -> str:
+    """How many starts there were, and what became of most of them: for a line that is written over and over."""
+    worst = sorted(tally.rejected.items(), key=lambda item: -item[1].count)[:SHOWN_REASONS]
+    parts = [f"{tally.passed} held"] if tally.passed else []
+    for reason, some in worst:
+        pair = _often(some)
+        parts.append(f"{some.count} {SHORT.get(reason, str(reason))}{f' ({pair})' if pair else ''}")
+    return f"{words.count(tally.total, 'start')}: {', '.join(parts)}"
+
+
+def overlaps_text(tally: Tally) -> dict[str, str]:
+    """For each reason that has overlaps: which were seen most often, and the deepest."""
+    out = {}
+    for reason, some in tally.rejected.items():
+        if some.overlaps:
+            deepest = max(some.overlaps, key=lambda pair: some.overlaps[pair][1])
+            text = _often(some, often=True)
+            worst = f"; deepest {_pair(deepest, some)}" if not text.startswith(_names(deepest)) else ""
+            out[str(reason)] = text + worst
+    return out
+
+
+def _often(some: Rejected, often: bool = False) -> str:
+    """The overlap that was seen most often, with its depth and, if asked for, how often; '' if there is none."""
+    if not some.overlaps:
+        return ""
+    pair = max(some.overlaps, key=lambda p: some.overlaps[p][0])
+    return _pair(pair, some) + (f", {some.overlaps[pair][0]} times" if often else "")
+
+
+def _pair(pair: Pair, some: Rejected) -> str:
+    return f"{_names(pair)} {1e3 * some.overlaps[pair][1]:.3g} mm"
+
+
+def _names(pair: Pair) -> str:
+    return f"{pair[0]} in {pair[1]}"
 
 
 def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = ()) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import arg
+from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
 from handfast.cli.load_options import LoadsOptions
@@ -44,6 +44,10 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     """direction in which the palm approaches, in the hand's base frame; guessed"""
     closing: Assignments = ()
     """sense in which a joint closes: JOINT=1, JOINT=-1, or JOINT=0 to sample it as a spread"""
+    ignore_pair: UseAppendAction[tuple[Annotated[tuple[str, str], arg(metavar="LINK")], ...]] = ()
+    """two links of the hand that may overlap, as their shapes do and the real links do not; repeatable"""
+    give_up: Annotated[int, arg(metavar="N")] = 1000
+    """end after so many starts of which none came through the filters, with what is the matter"""
     command_limit: Annotated[float | None, arg(metavar="V")] = None
     """largest command of a grasp [N m or N]; by default ten times the largest load at the grasp's size"""
     torque_limit: Assignments = ()
@@ -57,7 +61,7 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
     """write a configuration and a grasp file for each grasp as it is found, and plan.json"""
     resume: bool = False
-    """go on from what FOLDER holds; the same question, but for --count, --timeout, --attempts, --pool and --jobs"""
+    """go on from what FOLDER holds; the same question, but for how many and how long, --pool and --jobs"""
     json: bool = False
     """print one JSON object instead of a table"""
     force: bool = False
@@ -66,21 +70,25 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     def run(self) -> int:
         import numpy as np
 
+        from handfast.cli.grasp_tables import starts_text
         from handfast.planning.candidates.palm_poses import Sampling
         from handfast.planning.journal import Journal
         from handfast.planning.plan_grasps import plan
         from handfast.planning.requirements import Limits
         from handfast.planning.results.plan_folder import PlanFolder
+        from handfast.planning.sizes import compared
 
         PlanFolder.refuse(self.output, resume=self.resume, force=self.force)
         hand, body = self.load_scene()
         senses = {name: int(s) for name, s in self._senses().items()}
         hand = hand.with_closing(senses)
         loads = self._loads(body)
+        console.warn(compared(hand, body))
         with console.watch("plan") as progress:
 
             def note(so_far: Plan) -> None:
-                progress.item(len(so_far.grasps), max(self.count, self.pool or 0))
+                done = len(so_far.grasps)
+                progress.item(done, max(self.count, self.pool or 0), f" · {starts_text(so_far.tally)}")
 
             names = _from_anywhere(self.hand), _from_anywhere(self.object)
             folder = PlanFolder(self.output, *names, senses, resume=self.resume, on_note=note) if self.output else None
@@ -102,6 +110,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
                 sampling=Sampling(approach=self.approach or None),
                 jobs=self.jobs,
                 journal=folder or Journal(note),
+                ignored=self.ignore_pair,
+                give_up=self.give_up,
             )
         if self.json:
             console.print_json(folder.answer if folder else planned.to_json())
@@ -121,7 +131,7 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
         return self.asked(body)
 
     def _show(self, planned: Plan) -> None:
-        from handfast.cli.grasp_tables import tally_rows
+        from handfast.cli.grasp_tables import overlaps_text, tally_rows
         from handfast.cli.table import table
         from handfast.planning.evaluation.attempt import REASONS
         from handfast.report import words
@@ -130,7 +140,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
         found = words.count(len(planned.grasps), "grasp")
         asked = "" if planned.stop == "complete" else f" of {planned.count} asked for (stopped: {planned.stop})"
         out.print(f"{found}{asked}, {planned.tried} starts, {planned.seconds:.1f} s", style="bold")
-        out.print(f"Each holds, under its preload: {', '.join(planned.loads.names)}")
+        what = "Each holds, under its preload" if planned.grasps else "Asked to hold, under one preload"
+        out.print(f"{what}: {', '.join(planned.loads.names)}")
         if planned.grasps:
             grid = table("grasp", "start", "contacts", "links", "preload", "largest")
             for g in planned.grasps:
@@ -139,10 +150,13 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
                 numbers = str(planned.number(g)), str(g.index), str(g.grasp.m)
                 grid.add_row(*numbers, links, preload, f"{g.answer.upper:.3g}")
             out.print(grid)
-        grid = table("what became of the starts", "")
+        worst = overlaps_text(planned.tally)
+        grid = table("what became of the starts", "", *(["overlapped most often"] if worst else []))
         for reason, number in tally_rows(planned.tally, "kept", REASONS):
-            grid.add_row(reason, number)
+            grid.add_row(reason, number, *([worst.get(reason, "")] if worst else []))
         out.print(grid)
+        for sentence in planned.diagnosis:
+            out.print(sentence, soft_wrap=True)
         if self.output:
             out.print(f"Written: {self.output}", soft_wrap=True)
 

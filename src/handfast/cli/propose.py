@@ -52,9 +52,11 @@ class Propose(Command):
         from handfast.model.hand.load import load_hand
         from handfast.model.hand_regions import load_hand_regions
         from handfast.planning.propose_tasks import propose
+        from handfast.planning.sizes import compared
 
         check_folder(self.output)
         hand, body = load_hand(self.hand), load_body(self.object)
+        console.warn(compared(hand, body))
         regions = load_hand_regions(self.regions, hand) if self.regions else None
         named = self.object if self.object in bundled.names("objects") else str(Path(self.object))
         with console.watch("propose") as watch:

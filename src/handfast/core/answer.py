@@ -32,6 +32,7 @@ class Stop(StrEnum):
     # of Algorithm 1: the finest sectors were reached and the bounds are still apart; of many configurations: no
     # further ones were met that differ
     RESOLUTION = "resolution"
+    FRUITLESS = "fruitless"  # so many candidates came to nothing that no more were drawn
     NUMERICAL = "numerical"  # rounding left a case open, or a solver's answer did not stand up to the check
 
 

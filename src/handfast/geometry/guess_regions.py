@@ -18,6 +18,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import normal_frame
 from handfast.geometry.region_fit import fit
+from handfast.model.hand.anatomy import Anatomy, above
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegion, HandRegions, Role, load_hand_regions
 from handfast.model.region import Cap, Region
@@ -52,8 +53,8 @@ def guess_regions(hand: Hand) -> HandRegions:
     Raises:
         InputError: no link at the end of a chain of joints has collision shapes.
     """
-    q = _nearly_closed(hand)
-    tips = _tips(hand)
+    q, anatomy = _nearly_closed(hand), Anatomy.of(hand)
+    tips = _tips(anatomy)
     if not tips:
         raise InputError("has no fingertip with collision shapes", source=hand.source or hand.name, field="hand")
     parts = [p for tip, finger in tips.items() for p in _finger(hand, q, tip, finger)]
@@ -61,7 +62,7 @@ def guess_regions(hand: Hand) -> HandRegions:
     meet = np.mean([poses[t][:3, :3] @ _middle(hand, t) + poses[t][:3, 3] for t in tips], axis=0)
     made: dict[bytes, tuple[Region, float] | None] = {}
     regions = [r for p in parts if (r := _region(hand, p, made))]
-    palm = _palm(hand, meet)
+    palm = _palm(anatomy, q, meet)
     named = {r.name: r for r in ([*regions, palm] if palm else regions)}
     source = hand.source or hand.name
     return HandRegions(os.path.normpath(source) if os.path.isfile(source) else source, tuple(named.values()))
@@ -77,14 +78,11 @@ def _nearly_closed(hand: Hand) -> Array:
     return np.clip(np.where(np.isfinite(lower + upper), lower + share * (upper - lower), 0.0), lower, upper)
 
 
-def _tips(hand: Hand) -> dict[int, str]:
-    """The outermost links with shapes, moved by a joint, by index; and their fingers' names."""
-    last = [i for i, link in enumerate(hand.links) if link.shapes and hand.moved_by(i)]
-    inner = {a for i in last for a in _above(hand, i)}
-    tips = [i for i in last if i not in inner]
-    names = []
+def _tips(anatomy: Anatomy) -> dict[int, str]:
+    """The fingertips by index, and their fingers' names: what the names of a finger's links begin with."""
+    tips, names, hand = anatomy.tips, [], anatomy.hand
     for i in tips:
-        chain = [hand.links[k].name for k in (i, *_above(hand, i)) if hand.moved_by(k)]
+        chain = [hand.links[k].name for k in (i, *above(hand, i)) if anatomy.finger(k) >= 0]
         names.append(_shared(chain))
     if len(set(names)) < len(names) or not all(names):
         names = [f"finger_{k + 1}" for k in range(len(tips))]
@@ -99,19 +97,10 @@ def _shared(names: list[str]) -> str:
     return names[0][:count] if len(names) == 1 else names[0][:count].rstrip("_-. ")
 
 
-def _above(hand: Hand, link: int) -> list[int]:
-    """Links between a link and the base, the nearest first."""
-    out = []
-    while hand.links[link].parent >= 0:
-        link = hand.links[link].parent
-        out.append(link)
-    return out
-
-
 def _finger(hand: Hand, q: Array, tip: int, finger: str) -> list[_Part]:
     """The tip and the parts further in that a closing joint moves."""
     parts: list[_Part] = []
-    for i in (tip, *_above(hand, tip)):
+    for i in (tip, *above(hand, tip)):
         if hand.links[i].shapes and any(hand.closing[j] for j in hand.moved_by(i)):
             facing, outward = _facing(hand, q, i)
             if parts:
@@ -225,12 +214,12 @@ def _crowned(box: Shape, part: _Part) -> tuple[Region, float] | None:
     return Cap(R @ center + box.pose[:3, 3], radius, R @ normal, float(np.arcsin(rho / radius))), crown
 
 
-def _palm(hand: Hand, meet: Array) -> HandRegion | None:
-    """A disc on the base's face that is nearest to where the tips meet; None if that side is not a box or too small."""
-    base = [i for i, link in enumerate(hand.links) if link.shapes and not hand.moved_by(i)]
+def _palm(anatomy: Anatomy, q: Array, meet: Array) -> HandRegion | None:
+    """A disc on the palm's face that is nearest to where the tips meet; None if that side is not a box or too small."""
+    hand, poses = anatomy.hand, anatomy.hand.link_poses(q)
     best: tuple[float, int, Shape, Array] | None = None
-    for i in base:
-        pose = hand.link_poses(np.zeros(hand.l))[i]
+    for i in anatomy.palm:
+        pose = poses[i]
         spot = pose[:3, :3].T @ (meet - pose[:3, 3])
         for shape in hand.links[i].shapes:
             half = np.array(shape.size) / 2 if shape.kind == "box" else None

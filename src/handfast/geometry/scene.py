@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,15 +72,18 @@ class Scene:
     Attributes:
         hand, body: as given.
         self_pairs: pairs of links that may meet: not a parent and its child, nor two that move as one,
-            nor the hand's `non_colliding`.
+            nor the hand's `non_colliding`, nor `ignored`.
         link_radius: (n_links,) [m], of a sphere about each link's origin that holds its shapes.
         placed: (n_links + 1, 4, 4) the links' poses as last placed and the object's, base frame.
 
+    Args:
+        ignored: pairs of links, by name, that are not looked at together.
+
     Raises:
-        InputError: a shape that mujoco cannot take as a convex solid.
+        InputError: a shape that mujoco cannot take as a convex solid, an ignored link that the hand does not have.
     """
 
-    def __init__(self, hand: Hand, body: Body) -> None:
+    def __init__(self, hand: Hand, body: Body, ignored: Iterable[tuple[str, str]] = ()) -> None:
         import mujoco  # slow to import
 
         self.hand, self.body = hand, body
@@ -99,7 +103,8 @@ class Scene:
         self.placed = np.tile(np.eye(4), (len(hand.links) + 1, 1, 1))
         mine, its = np.flatnonzero(self.owner >= 0), np.flatnonzero(self.owner < 0)
         self._to_object = (np.repeat(mine, len(its)), np.tile(its, len(mine)))
-        self.self_pairs = self._meeting_links()
+        left_out = {frozenset(map(hand.link, pair)) for pair in ignored}
+        self.self_pairs = [pair for pair in self._meeting_links() if frozenset(pair) not in left_out]
         both = [(a, b, k) for k, (i, j) in enumerate(self.self_pairs) for a in self._of(i) for b in self._of(j)]
         self._to_self = tuple(np.array(both, dtype=int).reshape(-1, 3).T)
         reach = np.linalg.norm(self._local[:, :3, 3], axis=1) + self._radius

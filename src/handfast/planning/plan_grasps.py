@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 from handfast.core.answer import Stop
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, unknown_name
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates.palm_poses import STANDARD, Sampling, palm_of
 from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
+from handfast.planning.fruitless import GIVE_UP, fruitless
 from handfast.planning.gathering import Gathering
 from handfast.planning.journal import Journal
 from handfast.planning.question import refuse_another
 from handfast.planning.ranking.distinct import difference, most_different
 from handfast.planning.requirements import Limits
 from handfast.planning.results.planned import Plan
+from handfast.planning.sizes import compared
 from handfast.stability.loads import Loads
 
 
@@ -36,6 +39,8 @@ def plan(
     sampling: Sampling = STANDARD,
     jobs: int | None = None,
     journal: Journal[Plan] | None = None,
+    ignored: Sequence[tuple[str, str]] = (),
+    give_up: int = GIVE_UP,
 ) -> Plan:
     """Grasps of a hand on an object that hold every load under one preload, and differ from each other.
 
@@ -54,20 +59,30 @@ def plan(
         pool: gather so many that differ, then return the `count` that differ most.
         sampling: how the starts are drawn.
         jobs: processes; by default one per core.
+        ignored: pairs of links, by name, that may overlap: where the collision shapes do and the real links do not.
+        give_up: the search ends after so many attempts of which none came through the filters, or after three tenths
+            of these if one reason rejected all of them.
         journal: hears of the plan so far after each attempt. It may give a plan that was cut short, to go on from;
             `attempts` are counted from its first.
 
     Raises:
         InputError: the mass is unknown and no loads are given, no joint that closes, a count, a time or a
-            number of attempts that is not positive, an earlier plan of another question, and whatever `hold` raises.
+            number of attempts that is not positive, an ignored link that the hand does not have, an object a hundred
+            times larger or smaller than the hand, an earlier plan of another question, and whatever `hold` raises.
     """
     limits, journal = limits or Limits(), journal or Journal()
     positive = {"count": count, "timeout": timeout, "attempts": attempts, "command_limit": limits.command_limit}
+    positive["give_up"] = give_up
     for name, value in positive.items():
         if value is not None and not value > 0:
             raise InputError(f"is {value:g}; a positive number is needed", field=name)
+    compared(hand, body)
     loads = Loads.gravity(body) if loads is None else loads
-    asked = Attempts(hand, body, palm_of(hand, sampling.approach), loads, seed, limits, sampling)
+    pairs = tuple(sorted((min(a, b), max(a, b)) for a, b in ignored))
+    for name in (name for pair in pairs for name in pair):
+        if name not in hand.link_names:
+            raise unknown_name("link", name, hand.link_names, field="ignored")
+    asked = Attempts(hand, body, palm_of(hand, sampling.approach), loads, seed, limits, sampling, pairs)
     begin, question = time.monotonic(), asked.question
     before = journal.earlier(asked)
     if before:
@@ -88,14 +103,16 @@ def plan(
     try:
         with WorkerPool(Runner(asked), jobs or default_jobs()) as workers:
             numbers = range(gathered.tally.total, attempts)
-            units = iter(()) if gathered.enough else workers.map(Runner.run, numbers, until=end)
+            done = gathered.enough or fruitless(gathered.tally, give_up)
+            units = iter(()) if done else workers.map(Runner.run, numbers, until=end)
             for unit in units:
                 new = gathered.take(unit)
                 journal.note(so_far(Stop.INTERRUPTED, gathered.kept), new=new)
-                if gathered.enough:
+                if gathered.enough or fruitless(gathered.tally, give_up):
                     break
             else:
                 stop = Stop.TIME if time.monotonic() >= end else Stop.NODES
+            stop = Stop.FRUITLESS if fruitless(gathered.tally, give_up) else stop
     except KeyboardInterrupt:
         stop = Stop.INTERRUPTED
     chosen = most_different(gathered.kept, count, prismatic) if len(gathered.kept) > count else gathered.kept

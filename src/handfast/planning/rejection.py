@@ -9,13 +9,18 @@ from typing import Any
 
 from handfast.core.answer import Verdict
 
+Pair = tuple[str, str]  # names of two links, or of a link and the object
+Overlap = tuple[Pair, float]  # and the depth [m]
+OverlapEntry = tuple[str, str, int, float]
+
 
 class RejectionReason(StrEnum):
     """Why a candidate is rejected: names stand in files, values in tables."""
 
     # of a closing hand
     PAST = "passed the object by"
-    INSIDE = "started with the hand in the object or in itself"
+    INSIDE = "started with the hand in the object"
+    FOLDED = "started with the hand in itself"
     MISSES = "would miss, as a few steps of closing show (heuristic)"
     FEW = "touches with fewer than two fingers or a finger and the palm"
     PENETRATES = "penetrates by more than 1 mm"
@@ -50,10 +55,20 @@ def of_verdict(verdict: Verdict) -> RejectionReason | None:
 
 @dataclass
 class Rejected:
-    """How many candidates were rejected for a reason, and one of them with figures; '' if there is nothing to say."""
+    """How many candidates were rejected for a reason, and one of them with figures; '' if there is nothing to say.
+
+    Attributes:
+        overlaps: what was in what, by name, how often, and the deepest [m].
+    """
 
     count: int
     example: str = ""
+    overlaps: dict[Pair, tuple[int, float]] = field(default_factory=dict)
+
+    def overlapped(self, pair: Pair, count: int, depth: float) -> None:
+        """One more overlap."""
+        before, deepest = self.overlaps.get(pair, (0, 0.0))
+        self.overlaps[pair] = before + count, max(deepest, depth)
 
 
 @dataclass
@@ -63,18 +78,25 @@ class Tally:
     passed: int = 0
     rejected: dict[RejectionReason, Rejected] = field(default_factory=dict)
 
-    def add(self, reason: RejectionReason | None, count: int = 1, example: str = "") -> None:
-        """Count candidates; without a reason they passed. The first example of a reason stays."""
+    def add(
+        self, reason: RejectionReason | None, count: int = 1, example: str = "", overlap: Overlap | None = None
+    ) -> None:
+        """Count candidates; without a reason they passed. The first example of a reason stays, of overlaps all."""
         if reason is None:
             self.passed += count
         elif count:
-            self.rejected.setdefault(reason, Rejected(0, example)).count += count
+            some = self.rejected.setdefault(reason, Rejected(0, example))
+            some.count += count
+            if overlap:
+                some.overlapped(overlap[0], count, overlap[1])
 
     def add_all(self, other: Tally) -> None:
         """Count all that another one counted."""
         self.passed += other.passed
         for reason, some in other.rejected.items():
             self.add(reason, some.count, some.example)
+            for pair, (count, depth) in some.overlaps.items():
+                self.rejected[reason].overlapped(pair, count, depth)
 
     def recount(self, reason: RejectionReason) -> None:
         """One of those that passed is rejected after all."""
@@ -83,7 +105,7 @@ class Tally:
 
     def copy(self) -> Tally:
         """One that goes on by itself."""
-        return Tally(self.passed, {reason: replace(some) for reason, some in self.rejected.items()})
+        return Tally(self.passed, {r: replace(some, overlaps=dict(some.overlaps)) for r, some in self.rejected.items()})
 
     def __getitem__(self, reason: RejectionReason) -> int:
         """How many were rejected for a reason."""
@@ -105,6 +127,20 @@ class Tally:
         for reason in reasons:
             tally.add(reason, data.get(reason.name.lower(), 0))
         return tally
+
+    def overlaps_json(self) -> dict[str, list[OverlapEntry]]:
+        """What was in what, by lower-case reason: the two names, how often, and the deepest [m]."""
+        return {
+            reason.name.lower(): [(*pair, count, depth) for pair, (count, depth) in some.overlaps.items()]
+            for reason, some in self.rejected.items()
+            if some.overlaps
+        }
+
+    def take_overlaps(self, data: dict[str, list[OverlapEntry]]) -> None:
+        """What `overlaps_json` wrote, of reasons that are counted already."""
+        for reason, some in self.rejected.items():
+            for a, b, count, depth in data.get(reason.name.lower(), []):
+                some.overlapped((a, b), count, depth)
 
     def examples(self) -> list[dict[str, Any]]:
         """Reasons in words, counts and examples."""

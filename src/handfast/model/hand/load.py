@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError, unknown_name
+from handfast.model.hand.anatomy import with_guessed_senses
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.mjcf import hand_of_model, hand_of_spec, read_mjcf
 from handfast.model.hand.named_models import collected
@@ -48,7 +49,7 @@ def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None =
     Only collision shapes are read (URDF `collision`; MJCF geoms that can collide), and a mesh counts as
     its convex hull: split a non-convex link into several meshes to keep its hollows. A link without
     collision shapes keeps `shapes == ()`. Coupled joints (URDF `mimic`, MJCF joint equalities) become
-    couplings, pins (MJCF connect and weld) loops. `Hand.closing` is guessed from the limits for a file and
+    couplings, pins (MJCF connect and weld) loops. `Hand.closing` is guessed from limits and geometry for a file and
     stated for a bundled hand.
 
     Args:
@@ -65,7 +66,7 @@ def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None =
             a joint or transmission that is not understood. One line, naming the file.
     """
     if not isinstance(source, (str, Path)):
-        hand = _in_memory(source, root)
+        hand = with_guessed_senses(_in_memory(source, root))
         return _with_srdf(hand, Path(srdf), strict=root is None) if srdf else hand
     if str(source) in bundled_hands():
         if root or srdf:
@@ -82,7 +83,7 @@ def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None =
         if path.suffix:
             raise InputError("no such file", source=str(path))
         raise unknown_name("hand", str(source), bundled_hands())
-    hand = _read(path, root)
+    hand = with_guessed_senses(_read(path, root))
     if root:
         hand = replace(hand, source=f"{path}#{root}")
     beside = path.with_suffix(".srdf")

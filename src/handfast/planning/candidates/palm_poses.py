@@ -6,7 +6,7 @@ closes. All of this is a heuristic; what becomes of a start is evaluated afterwa
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,12 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import normal_frame, transform
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
-from handfast.model.hand.coupling import coupled
+from handfast.model.hand.anatomy import MIDWAY, Anatomy
 from handfast.model.hand.hand import Hand
 
-MIDWAY = 0.5  # share of closing at which the fingertips surround what is grasped
+JAWS = 2  # fingers of a gripper
+NEUTRAL = 2  # power that draws a joint towards rest: with 2, the mean deviation is a third of the largest
+MEETING = 0.75  # share of closing at which the fingertips meet
 TOUCH = 2e-4  # [m] the push ends when the hand is this near
 SIDEWAYS = 10  # points drawn to find a side of the object
 STEPS = 10  # of closing that are looked at
@@ -65,14 +67,22 @@ class Palm:
 
     Attributes:
         center: (3,) [m] in the middle of the half-closed fingertips.
-        axis: (3,) unit, from the base's solids to the centre: the way the palm approaches an object.
-        opened, closed: (l,) configurations with every closing joint at its two ends, the others midway.
+        axis: (3,) unit, out of the palm's face to the centre: the way the palm approaches an object.
+        opened, closed: (l,) configurations with every closing joint at its two ends, the others as `Anatomy.ends` says.
+        anatomy: fingers, wrist and palm.
     """
 
     center: Array
     axis: Array
     opened: Array
     closed: Array
+    anatomy: Anatomy = field(repr=False)
+
+    @property
+    def tips(self) -> tuple[int, ...]:
+        """The fingertips that a closing joint moves."""
+        hand = self.anatomy.hand
+        return tuple(i for i in self.anatomy.tips if any(hand.closing[j] for j in hand.moved_by(i)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +121,9 @@ class SurfaceSampler:
 
 
 def palm_of(hand: Hand, approach: object = None) -> Palm:
-    """Where the palm is and which way it approaches, from the closing senses.
+    """Where the palm is and which way it approaches, from its solids and the closing senses.
+
+    It approaches out of its face: along the normals of its solids that are seen from where the fingertips meet.
 
     Args:
         approach: (3,) in place of the axis, base frame, any length.
@@ -119,48 +131,47 @@ def palm_of(hand: Hand, approach: object = None) -> Palm:
     Raises:
         InputError: no joint that closes or no fingertip with a solid, a zero approach.
     """
-    lower, upper = hand.limits.T
-    middle = np.where(hand.closing == 0, np.clip((lower + upper) / 2, lower, upper), 0.0)
-    opened = _within(hand, np.where(hand.closing > 0, lower, np.where(hand.closing < 0, upper, middle)))
-    closed = _within(hand, np.where(hand.closing > 0, upper, np.where(hand.closing < 0, lower, middle)))
-    tips = fingertips(hand)
-    if not tips:
+    anatomy = Anatomy.of(hand)
+    opened, closed = anatomy.ends(hand.closing)
+    half = anatomy.within(opened + MIDWAY * (closed - opened))
+    palm = Palm(np.zeros(3), np.zeros(3), opened, closed, anatomy)
+    if not palm.tips:
         raise InputError("no link with a solid is moved by a closing joint; give closing senses", field="closing")
-    center = _middles(hand, _within(hand, opened + MIDWAY * (closed - opened)), tips).mean(axis=0)
-    fixed = [i for i, link in enumerate(hand.links) if link.shapes and not hand.moved_by(i)]
-    base = _middles(hand, opened, fixed).mean(axis=0) if fixed else np.zeros(3)
-    axis = center - base if approach is None else frozen(approach, (3,), "approach")
+    center = anatomy.middles(half, palm.tips).mean(axis=0)
+    axis = _out_of_face(palm) if approach is None else frozen(approach, (3,), "approach")
     if np.linalg.norm(axis) < 1e-9:
         raise InputError("is zero; the direction in which the palm approaches is needed", field="approach")
-    return Palm(center, axis / np.linalg.norm(axis), opened, closed)
+    return replace(palm, center=center, axis=axis / np.linalg.norm(axis))
 
 
-def fingertips(hand: Hand) -> list[int]:
-    """The links with solids that a closing joint moves and beyond which no link has a solid."""
-    solid = [i for i, link in enumerate(hand.links) if link.shapes]
-    inner = set()
-    for i in solid:
-        above = hand.links[i].parent
-        while above >= 0:
-            inner.add(above)
-            above = hand.links[above].parent
-    return [i for i in solid if i not in inner and any(hand.closing[j] for j in hand.moved_by(i))]
+def _out_of_face(palm: Palm) -> Array:
+    """(3,) the mean normal of the palm's solids as seen from where the fingertips meet, each face by its solid angle.
 
-
-def _within(hand: Hand, q: Array) -> Array:
-    """q (l,) with the mimic joints where their drivers put them, within the limits."""
-    return np.clip(coupled(hand, q), *hand.limits.T)
+    Where none is seen, as that is in a solid, the direction from their middle.
+    """
+    anatomy = palm.anatomy
+    q = anatomy.within(palm.opened + MEETING * (palm.closed - palm.opened))
+    point = anatomy.middles(q, palm.tips).mean(axis=0)
+    if not anatomy.palm:
+        return np.asarray(point)
+    poses = anatomy.hand.link_poses(q)
+    solids = [(poses[i], *shape.triangles()) for i in anatomy.palm for shape in anatomy.hand.links[i].shapes]
+    a, b, c = np.vstack([(vertices @ T[:3, :3].T + T[:3, 3])[faces] for T, vertices, faces in solids]).swapaxes(0, 1)
+    normals = np.cross(b - a, c - a)  # as long as twice the area
+    away = point - (a + b + c) / 3
+    angles = np.maximum(np.einsum("ij,ij->i", normals, away), 0.0) / np.linalg.norm(away, axis=1) ** 3
+    lengths = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+    seen = (angles / lengths) @ normals
+    middle = np.asarray(point - anatomy.middles(q, anatomy.palm).mean(axis=0))
+    return np.asarray(seen) if seen @ middle > 0 else middle
 
 
 def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampler, how: Sampling) -> Start:
     """A random start, the hand's centre on a point of the object's surface: the hand is to be pushed up from afar."""
-    share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
-    q = palm.opened + share * (palm.closed - palm.opened)
-    lower, upper = hand.limits.T
-    q = _within(hand, np.where(hand.closing == 0, lower + rng.random(hand.l) * (upper - lower), q))
+    q = _preshape(rng, hand, palm, how)
     point, normal = surface.draw(rng)
     if how.aligned and rng.random() < how.aligned:
-        approach, R = palm.axis, _squarely(rng, hand, palm, surface, q, normal)
+        approach, R = palm.axis, _squarely(rng, palm, surface, q, normal)
     else:
         into = _near(rng, -normal, how.tilt)
         approach = _near(rng, palm.axis, how.cone)
@@ -169,6 +180,32 @@ def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampl
         point = surface.middle + rng.random() * (point - surface.middle)
     point = point + how.aside * rng.standard_normal(3)
     return Start(q, transform(palm.center - R @ point, R), approach)
+
+
+def _preshape(rng: np.random.Generator, hand: Hand, palm: Palm, how: Sampling) -> Array:
+    """(l,) closing joints up to some share closed, abductions near rest, spreads anywhere, the wrist at rest.
+
+    A gripper of two jaws starts open: it has no other pre-shape, and the object has to fit between them.
+    """
+    share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
+    share *= len({palm.anatomy.finger(i) for i in palm.tips}) > JAWS
+    q = palm.opened + share * (palm.closed - palm.opened)
+    lower, upper = hand.limits.T
+    rest, drawn = palm.anatomy.neutral, rng.random(hand.l)
+    off = 2 * drawn - 1
+    near = rest + np.abs(off) ** NEUTRAL * np.where(off > 0, upper - rest, lower - rest)
+    abducts = (lower < rest) & (rest < upper)
+    still = np.where(abducts, near, lower + drawn * (upper - lower))
+    still[list(palm.anatomy.wrist)] = rest[list(palm.anatomy.wrist)]
+    return palm.anatomy.within(np.where(hand.closing == 0, still, q))
+
+
+def calmer(palm: Palm, q: Array, share: float) -> Array:
+    """q (l,) with the joints that neither close nor spread, but bend both ways, a share of the way from rest."""
+    lower, upper = palm.anatomy.hand.limits.T
+    rest = palm.anatomy.neutral
+    abducts = (palm.anatomy.hand.closing == 0) & (lower < rest) & (rest < upper)
+    return palm.anatomy.within(np.where(abducts, rest + share * (q - rest), q))
 
 
 def pushed(scene: Scene, start: Start, back: float) -> Array | None:
@@ -192,7 +229,7 @@ def pushed(scene: Scene, start: Start, back: float) -> Array | None:
     return None
 
 
-def sweeps(scene: Scene, q: Array, pose: Array) -> NDArray[np.bool_]:
+def sweeps(scene: Scene, anatomy: Anatomy, q: Array, pose: Array) -> NDArray[np.bool_]:
     """(n_links,) which links come near the object in a few steps of closing that nothing stops.
 
     A quick look ahead; between the steps and behind what stops, it may be wrong either way.
@@ -202,15 +239,8 @@ def sweeps(scene: Scene, q: Array, pose: Array) -> NDArray[np.bool_]:
     lower, upper = hand.limits.T
     room = np.where(hand.closing > 0, upper - q, np.where(hand.closing < 0, q - lower, 0.0))
     for share in np.linspace(0.0, 1.0, STEPS):
-        near |= scene.distance(_within(hand, q + share * room * hand.closing), pose, 2 * NEARBY) < NEARBY
+        near |= scene.distance(anatomy.within(q + share * room * hand.closing), pose, 2 * NEARBY) < NEARBY
     return near
-
-
-def _middles(hand: Hand, q: Array, links: list[int]) -> Array:
-    """(k, 3) middles of the links' solids, base frame."""
-    poses = hand.link_poses(q)
-    middles = [np.mean([s.centroid for s in hand.links[i].shapes], axis=0) for i in links]
-    return np.array([poses[i][:3, :3] @ p + poses[i][:3, 3] for i, p in zip(links, middles, strict=True)])
 
 
 def _near(rng: np.random.Generator, direction: Array, angle: float) -> Array:
@@ -228,11 +258,9 @@ def _turned(source: Array, target: Array, roll: float) -> Array:
     return normal_frame(target) @ turn @ normal_frame(source).T
 
 
-def _squarely(
-    rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampler, q: Array, normal: Array
-) -> Array:
+def _squarely(rng: np.random.Generator, palm: Palm, surface: SurfaceSampler, q: Array, normal: Array) -> Array:
     """(3, 3) the approach against a normal, rolled so that the widest-apart fingertips face another normal."""
-    tips = _middles(hand, q, fingertips(hand))
+    tips = palm.anatomy.middles(q, palm.tips)
     frame = normal_frame(palm.axis)
     flat = (tips - tips.mean(axis=0)) @ frame[:, 1:]
     across = np.linalg.svd(flat, full_matrices=True)[2][0] if len(tips) > 1 else np.array([1.0, 0.0])

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.geometry.contacts import THRESHOLD, contact_grasp
+from handfast.geometry.contacts import THRESHOLD, grasp_of
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
@@ -18,16 +19,18 @@ from handfast.planning.candidates.palm_poses import STANDARD, Palm, Sampling, St
 from handfast.planning.closing import Closed, close
 from handfast.planning.evaluation.holding import held
 from handfast.planning.filters.balance import balances
-from handfast.planning.filters.quick_look import QuickLook
+from handfast.planning.filters.quick_look import Overlaps, QuickLook
+from handfast.planning.filters.spanning import spanning
 from handfast.planning.gathering import UnitResult
 from handfast.planning.question import fingerprint
-from handfast.planning.rejection import RejectionReason, Tally, of_verdict
+from handfast.planning.rejection import Overlap, RejectionReason, Tally, of_verdict
 from handfast.planning.requirements import Limits
 from handfast.stability.hold import STRONG, HoldAnswer
 from handfast.stability.loads import Loads
 from handfast.stability.settings import Settings
 
 PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
+CALMER = (0.5, 0.5, 0.0)  # of its abductions a hand keeps, where it started in itself, one after the other
 PUSHES = 4  # of the object by a finger, at most
 NODES = 250_000  # of a query of one contact; a node's cost grows with the cube of the contacts
 PATIENCE = 30.0  # [s] for all queries about a grasp: a fuse, the nodes end them much earlier
@@ -36,6 +39,7 @@ PATIENCE = 30.0  # [s] for all queries about a grasp: a fuse, the nodes end them
 REASONS = (
     RejectionReason.PAST,
     RejectionReason.INSIDE,
+    RejectionReason.FOLDED,
     RejectionReason.MISSES,
     RejectionReason.FEW,
     RejectionReason.PENETRATES,
@@ -45,6 +49,8 @@ REASONS = (
     RejectionReason.STRONG,
     RejectionReason.ALIKE,
 )
+OBJECT = "the object"  # in the place of a link's name
+Dropped = tuple[RejectionReason, Overlap | None]  # why an attempt was, and what was in what
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +61,8 @@ class PlannedGrasp:
         q: (l,) configuration; pose: (4, 4) of the object in the hand's base frame.
         grasp: with the preload in force, object frame.
         answer: what `hold` says, a witness for each load.
-        penetration: [m] largest overlap of hand and object, 0 if none; self_penetration: of two links.
+        penetration: [m] largest overlap of hand and object, 0 if none; self_penetration: of two links,
+            beyond what overlaps in the hand at rest.
         index: number of the attempt, which with the seed reproduces it.
     """
 
@@ -76,6 +83,7 @@ class Attempts:
         loads: what is to be held. limits: within which; no `command_limit` is `STRONG` times the largest load, no
             `settings` a number of nodes, so that the outcome does not hang on the machine.
         sampling: of the starts.
+        ignored: pairs of links, by name, that may overlap.
     """
 
     hand: Hand
@@ -85,13 +93,22 @@ class Attempts:
     seed: int
     limits: Limits = field(default_factory=Limits)
     sampling: Sampling = STANDARD
+    ignored: tuple[tuple[str, str], ...] = ()
 
     @property
     def question(self) -> str:
         """The fingerprint of all this."""
         names = ("command_limit", "torque_limits", "force_limit", "eta", "settings")
         others = {name: getattr(self.limits, name) for name in names} | {"palm": self.palm, "sampling": self.sampling}
+        others |= {"ignored": self.ignored} if self.ignored else {}
         return fingerprint(self.hand, self.body, self.loads, self.seed, **others)
+
+
+class Placed(NamedTuple):
+    """A hand that was closed, and the object's pose (4, 4) in its base frame."""
+
+    closed: Closed
+    pose: Array
 
 
 def settings_for(grasp: Grasp) -> Settings:
@@ -107,7 +124,7 @@ class Runner:
 
     def __init__(self, asked: Attempts) -> None:
         self.asked = asked
-        self.scene = Scene(asked.hand, asked.body)
+        self.scene = Scene(asked.hand, asked.body, asked.ignored)
         self.surface = SurfaceSampler(asked.body)
         self.clearance = QuickLook(self.scene)
 
@@ -117,54 +134,63 @@ class Runner:
         rng = np.random.default_rng([a.seed, number])
         start = palm_poses.draw(rng, a.hand, a.palm, self.surface, a.sampling)
         placed = self.placed(start, rng.exponential(a.sampling.back))
-        found = placed if isinstance(placed, RejectionReason) else self.evaluated(*placed, number)
-        if isinstance(found, RejectionReason):
-            tally.add(found)
+        found = self.evaluated(*placed, number) if isinstance(placed, Placed) else placed
+        if isinstance(found, tuple):
+            tally.add(found[0], overlap=found[1])
             return UnitResult(tally, ())
         tally.add(None)
         return UnitResult(tally, (found,))
 
-    def placed(self, start: Start, back: float) -> tuple[Closed, Array] | RejectionReason:
-        """The hand pushed up to the object and closed, and the object's pose; or why that gives no grasp."""
+    def placed(self, start: Start, back: float) -> Placed | Dropped:
+        """The hand pushed up to the object and closed; or why that gives no grasp."""
+        deep = self.clearance.overlaps(start.q)
+        for share in CALMER:
+            if deep.itself <= PENETRATION:
+                break
+            start = replace(start, q=palm_poses.calmer(self.asked.palm, start.q, share))
+            deep = self.clearance.overlaps(start.q)
+        if deep.itself > PENETRATION:
+            return _overlap(deep, RejectionReason.INSIDE, RejectionReason.FOLDED)
         pose = palm_poses.pushed(self.scene, start, back)
         if pose is None:
-            return RejectionReason.PAST
-        if max(self.clearance.depths(start.q, pose)) > PENETRATION:
-            return RejectionReason.INSIDE
-        near = palm_poses.sweeps(self.scene, start.q, pose)
-        if len({self._finger(self.asked.hand.link_names[i]) for i in np.flatnonzero(near)}) < 2:
-            return RejectionReason.MISSES
+            return RejectionReason.PAST, None
+        deep = self.clearance.overlaps(start.q, pose)
+        if deep.inside > PENETRATION:
+            return _overlap(deep, RejectionReason.INSIDE, RejectionReason.INSIDE)
+        near = palm_poses.sweeps(self.scene, self.asked.palm.anatomy, start.q, pose)
+        if len({self.asked.palm.anatomy.finger(i) for i in np.flatnonzero(near).tolist()}) < 2:
+            return RejectionReason.MISSES, None
         try:
-            closed, pose = self._closed(start.q, pose)
+            return Placed(*self._closed(start.q, pose))
         except InputError:  # it started deeper in the object than closing allows
-            return RejectionReason.INSIDE
-        return closed, pose
+            return _overlap(deep, RejectionReason.INSIDE, RejectionReason.INSIDE)
 
-    def evaluated(self, closed: Closed, pose: Array, number: int) -> PlannedGrasp | RejectionReason:
+    def evaluated(self, closed: Closed, pose: Array, number: int) -> PlannedGrasp | Dropped:
         """The grasp of a closed hand with a preload that holds all loads, or why it is rejected."""
         a = self.asked
-        if len({self._finger(c.link) for c in closed.contacts}) < 2:
-            return RejectionReason.FEW
-        inside, itself = self.clearance.depths(closed.q, pose)
-        inside = max(inside, closed.penetration)
-        if max(inside, itself) > PENETRATION:
-            return RejectionReason.PENETRATES
-        grasp = contact_grasp(a.hand, closed.q, a.body, pose, scene=self.scene)
+        if len({a.palm.anatomy.finger(a.hand.link(c.link)) for c in closed.contacts}) < 2:
+            return RejectionReason.FEW, None
+        deep = self.clearance.overlaps(closed.q, pose)
+        inside = max(deep.inside, closed.penetration)
+        if max(inside, deep.itself) > PENETRATION:
+            return _overlap(deep, RejectionReason.PENETRATES, RejectionReason.PENETRATES)
+        name = f"{a.hand.name} on {a.body.name}"
+        grasp = grasp_of(a.hand, closed.q, spanning(closed.contacts), pose, name=name)
         if not balances(grasp, a.loads.wrenches):
-            return RejectionReason.UNBALANCED
+            return RejectionReason.UNBALANCED, None
         actuators = squeezing(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
         if not actuators:
-            return RejectionReason.UNDECIDED
+            return RejectionReason.UNDECIDED, None
         how = {"actuators": actuators, "least": False, "timeout": PATIENCE}
         answer = held(grasp, a.loads, a.limits, settings_for(grasp), **how)
         reason = of_verdict(answer.verdict)
         if reason:
-            return reason
+            return reason, None
         grasp = grasp.with_preload(answer.preload)
         if self._strength(grasp) > 1:
-            return RejectionReason.STRONG
+            return RejectionReason.STRONG, None
         checks = tuple(replace(c, steps=(), proof=None) for c in answer.checks)  # grasps travel between processes
-        return PlannedGrasp(closed.q, pose, grasp, replace(answer, checks=checks), inside, itself, number)
+        return PlannedGrasp(closed.q, pose, grasp, replace(answer, checks=checks), inside, deep.itself, number)
 
     def _closed(self, q: Array, pose: Array) -> tuple[Closed, Array]:
         """The hand closed, and where the object then is.
@@ -205,9 +231,12 @@ class Runner:
         torque = (mechanism.R[:, turns] != 0).any(axis=1) & ~np.array(mechanism.tendon, dtype=bool)
         return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRONG * load)
 
-    def _finger(self, link: str) -> int:
-        """Fingers are told apart by the joint next to the base; -1 is the palm."""
-        return (self.asked.hand.moved_by(self.asked.hand.link(link)) or (-1,))[0]
+
+def _overlap(deep: Overlaps, inside: RejectionReason, itself: RejectionReason) -> Dropped:
+    """Which of two reasons it is, and what is deepest in what."""
+    if deep.itself > deep.inside:
+        return itself, (deep.pair, deep.itself)
+    return inside, ((deep.link, OBJECT), deep.inside) if deep.link else None
 
 
 def squeezing(grasp: Grasp, stopped: set[str]) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
 from handfast.planning.evaluation.holding import held_again
 from handfast.planning.journal import SearchFolder
 from handfast.planning.question import refuse_another
-from handfast.planning.rejection import Tally
+from handfast.planning.rejection import OverlapEntry, Tally
 from handfast.planning.results.planned import Plan
 
 PLAN = "plan.json"
@@ -50,6 +50,7 @@ class PlanFile(Strict):
     question: str
     seconds: float
     fates: dict[str, int]
+    overlaps: dict[str, list[OverlapEntry]] = Field(default_factory=dict)
     grasps: list[PlannedEntry]
     others: list[PlannedEntry]
 
@@ -102,6 +103,7 @@ class PlanFolder(SearchFolder[Plan]):
             file = validate(PlanFile, read_json(path, "plan"))
             refuse_another(file.question, asked.question)
             tally = Tally.from_json(file.fates, "kept", REASONS)
+            tally.take_overlaps(file.overlaps)
         except InputError as fault:
             raise fault.at(str(path)) from None
         grasps, others = (tuple(self._held(e, asked) for e in some) for some in (file.grasps, file.others))

@@ -9,6 +9,7 @@ from handfast.core.answer import Stop, Verdict, header
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
+from handfast.planning.fruitless import diagnosis
 from handfast.planning.rejection import Tally
 from handfast.stability.loads import Loads
 
@@ -22,7 +23,8 @@ class Plan:
         grasps: those that hold every load and differ from each other, in the order in which they were found;
             with a `pool` the one farthest from the others next. others: of a pool, those that were left out.
         tally: what became of the attempts.
-        stop: COMPLETE; TIME, NODES (the attempts were used up) or INTERRUPTED if fewer were found.
+        stop: COMPLETE; TIME, NODES (the attempts were used up), FRUITLESS (so many attempts came to nothing that it was
+            given up) or INTERRUPTED if fewer were found.
         seconds: wall time.
         question: the fingerprint of what was asked, but for how many and how long.
     """
@@ -69,6 +71,11 @@ class Plan:
         return Verdict.HOLDS if len(self.grasps) >= self.count else Verdict.UNDECIDED
 
     @property
+    def diagnosis(self) -> list[str]:
+        """What rejected most of the attempts, and what may help, if nothing was found."""
+        return [] if self.grasps else diagnosis(self.tally, self.hand)
+
+    @property
     def nodes(self) -> int:
         """Of the searches that hold the grasps."""
         return sum(g.answer.nodes for g in self.grasps)
@@ -81,6 +88,8 @@ class Plan:
             "loads": self.loads.by_name,
             "tried": self.tried,
             "fates": self.tally.to_json("kept", REASONS),
+            "overlaps": self.tally.overlaps_json(),
+            "diagnosis": self.diagnosis,
             "question": self.question,
             "grasps": [_entry(g) for g in self.grasps],
             "others": [_entry(g) for g in self.others],
