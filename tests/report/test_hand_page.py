@@ -28,6 +28,7 @@ from handfast.report.hand_facts import facts_of, shown_hand
 from handfast.report.hand_report import hand_page, report_hand
 from handfast.report.hand_scene import OF_HAND, OF_OBJECT, hand_scene
 from tests.support.driven_page import drive, embedded
+from tests.support.four_bar import FourBar
 from tests.support.shown_hands import many_jointed, write_wristed
 
 EVIL = "tip</script><script>alert(1)</script><!--"
@@ -59,7 +60,7 @@ def test_the_script_poses_the_links_as_python_does(wristed: Hand, tmp_path: Path
     for hand in hands:
         data, _ = hand_scene(shown_hand(facts_of(hand)))
         q = hand.limits[:, 0] + rng.random((3, hand.l)) * np.ptp(hand.limits, axis=1)
-        keys = "links", "joints", "opened", "shut"
+        keys = "links", "joints", "loops", "dependent", "opened", "shut"
         asked.append({key: data[key] for key in keys} | {"q": q.tolist()})
         axes = [hand.joint_axes(x) for x in q]
         palm = palm_of(hand)
@@ -171,6 +172,29 @@ def test_nothing_is_fetched_and_no_name_breaks_out(tmp_path: Path) -> None:
     text = re.sub(r'src="data:image/png;base64,[^"]*"', "", text)
     for word in ("http:", "https:", "src=", "href=", "import(", "fetch(", "XMLHttpRequest", "eval(", "innerHTML"):
         assert word not in text
+
+
+@needs_node
+def test_a_slider_moves_the_loop_that_its_joint_drives(tmp_path: Path) -> None:
+    """A four-bar linkage in closed form; where the loop lets nobody pass, its joints stay."""
+    bar = FourBar()
+    hand = load_hand(bar.write(tmp_path))
+    text = hand_page(shown_hand(facts_of(hand)))
+    crank = hand.joint("crank")
+    angles = [0.4, -0.9, 1.1, 0.0]
+    steps = "".join(f'move("joint-{crank}", {angle}); tell.push(configured());' for angle in angles)
+    for angle, found in zip(angles, drive(text, steps, tmp_path), strict=True):
+        assert found == pytest.approx(bar.joints(np.pi / 2 + angle), abs=2e-6)
+    for j in range(hand.l):
+        slider = re.search(rf'<input type="range" name="joint-{j}"[^>]*>', text)
+        assert slider is not None
+        assert ("disabled" in slider[0]) is (j != crank)
+    stuck = FourBar(crank=0.04, coupler=0.03, rocker=0.04, ground=0.05)  # no full turn: the pin opens before 3 rad
+    hand = load_hand(stuck.write(tmp_path))
+    page = hand_page(shown_hand(facts_of(hand)))
+    (found,) = drive(page, f'move("joint-{crank}", 2.9); tell.push(configured());', tmp_path)
+    assert found["crank"] < 2.0
+    assert found == pytest.approx(stuck.joints(np.pi / 2 + found["crank"]), abs=1e-3)
 
 
 def test_a_fine_mesh_is_drawn_coarser_and_the_page_says_so() -> None:

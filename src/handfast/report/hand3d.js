@@ -58,10 +58,12 @@ function stand(now) {
   find(".configuration").textContent = JSON.stringify({ ...scene.configuration, joints: named }, null, 1);
   later();
 }
+/** A configuration, a joint moved, with all that follows from it: coupled joints, then loops. */
+const reached = (now, moved) => assembled(scene, followed(scene, now, moved), q);
 sliders.forEach((slider, k) => slider.addEventListener("input", () => {
-  stand(followed(scene, q.map((value, j) => (j === k ? +slider.value : value)), k));
+  stand(reached(q.map((value, j) => (j === k ? +slider.value : value)), k));
 }));
-together.addEventListener("input", () => stand(followed(scene, closed(scene, q, +together.value))));
+together.addEventListener("input", () => stand(reached(closed(scene, q, +together.value))));
 find("[name=given]").addEventListener("click", () => stand(scene.q));
 
 // --- the frames of links ---
@@ -74,7 +76,7 @@ for (const box of boxes) box.addEventListener("input", later);
 
 figure.classList.add("live");
 stand(scene.q);
-for (const share of [0, 1]) stances.push(stance(followed(scene, closed(scene, q, share)))); // opened, closed: in view
+for (const share of [0, 1]) stances.push(stance(reached(closed(scene, q, share)))); // opened, closed: in view
 reset();
 window.addEventListener("hashchange", addressed);
 addressed();

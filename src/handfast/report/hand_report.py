@@ -165,7 +165,7 @@ def _sliders(facts: HandFacts) -> str:
 def _slider(facts: HandFacts, j: int) -> str:
     hand, joint = facts.hand, facts.hand.joints[j]
     follows = rows_of.follows_text(hand, j)
-    held = joint.lower == joint.upper or (follows and not hand.breakaway)
+    held = joint.lower == joint.upper or j in hand.dependent or (follows and not hand.breakaway)
     said = [rows_of.range_text(hand, j)]
     said += [f"closes {'+' if hand.closing[j] > 0 else '−'}"] if hand.closing[j] else []
     said += [f"follows {follows}"] if follows else []

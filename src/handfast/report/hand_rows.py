@@ -38,7 +38,9 @@ def closes_text(hand: Hand, joint: int) -> str:
 
 
 def follows_text(hand: Hand, joint: int) -> str:
-    """What a joint follows: '0.333 × finger_1_prox + 0.1'; '' if nothing."""
+    """What a joint follows: '0.333 × finger_1_prox + 0.1', 'a loop'; '' if nothing."""
+    if joint in hand.dependent:
+        return "a loop"
     driver, ratio, offset = drivers(hand)[joint]
     if driver == joint:
         return ""

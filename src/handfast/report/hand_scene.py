@@ -68,9 +68,10 @@ def triangle_share(facts: HandFacts, most: int) -> float:
 def hand_scene(shown: ShownHand) -> tuple[dict[str, Any], list[str]]:
     """The page's data as JSON, SI units, and sentences about what is drawn coarser than it is.
 
-    Keys: `links` (`name`, `parent`, `pose`, `joints`, `color`, `solid` in the link frame), `joints`, `q`, `opened` and
-    `shut` (the hand at the ends of closing), `regions`, `palm`, `object`, `configuration` (a file without its joints),
-    `sides`, `size`, `box`, `colors`. A pose is the rows of [R t], 12 numbers.
+    Keys: `links` (`name`, `parent`, `pose`, `joints`, `color`, `solid` in the link frame), `joints`, `loops` (the pins
+    that close them) and `dependent` (joints that follow from these), `q`, `opened` and `shut` (the hand at the ends of
+    closing), `regions`, `palm`, `object`, `configuration` (a file without its joints), `sides`, `size`, `box`,
+    `colors`. A pose is the rows of [R t], 12 numbers.
     """
     facts, hand, palm = shown.facts, shown.facts.hand, shown.facts.palm
     share = triangle_share(facts, OF_HAND)
@@ -96,6 +97,11 @@ def hand_scene(shown: ShownHand) -> tuple[dict[str, Any], list[str]]:
     return {
         "links": links,
         "joints": _joints(facts),
+        "loops": [
+            {"first": p.first, "second": p.second, "on_first": _exact(p.on_first), "on_second": _exact(p.on_second)}
+            for p in hand.loops
+        ],
+        "dependent": list(hand.dependent),
         "q": _exact(shown.q),
         "opened": _exact(palm.opened if palm else shown.q),
         "shut": _exact(palm.closed if palm else shown.q),

@@ -24,7 +24,8 @@ SPREAD = np.radians(140)  # range of a joint that is no spread or abduction
 HYPEREXTENDED = np.radians(30)  # an open finger is bent back by at most this from the hand's rest
 MIDWAY = 0.5  # of the closing ranges, where the other joints are while one is looked at
 ROUNDS = 3
-STILL = 1e-6  # [m] a fingertip that moves less stays where it is
+STILL = 1e-6  # [m, rad] a fingertip, or a joint, that moves less stays where it is
+LITTLE = 0.05  # of the closing ranges
 REVOLUTION = np.pi  # [rad] what a joint without limits is looked at within, each way
 
 
@@ -59,13 +60,20 @@ class Anatomy:
         return cls(hand, tuple(tips), wrist, _palm(hand, group, tips, wrist))
 
     def finger(self, link: int) -> int:
-        """The first joint of the finger that a link belongs to; -1 for the palm and what is below it."""
+        """The first joint of the finger that a link belongs to; -1 for the palm and what is below it.
+
+        Chains that a loop ties together are one finger.
+        """
         return self._fingers[link]
 
     @cached_property
     def _fingers(self) -> list[int]:
         chains = map(self.hand.moved_by, range(len(self.hand.links)))
-        return [next((j for j in chain if j not in self.wrist), -1) for chain in chains]
+        first = [next((j for j in chain if j not in self.wrist), -1) for chain in chains]
+        for loop in self.hand.loops:  # what a pin holds together is one finger
+            ends = {first[loop.first], first[loop.second]} - {-1}
+            first = [min(ends) if f in ends else f for f in first]
+        return first
 
     @cached_property
     def neutral(self) -> Array:
@@ -113,7 +121,7 @@ def with_guessed_senses(hand: Hand) -> Hand:
     follows = drivers(hand)
     limits = np.where([j in anatomy.wrist for j in range(hand.l)], 0.0, hand.closing)
     closing = limits.copy()
-    free = [j for j in range(hand.l) if follows[j][0] == j and j not in anatomy.wrist]
+    free = [j for j in range(hand.l) if follows[j][0] == j and j not in {*anatomy.wrist, *hand.dependent}]
     free = [j for j in free if hand.joints[j].lower < hand.joints[j].upper]
     for _ in range(ROUNDS):
         before = closing.copy()
@@ -122,9 +130,18 @@ def with_guessed_senses(hand: Hand) -> Hand:
         for j, (driver, ratio, _) in follows.items():
             if driver != j:
                 closing[j] = np.sign(ratio) * closing[driver] if driver >= 0 else 0.0
+        closing[list(hand.dependent)] = np.sign(_with_loops(anatomy, closing))[list(hand.dependent)]
         if (closing == before).all():
             break
     return replace(hand, closing=closing)
+
+
+def _with_loops(anatomy: Anatomy, closing: Array) -> Array:
+    """(l,) how joints move when the hand, half closed, closes a little more: those that follow from loops with it."""
+    opened, closed = anatomy.ends(np.where(np.isin(np.arange(len(closing)), anatomy.hand.dependent), 0.0, closing))
+    less, more = (anatomy.within(opened + share * (closed - opened)) for share in (MIDWAY, MIDWAY + LITTLE))
+    moved = more - less
+    return np.asarray(np.where(np.abs(moved) > STILL, moved, 0.0))
 
 
 def _sense(anatomy: Anatomy, closing: Array, j: int, hint: float) -> float:
