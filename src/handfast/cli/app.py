@@ -48,6 +48,8 @@ COMMANDS: dict[str, type[Command]] = {
     "demo": Demo,
 }
 
+ALIASES = {"check": ("--com",), "torques": ("--com",)}  # second names of options
+
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
 
 check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? synthesize looks for \
@@ -142,7 +144,7 @@ def parse(arguments: list[str]) -> Command:
 def _check_options(name: str, arguments: Sequence[str]) -> None:
     """Refuse an option that the command does not have, before it is taken for another option's value."""
     command: Any = COMMANDS[name]
-    known = ["--help", *(option_name(f) for f in fields(command))]
+    known = ["--help", *(option_name(f) for f in fields(command)), *ALIASES.get(name, ())]
     for word in arguments:
         option = word.split("=")[0].replace("_", "-")
         if word.startswith("--") and len(word) > 2 and option not in known:

@@ -87,6 +87,8 @@ class Close(SceneOptions, Command):
                 mechanism=self.mechanism,
                 scene=scene,
             )
+            if self.output:
+                grasp = grasp.from_configuration(self.output)
             if self.grasp:
                 save_grasp(grasp, self.grasp, force=self.force)
             if self.report:

@@ -39,7 +39,7 @@ class Contacts(SceneOptions, Command):
     def run(self) -> int:
         from handfast.cli import tables
         from handfast.geometry.contacts import contact_grasp
-        from handfast.model.grasp_file import save_grasp, to_dict
+        from handfast.model.grasp_file import file_dict, save_grasp
         from handfast.report import words
 
         check_writable(self.output, self.force, (".json",))
@@ -58,6 +58,7 @@ class Contacts(SceneOptions, Command):
                 lock=self.lock,
                 mechanism=self.mechanism,
             )
+        grasp = grasp.from_configuration(self.configuration)
         if self.output:
             save_grasp(grasp, self.output, force=self.force)
         if self.report:
@@ -67,7 +68,7 @@ class Contacts(SceneOptions, Command):
             meshes = scene_meshes(hand, q, body, placed.pose)
             write_report(self.report, grasp, [], meshes=meshes, force=self.force)
         if self.json:
-            console.print_json(to_dict(grasp))
+            console.print_json(file_dict(grasp))
             return console.ANSWERED
         out = console.out()
         links = dict.fromkeys(c.link for c in grasp.contacts)

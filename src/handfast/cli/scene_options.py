@@ -36,9 +36,7 @@ class SceneOptions:
         from handfast.model.hand import load_hand
 
         hand = load_hand(self.hand)
-        body = load_body(
-            bundled.resolve("objects", self.object), mass=self.mass, friction=self.friction, scale=self.scale
-        )
+        body = load_body(self.object, mass=self.mass, friction=self.friction, scale=self.scale)
         return hand, body
 
 

@@ -16,6 +16,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.hand.hand import Hand
 from handfast.model.mechanism import Mechanism
+from handfast.model.provenance import Provenance, SourceFile
 from handfast.model.shape import Shape
 
 THRESHOLD = 5e-4  # [m] surfaces nearer than this touch
@@ -98,6 +99,7 @@ def contact_grasp(
     The grasp has the joints that move a contact and those coupled to them or driven by the same
     actuators. A joint whose closing sense is negative is turned round, and an actuator that would open
     its joints under positive force is too, so that positive preloads close; tendons keep their sense.
+    The grasp knows the object's mass and centre of mass, and the files of hand and object.
 
     Args:
         preload: commanded forces by actuator name [N m, N]; absent actuators are locked.
@@ -115,7 +117,7 @@ def contact_grasp(
     contacts = find_contacts(hand, q, body, object_pose, threshold, friction, scene=scene)
     if not contacts:
         raise nothing_near(scene, q, checked_pose(object_pose), threshold)
-    return grasp_of(
+    grasp = grasp_of(
         hand,
         q,
         contacts,
@@ -125,6 +127,13 @@ def contact_grasp(
         mechanism=mechanism,
         name=name or f"{hand.name} on {body.name}",
     )
+    return of_body(grasp, hand, body)
+
+
+def of_body(grasp: Grasp, hand: Hand, body: Body) -> Grasp:
+    """A grasp with the mass and centre of mass of its object, and the files of hand and object."""
+    came = Provenance(SourceFile.of(hand.source, "hand"), SourceFile.of(body.source, "object", body.scale))
+    return grasp.about(mass=body.mass, center_of_mass=body.center_of_mass, provenance=came)
 
 
 def grasp_of(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,8 @@ class Body:
         center_of_mass: (3,) [m].
         friction: coefficient mu between this object and the hand.
         vertices, faces: (n, 3) [m] and (k, 3), a triangle mesh for drawing.
+        source: the file it was read from, or the bundled name; "" if it was not read.
+        scale: metres per unit of that file, if it is a mesh.
     """
 
     name: str
@@ -35,6 +37,8 @@ class Body:
     friction: float
     vertices: Array
     faces: Faces
+    source: str = ""
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
         if not self.pieces:
@@ -147,7 +151,8 @@ def load_body(
             name = file.name or path.stem
             given, stored = (mass, friction, center_of_mass), (file.mass, file.friction, file.center_of_mass)
             found = tuple(s if v is None else v for v, s in zip(given, stored, strict=True))  # type: ignore[assignment]
-        return Body.of(
+            scale = 1.0
+        body = Body.of(
             pieces,
             name=name,
             mass=found[0],
@@ -155,5 +160,7 @@ def load_body(
             center_of_mass=found[2],
             mesh=drawn,
         )
+        named = str(source) if str(source) in bundled.names("objects") else str(path)
+        return replace(body, source=named, scale=scale)
     except InputError as fault:
         raise fault.at(str(path)) from None

@@ -1,0 +1,132 @@
+"""Where a grasp came from: the files of its hand, its object and its configuration, by path and checksum."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from pathlib import Path
+
+from handfast.core import bundled
+from handfast.core.errors import InputError
+
+KINDS = {"hand": "hands", "object": "objects", "configuration": "configurations"}
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A file that something was read from.
+
+    Attributes:
+        path: of the file, or a bundled name; "" if it is not known.
+        sha256: of the file's bytes alone, not of further files that it names; None where the source is no file.
+        scale: metres per unit, of a mesh file.
+    """
+
+    path: str
+    sha256: str | None = None
+    scale: float = 1.0
+
+    @classmethod
+    def of(cls, source: str | Path, kind: str, scale: float = 1.0) -> SourceFile | None:
+        """The file behind a path or bundled name as it is now; None if nothing was named."""
+        if not str(source):
+            return None
+        file = _file(str(source), kind)
+        if file is None:
+            return cls(str(source), None, scale)
+        path = str(source) if str(source) in bundled.names(KINDS[kind]) else str(file.resolve())
+        return cls(path, _digest(file), scale)
+
+    def fault(self, kind: str) -> str:
+        """Why the file cannot be taken for the one that was read; '' if it can."""
+        if self.sha256 is None:
+            return f"the {kind} '{self.path}' came from no file, so that nothing tells whether it is the same"
+        file = _file(self.path, kind)
+        if file is None:
+            return f"the {kind}'s file {self.path} is not there"
+        if _digest(file) != self.sha256:
+            return f"the {kind}'s file {self.path} has changed: its checksum is another"
+        return ""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a grasp came from. What is not known is None.
+
+    Attributes:
+        hand: a URDF or MJCF file, or a bundled hand.
+        object: a mesh or body file, or a bundled object.
+        configuration: the joint values and the object's pose in the hand.
+    """
+
+    hand: SourceFile | None = None
+    object: SourceFile | None = None
+    configuration: SourceFile | None = None
+
+    def __bool__(self) -> bool:
+        return any(self.parts())
+
+    def parts(self) -> Iterable[SourceFile | None]:
+        """Hand, object, configuration."""
+        return (getattr(self, f.name) for f in fields(self))
+
+    def with_configuration(self, path: str | Path) -> Provenance:
+        """The same with a configuration file, as it is now."""
+        return replace(self, configuration=SourceFile.of(path, "configuration"))
+
+    def faults(self) -> list[str]:
+        """Why hand and object cannot be shown as they were, a line each; none if they can."""
+        missing = [k for k in KINDS if getattr(self, k) is None]
+        if missing:
+            return [f"the grasp file does not say which {' and '.join(missing)} it came from"]
+        found = (getattr(self, kind).fault(kind) for kind in KINDS)
+        return [line for line in found if line]
+
+    def moved(self, change: Callable[[str], str]) -> Provenance:
+        """The same with every path changed; bundled names, and what is no file, stay."""
+
+        def one(kind: str) -> SourceFile | None:
+            part: SourceFile | None = getattr(self, kind)
+            if part is None or part.sha256 is None or part.path in bundled.names(KINDS[kind]):
+                return part
+            return replace(part, path=change(part.path))
+
+        return Provenance(**{kind: one(kind) for kind in KINDS})
+
+    def relative_to(self, folder: str | Path) -> Provenance:
+        """With paths as they stand in a file in `folder`."""
+        return self.moved(lambda path: _relative(path, Path(folder).resolve()))
+
+    def resolved_from(self, folder: str | Path) -> Provenance:
+        """With the paths of a file in `folder`, absolute."""
+        return self.moved(lambda path: os.path.normpath(Path(folder).resolve() / path))
+
+
+def _relative(path: str, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # on another drive
+        return path
+
+
+def _file(source: str, kind: str) -> Path | None:
+    """The file behind a path or bundled name, None if there is none."""
+    try:
+        file = Path(bundled.resolve(KINDS[kind], source))
+        return file if file.is_file() else None
+    except (InputError, OSError, ValueError):  # what can be no name of a file
+        return None
+
+
+def _digest(file: Path) -> str:
+    status = file.stat()
+    return _digest_of(str(file), status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=256)
+def _digest_of(file: str, _changed: int, _size: int) -> str:
+    """SHA-256 of a file's bytes, read once for each time that it was written."""
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
