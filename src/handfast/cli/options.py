@@ -293,8 +293,7 @@ class Disturbances(WeightOptions):
     wrench: UseAppendAction[tuple[Wrench, ...]] = ()
     """force [N] and torque [N m] on the object at its origin; three numbers are a force; once for each question"""
     gravity: UseAppendAction[tuple[Gravity, ...]] = ()
-    """instead: a direction in which gravity pulls, object axes, or all for its axes both ways; \
-mass and centre of mass as in the grasp file"""
+    """instead: a direction in which gravity pulls, object axes, or all for its axes both ways; mass as in the file"""
     loads: Annotated[Path | None, arg(metavar="FILE.json")] = None
     """instead, or beside --wrench: a handfast/loads/1 file of named disturbances"""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from handfast.core import bundled
+from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.body import Body
@@ -32,12 +33,20 @@ class SceneOptions:
 
     def load_scene(self) -> tuple[Hand, Body]:
         """Hand and object."""
-        from handfast.model.body import load_body
         from handfast.model.hand import load_hand
 
         hand = load_hand(self.hand)
-        body = load_body(self.object, mass=self.mass, friction=self.friction, scale=self.scale)
-        return hand, body
+        return hand, load_object(self.object, mass=self.mass, friction=self.friction, scale=self.scale)
+
+
+def load_object(name: str, *, mass: float | None, friction: float | None, scale: float) -> Body:
+    """The object that a command names; `InputError` for a scale that its file would not take."""
+    from handfast.model.body import load_body
+
+    file = bundled.resolve("objects", name)
+    if scale != 1 and file.lower().endswith(".json"):
+        raise InputError("states its own size; --scale is for mesh files", source=name)
+    return load_body(name, mass=mass, friction=friction, scale=scale)
 
 
 def load_placed(path: str) -> Configuration:
