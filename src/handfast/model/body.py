@@ -5,14 +5,18 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from handfast.core import bundled
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.model.mesh_pieces import joined, mesh_pieces
-from handfast.model.shape import MESH_FILES, Faces, Shape, read_mesh
+from handfast.model.mesh_pieces import checked_scale, joined, mesh_pieces, pieces_of
+from handfast.model.shape import MESH_FILES, Faces, Shape, checked_mesh, read_mesh
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +77,45 @@ class Body:
                 raise InputError("has no volume; is its scale right?", field="pieces")
             center_of_mass = volumes @ np.array([p.centroid for p in pieces]) / volumes.sum()
         return cls(name, tuple(pieces), mass, np.asarray(center_of_mass), friction, vertices, faces)
+
+    @classmethod
+    def from_mesh(
+        cls,
+        mesh: Trimesh,
+        *,
+        name: str = "object",
+        mass: float | None = None,
+        friction: float = 0.5,
+        center_of_mass: object = None,
+        scale: float = 1.0,
+    ) -> Body:
+        """A body from a `trimesh.Trimesh`, or anything with `vertices` (n, 3) and `faces` (k, 3), in its own frame.
+
+        Taken apart as `load_body` does with a mesh file: connected parts that are convex as they are, the others
+        decomposed into convex pieces. The centre of mass defaults to the centre of the pieces' volume; the density of
+        the trimesh is not looked at.
+
+        Args:
+            mass: [kg]. friction: coefficient. center_of_mass: (3,) [m] in the body's frame, after scaling.
+            scale: metres per unit of the mesh.
+
+        Raises:
+            InputError: no mesh (a `trimesh.Scene` is none: `scene.to_mesh()` is), no triangles, NaN, zero scale, flat,
+                negative mass or friction.
+        """
+        vertices, faces = getattr(mesh, "vertices", None), getattr(mesh, "faces", None)
+        if vertices is None or faces is None or not len(faces):
+            kind = type(mesh).__name__
+            raise InputError(f"is a {kind} without vertices and faces; a trimesh.Trimesh is needed", source=name)
+        checked_scale(scale)
+        group = checked_mesh(np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64), name)
+        try:
+            pieces = pieces_of([group], name, scale, np.eye(4))
+            drawn = group[0] * scale, group[1]
+            about = {"mass": mass, "friction": friction, "center_of_mass": center_of_mass}
+            return cls.of(pieces, name=name, mesh=drawn, **about)  # type: ignore[arg-type]
+        except InputError as fault:
+            raise fault.at(name) from None
 
     def gravity_wrench(self, direction: object, g: float = 9.81) -> Array:
         """(6,) [N, N m] weight as a wrench at the object's origin, object axes.

@@ -187,6 +187,55 @@ class Grasp:
         else:
             put(self, "command", frozen(preload, (self.mechanism.a,), "preload"))
 
+    @classmethod
+    def from_matrices(
+        cls,
+        G: object,
+        J: object,
+        friction: object,
+        *,
+        normal: int = 0,
+        joints: Sequence[str] | None = None,
+        types: Sequence[str] | None = None,
+        mechanism: Mechanism | None = None,
+        preload: Mapping[str, float] | Array | None = None,
+        name: str = "grasp",
+    ) -> Grasp:
+        """A grasp from a grasp map and a hand Jacobian that are known already.
+
+        The conventions are the stability paper's, (1) to (3). A contact force c_i has three components along the
+        columns of contact i's frame F_i: normal, tangent, tangent. G maps all of them to the wrench on the object,
+        w = G c, so that columns 3 i to 3 i + 2 of G are [F_i; p_i x F_i]: force on top, torque about the origin of the
+        object's frame below. J maps joint motion to the motion of the fingers at the contacts in the same frames,
+        J q, so that joint torques are tau = J^T c. Positions and frames are read off G; nothing else is needed.
+
+        A column of J that no single joint has, as of coupled joints that were reduced to one, becomes several joints
+        with rigid couplings, one for each contact. All answers depend on G, J, friction and the mechanism alone.
+
+        Args:
+            G: (6, 3 m). Each frame is orthonormal, of either hand; its normal points **into** the object. The grasp
+                has its own tangents, see `Contact.frame`: its `G` and `J` are these in other tangents, and friction
+                is the same in all of them.
+            J: (3 m, l) [m/rad, or 1 for a prismatic joint]. A positive motion is the closing sense.
+            friction: coefficients (m,), or one for all.
+            normal: which of each contact's three columns is the normal: 0, or 2 where z is the normal.
+            joints: l names; joint_1, joint_2, ... unless given.
+            types: l of "revolute" and "prismatic"; all revolute unless given. They tell units: of commands, N m or N.
+            mechanism: R and A over these l joints; one motor for each, named like it, unless given.
+            preload: commanded actuator forces by name, or (a,); absent ones are locked.
+
+        Raises:
+            InputError: shapes that do not belong together, a frame that is not orthonormal, moments that are not those
+                of a force at a point, NaN, another type, and what `Grasp` raises.
+        """
+        from handfast.model.matrices import numbers_of
+
+        found = numbers_of(G, J, normal, joints, types, mechanism)
+        m = len(found.positions)
+        mu = frozen(np.full(m, friction) if np.ndim(friction) == 0 else friction, (m,), "friction")  # type: ignore[arg-type]
+        contacts = [Contact(p, n, k) for p, n, k in zip(found.positions, found.normals, mu, strict=True)]
+        return cls(contacts, [GraspJoint(*joint[:-1]) for joint in found.joints], found.mechanism, preload, name)
+
     @property
     def m(self) -> int:
         """Number of contacts."""
