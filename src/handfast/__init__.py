@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from handfast.model.grasp_file import save_grasp as save_grasp
     from handfast.model.hand import Hand as Hand
     from handfast.model.hand import load_hand as load_hand
+    from handfast.model.hand_regions import load_hand_regions as load_hand_regions
     from handfast.model.mechanism import Mechanism as Mechanism
     from handfast.model.provenance import Provenance as Provenance
     from handfast.model.provenance import SourceFile as SourceFile
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
     from handfast.planning.plan_grasps import plan as plan
     from handfast.planning.propose_tasks import propose as propose
     from handfast.planning.requirements import Limits as Limits
+    from handfast.report import Entry as Entry
+    from handfast.report import write_report as write_report
     from handfast.report.frames import to_frame as to_frame
     from handfast.report.plot import draw_map as draw_map
     from handfast.report.plot import draw_sweep as draw_sweep
@@ -71,6 +74,9 @@ _HOME = {
     "draw_map": "report.plot",
     "draw_sweep": "report.plot",
     "Provenance": "model.provenance",
+    "load_hand_regions": "model.hand_regions",
+    "Entry": "report",
+    "write_report": "report",
     "SourceFile": "model.provenance",
     "Reach": "core.answer",
     "Stop": "core.answer",
