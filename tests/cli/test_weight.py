@@ -102,6 +102,26 @@ def test_the_program_and_python_answer_alike(capsys: pytest.CaptureFixture[str])
     assert "Weight of 0.05 kg at (0, 0, 10) mm: the mass as given, the rest as the grasp file says." in out
 
 
+def test_a_centre_of_mass_that_no_file_knows_is_given_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A hammer's head: given to `contacts`, it is in the grasp file, and `check` takes it from there."""
+    monkeypatch.chdir(tmp_path)
+    asked = ["contacts", "barrett-bh8-280", "flask", "--configuration", "fig9"]
+    assert "The object weighs 0.3 kg, its centre of mass is at (0, −9.34, 0) mm." in run(capsys, *asked)[1]
+    assert run(capsys, *asked, "--mass", "0.5", "--com", "0", "0.04", "0", "-o", "g.json")[0] == 0
+    grasp = load_grasp("g.json")
+    assert (grasp.mass, grasp.center_of_mass.tolist()) == (0.5, [0, 0.04, 0])  # type: ignore[union-attr]
+    mine = check(grasp, grasp.gravity_wrench([1, 0, 0])).verdict
+    assert ask(capsys, "check", "g.json", "--gravity", "1", "0", "0")["verdict"] == str(mine)
+    Path("m.json").write_text('{"shapes": [{"sphere": {"radius": 0.03}}]}')
+    Path("c.json").write_text('{"schema": "handfast/configuration/1", "object_pose": {"position": [0, 0, 0.13]}}')
+    close = ["close", "barrett-bh8-280", "m.json", "--pose", "c.json", "--grasp", "x.json"]
+    assert "Its mass is unknown; give --mass KG" in run(capsys, *close)[1]
+    complains(capsys, ["check", "x.json", "--gravity", "0", "0", "-1"], ["x.json: does not say the object's mass"])
+    complains(capsys, [*asked, "--com", "1"], ["--com/--center-of-mass: has 1 numbers; three are needed"])
+
+
 # --- several disturbances -------------------------------------------------------------------------------
 
 

@@ -48,7 +48,9 @@ COMMANDS: dict[str, type[Command]] = {
     "demo": Demo,
 }
 
-ALIASES = {"check": ("--com",), "torques": ("--com",)}  # second names of options
+ALIASES = dict.fromkeys(
+    ("check", "torques", "propose", "plan", "contacts", "close"), ("--com",)
+)  # second names of options
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
 

@@ -10,7 +10,7 @@ from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
 from handfast.cli.options import Assignments, Command, assigned, check_writable
-from handfast.cli.scene_options import SceneOptions, load_placed
+from handfast.cli.scene_options import SceneOptions, load_placed, weight_note
 
 
 @dataclass(kw_only=True)
@@ -75,6 +75,7 @@ class Contacts(SceneOptions, Command):
         counts = f"{words.count(grasp.m, 'contact')} on {words.count(len(links), 'link')}"
         out.print(f"{counts}: {', '.join(links)}", style="bold")
         tables.show_grasp(out, grasp)
+        out.print(weight_note(body), style="dim")
         for path in (self.output, self.report):
             if path:
                 out.print(f"Written: {path}", soft_wrap=True)

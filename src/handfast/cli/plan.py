@@ -153,6 +153,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
         for path in (self.output, self.report if planned.grasps else None):
             if path:
                 out.print(f"Written: {path}", soft_wrap=True)
+        if self.report and not planned.grasps:
+            out.print(f"Not written: {self.report}; there is nothing to show", soft_wrap=True)
 
 
 def _from_anywhere(name: str) -> str:

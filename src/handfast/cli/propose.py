@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, check_folder, check_writable
+from handfast.cli.options import Command, Triple, check_folder, check_writable
 from handfast.cli.scene_options import load_object
 
 if TYPE_CHECKING:
@@ -38,6 +38,8 @@ class Propose(Command):
     """friction coefficient, instead of the object's"""
     mass: Annotated[float | None, arg(metavar="KG")] = None
     """mass of the object [kg], for the tasks that are written"""
+    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
+    """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
     scale: Annotated[float, arg(metavar="M")] = 1.0
     """metres per unit of a mesh file"""
     seed: Annotated[int, arg(metavar="S")] = 0
@@ -63,7 +65,8 @@ class Propose(Command):
         check_folder(self.output)
         check_writable(self.report, self.force, (".html", ".htm"))
         hand = load_hand(self.hand)
-        body = load_object(self.object, mass=self.mass, friction=self.friction, scale=self.scale)
+        about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
+        body = load_object(self.object, scale=self.scale, **about)
         regions = load_hand_regions(self.regions, hand) if self.regions else None
         named = self.object if self.object in bundled.names("objects") else str(Path(self.object))
         copy = self._copy(body.name)
@@ -85,8 +88,8 @@ class Propose(Command):
             )
         written = found.save(self.output, force=self.force) if self.output else []
         if copy and written:
-            said = {"mass": self.mass, "friction": self.friction}
-            save_body_copy(self.object, copy, scale=self.scale, **said, force=self.force)
+            said: dict[str, Any] = {"scale": self.scale, "center_of_mass": self.center_of_mass or None}
+            save_body_copy(self.object, copy, mass=self.mass, friction=self.friction, **said, force=self.force)
             written = [*written, copy]
         if self.report and found.proposals:
             from handfast.report.found_report import report_proposals
@@ -101,7 +104,8 @@ class Propose(Command):
 
     def _copy(self, name: str) -> Path | None:
         """The body file to write beside the tasks: needed where the object's own file does not say enough."""
-        if self.output is None or (self.mass is None and self.friction is None and self.scale == 1):
+        given = self.mass is not None or self.friction is not None or self.center_of_mass or self.scale != 1
+        if self.output is None or not given:
             return None
         return self.output / f"{name}.body.json"
 
@@ -125,3 +129,5 @@ class Propose(Command):
             out.print(grid)
         for path in written:
             out.print(f"Written: {path}", soft_wrap=True)
+        if self.report and not found.proposals:
+            out.print(f"Not written: {self.report}; there is nothing to show", soft_wrap=True)

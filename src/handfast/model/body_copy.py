@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from handfast.core import bundled
@@ -19,13 +20,15 @@ def save_body_copy(
     scale: float = 1.0,
     mass: float | None = None,
     friction: float | None = None,
+    center_of_mass: Sequence[float] | None = None,
     force: bool = False,
 ) -> None:
     """Write a `handfast/body/1` file about the object of another file; meshes are referred to, not copied.
 
     Args:
         source: a mesh or body file, or a bundled name.
-        scale: metres per unit of a mesh file. mass: [kg]. friction: coefficient. What is None stays as it is.
+        scale: metres per unit of a mesh file. mass: [kg]. friction: coefficient.
+        center_of_mass: (3,) [m] in the object's frame. What is None stays as it is.
 
     Raises:
         InputError: the source is neither a mesh nor a body file; the target exists, unless `force`.
@@ -57,7 +60,7 @@ def save_body_copy(
         raise InputError(
             "is neither a mesh nor a body file; write a body file that says mass and scale", source=str(path)
         )
-    given = {"mass": mass, "friction": friction}
+    given = {"mass": mass, "friction": friction, "center_of_mass": center_of_mass}
     body = body.model_copy(update={name: value for name, value in given.items() if value is not None})
     text = body.model_dump_json(by_alias=True, exclude_defaults=False, exclude_none=True, indent=1)
     write_text(target, text + "\n", force=force)

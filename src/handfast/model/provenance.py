@@ -10,7 +10,6 @@ from functools import lru_cache
 from pathlib import Path
 
 from handfast.core import bundled
-from handfast.core.errors import InputError
 
 KINDS = {"hand": "hands", "object": "objects", "configuration": "configurations"}
 
@@ -37,7 +36,7 @@ class SourceFile:
         file = _file(str(source), kind)
         if file is None:
             return cls(str(source), None, scale)
-        path = str(source) if str(source) in bundled.names(KINDS[kind]) else str(file.resolve())
+        path = str(source) if _bundled(str(source), kind) else os.path.realpath(file)
         return cls(path, _digest(file), scale)
 
     def fault(self, kind: str) -> str:
@@ -90,7 +89,7 @@ class Provenance:
 
         def one(kind: str) -> SourceFile | None:
             part: SourceFile | None = getattr(self, kind)
-            if part is None or part.sha256 is None or part.path in bundled.names(KINDS[kind]):
+            if part is None or part.sha256 is None or _bundled(part.path, kind):
                 return part
             return replace(part, path=change(part.path))
 
@@ -112,13 +111,16 @@ def _relative(path: str, folder: Path) -> str:
         return path
 
 
+@lru_cache(maxsize=256)
+def _bundled(source: str, kind: str) -> str | None:
+    """The file behind a bundled name, None if it is none."""
+    return bundled.resolve(KINDS[kind], source) if source in bundled.names(KINDS[kind]) else None
+
+
 def _file(source: str, kind: str) -> Path | None:
     """The file behind a path or bundled name, None if there is none."""
-    try:
-        file = Path(bundled.resolve(KINDS[kind], source))
-        return file if file.is_file() else None
-    except (InputError, OSError, ValueError):  # what can be no name of a file
-        return None
+    file = _bundled(source, kind) or source
+    return Path(file) if os.path.isfile(file) else None  # False, too, for what can be no name
 
 
 def _digest(file: Path) -> str:
