@@ -127,6 +127,17 @@ def test_a_mass_that_is_no_number_is_refused_in_python_too() -> None:
         Grasp(pinch().contacts, mass=float("nan"))
 
 
+def test_a_hand_that_is_part_of_a_robot_is_found_in_its_file(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text("<mujoco/>")
+    hand = SourceFile.of(tmp_path / "arm.xml#hand", "hand")
+    assert hand is not None
+    assert (hand.path, hand.fault("hand")) == (f"{tmp_path / 'arm.xml'}#hand", "")
+    there = Provenance(hand=hand).relative_to(tmp_path / "deeper")
+    assert there.hand is not None
+    assert there.hand.path == "../arm.xml#hand"
+    assert there.resolved_from(tmp_path / "deeper") == Provenance(hand=hand)
+
+
 def test_the_scale_of_a_mesh_is_kept() -> None:
     came = Provenance(object=SourceFile("o.obj", "0" * 64, 0.001))
     said = file_dict(pinch().about(provenance=came))

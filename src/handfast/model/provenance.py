@@ -19,7 +19,7 @@ class SourceFile:
     """A file that something was read from.
 
     Attributes:
-        path: of the file, or a bundled name; "" if it is not known.
+        path: of the file, or a bundled name; of a hand that is part of a robot, the file and "#LINK".
         sha256: of the file's bytes alone, not of further files that it names; None where the source is no file.
         scale: metres per unit, of a mesh file.
     """
@@ -36,7 +36,7 @@ class SourceFile:
         file = _file(str(source), kind)
         if file is None:
             return cls(str(source), None, scale)
-        path = str(source) if _bundled(str(source), kind) else os.path.realpath(file)
+        path = str(source) if _bundled(str(source), kind) else os.path.realpath(file) + _part(str(source))
         return cls(path, _digest(file), scale)
 
     def fault(self, kind: str) -> str:
@@ -91,7 +91,8 @@ class Provenance:
             part: SourceFile | None = getattr(self, kind)
             if part is None or part.sha256 is None or _bundled(part.path, kind):
                 return part
-            return replace(part, path=change(part.path))
+            inside = _part(part.path)
+            return replace(part, path=change(part.path.removesuffix(inside)) + inside)
 
         return Provenance(**{kind: one(kind) for kind in KINDS})
 
@@ -117,9 +118,15 @@ def _bundled(source: str, kind: str) -> str | None:
     return bundled.resolve(KINDS[kind], source) if source in bundled.names(KINDS[kind]) else None
 
 
+def _part(source: str) -> str:
+    """What a name says beside a file: "#LINK", the part of a robot that is the hand; '' if it says nothing."""
+    file, mark, link = source.rpartition("#")
+    return mark + link if file and not os.path.isfile(source) and "/" not in link else ""
+
+
 def _file(source: str, kind: str) -> Path | None:
-    """The file behind a path or bundled name, None if there is none."""
-    file = _bundled(source, kind) or source
+    """The file behind a path, maybe of a part of it, or a bundled name; None if there is none."""
+    file = _bundled(source, kind) or source.removesuffix(_part(source))
     return Path(file) if os.path.isfile(file) else None  # False, too, for what can be no name
 
 
