@@ -8,7 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handfast import Loads, Verdict, check, load_body, load_grasp, save_grasp, torques
+from handfast import (
+    Loads,
+    Verdict,
+    check,
+    load_body,
+    load_grasp,
+    max_many,
+    maximum,
+    save_grasp,
+    sweep,
+    torques,
+)
 from handfast.model.grasp_file import to_dict
 from tests.support.problems import bell, pinch
 from tests.support.program import ask, complains, run
@@ -134,6 +145,21 @@ def test_several_wrenches_in_python_are_those_one_by_one() -> None:
     assert [a.verdict for a in check(pinch(), [w[:3] for w in rows])] == one_by_one
     assert [a.verdict for a in check(pinch(), Loads(("a", "b", "c"), np.array(rows)))] == one_by_one
     assert check(pinch(), [0, 0.5, 0]).verdict is Verdict.HOLDS
+
+
+def test_three_numbers_are_a_force_for_every_question(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_grasp(pinch(), tmp_path / "p.json")
+    file, up, six = str(tmp_path / "p.json"), ["0", "1", "0"], [0.0, 1, 0, 0, 0, 0]
+    largest = ask(capsys, "max", file, "--direction", *up, "--base", "0", "0", "0.1")
+    mine = [maximum(pinch(), d, base=b) for d, b in (([0, 1, 0], [0, 0, 0.1]), (six, [0, 0, 0.1, 0, 0, 0]))]
+    assert [a.lower for a in mine] == [largest["lower"]] * 2
+    assert torques(pinch(), [0, 1, 0]).upper == torques(pinch(), six).upper
+    assert max_many(pinch(), [[0, 1, 0]])[0].lower == max_many(pinch(), [six])[0].lower  # type: ignore[union-attr]
+    swept = [sweep(pinch(), "left", [0.1], [d], jobs=1) for d in ([0, 1, 0], six)]
+    assert swept[0].directions.tolist() == swept[1].directions.tolist() == [six]
+    assert Loads.wrench([0, 1, 0]).wrenches.tolist() == [six]
+    with pytest.raises(ValueError, match="direction: has 4 numbers; six are needed"):
+        maximum(pinch(), [0, 1, 0, 0])
 
 
 @pytest.mark.parametrize("rows", [[[0, 1, 0], [0, 1]], [[0.0] * 6, ["x"] * 6]])

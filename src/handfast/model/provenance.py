@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from handfast.core import bundled
+from handfast.core.errors import InputError
 
 KINDS = {"hand": "hands", "object": "objects", "configuration": "configurations"}
 
@@ -30,7 +31,11 @@ class SourceFile:
 
     @classmethod
     def of(cls, source: str | Path, kind: str, scale: float = 1.0) -> SourceFile | None:
-        """The file behind a path or bundled name as it is now; None if nothing was named."""
+        """The file behind a path or bundled name as it is now; None if nothing was named.
+
+        Raises:
+            InputError: the file cannot be read.
+        """
         if not str(source):
             return None
         file = _file(str(source), kind)
@@ -46,7 +51,11 @@ class SourceFile:
         file = _file(self.path, kind)
         if file is None:
             return f"the {kind}'s file {self.path} is not there"
-        if _digest(file) != self.sha256:
+        try:
+            found = _digest(file)
+        except InputError as fault:
+            return str(fault)
+        if found != self.sha256:
             return f"the {kind}'s file {self.path} has changed: its checksum is another"
         return ""
 
@@ -138,4 +147,8 @@ def _digest(file: Path) -> str:
 @lru_cache(maxsize=256)
 def _digest_of(file: str, _changed: int, _size: int) -> str:
     """SHA-256 of a file's bytes, read once for each time that it was written."""
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    try:
+        with Path(file).open("rb") as data:
+            return hashlib.file_digest(data, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", source=file) from None
