@@ -185,6 +185,7 @@ def main() -> int:
             continue
         g = held.grasp
         grasp = Grasp(g.contacts, g.joints, g.mechanism, g.command, f"barrett-{name}")
+        grasp = grasp.about(mass=g.mass, center_of_mass=g.center_of_mass, provenance=g.provenance)
         files = DATA / "configurations" / f"barrett-{name}.json", DATA / "grasps" / f"barrett-{name}.json"
         if asked.check:
             same = alike(placed, load_configuration(files[0]))
@@ -192,7 +193,7 @@ def main() -> int:
             wrong += not same
         else:
             save_configuration(placed, files[0], force=True)
-            save_grasp(grasp, files[1], force=True)
+            save_grasp(grasp.from_configuration(f"barrett-{name}"), files[1], force=True)
             print(f"{name}: {grasp.m} contacts, preload {grasp.preload}", flush=True)
     if not asked.check and not wrong:
         write_bytes(IMAGE, drawn(), force=True)

@@ -25,7 +25,7 @@ from handfast.core.files import same_json
 from handfast.geometry.contacts import contact_grasp
 from handfast.model.body import Body, load_body
 from handfast.model.configuration import Configuration
-from handfast.model.grasp_file import to_dict
+from handfast.model.grasp_file import file_dict
 from handfast.model.hand import Hand, load_hand
 from handfast.planning.closing import close
 
@@ -216,7 +216,8 @@ def main(check: bool) -> int:
                 mechanism=mechanism,  # type: ignore[arg-type]
                 name=name + suffix,
             )
-            write(f"grasps/{name}{suffix}.json", json.dumps(to_dict(grasp), indent=1) + "\n")
+            grasp = grasp.from_configuration(name)
+            write(f"grasps/{name}{suffix}.json", json.dumps(file_dict(grasp), indent=1) + "\n")
     for path in write.stale:
         print(f"stale: {path}")
     return 1 if write.stale else 0

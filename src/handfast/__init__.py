@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from handfast.core.errors import InputError as InputError
     from handfast.geometry.contacts import contact_grasp as contact_grasp
     from handfast.geometry.contacts import find_contacts as find_contacts
+    from handfast.geometry.scene import Scene as Scene
+    from handfast.geometry.scene_grasps import scene_contacts as scene_contacts
+    from handfast.geometry.scene_grasps import scene_grasp as scene_grasp
     from handfast.model.body import Body as Body
     from handfast.model.body import load_body as load_body
     from handfast.model.configuration import Configuration as Configuration
@@ -27,14 +30,23 @@ if TYPE_CHECKING:
     from handfast.model.grasp_file import save_grasp as save_grasp
     from handfast.model.hand import Hand as Hand
     from handfast.model.hand import load_hand as load_hand
+    from handfast.model.hand_regions import load_hand_regions as load_hand_regions
     from handfast.model.mechanism import Mechanism as Mechanism
+    from handfast.model.provenance import Provenance as Provenance
+    from handfast.model.provenance import SourceFile as SourceFile
     from handfast.model.region import Bezier as Bezier
     from handfast.model.region import Cap as Cap
+    from handfast.model.servo import servo_commands as servo_commands
     from handfast.planning.closing import close as close
     from handfast.planning.grasp_for import grasp_for as grasp_for
     from handfast.planning.plan_grasps import plan as plan
     from handfast.planning.propose_tasks import propose as propose
     from handfast.planning.requirements import Limits as Limits
+    from handfast.report import Entry as Entry
+    from handfast.report import write_report as write_report
+    from handfast.report.frames import to_frame as to_frame
+    from handfast.report.plot import draw_map as draw_map
+    from handfast.report.plot import draw_sweep as draw_sweep
     from handfast.saved import verify as verify
     from handfast.stability.hold import hold as hold
     from handfast.stability.loads import Loads as Loads
@@ -55,6 +67,18 @@ if TYPE_CHECKING:
     from handfast.synthesis.task_file import load_task as load_task
 
 _HOME = {
+    "Scene": "geometry.scene",
+    "scene_contacts": "geometry.scene_grasps",
+    "scene_grasp": "geometry.scene_grasps",
+    "servo_commands": "model.servo",
+    "to_frame": "report.frames",
+    "draw_map": "report.plot",
+    "draw_sweep": "report.plot",
+    "Provenance": "model.provenance",
+    "load_hand_regions": "model.hand_regions",
+    "Entry": "report",
+    "write_report": "report",
+    "SourceFile": "model.provenance",
     "Reach": "core.answer",
     "Stop": "core.answer",
     "Verdict": "core.answer",

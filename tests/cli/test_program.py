@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -96,3 +97,13 @@ def test_interrupt_reports_the_bounds_so_far(name: str, grasp: str) -> None:
     if name == "map":
         assert len(answer["with_preload"]["lower"]) == 6000
         assert answer["with_preload"]["lower"][-1] is None
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_shows_no_default_that_is_none(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for _ in range(2):  # the second time finds what the first has changed
+        status, out, _ = run(capsys, name, "--help")
+        helped = " ".join(re.sub("[│╭╰─╮╯]", " ", out).split())
+        assert status == 0
+        assert not re.search(r"\(default: ?(None|True|False)?\)", helped)
+    assert "(default: " in helped or name in ("verify", "list")

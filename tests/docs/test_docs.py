@@ -4,7 +4,8 @@ A page's snippets run in the order in which they stand, in one temporary folder 
 
 - ```python is executed,
 - ```console: every line `$ handfast ...` must end with exit status 0,
-- ```json title="NAME" is written to NAME and loaded as what its schema says.
+- ```json title="NAME" is written to NAME and loaded as what its schema says,
+- ```xml title="NAME" is written to NAME and loaded as a hand.
 
 `<!-- not run: reason -->` on the line before a block leaves it out.
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import importlib.util
 import io
 import json
 import re
@@ -23,12 +25,14 @@ from pathlib import Path
 
 import pytest
 
+import handfast
 from handfast.cli import main
-from handfast.cli.app import COMMANDS, option_name
+from handfast.cli.app import ALIASES, COMMANDS, option_name
 from handfast.core.files import Strict
 from handfast.model.body import load_body
 from handfast.model.configuration import Configuration, load_configuration
 from handfast.model.grasp_file import GraspFile, load_grasp
+from handfast.model.hand.load import load_hand
 from handfast.model.hand_regions import load_hand_regions
 from handfast.model.region_file import KINDS
 from handfast.published.mapping_file import read_mapping
@@ -87,7 +91,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def runnable(page: Path) -> bool:
-    return any(b.kind in ("python", "console", "json") and not b.skip for b in blocks(page))
+    return any(b.kind in ("python", "console", "json", "xml") and not b.skip for b in blocks(page))
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if runnable(p)], ids=lambda p: p.stem)
@@ -113,14 +117,17 @@ def test_snippets(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         elif block.kind == "json" and block.title:
             Path(block.title).write_text(block.text, "utf-8")
             LOADERS[json.loads(block.text)["schema"]](block.title)
+        elif block.kind == "xml" and block.title:
+            Path(block.title).write_text(block.text, "utf-8")
+            assert load_hand(block.title).l > 0
 
 
 def test_every_block_is_of_a_known_kind() -> None:
     """A misspelt kind would silently leave a snippet out."""
     for page in PAGES:
         for block in blocks(page):
-            assert block.kind in ("python", "console", "json", "bash", "text"), f"{page.name}: {block.kind}"
-            assert block.kind != "json" or block.title, f"{page.name}:{block.line}: a JSON block needs a title"
+            assert block.kind in ("python", "console", "json", "xml", "bash", "text"), f"{page.name}: {block.kind}"
+            assert block.kind not in ("json", "xml") or block.title, f"{page.name}:{block.line}: it needs a title"
             assert block.kind != "console" or block.commands(), f"{page.name}:{block.line}: no command"
 
 
@@ -131,9 +138,41 @@ def test_console_lines_are_commands_that_exist() -> None:
             for arguments in block.commands() if block.kind == "console" else []:
                 if arguments[0].startswith("--"):
                     continue
-                known = {option_name(f) for f in fields(COMMANDS[arguments[0]])} | {"--help", "-o", "-n"}  # type: ignore[arg-type]
+                known = {option_name(f) for f in fields(COMMANDS[arguments[0]])} | {
+                    "--help",
+                    "-o",
+                    "-n",
+                    *ALIASES.get(arguments[0], ()),
+                }  # type: ignore[arg-type]
                 asked = {w for w in arguments[1:] if re.match(r"--?[a-z]", w)}
                 assert asked <= known, f"{page.name}: {asked - known}"
+
+
+def test_the_tutorial_is_of_ten_commands_at_most_and_ends_with_a_report() -> None:
+    found = blocks(DOCS / "tutorial.md")
+    commands = [command for b in found if b.kind == "console" for command in b.commands()]
+    assert found[0].kind == "xml"
+    assert 0 < len(commands) <= 10
+    assert not any(b.skip for b in found)
+    assert "--report" in commands[-1]
+
+
+def test_the_python_page_has_every_name_and_every_name_is_there() -> None:
+    paths = re.findall(r"^::: (\S+)$", (DOCS / "api.md").read_text("utf-8"), re.MULTILINE)
+    modules = {path for path in paths if importlib.util.find_spec(path.rpartition(".")[0]) and _is_module(path)}
+    for path in set(paths) - modules:
+        home, _, name = path.rpartition(".")
+        assert hasattr(importlib.import_module(home), name), path
+    assert set(handfast.__all__) <= {path.rpartition(".")[2] for path in paths} | {"Entry", "write_report"}
+    for name in handfast.__all__:
+        assert getattr(handfast, name) is not None
+
+
+def _is_module(path: str) -> bool:
+    try:
+        return importlib.util.find_spec(path) is not None
+    except ModuleNotFoundError:  # its parent is a module, so that it is a name in there
+        return False
 
 
 # --- the reference pages are complete ----------------------------------------------------------------
@@ -160,7 +199,7 @@ def test_every_option_is_described(name: str, capsys: pytest.CaptureFixture[str]
     tables = "\n".join(line for line in described.splitlines() if line.startswith("| `--"))
     written = set(re.findall(r"`(--[a-z][a-z-]*)", tables))
     assert options - written == set(), "not described"
-    assert written - options == set(), "described, but not there"
+    assert written - options == set(ALIASES.get(name, ())), "described, but not there"
 
 
 def test_option_defaults_are_described() -> None:

@@ -17,7 +17,8 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.report import words
 from handfast.report.drawing import draw_grasp, draw_scene, scene_meshes
 from handfast.report.plot import HELD, draw_map, draw_sweep, picture
-from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
+from handfast.stability.maps import Curve, MapAnswer, SweepAnswer, force_map
+from tests.support.problems import pinch
 
 ORIGIN = np.zeros(3)
 
@@ -188,3 +189,16 @@ def test_files_of_every_kind(mapped: MapAnswer, swept: SweepAnswer, tmp_path) ->
     rows = (tmp_path / "map.csv").read_text().splitlines()
     assert rows[3].split(",")[3:] == ["0.0", "0.0", "false", "slips", "2.0", "5.0", "false", "holds"]
     assert (tmp_path / "sweep.csv").read_text().splitlines()[2] == "0.1,0.5,0.5,false,0.2,0.25,false"
+
+
+def test_a_map_in_axes_of_ones_own() -> None:
+    """Two maps side by side: nothing of the figure but the axes is touched."""
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    drawn = force_map(pinch(), "xy", steps=4, jobs=1)
+    assert draw_map(drawn, ax=left) is figure
+    assert draw_map(drawn, ax=right, limit=5.0) is figure
+    assert (len(figure.axes), figure.legends, figure.texts) == (2, [], [])
+    assert right.get_xlim() == (-5.0, 5.0)
+    assert left.get_xlabel() == "force along x [N]"
+    assert draw_map(drawn) is not figure

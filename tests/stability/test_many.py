@@ -107,8 +107,8 @@ def test_limits_hold_for_each(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_bad_directions() -> None:
-    with pytest.raises(InputError, match="direction: has 3 numbers; six are needed"):
-        max_many(pinch(), [[0, 1, 0]])
+    with pytest.raises(InputError, match="direction: has 2 numbers; six are needed"):
+        max_many(pinch(), [[0, 1]])
     with pytest.raises(InputError, match="direction: is zero"):
         max_many(pinch(), [[0, 1, 0, 0, 0, 0], [0] * 6])
 

@@ -88,8 +88,8 @@ def test_refusals() -> None:
         sweep(pinch(), "thumb", [0.1], [[0, 1, 0, 0, 0, 0]])
     with pytest.raises(InputError, match="eta: is 60 degrees"):
         force_map(pinch(), steps=4, eta=np.radians(60))
-    with pytest.raises(InputError, match="direction: has 3 numbers; six are needed"):
-        sweep(pinch(), "left", [0.1], [[0, 1, 0]])
+    with pytest.raises(InputError, match="direction: has 2 numbers; six are needed"):
+        sweep(pinch(), "left", [0.1], [[0, 1]])
 
 
 def test_default_jobs() -> None:

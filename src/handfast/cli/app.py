@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import redirect_stderr, suppress
 from dataclasses import fields
 from functools import reduce
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 from handfast.cli import console
 from handfast.cli.check import Check
@@ -53,6 +53,10 @@ COMMANDS: dict[str, type[Command]] = {
     "list": List,
     "demo": Demo,
 }
+
+ALIASES = dict.fromkeys(
+    ("check", "torques", "propose", "plan", "contacts", "close"), ("--com",)
+)  # second names of options
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
 
@@ -124,6 +128,9 @@ def parse(arguments: list[str]) -> Command:
 
     # the list of commands shows one line of each, a command's own help all of it
     about = {n: " ".join((c.__doc__ or "").split("\n\n")[0].split()) for n, c in COMMANDS.items()}
+    if "--help" in arguments or "-h" in arguments:
+        for command in COMMANDS.values():
+            _hide_absent_defaults(command)
     choices = [
         Annotated[c, tyro.conf.subcommand(n, description=None if n == name else about[n])] for n, c in COMMANDS.items()
     ]
@@ -145,10 +152,25 @@ def parse(arguments: list[str]) -> Command:
         raise InputError(_one_line(said.getvalue()), source=name if name in COMMANDS else None) from None
 
 
+def _hide_absent_defaults(command: Any) -> None:
+    """Leave "(default: None)" out of a command's help, and what switches are before they are given.
+
+    What happens when an option is absent, its own help says.
+    """
+    import tyro
+
+    hints = get_type_hints(command, include_extras=True)
+    quiet = tyro.conf.arg(help_behavior_hint="")
+    for field in fields(command):
+        repeatable = "UseAppendAction" in str(field.type) or field.type == "Assignments"
+        if field.default in (None, True, False) or (field.default == () and not repeatable):
+            command.__annotations__[field.name] = Annotated[hints[field.name], quiet]
+
+
 def _check_options(name: str, arguments: Sequence[str]) -> None:
     """Refuse an option that the command does not have, before it is taken for another option's value."""
     command: Any = COMMANDS[name]
-    known = ["--help", *(option_name(f) for f in fields(command))]
+    known = ["--help", *(option_name(f) for f in fields(command)), *ALIASES.get(name, ())]
     for word in arguments:
         option = word.split("=")[0].replace("_", "-")
         if word.startswith("--") and len(word) > 2 and option not in known:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, FrictionModel, Load, QueryOptions, Saved
+from handfast.cli.options import Command, Disturbances, FrictionModel, QueryOptions, Saved
 from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from handfast.cli.console import Watch
+    from handfast.core.arrays import Array
+    from handfast.model.grasp import Grasp
+    from handfast.stability.loads import Loads
+    from handfast.stability.queries import CheckAnswer
 
 
 @dataclass(kw_only=True)
-class Check(Load, QueryOptions, Saved, FrictionModel, Command):
-    """Does the grasp resist this disturbance?"""
+class Check(Disturbances, QueryOptions, Saved, FrictionModel, Command):
+    """Does the grasp resist this disturbance? Several are asked about one by one."""
 
     margin: bool = False
     """if it holds, say how much it leans on: motion, friction, normals"""
@@ -23,35 +30,63 @@ class Check(Load, QueryOptions, Saved, FrictionModel, Command):
 
     def run(self) -> int:
         from handfast.cli import tables
-        from handfast.core.answer import Verdict
-        from handfast.report import Entry, write_report
-        from handfast.report.words import load_text
-        from handfast.stability.margin_search import RUBBER_PAD, margin
-        from handfast.stability.queries import check, maximum
-        from handfast.stability.settings import Settings
 
         if self.stiffness is not None and not self.margin:
             raise InputError("--stiffness is for --margin; give both")
-        grasp, options, wrench = self.load(), self.options(), self.disturbance()
+        grasp, options = self.load(), self.options()
+        loads = self.disturbances(grasp, self.grasp)
+        if self.save and len(loads) > 1:
+            raise InputError(f"keeps one answer, and {len(loads)} disturbances are asked about", field="--save")
         with console.watch("check") as watch:
-            answer = check(grasp, wrench, mdp=self.mdp, on_step=watch.step, **options)
-            if self.margin:
-                k = RUBBER_PAD if self.stiffness is None else self.stiffness
-                asked = options | {"mdp": self.mdp, "stiffness": k, "answer": answer, "on_sample": watch.say}
-                answer = replace(answer, margin=margin(grasp, wrench, **asked))
+            answers = [self._asked(grasp, wrench, options, watch) for wrench in loads.wrenches]
         if self.save:
-            answer.save(self.save, force=self.force)
+            answers[0].save(self.save, force=self.force)
         if self.report:
-            title = f"Does it resist {load_text(wrench)}?"
-            entry = Entry(title, answer, eta=options["eta"], mdp=self.mdp)
-            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+            self._report(grasp, loads, answers, options)
         if self.json:
-            console.print_json(answer.to_json())
+            several = {"schema": "handfast/answers/1", "query": "check", "loads": loads.by_name}
+            found = dict(zip(loads.names, (a.to_json() for a in answers), strict=True))
+            console.print_json(answers[0].to_json() if len(loads) == 1 else several | {"answers": found})
+        elif len(loads) > 1:
+            tables.show_checks(console.out(), grasp, loads, answers, self)
         else:
-            tables.show_check(console.out(), grasp, wrench, answer, self)
-            if answer.verdict is Verdict.SLIPS and grasp.preload and any(wrench):
-                # too much, too little, or was there no equilibrium to disturb? A short look tells
-                short = {**options, "mdp": self.mdp, "settings": Settings(time_limit=5.0)}
-                alone, most = check(grasp, [0.0] * 6, **short), maximum(grasp, wrench, **short)
-                tables.show_beside(console.out(), alone, most)
-        return console.status(answer.verdict, answer.margin.stop if answer.margin else answer.stop)
+            self._show(grasp, loads.wrenches[0], answers[0], options)
+        if self.gravity and not self.json:
+            console.out().print(self.weight_text(grasp), style="dim")
+        return max(console.status(a.verdict, a.margin.stop if a.margin else a.stop) for a in answers)
+
+    def _asked(self, grasp: Grasp, wrench: Array, options: dict[str, Any], watch: Watch) -> CheckAnswer:
+        from handfast.stability.margin_search import RUBBER_PAD, margin
+        from handfast.stability.queries import check
+
+        answer = check(grasp, wrench, mdp=self.mdp, on_step=watch.step, **options)
+        if not self.margin:
+            return answer
+        k = RUBBER_PAD if self.stiffness is None else self.stiffness
+        asked = options | {"mdp": self.mdp, "stiffness": k, "answer": answer, "on_sample": watch.say}
+        return replace(answer, margin=margin(grasp, wrench, **asked))
+
+    def _report(self, grasp: Grasp, loads: Loads, answers: list[CheckAnswer], options: dict[str, Any]) -> None:
+        from handfast.report import Entry
+        from handfast.report.words import load_text
+
+        named = zip(loads.names, loads.wrenches, answers, strict=True)
+        many = len(loads) > 1
+        entries = [
+            Entry(f"Does it hold “{name}”?" if many else f"Does it resist {load_text(w)}?", a, options["eta"], self.mdp)
+            for name, w, a in named
+        ]
+        self.write_report(grasp, entries, options)
+
+    def _show(self, grasp: Grasp, wrench: Array, answer: CheckAnswer, options: dict[str, Any]) -> None:
+        from handfast.cli import tables
+        from handfast.core.answer import Verdict
+        from handfast.stability.queries import check, maximum
+        from handfast.stability.settings import Settings
+
+        tables.show_check(console.out(), grasp, wrench.tolist(), answer, self)
+        if answer.verdict is Verdict.SLIPS and grasp.preload and any(wrench):
+            # too much, too little, or was there no equilibrium to disturb? A short look tells
+            short = {**options, "mdp": self.mdp, "settings": Settings(time_limit=5.0)}
+            alone, most = check(grasp, [0.0] * 6, **short), maximum(grasp, wrench, **short)
+            tables.show_beside(console.out(), alone, most)

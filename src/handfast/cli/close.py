@@ -10,7 +10,7 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.options import Assignments, Command, assigned, check_writable
-from handfast.cli.scene_options import SceneOptions, load_placed
+from handfast.cli.scene_options import SceneOptions, load_placed, weight_note
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ class Close(SceneOptions, Command):
                 mechanism=self.mechanism,
                 scene=scene,
             )
+            if self.output:
+                grasp = grasp.from_configuration(self.output)
             if self.grasp:
                 save_grasp(grasp, self.grasp, force=self.force)
             if self.report:
@@ -109,6 +111,8 @@ class Close(SceneOptions, Command):
             )
             return console.ANSWERED
         self._show(hand, closed)
+        if self.grasp:
+            console.out().print(weight_note(body), style="dim")
         return console.ANSWERED
 
     def _show(self, hand: Hand, closed: Closed) -> None:

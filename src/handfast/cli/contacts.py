@@ -10,7 +10,7 @@ from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
 from handfast.cli.options import Assignments, Command, assigned, check_writable
-from handfast.cli.scene_options import SceneOptions, load_placed
+from handfast.cli.scene_options import SceneOptions, load_placed, weight_note
 
 
 @dataclass(kw_only=True)
@@ -39,7 +39,7 @@ class Contacts(SceneOptions, Command):
     def run(self) -> int:
         from handfast.cli import tables
         from handfast.geometry.contacts import contact_grasp
-        from handfast.model.grasp_file import save_grasp, to_dict
+        from handfast.model.grasp_file import file_dict, save_grasp
         from handfast.report import words
 
         check_writable(self.output, self.force, (".json",))
@@ -58,6 +58,7 @@ class Contacts(SceneOptions, Command):
                 lock=self.lock,
                 mechanism=self.mechanism,
             )
+        grasp = grasp.from_configuration(self.configuration)
         if self.output:
             save_grasp(grasp, self.output, force=self.force)
         if self.report:
@@ -67,13 +68,14 @@ class Contacts(SceneOptions, Command):
             meshes = scene_meshes(hand, q, body, placed.pose)
             write_report(self.report, grasp, [], meshes=meshes, force=self.force)
         if self.json:
-            console.print_json(to_dict(grasp))
+            console.print_json(file_dict(grasp))
             return console.ANSWERED
         out = console.out()
         links = dict.fromkeys(c.link for c in grasp.contacts)
         counts = f"{words.count(grasp.m, 'contact')} on {words.count(len(links), 'link')}"
         out.print(f"{counts}: {', '.join(links)}", style="bold")
         tables.show_grasp(out, grasp)
+        out.print(weight_note(body), style="dim")
         for path in (self.output, self.report):
             if path:
                 out.print(f"Written: {path}", soft_wrap=True)

@@ -10,7 +10,6 @@ from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.options import Command, check_writable
-from handfast.core import bundled
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -97,8 +96,9 @@ def build() -> tuple[Grasp, list[Mesh]]:
 
     placed = load_placed(CONFIGURATION)
     hand, q = placed.applied(load_hand(placed.hand or HAND))
-    body = load_body(bundled.resolve("objects", placed.object or CONFIGURATION))
+    body = load_body(placed.object or CONFIGURATION)
     grasp = contact_grasp(hand, q, body, placed.pose, preload=placed.preload, mechanism="direct", name=CONFIGURATION)
+    grasp = grasp.from_configuration(CONFIGURATION)
     return grasp, scene_meshes(hand, q, body, placed.pose)
 
 

@@ -43,7 +43,7 @@ class Map(QueryOptions, Command):
 
     def run(self) -> int:
         from handfast.cli import tables
-        from handfast.report import Entry, write_report
+        from handfast.report import Entry
         from handfast.stability.maps import force_map
 
         grasp, options = self.load(), self.options()
@@ -60,7 +60,7 @@ class Map(QueryOptions, Command):
         if self.report:
             title = f"Which forces in the {self.plane} plane does it resist?"
             entry = Entry(title, answer, eta=options["eta"], limit=self.limit, weight=self.weight)
-            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+            self.write_report(grasp, [entry], options)
         if self.json:
             console.print_json(answer.to_json())
         else:

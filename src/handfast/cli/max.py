@@ -25,7 +25,7 @@ class Max(QueryOptions, Saved, FrictionModel, Command):
 
     def run(self) -> int:
         from handfast.cli import tables
-        from handfast.report import Entry, write_report
+        from handfast.report import Entry
         from handfast.report.words import direction_text, load_text
         from handfast.stability.queries import maximum
 
@@ -39,7 +39,7 @@ class Max(QueryOptions, Saved, FrictionModel, Command):
             beside = f" beside {load_text(self.base)}" if self.base else ""
             title = f"How much {direction_text(self.direction)} does it resist{beside}?"
             entry = Entry(title, answer, eta=options["eta"], mdp=self.mdp, direction=self.direction)
-            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+            self.write_report(grasp, [entry], options)
         if self.json:
             console.print_json(answer.to_json())
         else:

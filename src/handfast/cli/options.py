@@ -15,6 +15,8 @@ from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
+    from handfast.report import Entry
+    from handfast.stability.loads import Loads
     from handfast.stability.settings import Settings
     from handfast.synthesis.task import Task
 
@@ -75,8 +77,21 @@ def _triple(words: list[str]) -> Numbers:
     return tuple(_number(w) for w in words)
 
 
+ALL = ("all",)
+
+
+def _gravity(words: list[str]) -> tuple[Any, ...]:
+    """Three numbers, or the word all."""
+    if words == ["all"]:
+        return ALL
+    if len(words) != 3:
+        raise ValueError(f"has {len(words)} numbers; three are needed, X Y Z, or the word all")
+    return _triple(words)
+
+
 Wrench = Annotated[Numbers, _several("FX FY FZ TX TY TZ", _wrench)]
 Triple = Annotated[Numbers, _several("X Y Z", _triple)]
+Gravity = Annotated[tuple[Any, ...], _several("X Y Z | all", _gravity)]
 Assignments = UseAppendAction[tuple[Annotated[Pairs, _several("NAME=VALUE", _pairs)], ...]]
 GraspName = Annotated[Positional[str], arg(metavar="GRASP")]
 
@@ -162,6 +177,16 @@ class QueryOptions(GraspOptions):
     force: bool = False
     """write over files that exist"""
 
+    def write_report(self, grasp: Grasp, entries: Sequence[Entry], options: dict[str, Any]) -> None:
+        """The page that `--report` asks for, with hand and object if the grasp file knows them."""
+        from handfast.report import write_report
+        from handfast.report.sources import source_meshes
+
+        if self.report:
+            meshes, notes = source_meshes(grasp)
+            shown = {"meshes": meshes, "notes": notes, "settings": options["settings"]}
+            write_report(self.report, grasp, entries, **shown, force=self.force)
+
     def settings(self) -> Settings:
         from handfast.stability.settings import Settings
 
@@ -200,30 +225,113 @@ class Saved:
 
 
 @dataclass(kw_only=True)
-class Load:
+class WeightOptions:
+    """What makes a weight of a direction of gravity: of the grasp file, unless given."""
+
+    mass: Annotated[float | None, arg(metavar="KG")] = None
+    """mass of the object [kg], for --gravity, instead of the grasp file's"""
+    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
+    """centre of mass in the object's frame [m], for --gravity, instead of the grasp file's; --com for short"""
+
+    def weighed(self, grasp: Grasp, source: str) -> Grasp:
+        """The grasp with mass and centre of mass as asked for.
+
+        Raises:
+            InputError: one of them is neither given nor in the file, where the grasp comes from.
+        """
+        grasp = grasp.about(mass=self.mass, center_of_mass=self.center_of_mass or None)
+        if grasp.mass is None:
+            raise InputError("does not say the object's mass; --gravity needs --mass KG", source=source)
+        if grasp.center_of_mass is None:
+            right = "--gravity needs --com X Y Z [m] in the object's frame; 0 0 0 is its origin"
+            raise InputError(f"does not say where the centre of mass is; {right}", source=source)
+        return grasp
+
+    def weight_text(self, grasp: Grasp) -> str:
+        """What was weighed: 'Weight of 0.3 kg at (0, 0, 10) mm: mass and centre of mass as the grasp file says'."""
+        from handfast.report.words import num, place_text
+
+        heavy = grasp.about(mass=self.mass, center_of_mass=self.center_of_mass or None)
+        if heavy.mass is None or heavy.center_of_mass is None:
+            return ""
+        given = [name for name, value in (("mass", self.mass), ("centre of mass", self.center_of_mass)) if value]
+        both = "mass and centre of mass as the grasp file says"
+        told = {0: both, 1: f"the {''.join(given)} as given, the rest as the grasp file says", 2: "both as given"}
+        return f"Weight of {num(heavy.mass)} kg {place_text(heavy.center_of_mass)}: {told[len(given)]}."
+
+    def refuse_weight(self) -> None:
+        """Mass or centre of mass without a direction of gravity would be passed over."""
+        for name, value in (("--mass", self.mass is not None), ("--center-of-mass", self.center_of_mass)):
+            if value:
+                raise InputError(f"{name} is for --gravity; a wrench is taken as it stands")
+
+
+@dataclass(kw_only=True)
+class Load(WeightOptions):
     """The disturbance: a wrench, or the weight of the object."""
 
     wrench: Wrench = ()
     """force [N] and torque [N m] on the object at its origin; three numbers are a force"""
     gravity: Triple = ()
-    """instead: the direction in which gravity pulls, object axes; needs --mass"""
-    mass: Annotated[float | None, arg(metavar="KG")] = None
-    """mass of the object [kg], for --gravity"""
-    center_of_mass: Triple = (0.0, 0.0, 0.0)
-    """centre of mass in the object's frame [m], for --gravity"""
+    """instead: the direction in which gravity pulls, object axes; mass and centre of mass as in the grasp file"""
 
-    def disturbance(self) -> Numbers:
+    def disturbance(self, grasp: Grasp, source: str) -> Numbers:
         """(6,) the wrench that was asked about."""
         if bool(self.wrench) == bool(self.gravity):
             which = "give one of the two" if self.wrench else "missing"
-            raise InputError(f"{which}: --wrench FX FY FZ TX TY TZ, or --gravity GX GY GZ with --mass KG")
+            raise InputError(f"{which}: --wrench FX FY FZ TX TY TZ, or --gravity GX GY GZ")
         if self.wrench:
+            self.refuse_weight()
             return self.wrench
-        if self.mass is None:
-            raise InputError("--gravity needs the object's --mass KG")
-        from handfast.model.body import weight
+        return tuple(self.weighed(grasp, source).gravity_wrench(self.gravity).tolist())
 
-        return tuple(weight(self.mass, self.center_of_mass, self.gravity).tolist())
+
+@dataclass(kw_only=True)
+class Disturbances(WeightOptions):
+    """The disturbances, one or several, each a question of its own: wrenches, or weights of the object."""
+
+    wrench: UseAppendAction[tuple[Wrench, ...]] = ()
+    """force [N] and torque [N m] on the object at its origin; three numbers are a force; once for each question"""
+    gravity: UseAppendAction[tuple[Gravity, ...]] = ()
+    """instead: a direction in which gravity pulls, object axes, or all for its axes both ways; mass as in the file"""
+    loads: Annotated[Path | None, arg(metavar="FILE.json")] = None
+    """instead, or beside --wrench: a handfast/loads/1 file of named disturbances"""
+
+    def disturbances(self, grasp: Grasp, source: str) -> Loads:
+        """What was asked about, by name."""
+        import numpy as np
+
+        from handfast.stability.loads import AXES, Loads
+        from handfast.stability.loads_file import load_loads
+        from handfast.stability.scaled_problem import as_wrench
+
+        wrenches = bool(self.wrench or self.loads)
+        if wrenches == bool(self.gravity):
+            which = "give one of the two" if wrenches else "missing"
+            raise InputError(f"{which}: --wrench FX FY FZ TX TY TZ (or --loads FILE), or --gravity GX GY GZ")
+        named: list[tuple[str, Sequence[float]]] = []
+        if wrenches:
+            self.refuse_weight()
+            for k, w in enumerate(self.wrench):
+                name = "wrench" if len(self.wrench) == 1 else f"wrench {k + 1}"
+                named.append((name, as_wrench(w, name).tolist()))
+            if self.loads:
+                named += load_loads(self.loads).by_name.items()
+        else:
+            heavy = self.weighed(grasp, source)
+            for g in self.gravity:
+                ways = [(name, _along(name)) for name in AXES] if g == ALL else [(" ".join(f"{x:g}" for x in g), g)]
+                named += [(f"gravity {name}", heavy.gravity_wrench(way).tolist()) for name, way in ways]
+        twice = [name for k, (name, _) in enumerate(named) if name in [n for n, _ in named[:k]]]
+        if twice:
+            raise InputError(f"'{twice[0]}' is asked about twice")
+        return Loads(tuple(name for name, _ in named), np.array([w for _, w in named], dtype=float))
+
+
+def _along(axis: str) -> Numbers:
+    """The unit vector of an axis such as "-z"."""
+    sign = -1.0 if axis[0] == "-" else 1.0
+    return tuple(sign if a == axis[-1] else 0.0 for a in "xyz")
 
 
 @dataclass(kw_only=True)

@@ -11,7 +11,7 @@ from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
 from handfast.cli.load_options import LoadsOptions
-from handfast.cli.options import Assignments, Command, Triple, assigned
+from handfast.cli.options import Assignments, Command, Triple, assigned, check_writable
 from handfast.cli.scene_options import SceneOptions
 from handfast.core.errors import InputError
 
@@ -62,6 +62,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     """write a configuration and a grasp file for each grasp as it is found, and plan.json"""
     resume: bool = False
     """go on from what FOLDER holds; the same question, but for how many and how long, --pool and --jobs"""
+    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
+    """write a self-contained page about the grasps that were found, the first to be turned with the mouse"""
     json: bool = False
     """print one JSON object instead of a table"""
     force: bool = False
@@ -78,6 +80,7 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
         from handfast.planning.results.plan_folder import PlanFolder
         from handfast.planning.sizes import compared
 
+        check_writable(self.report, self.force, (".html", ".htm"))
         PlanFolder.refuse(self.output, resume=self.resume, force=self.force)
         hand, body = self.load_scene()
         senses = {name: int(s) for name, s in self._senses().items()}
@@ -113,6 +116,10 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
                 ignored=self.ignore_pair,
                 give_up=self.give_up,
             )
+        if self.report and planned.grasps:
+            from handfast.report.found_report import report_plan
+
+            report_plan(self.report, planned, force=self.force)
         if self.json:
             console.print_json(folder.answer if folder else planned.to_json())
         else:
@@ -157,8 +164,11 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
         out.print(grid)
         for sentence in planned.diagnosis:
             out.print(sentence, soft_wrap=True)
-        if self.output:
-            out.print(f"Written: {self.output}", soft_wrap=True)
+        for path in (self.output, self.report if planned.grasps else None):
+            if path:
+                out.print(f"Written: {path}", soft_wrap=True)
+        if self.report and not planned.grasps:
+            out.print(f"Not written: {self.report}; there is nothing to show", soft_wrap=True)
 
 
 def _from_anywhere(name: str) -> str:

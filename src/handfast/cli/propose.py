@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, check_folder
+from handfast.cli.options import Command, Triple, check_folder, check_writable
+from handfast.cli.scene_options import load_object
 
 if TYPE_CHECKING:
     from handfast.planning.propose_tasks import Proposals
@@ -35,12 +36,20 @@ class Propose(Command):
     """proposals"""
     friction: Annotated[float | None, arg(metavar="MU")] = None
     """friction coefficient, instead of the object's"""
+    mass: Annotated[float | None, arg(metavar="KG")] = None
+    """mass of the object [kg], for the tasks that are written"""
+    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
+    """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
+    scale: Annotated[float, arg(metavar="M")] = 1.0
+    """metres per unit of a mesh file"""
     seed: Annotated[int, arg(metavar="S")] = 0
     """of everything that is drawn: the same seed gives the same proposals"""
     timeout: Annotated[float, arg(metavar="S")] = 1.0
     """seconds of synthesis for each candidate"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
     """write one handfast/task/1 file for each proposal, for handfast synthesize and handfast grasp"""
+    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
+    """write a self-contained page about the proposals, the first to be turned with the mouse"""
     json: bool = False
     """print one JSON object instead of a table"""
     force: bool = False
@@ -48,17 +57,24 @@ class Propose(Command):
 
     def run(self) -> int:
         from handfast.core import bundled
-        from handfast.model.body import load_body
+        from handfast.model.body_copy import save_body_copy
         from handfast.model.hand.load import load_hand
         from handfast.model.hand_regions import load_hand_regions
         from handfast.planning.propose_tasks import propose
         from handfast.planning.sizes import compared
 
         check_folder(self.output)
-        hand, body = load_hand(self.hand), load_body(self.object)
+        check_writable(self.report, self.force, (".html", ".htm"))
+        hand = load_hand(self.hand)
+        about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
+        body = load_object(self.object, scale=self.scale, **about)
         console.warn(compared(hand, body))
         regions = load_hand_regions(self.regions, hand) if self.regions else None
         named = self.object if self.object in bundled.names("objects") else str(Path(self.object))
+        copy = self._copy(body.name)
+        if copy:  # a task names a file, which has to say what was said here
+            check_writable(copy, self.force, (".json",))
+            named = str(copy)
         with console.watch("propose") as watch:
             found = propose(
                 hand,
@@ -73,11 +89,27 @@ class Propose(Command):
                 on_step=watch.say,
             )
         written = found.save(self.output, force=self.force) if self.output else []
+        if copy and written:
+            said: dict[str, Any] = {"scale": self.scale, "center_of_mass": self.center_of_mass or None}
+            save_body_copy(self.object, copy, mass=self.mass, friction=self.friction, **said, force=self.force)
+            written = [*written, copy]
+        if self.report and found.proposals:
+            from handfast.report.found_report import report_proposals
+
+            report_proposals(self.report, found, body, force=self.force)
+            written = [*written, self.report]
         if self.json:
             console.print_json(found.to_json() | {"files": [str(path) for path in written]})
         else:
             self._show(found, written)
         return console.ANSWERED if found.proposals else console.UNDECIDED
+
+    def _copy(self, name: str) -> Path | None:
+        """The body file to write beside the tasks: needed where the object's own file does not say enough."""
+        given = self.mass is not None or self.friction is not None or self.center_of_mass or self.scale != 1
+        if self.output is None or not given:
+            return None
+        return self.output / f"{name}.body.json"
 
     def _show(self, found: Proposals, written: list[Path]) -> None:
         from handfast.cli.table import table
@@ -99,3 +131,5 @@ class Propose(Command):
             out.print(grid)
         for path in written:
             out.print(f"Written: {path}", soft_wrap=True)
+        if self.report and not found.proposals:
+            out.print(f"Not written: {self.report}; there is nothing to show", soft_wrap=True)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
+from handfast.cli.options import Numbers, Triple
 from handfast.core import bundled
+from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.body import Body
@@ -32,22 +34,40 @@ class SceneOptions:
     """friction coefficient between hand and object; the object file's, or 0.5"""
     mass: Annotated[float | None, arg(metavar="KG")] = None
     """mass of the object [kg]"""
+    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
+    """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
     scale: Annotated[float, arg(metavar="M")] = 1.0
     """metres per unit of a mesh file"""
 
     def load_scene(self) -> tuple[Hand, Body]:
         """Hand and object."""
-        from handfast.model.body import load_body
         from handfast.model.hand import load_hand
 
         hand = load_hand(self.hand, root=self.root, srdf=self.srdf)
         if self.root:  # saved files load it again by its source, from anywhere
             file, _, link = hand.source.rpartition("#")
             self.hand = f"{Path(file).resolve()}#{link}"
-        body = load_body(
-            bundled.resolve("objects", self.object), mass=self.mass, friction=self.friction, scale=self.scale
-        )
-        return hand, body
+        about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
+        return hand, load_object(self.object, scale=self.scale, **about)
+
+
+def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **about: Any) -> Body:
+    """The object that a command names; `InputError` for a scale that its file would not take."""
+    from handfast.model.body import load_body
+
+    file = bundled.resolve("objects", name)
+    if scale != 1 and file.lower().endswith(".json"):
+        raise InputError("states its own size; --scale is for mesh files", source=name)
+    return load_body(name, scale=scale, center_of_mass=center_of_mass or None, **about)
+
+
+def weight_note(body: Body) -> str:
+    """What a grasp file says of the object's weight, for people."""
+    from handfast.report.words import num, place_text
+
+    if body.mass is None:
+        return "Its mass is unknown; give --mass KG, here or when its weight is asked about."
+    return f"The object weighs {num(body.mass)} kg, its centre of mass is {place_text(body.center_of_mass)}."
 
 
 def load_placed(path: str) -> Configuration:

@@ -41,7 +41,7 @@ class Sweep(QueryOptions, Command):
         import numpy as np
 
         from handfast.cli import tables
-        from handfast.report import Entry, write_report
+        from handfast.report import Entry
         from handfast.stability.maps import sweep
 
         grasp, options = self.load(), self.options()
@@ -61,7 +61,7 @@ class Sweep(QueryOptions, Command):
         if self.report:
             title = f"How does the command of {self.joint} change what it resists?"
             entry = Entry(title, answer, eta=options["eta"])
-            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+            self.write_report(grasp, [entry], options)
         if self.json:
             console.print_json(answer.to_json())
         else:

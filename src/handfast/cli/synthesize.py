@@ -39,6 +39,8 @@ class Synthesize(Command):
     """write the configuration, for handfast contacts; several as FILE-1.json, FILE-2.json, ..."""
     output: Annotated[Path | None, arg(metavar="FILE.png", aliases=["-o"])] = None
     """picture of the first configuration (.png, .svg)"""
+    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
+    """write a self-contained page about the configurations, the first to be turned with the mouse"""
     json: bool = False
     """print one JSON object instead of a table"""
     force: bool = False
@@ -52,6 +54,7 @@ class Synthesize(Command):
         if self.count < 1:
             raise InputError(f"is {self.count}; at least 1 is needed", field="--count")
         check_writable(self.save, self.force, (".json",))
+        check_writable(self.report, self.force, (".html", ".htm"))
         check_writable(self.output, self.force, (".png", ".svg"))
         for path in self._configurations(self.count):
             check_writable(path, self.force, (".json",))
@@ -82,6 +85,11 @@ class Synthesize(Command):
             drawn = picture(draw_task(task, answer.solutions[0]), self.output.suffix.lower().removeprefix("."))
             write_bytes(self.output, drawn, force=self.force)
             written.append(self.output)
+        if self.report and answer.solutions:
+            from handfast.report.found_report import report_synthesis
+
+            report_synthesis(self.report, answer, force=self.force)
+            written.append(self.report)
         if self.json:
             console.print_json(answer.to_json())
         else:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from handfast.cli.options import QueryOptions
     from handfast.model.grasp import Contact, Grasp
     from handfast.stability.answers import Answer
+    from handfast.stability.loads import Loads
     from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
     from handfast.stability.margin import Margin
     from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
@@ -41,6 +42,22 @@ def show_check(out: Console, grasp: Grasp, wrench: Load, answer: CheckAnswer, as
         show_witness(out, answer.witness)
     elif answer.verdict is Verdict.SLIPS and not grasp.preload and grasp.mechanism.a:
         out.print("Nothing is commanded; try --preload NAME=VALUE, or handfast torques.")
+    _written(out, asked)
+
+
+def show_checks(out: Console, grasp: Grasp, loads: Loads, answers: Sequence[CheckAnswer], asked: QueryOptions) -> None:
+    """Several disturbances, a line each."""
+    verdicts = [a.verdict for a in answers]
+    worst = next(v for v in (Verdict.SLIPS, Verdict.UNDECIDED, Verdict.HOLDS) if v in verdicts)
+    held = f"{verdicts.count(Verdict.HOLDS)} of {len(verdicts)} disturbances are resisted."
+    _head(out, grasp, worst, held, asked)
+    grid = table("disturbance", "", "load", "shown by")
+    for name, wrench, a in zip(loads.names, loads.wrenches, answers, strict=True):
+        shown = "a state" if a.witness else words.certified(a.certificate, a.verified) if a.certificate else "–"
+        fragile = ", FRAGILE" * words.fragile(a)
+        grid.add_row(name, Text(a.verdict.upper() + fragile, style=STYLE[a.verdict]), words.load_text(wrench), shown)
+    out.print()
+    out.print(grid)
     _written(out, asked)
 
 

@@ -21,11 +21,12 @@ class Torques(Load, QueryOptions, Saved, Command):
 
     def run(self) -> int:
         from handfast.cli import tables
-        from handfast.report import Entry, write_report
+        from handfast.report import Entry
         from handfast.report.words import load_text
         from handfast.stability.queries import torques
 
-        grasp, options, wrench = self.load(), self.options(), self.disturbance()
+        grasp, options = self.load(), self.options()
+        wrench = self.disturbance(grasp, self.grasp)
         with console.watch("torques") as watch:
             answer = torques(grasp, wrench, objective=self.objective, on_step=watch.step, **options)
         if self.save:
@@ -33,9 +34,11 @@ class Torques(Load, QueryOptions, Saved, Command):
         if self.report:
             title = f"Which commands resist {load_text(wrench)}?"
             entry = Entry(title, answer, eta=options["eta"])
-            write_report(self.report, grasp, [entry], settings=options["settings"], force=self.force)
+            self.write_report(grasp, [entry], options)
         if self.json:
             console.print_json(answer.to_json())
         else:
             tables.show_torques(console.out(), grasp, wrench, answer, self.objective, self)
+            if self.gravity:
+                console.out().print(self.weight_text(grasp), style="dim")
         return console.status(answer.verdict, answer.stop)

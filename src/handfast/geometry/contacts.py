@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.geometry.patch import patch
-from handfast.geometry.scene import Scene, checked_pose
+from handfast.geometry.scene import PoseLike, Scene, checked_joints, checked_pose
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.hand.hand import Hand
 from handfast.model.mechanism import Mechanism
+from handfast.model.provenance import Provenance, SourceFile
 from handfast.model.shape import Shape
 
 THRESHOLD = 5e-4  # [m] surfaces nearer than this touch
@@ -27,9 +28,9 @@ ROUNDING = 1e-7  # [m]
 
 def find_contacts(
     hand: Hand,
-    q: Array,
+    q: Array | Mapping[str, float],
     body: Body,
-    object_pose: Array,
+    object_pose: PoseLike,
     threshold: float = THRESHOLD,
     friction: float | None = None,
     merge_distance: float = 2e-3,
@@ -47,7 +48,8 @@ def find_contacts(
     position.
 
     Args:
-        q: (l,) configuration; `object_pose`: (4, 4) of the object in the hand's base frame.
+        q: (l,) configuration, or values by joint name; the others follow `Hand.configuration`.
+        object_pose: of the object in the hand's base frame: (4, 4), or position (3,) [m] and quaternion (w, x, y, z).
         friction: coefficient; the object's unless given.
         scene: a `Scene` of the same hand and object, to save compiling one.
 
@@ -55,7 +57,8 @@ def find_contacts(
         InputError: a pose that is not rigid, a configuration of the wrong length, a negative threshold.
     """
     pose = checked_pose(object_pose)
-    _check(hand, q, threshold)
+    q = checked_joints(hand, q)
+    _check(threshold)
     near = (scene or Scene(hand, body)).nearest(q, pose, threshold)
     poses = hand.link_poses(q)
     to_object = np.linalg.inv(pose)
@@ -82,9 +85,9 @@ def find_contacts(
 
 def contact_grasp(
     hand: Hand,
-    q: Array,
+    q: Array | Mapping[str, float],
     body: Body,
-    object_pose: Array,
+    object_pose: PoseLike,
     *,
     preload: Mapping[str, float] | None = None,
     threshold: float = THRESHOLD,
@@ -99,8 +102,10 @@ def contact_grasp(
     The grasp has the joints that move a contact and those coupled to them or driven by the same
     actuators. A joint whose closing sense is negative is turned round, and an actuator that would open
     its joints under positive force is too, so that positive preloads close; tendons keep their sense.
+    The grasp knows the object's mass and centre of mass, and the files of hand and object.
 
     Args:
+        q, object_pose: as in `find_contacts`.
         preload: commanded forces by actuator name [N m, N]; absent actuators are locked.
         threshold: as in `find_contacts`, like friction and scene.
         lock: joints held rigidly whatever the actuators do.
@@ -112,20 +117,28 @@ def contact_grasp(
     """
     if mechanism not in ("hand", "direct"):
         raise InputError(f"is '{mechanism}'; 'hand' or 'direct' is needed", field="mechanism")
+    q, pose = checked_joints(hand, q), checked_pose(object_pose)
     scene = scene or Scene(hand, body)
-    contacts = find_contacts(hand, q, body, object_pose, threshold, friction, scene=scene)
+    contacts = find_contacts(hand, q, body, pose, threshold, friction, scene=scene)
     if not contacts:
-        raise nothing_near(scene, q, checked_pose(object_pose), threshold)
-    return grasp_of(
+        raise nothing_near(scene, q, pose, threshold)
+    grasp = grasp_of(
         hand,
         q,
         contacts,
-        object_pose,
+        pose,
         preload=preload,
         lock=lock,
         mechanism=mechanism,
         name=name or f"{hand.name} on {body.name}",
     )
+    return of_body(grasp, hand, body)
+
+
+def of_body(grasp: Grasp, hand: Hand, body: Body) -> Grasp:
+    """A grasp with the mass and centre of mass of its object, and the files of hand and object."""
+    came = Provenance(SourceFile.of(hand.source, "hand"), SourceFile.of(body.source, "object", body.scale))
+    return grasp.about(mass=body.mass, center_of_mass=body.center_of_mass, provenance=came)
 
 
 def grasp_of(
@@ -192,9 +205,7 @@ def deepest(contacts: Sequence[Contact]) -> Contact | None:
     return max(contacts, key=lambda c: c.depth, default=None)
 
 
-def _check(hand: Hand, q: Array, threshold: float) -> None:
-    if np.shape(q) != (hand.l,) or not np.isfinite(q).all():
-        raise InputError(f"needs {hand.l} finite joint values, in the order of the hand's joints", field="q")
+def _check(threshold: float) -> None:
     if not (np.isfinite(threshold) and threshold > 0):
         raise InputError(f"is {threshold}; a distance above 0 [m] is needed", field="threshold")
 

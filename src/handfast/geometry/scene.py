@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from handfast.core.arrays import Array
+from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.core.quiet import quiet
 from handfast.core.transforms import matrix_quaternion, quaternion_matrix, rigid, transform
 from handfast.model.body import Body
+from handfast.model.grasp import UNIT_TOLERANCE
 from handfast.model.hand.hand import Hand
 from handfast.model.shape import Shape
 
 Indices = NDArray[np.intp]
+
+PoseLike = Array | tuple[Sequence[float] | Array, Sequence[float] | Array]
+"""A rigid motion: (4, 4), or a position (3,) [m] and a unit quaternion (w, x, y, z)."""
 
 TOUCHING = 1e-7  # [m] below this the two nearest points no longer give a direction
 NUDGE = 1e-6  # [m]
@@ -273,5 +277,25 @@ def _compile(mujoco: Any, shapes: list[Shape]) -> Any:
 
 
 def checked_pose(pose: object) -> Array:
-    """An object pose (4, 4); `InputError` unless it is a rigid motion."""
+    """An object pose (4, 4), also from a position and a quaternion; `InputError` unless it is a rigid motion."""
+    if isinstance(pose, tuple | list) and len(pose) == 2:
+        position = frozen(pose[0], (3,), "object_pose.position")
+        quaternion = frozen(pose[1], (4,), "object_pose.quaternion")
+        length = float(np.linalg.norm(quaternion))
+        if abs(length - 1) > UNIT_TOLERANCE:
+            problem = f"has length {length:.4g}; a unit quaternion w, x, y, z is needed"
+            raise InputError(problem, field="object_pose.quaternion")
+        return rigid(transform(position, quaternion_matrix(quaternion)), "object_pose")
     return rigid(pose, "object_pose")
+
+
+def checked_joints(hand: Hand, q: Any, field: str = "q") -> Array:
+    """A configuration (l,), also from values by joint name; `InputError` for other counts, names or numbers."""
+    if isinstance(q, Mapping):
+        try:
+            return hand.configuration(q)
+        except InputError as fault:
+            raise fault.within(field) from None
+    if np.shape(q) != (hand.l,) or not np.isfinite(np.asarray(q, dtype=float)).all():
+        raise InputError(f"needs {hand.l} finite joint values, in the order of the hand's joints", field=field)
+    return np.asarray(q, dtype=float)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,8 +13,11 @@ from handfast.core import bundled
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.model.body_models import MODEL_FILES, read_body_model, read_folder
-from handfast.model.mesh_pieces import joined, mesh_pieces
-from handfast.model.shape import MESH_FILES, Faces, Shape, read_mesh
+from handfast.model.mesh_pieces import checked_scale, joined, mesh_pieces, pieces_of
+from handfast.model.shape import MESH_FILES, Faces, Shape, checked_mesh, read_mesh
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +31,8 @@ class Body:
         center_of_mass: (3,) [m].
         friction: coefficient mu between this object and the hand.
         vertices, faces: (n, 3) [m] and (k, 3), a triangle mesh for drawing.
+        source: the file it was read from, or the bundled name; "" if it was not read.
+        scale: metres per unit of that file, if it is a mesh.
     """
 
     name: str
@@ -37,6 +42,8 @@ class Body:
     friction: float
     vertices: Array
     faces: Faces
+    source: str = ""
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
         if not self.pieces:
@@ -71,6 +78,45 @@ class Body:
                 raise InputError("has no volume; is its scale right?", field="pieces")
             center_of_mass = volumes @ np.array([p.centroid for p in pieces]) / volumes.sum()
         return cls(name, tuple(pieces), mass, np.asarray(center_of_mass), friction, vertices, faces)
+
+    @classmethod
+    def from_mesh(
+        cls,
+        mesh: Trimesh,
+        *,
+        name: str = "object",
+        mass: float | None = None,
+        friction: float = 0.5,
+        center_of_mass: object = None,
+        scale: float = 1.0,
+    ) -> Body:
+        """A body from a `trimesh.Trimesh`, or anything with `vertices` (n, 3) and `faces` (k, 3), in its own frame.
+
+        Taken apart as `load_body` does with a mesh file: connected parts that are convex as they are, the others
+        decomposed into convex pieces. The centre of mass defaults to the centre of the pieces' volume; the density of
+        the trimesh is not looked at.
+
+        Args:
+            mass: [kg]. friction: coefficient. center_of_mass: (3,) [m] in the body's frame, after scaling.
+            scale: metres per unit of the mesh.
+
+        Raises:
+            InputError: no mesh (a `trimesh.Scene` is none: `scene.to_mesh()` is), no triangles, NaN, zero scale, flat,
+                negative mass or friction.
+        """
+        vertices, faces = getattr(mesh, "vertices", None), getattr(mesh, "faces", None)
+        if vertices is None or faces is None or not len(faces):
+            kind = type(mesh).__name__
+            raise InputError(f"is a {kind} without vertices and faces; a trimesh.Trimesh is needed", source=name)
+        checked_scale(scale)
+        group = checked_mesh(np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64), name)
+        try:
+            pieces = pieces_of([group], name, scale, np.eye(4))
+            drawn = group[0] * scale, group[1]
+            about = {"mass": mass, "friction": friction, "center_of_mass": center_of_mass}
+            return cls.of(pieces, name=name, mesh=drawn, **about)  # type: ignore[arg-type]
+        except InputError as fault:
+            raise fault.at(name) from None
 
     def gravity_wrench(self, direction: object, g: float = 9.81) -> Array:
         """(6,) [N, N m] weight as a wrench at the object's origin, object axes.
@@ -152,9 +198,10 @@ def load_body(
             file = read_body_file(path)
             pieces = file.shapes_in(path.parent)
             name, stored = file.name or path.stem, (file.mass, file.friction, file.center_of_mass)
+            scale = 1.0
         given = (mass, friction, center_of_mass)
         found: Any = [s if v is None else v for v, s in zip(given, stored, strict=True)]
-        return Body.of(
+        body = Body.of(
             pieces,
             name=name,
             mass=found[0],
@@ -162,5 +209,7 @@ def load_body(
             center_of_mass=found[2],
             mesh=drawn,
         )
+        named = str(source) if str(source) in bundled.names("objects") else str(path)
+        return replace(body, source=named, scale=scale)
     except InputError as fault:
         raise fault.at(str(path)) from None

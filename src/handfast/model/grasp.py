@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.core.transforms import cross, normal_frame
 from handfast.model.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from handfast.model.provenance import Provenance
 
 UNIT_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; it is then normalised
 # 3 x contacts + joints + 2 x actuators of a grasp at most. The search names its unknowns, at most this and 7, and the
@@ -110,6 +114,10 @@ class Grasp:
         mechanism: R and A; `Mechanism.direct` unless given.
         command: (a,) commanded actuator forces f_c; 0 is a locked actuator.
         name: for reports.
+        mass: of the object [kg]; None if unknown.
+        center_of_mass: (3,) of the object [m], object frame; None if unknown. No equation uses mass or centre:
+            a load says itself what it is, see `gravity_wrench`.
+        provenance: the files of hand, object and configuration; None if unknown.
 
     Raises:
         InputError: no contacts, `moves` out of range, a joint named twice, names that are not one line of printable
@@ -122,6 +130,9 @@ class Grasp:
     mechanism: Mechanism
     command: Array
     name: str = "grasp"
+    mass: float | None = None
+    center_of_mass: Array | None = None
+    provenance: Provenance | None = None
 
     def __init__(
         self,
@@ -130,8 +141,18 @@ class Grasp:
         mechanism: Mechanism | None = None,
         preload: Mapping[str, float] | Array | None = None,
         name: str = "grasp",
+        *,
+        mass: float | None = None,
+        center_of_mass: object = None,
+        provenance: Provenance | None = None,
     ) -> None:
         put = object.__setattr__
+        if mass is not None and not (np.isfinite(mass) and mass >= 0):
+            raise InputError(f"is {mass}; a mass is 0 or more [kg]", field="mass")
+        put(self, "mass", None if mass is None else float(mass))
+        centre = None if center_of_mass is None else frozen(center_of_mass, (3,), "center_of_mass")
+        put(self, "center_of_mass", centre)
+        put(self, "provenance", provenance)
         put(self, "contacts", tuple(contacts))
         put(self, "joints", tuple(joints))
         put(self, "name", name)
@@ -165,6 +186,55 @@ class Grasp:
             put(self, "command", self.mechanism.commands(preload))
         else:
             put(self, "command", frozen(preload, (self.mechanism.a,), "preload"))
+
+    @classmethod
+    def from_matrices(
+        cls,
+        G: object,
+        J: object,
+        friction: object,
+        *,
+        normal: int = 0,
+        joints: Sequence[str] | None = None,
+        types: Sequence[str] | None = None,
+        mechanism: Mechanism | None = None,
+        preload: Mapping[str, float] | Array | None = None,
+        name: str = "grasp",
+    ) -> Grasp:
+        """A grasp from a grasp map and a hand Jacobian that are known already.
+
+        The conventions are the stability paper's, (1) to (3). A contact force c_i has three components along the
+        columns of contact i's frame F_i: normal, tangent, tangent. G maps all of them to the wrench on the object,
+        w = G c, so that columns 3 i to 3 i + 2 of G are [F_i; p_i x F_i]: force on top, torque about the origin of the
+        object's frame below. J maps joint motion to the motion of the fingers at the contacts in the same frames,
+        J q, so that joint torques are tau = J^T c. Positions and frames are read off G; nothing else is needed.
+
+        A column of J that no single joint has, as of coupled joints that were reduced to one, becomes several joints
+        with rigid couplings, one for each contact. All answers depend on G, J, friction and the mechanism alone.
+
+        Args:
+            G: (6, 3 m). Each frame is orthonormal, of either hand; its normal points **into** the object. The grasp
+                has its own tangents, see `Contact.frame`: its `G` and `J` are these in other tangents, and friction
+                is the same in all of them.
+            J: (3 m, l) [m/rad, or 1 for a prismatic joint]. A positive motion is the closing sense.
+            friction: coefficients (m,), or one for all.
+            normal: which of each contact's three columns is the normal: 0, or 2 where z is the normal.
+            joints: l names; joint_1, joint_2, ... unless given.
+            types: l of "revolute" and "prismatic"; all revolute unless given. They tell units: of commands, N m or N.
+            mechanism: R and A over these l joints; one motor for each, named like it, unless given.
+            preload: commanded actuator forces by name, or (a,); absent ones are locked.
+
+        Raises:
+            InputError: shapes that do not belong together, a frame that is not orthonormal, moments that are not those
+                of a force at a point, NaN, another type, and what `Grasp` raises.
+        """
+        from handfast.model.matrices import numbers_of
+
+        found = numbers_of(G, J, normal, joints, types, mechanism)
+        m = len(found.positions)
+        mu = frozen(np.full(m, friction) if np.ndim(friction) == 0 else friction, (m,), "friction")  # type: ignore[arg-type]
+        contacts = [Contact(p, n, k) for p, n, k in zip(found.positions, found.normals, mu, strict=True)]
+        return cls(contacts, [GraspJoint(*joint[:-1]) for joint in found.joints], found.mechanism, preload, name)
 
     @property
     def m(self) -> int:
@@ -240,7 +310,51 @@ class Grasp:
     def with_friction(self, mu: float) -> Grasp:
         """The same grasp with one friction coefficient at every contact."""
         contacts = [replace(c, friction=mu) for c in self.contacts]
-        return Grasp(contacts, self.joints, self.mechanism, self.command, self.name)
+        other = Grasp(contacts, self.joints, self.mechanism, self.command, self.name)
+        return other.about(mass=self.mass, center_of_mass=self.center_of_mass, provenance=self.provenance)
+
+    def about(
+        self,
+        *,
+        mass: float | None = None,
+        center_of_mass: object = None,
+        provenance: Provenance | None = None,
+    ) -> Grasp:
+        """The same grasp with what is known of its object; what is not given stays. Raises `InputError` as `Grasp`."""
+        return Grasp(
+            self.contacts,
+            self.joints,
+            self.mechanism,
+            self.command,
+            self.name,
+            mass=self.mass if mass is None else mass,
+            center_of_mass=self.center_of_mass if center_of_mass is None else center_of_mass,
+            provenance=self.provenance if provenance is None else provenance,
+        )
+
+    def from_configuration(self, path: str | Path) -> Grasp:
+        """The same grasp, said to come from a configuration file, or a bundled one by name."""
+        from handfast.model.provenance import Provenance
+
+        return self.about(provenance=(self.provenance or Provenance()).with_configuration(path))
+
+    def gravity_wrench(self, direction: object, g: float = 9.81) -> Array:
+        """(6,) [N, N m] the object's weight as a wrench at its origin, object axes.
+
+        Args:
+            direction: (3,) in which gravity pulls, object axes, any length.
+            g: [m/s^2].
+
+        Raises:
+            InputError: the mass or the centre of mass is unknown, or the direction is zero.
+        """
+        from handfast.model.body import weight
+
+        if self.mass is None:
+            raise InputError("is unknown; give it [kg]", source=self.name, field="mass")
+        if self.center_of_mass is None:
+            raise InputError("is unknown; give it [m], object frame", source=self.name, field="center_of_mass")
+        return weight(self.mass, self.center_of_mass, direction, g)
 
     def __repr__(self) -> str:
         return f"Grasp({self.name!r}, {self.m} contacts, {self.l} joints, preload={self.preload})"

@@ -11,9 +11,10 @@ from pydantic import Field
 
 from handfast.core import bundled
 from handfast.core.errors import InputError, unknown_name
-from handfast.core.files import Strict, read_json, validate, write_text
+from handfast.core.files import Positive, Strict, read_json, validate, write_text
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
+from handfast.model.provenance import KINDS, Provenance, SourceFile
 
 Vector = tuple[float, float, float]
 Many = Field(max_length=LARGEST)  # what is longer is refused before anything is made of it; `Grasp` looks closer
@@ -46,6 +47,21 @@ class MechanismEntry(Strict):
     couplings: Annotated[list[dict[str, float]], Many] = Field(default_factory=list)
 
 
+class SourceEntry(Strict):
+    path: Annotated[str, Field(min_length=1)]
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
+
+
+class ObjectSourceEntry(SourceEntry):
+    scale: Positive = 1.0
+
+
+class ProvenanceEntry(Strict):
+    hand: SourceEntry | None = None
+    object: ObjectSourceEntry | None = None
+    configuration: SourceEntry | None = None
+
+
 class GraspFile(Strict):
     """The file as it stands on disk; see the documentation page on file formats."""
 
@@ -55,6 +71,9 @@ class GraspFile(Strict):
     joints: Annotated[list[GraspJointEntry], Many] = Field(default_factory=list)
     mechanism: MechanismEntry | None = None
     preload: dict[str, float] = Field(default_factory=dict)
+    mass: Annotated[float, Field(ge=0)] | None = None
+    center_of_mass: Vector | None = None
+    provenance: ProvenanceEntry | None = None
 
 
 def load_grasp(path: str | Path) -> Grasp:
@@ -68,13 +87,16 @@ def load_grasp(path: str | Path) -> Grasp:
     file = bundled.resolve("grasps", str(path))
     data = read_json(file, "grasp")
     try:
-        return from_dict(data, name=Path(file).stem)
+        return from_dict(data, name=Path(file).stem, folder=Path(file).parent)
     except InputError as error:
         raise error.at(str(path)) from None
 
 
-def from_dict(data: Any, *, name: str = "grasp") -> Grasp:
-    """The grasp in a parsed `handfast/grasp/1` object; raises `InputError` as `load_grasp` does."""
+def from_dict(data: Any, *, name: str = "grasp", folder: str | Path | None = None) -> Grasp:
+    """The grasp in a parsed `handfast/grasp/1` object; raises `InputError` as `load_grasp` does.
+
+    `folder` is where its file is: paths of its provenance are relative to it.
+    """
     entry = validate(GraspFile, data)
     contacts = []
     for i, c in enumerate(entry.contacts):
@@ -96,11 +118,25 @@ def from_dict(data: Any, *, name: str = "grasp") -> Grasp:
             np.array(A).reshape(len(A), len(names)),
             tuple(a.tendon for a in acts),
         )
-    return Grasp(contacts, joints, mechanism, entry.preload, entry.name or name)
+    provenance = _provenance(entry.provenance) if entry.provenance else None
+    return Grasp(
+        contacts,
+        joints,
+        mechanism,
+        entry.preload,
+        entry.name or name,
+        mass=entry.mass,
+        center_of_mass=entry.center_of_mass,
+        provenance=provenance.resolved_from(folder) if provenance and folder is not None else provenance,
+    )
 
 
 def to_dict(grasp: Grasp) -> dict[str, Any]:
-    """The grasp as a `handfast/grasp/1` object; `from_dict` restores it exactly."""
+    """What the equations know of a grasp, as a `handfast/grasp/1` object; `from_dict` restores that exactly.
+
+    Questions and proofs hold it: what they claim depends on nothing else. A load states its wrench, so that mass
+    and centre of mass are not in it; `file_dict` has them.
+    """
     names = [j.name for j in grasp.joints]
     mech = grasp.mechanism
     data: dict[str, Any] = {
@@ -138,9 +174,34 @@ def to_dict(grasp: Grasp) -> dict[str, Any]:
     return data
 
 
+def file_dict(grasp: Grasp, folder: str | Path = ".") -> dict[str, Any]:
+    """The whole `handfast/grasp/1` object: `to_dict`, and what is known of the object and of where the grasp came
+    from, with paths relative to `folder`."""
+    data = to_dict(grasp)
+    if grasp.mass is not None:
+        data["mass"] = grasp.mass
+    if grasp.center_of_mass is not None:
+        data["center_of_mass"] = grasp.center_of_mass.tolist()
+    if grasp.provenance:
+        there = grasp.provenance.relative_to(folder)
+        parts = {kind: getattr(there, kind) for kind in KINDS}
+        data["provenance"] = {k: _source_dict(k, part) for k, part in parts.items() if part is not None}
+    return data
+
+
 def save_grasp(grasp: Grasp, path: str | Path, *, force: bool = False) -> None:
     """Write a `handfast/grasp/1` file. Raises `InputError` if it exists and `force` is not set."""
-    write_text(path, json.dumps(to_dict(grasp), indent=1) + "\n", force=force)
+    write_text(path, json.dumps(file_dict(grasp, Path(path).parent), indent=1) + "\n", force=force)
+
+
+def _source_dict(kind: str, part: SourceFile) -> dict[str, Any]:
+    scale = {"scale": part.scale} if kind == "object" and part.scale != 1 else {}
+    return {"path": part.path, "sha256": part.sha256} | scale
+
+
+def _provenance(entry: ProvenanceEntry) -> Provenance:
+    parts = {kind: getattr(entry, kind) for kind in KINDS}
+    return Provenance(**{k: None if part is None else SourceFile(**part.model_dump()) for k, part in parts.items()})
 
 
 class _within:

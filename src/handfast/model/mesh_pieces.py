@@ -17,19 +17,29 @@ CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volu
 
 def mesh_pieces(path: Path, scale: float = 1.0, pose: object = None) -> list[Shape]:
     """Convex pieces of a mesh file, scaled to metres and placed at `pose` (4, 4)."""
+    checked_scale(scale)
+    pose = rigid(np.eye(4) if pose is None else pose)
+    return pieces_of(read_mesh(path), path.name, scale, pose)
+
+
+def checked_scale(scale: float) -> None:
+    """`InputError` unless it can be metres per unit."""
     if not (np.isfinite(scale) and scale > 0):
         raise InputError(f"is {scale}; metres per unit of the mesh are needed, more than 0", field="scale")
-    pose = rigid(np.eye(4) if pose is None else pose)
-    groups = [(v * scale, f) for v, f in read_mesh(path)]
+
+
+def pieces_of(meshes: list[tuple[Array, Faces]], name: str, scale: float, pose: Array) -> list[Shape]:
+    """Convex pieces of triangle meshes (n, 3), (k, 3) of one object, see `mesh_pieces`."""
+    groups = [(v * scale, f) for v, f in meshes]
     for vertices, _ in groups:
-        refuse_far(vertices, path.name)
+        refuse_far(vertices, name)
     if len(groups) > 1 and not all(closed(f) for _, f in groups):
         groups = [_merged(groups)]  # groups that only colour one solid
     parts = [part for group in groups for part in components(*group)]
     if _hollow(parts):
         parts = [_merged(groups)]
     hulls = [points for v, f in parts for points in ([v] if is_convex(v, f) else decompose(v, f))]
-    return [Shape.hull(points, pose, f"{path.stem}/{i}") for i, points in enumerate(hulls)]
+    return [Shape.hull(points, pose, f"{Path(name).stem}/{i}") for i, points in enumerate(hulls)]
 
 
 def _hollow(parts: list[tuple[Array, Faces]]) -> bool:

@@ -280,14 +280,16 @@ def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
         log.setLevel(heard)
     if not found:
         raise InputError("has no triangles", source=str(path))
-    groups = []
-    for v, f in found:
-        if v.ndim != 2 or v.shape[1] != 3:
-            raise InputError(f"has vertices of {v.shape[-1]} coordinates; three are needed", source=str(path))
-        if f.ndim != 2 or f.shape[1] != 3 or f.min() < 0 or f.max() >= len(v):
-            raise InputError(f"has a triangle with a corner that is none of its {len(v)} vertices", source=str(path))
-        if not np.isfinite(v).all():
-            raise InputError("has a vertex that is NaN or infinite", source=str(path))
-        unique, inverse = np.unique(v, axis=0, return_inverse=True)
-        groups.append((unique, inverse.reshape(-1)[f]))
-    return groups
+    return [checked_mesh(v, f, str(path)) for v, f in found]
+
+
+def checked_mesh(v: Array, f: Faces, source: str) -> tuple[Array, Faces]:
+    """Vertices (n, 3) and faces (k, 3) with duplicates merged; `InputError` if they are no triangle mesh."""
+    if v.ndim != 2 or v.shape[1] != 3:
+        raise InputError(f"has vertices of {v.shape[-1]} coordinates; three are needed", source=source)
+    if f.ndim != 2 or f.shape[1] != 3 or f.min() < 0 or f.max() >= len(v):
+        raise InputError(f"has a triangle with a corner that is none of its {len(v)} vertices", source=source)
+    if not np.isfinite(v).all():
+        raise InputError("has a vertex that is NaN or infinite", source=source)
+    unique, inverse = np.unique(v, axis=0, return_inverse=True)
+    return unique, inverse.reshape(-1)[f]

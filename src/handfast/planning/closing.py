@@ -10,7 +10,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.geometry.contacts import THRESHOLD, find_contacts
-from handfast.geometry.scene import Indices, Scene, checked_pose
+from handfast.geometry.scene import Indices, PoseLike, Scene, checked_joints, checked_pose
 from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.hand.hand import Hand
@@ -51,9 +51,9 @@ class Closed:
 
 def close(
     hand: Hand,
-    q0: Array,
+    q0: Array | Mapping[str, float],
     body: Body,
-    object_pose: Array,
+    object_pose: PoseLike,
     closing: Mapping[str, int] | None = None,
     *,
     threshold: float = THRESHOLD,
@@ -71,8 +71,8 @@ def close(
     links end between 0 and 0.02 mm from what they touch, up to what the start already had.
 
     Args:
-        q0: (l,) start.
-        object_pose: (4, 4) of the object in the hand's base frame.
+        q0: (l,) start, or values by joint name; the others follow `Hand.configuration`.
+        object_pose: of the object in the hand's base frame: (4, 4), or position (3,) [m] and quaternion (w, x, y, z).
         closing: senses of named joints (-1, 0, 1), in place of `hand.closing`.
         threshold: [m] for the contacts that are returned.
         breakaway: in place of `hand.breakaway`.
@@ -84,10 +84,9 @@ def close(
     """
     hand = hand.with_closing(closing) if closing else hand
     pose = checked_pose(object_pose)
-    if np.shape(q0) != (hand.l,) or not np.isfinite(q0).all():
-        raise InputError(f"needs {hand.l} finite joint values, in the order of the hand's joints", field="q0")
+    q0 = checked_joints(hand, q0, "q0")
     scene = scene or Scene(hand, body)
-    links, between = scene.clearances(np.asarray(q0, dtype=float), pose, REACH)
+    links, between = scene.clearances(q0, pose, REACH)
     worst = int(links.argmin())
     if links[worst] < -OVERLAP:
         raise InputError(

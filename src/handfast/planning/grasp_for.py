@@ -19,6 +19,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.geometry.collision import Collisions
+from handfast.geometry.contacts import of_body
 from handfast.geometry.dexterity import dexterity
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
@@ -265,7 +266,7 @@ class _TaskSearch:
         """A grasp with everything that is said of it."""
         (c,), task, near = self.work.candidates([f.certified]), self.evaluator.task, self.evaluator.collisions
         assert f.answer is not None
-        grasp = c.grasp.with_preload(f.answer.preload)
+        grasp = of_body(c.grasp.with_preload(f.answer.preload), task.hand, self.body)
         wide = Collisions(near.scene, radius=near.radius, left_out=near.left_out)
         return ProvedGrasp(
             c.solution,

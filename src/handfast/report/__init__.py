@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from handfast.model.grasp import Grasp
     from handfast.report.drawing import Mesh
     from handfast.stability.answers import Answer
@@ -49,6 +51,7 @@ def write_report(
     meshes: Sequence[Mesh] = (),
     notes: Sequence[str] = (),
     facts: Sequence[tuple[str, str]] = (),
+    gallery: Sequence[tuple[Figure, str]] = (),
     force: bool = False,
 ) -> None:
     """Write a page that works offline: no entry is possible, then it shows the grasp alone.
@@ -63,6 +66,7 @@ def write_report(
         meshes: hand and object to draw behind the contacts, see `handfast.report.plot.scene_meshes`.
         notes: sentences above the answers.
         facts: rows of a table above the answers, name and value, such as clearances and ranks.
+        gallery: pictures with captions, after the answers: of other grasps that were found.
 
     Raises:
         InputError: the file exists and `force` is not set, or cannot be written.
@@ -70,5 +74,5 @@ def write_report(
     from handfast.core.files import write_text
     from handfast.report.page import render
 
-    text = render(grasp, entries, settings=settings, meshes=meshes, notes=notes, facts=facts)
+    text = render(grasp, entries, settings=settings, meshes=meshes, notes=notes, facts=facts, gallery=gallery)
     write_text(path, text, force=force)

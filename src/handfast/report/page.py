@@ -43,6 +43,7 @@ def render(
     meshes: Sequence[Mesh] = (),
     notes: Sequence[str] = (),
     facts: Sequence[tuple[str, str]] = (),
+    gallery: Sequence[tuple[Figure, str]] = (),
 ) -> str:
     """The whole page; see `handfast.report.write_report`."""
     settings = settings or Settings()
@@ -52,7 +53,11 @@ def render(
     parts = [_section(grasp, entry, settings, meshes, folded=id(entry) in folded) for entry in entries]
     witnessed = any(getattr(e.answer, "witness", None) for e in entries)
     parts.append(_grasp_section(grasp, () if witnessed else meshes, draw=not witnessed))
-    parts.append(_settings_section(settings, entries))
+    if gallery:
+        pictures = "".join(_figure(figure, caption, "png") for figure, caption in gallery)
+        parts.append(f"<section><h2>All that was found</h2>{pictures}</section>")
+    if entries or not gallery:
+        parts.append(_settings_section(settings, entries))
     css = (resources.files("handfast.report") / "page.css").read_text("utf-8")
     about = f"{words.grasp_text(grasp)}. Preload {words.preload_text(grasp)}."
     return "\n".join(
@@ -250,10 +255,11 @@ def _settings_section(settings: Settings, entries: Sequence[Entry]) -> str:
     )
 
 
-def _figure(figure: Figure, caption: str) -> str:
-    data = base64.b64encode(picture(figure, "svg", dpi=160)).decode("ascii")
+def _figure(figure: Figure, caption: str, ending: str = "svg") -> str:
+    data = base64.b64encode(picture(figure, ending, dpi=160 if ending == "svg" else 100)).decode("ascii")
+    kind = {"svg": "svg+xml", "png": "png"}[ending]
     return (
-        f'<figure><img alt="{escape(caption, quote=True)}" src="data:image/svg+xml;base64,{data}">'
+        f'<figure><img alt="{escape(caption, quote=True)}" src="data:image/{kind};base64,{data}">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 

@@ -20,6 +20,8 @@ from handfast.report.drawing import AMBER, BLUE, GREY, INK, MAROON, Mesh, draw_g
 from handfast.report.words import num
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from handfast.core.arrays import Array
     from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
 
@@ -47,7 +49,9 @@ def picture(figure: Figure, ending: str = "png", *, dpi: int = DPI) -> bytes:
 # --- maps ---------------------------------------------------------------------------------------
 
 
-def draw_map(answer: MapAnswer, *, limit: float | None = None, weight: float | None = None) -> Figure:
+def draw_map(
+    answer: MapAnswer, *, limit: float | None = None, weight: float | None = None, ax: Axes | None = None
+) -> Figure:
     """The resisted forces in a plane as a region: stability paper, Figs 6, 8 and 10.
 
     Blue is resisted with every actuator locked, maroon is what the preload adds. The radius in a
@@ -60,10 +64,13 @@ def draw_map(answer: MapAnswer, *, limit: float | None = None, weight: float | N
         weight: of the object [N], drawn as a circle. Where the grasp, with its preload if it has one,
             resists less, the circle is red and thick. A larger maximum does not say that the weight itself
             is held, as smaller forces may slip where larger ones do not: `check` tells.
+        ax: axes of the caller's own figure to draw in, without key, facts and the picture of the contacts; their
+            figure is returned.
     """
     radius = limit or max(_radius(answer), 1.25 * (weight or 0.0))
-    figure = Figure(figsize=(8.0, 5.4), dpi=DPI)
-    ax = figure.add_axes((0.085, 0.115, 0.575, 0.80))
+    own = ax is None
+    if ax is None:
+        ax = Figure(figsize=(8.0, 5.4), dpi=DPI).add_axes((0.085, 0.115, 0.575, 0.80))
     i, j = ("xyz".index(a) for a in answer.plane)
     d = answer.directions[:, [i, j]]
     ax.axhline(0, color=GREY, lw=0.8, zorder=1)
@@ -83,8 +90,11 @@ def draw_map(answer: MapAnswer, *, limit: float | None = None, weight: float | N
     ax.set_title(f"Forces resisted in the {answer.plane} plane", loc="left", fontsize=12, color=INK)
     ax.grid(color="#e4e4e4", lw=0.6, zorder=0)
     _tidy(ax)
-    bottom = _map_key(figure, answer, weight, hatched=open_ones > 0, holed=holed > 0)
-    _inset(figure, answer, (i, j), min(0.34, bottom - 0.135))
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    if own:
+        bottom = _map_key(figure, answer, weight, hatched=open_ones > 0, holed=holed > 0)
+        _inset(figure, answer, (i, j), min(0.34, bottom - 0.135))
     return figure
 
 

@@ -59,7 +59,7 @@ def load_text(w: Sequence[float] | Array) -> str:
     parts = []
     if force:
         parts.append(f"{num(force)} N along {along(w[:3])}")
-    if moment:
+    if moment > 1e-12 * force:  # a millionth of a micrometre: rounding
         parts.append(f"{num(moment)} N·m about {along(w[3:])}")
     return " with ".join(parts) or "no load"
 

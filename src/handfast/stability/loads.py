@@ -72,8 +72,10 @@ class Loads:
 
     @classmethod
     def wrench(cls, wrench: Sequence[float] | Array, name: str = "wrench") -> Loads:
-        """A single wrench (6,) [N, N m]."""
-        return cls((name,), np.asarray(wrench, dtype=float)[None])
+        """A single wrench (6,) [N, N m], or (3,) a force at the origin."""
+        given = np.asarray(wrench, dtype=float)
+        whole = np.concatenate([given, np.zeros(3)]) if given.shape == (3,) else given
+        return cls((name,), whole[None])
 
     @classmethod
     def gravity(cls, body: Body, directions: str | Sequence[str] | Array = "all", g: float = 9.81) -> Loads:

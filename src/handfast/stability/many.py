@@ -79,7 +79,7 @@ def max_many(
     """`maximum` in many directions; faster than one by one, in particular if neighbours follow each other.
 
     Args:
-        directions: (n, 6) forces [N] and torques [N m].
+        directions: (n, 6) forces [N] and torques [N m], or (n, 3) forces.
         jobs: cores to use; by default all.
         on_item: called with (done, total).
 
@@ -89,8 +89,9 @@ def max_many(
         One answer per direction, in order; None where Ctrl-C came first.
     """
     options = Options(eta, mdp, torque_limits, force_limit, settings)
-    w0 = np.zeros(6) if base is None else np.asarray(base, dtype=float)
-    return maxima([Case(grasp, d, w0) for d in np.atleast_2d(np.asarray(directions, float))], options, jobs, on_item)
+    w0 = np.zeros(6) if base is None else scaled_problem.as_wrench(base, "base")
+    towards = [scaled_problem.as_wrench(d, "direction") for d in np.atleast_2d(np.asarray(directions, float))]
+    return maxima([Case(grasp, d, w0) for d in towards], options, jobs, on_item)
 
 
 def maxima(

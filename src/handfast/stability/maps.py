@@ -17,6 +17,7 @@ from handfast.stability.answers import finite
 from handfast.stability.many import Case, OnItem, Options, maxima
 from handfast.stability.queries import MaxAnswer
 from handfast.stability.resisted_interval import ResistedInterval
+from handfast.stability.scaled_problem import as_wrench
 from handfast.stability.settings import Settings
 from handfast.stability.verification import Verified
 
@@ -251,13 +252,13 @@ def sweep(
     Args:
         actuator: whose command varies.
         values: (n,) commands [N m or N].
-        directions: (k, 6) disturbances, one curve each.
+        directions: (k, 6) disturbances, one curve each; (k, 3) are forces.
 
     The other arguments and errors are those of `force_map`, and `InputError` for an unknown actuator.
     """
     if actuator not in grasp.mechanism.actuators:
         raise unknown_name("actuator", actuator, grasp.mechanism.actuators, field="joint")
-    d = np.atleast_2d(np.asarray(directions, dtype=float))
+    d = np.array([as_wrench(row, "direction") for row in np.atleast_2d(np.asarray(directions, dtype=float))])
     x = np.asarray(values, dtype=float)
     options = Options(eta, True, torque_limits, force_limit, settings, proofs=False)
     base = np.zeros(6)

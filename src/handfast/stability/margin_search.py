@@ -21,6 +21,7 @@ from handfast.model.grasp import Contact, Grasp
 from handfast.stability.least_motion import least_motion
 from handfast.stability.margin import Flip, Margin, rubbed, tilted
 from handfast.stability.queries import CheckAnswer, check
+from handfast.stability.scaled_problem import as_wrench
 from handfast.stability.settings import Settings
 
 # [N/m] of a rubber fingertip pad. A sphere of radius R pressed with F against a flat gives way by
@@ -89,7 +90,7 @@ def margin(
     answer = answer or check(grasp, wrench, **options)
     if answer.verdict is not Verdict.HOLDS or answer.witness is None or answer.posed is None:
         return None
-    w = np.asarray(wrench, dtype=float)
+    w = as_wrench(wrench)
     own = settings or Settings()
     limited = own if np.isfinite(own.time_limit) else replace(own, time_limit=TIME_LIMIT)
     ask = _Ask(w, options | {"settings": limited}, on_sample)

@@ -205,10 +205,10 @@ def build(
         driven: (a,) bool, actuators whose command is sought, in the sense of the grasp's; the others are locked.
 
     Raises:
-        InputError: a wrench that is not six finite numbers, a zero direction, eta out of range, limits
+        InputError: a wrench that is not three or six finite numbers, a zero direction, eta out of range, limits
             that are not positive, a disturbance that the contacts cannot balance (outside the range of G).
     """
-    w0 = _wrench(w0, "wrench")
+    w0 = as_wrench(w0, "wrench")
     d = np.zeros(6) if direction is None else _direction(direction)
     _check_terms(eta, mdp, force_limit)
     mech = grasp.mechanism
@@ -334,13 +334,21 @@ def _lengths(length: float) -> Array:
 LEAST, MOST = 1e-100, 1e100  # of the largest number of a direction, and of any disturbance: squares stay numbers
 
 
-def _wrench(w: object, field: str) -> Array:
+def as_wrench(w: object, field: str = "wrench") -> Array:
+    """(6,) force [N] and torque [N m] from six numbers, or from three: a force at the origin.
+
+    Raises:
+        InputError: another count of numbers, one that is not finite or too large.
+    """
     try:
         a = np.array(w, dtype=float).reshape(-1)
     except (TypeError, ValueError):
         raise InputError("needs six numbers FX FY FZ TX TY TZ", field=field) from None
+    if a.shape == (3,):
+        a = np.concatenate([a, np.zeros(3)])
     if a.shape != (6,):
-        raise InputError(f"has {a.size} numbers; six are needed, FX FY FZ TX TY TZ", field=field)
+        needed = "six are needed, FX FY FZ TX TY TZ, or three for a force alone"
+        raise InputError(f"has {a.size} numbers; {needed}", field=field)
     if not np.isfinite(a).all():
         raise InputError("contains NaN or infinity; six finite numbers are needed", field=field)
     largest = np.abs(a).max()
@@ -350,7 +358,7 @@ def _wrench(w: object, field: str) -> Array:
 
 
 def _direction(direction: object) -> Array:
-    d = _wrench(direction, "direction")
+    d = as_wrench(direction, "direction")
     if not np.abs(d).max() >= LEAST:
         raise InputError("is zero, or next to it; give a force, a torque or both", field="direction")
     return d

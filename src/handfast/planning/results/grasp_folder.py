@@ -44,8 +44,8 @@ class GraspFolder(SearchFolder[Grasps]):
             self.written = [self.path / GRASPS]
             for k, g in enumerate(state.grasps, start=1):
                 grasp, configuration = (self.path / file.format(k) for file in FILES)
-                save_grasp(g.grasp, grasp, force=True)
                 save_configuration(g.configuration, configuration, force=True)
+                save_grasp(g.grasp.from_configuration(configuration), grasp, force=True)
                 self.written += [grasp, configuration]
             state.save(self.written[0], force=True)
         save_search(state.search, self.path / SEARCH)

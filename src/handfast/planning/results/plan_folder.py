@@ -10,6 +10,7 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import ConfigDict, Field
 
 from handfast.core.answer import Stop
@@ -82,7 +83,7 @@ class PlanFolder(SearchFolder[Plan]):
             names = {"hand": self.hand, "object": self.object, "closing": self.closing or None}
             placed = Configuration.of(state.hand, g.q, g.pose, **names, preload=g.grasp.preload)
             save_configuration(placed, configuration, force=True)
-            save_grasp(g.grasp, grasp, force=True)
+            save_grasp(g.grasp.from_configuration(configuration), grasp, force=True)
         self.answer = state.to_json()
         for entry in (*self.answer["grasps"], *self.answer["others"]):
             names_ = [name.format(number[entry["attempt"]]) for name in FILES]
@@ -114,6 +115,11 @@ class PlanFolder(SearchFolder[Plan]):
     def _held(self, entry: PlannedEntry, asked: Attempts) -> PlannedGrasp:
         place = load_configuration(self.path / entry.configuration_file)
         grasp = load_grasp(self.path / entry.grasp_file)
+        body = asked.body
+        of_another = grasp.center_of_mass is not None and not np.array_equal(grasp.center_of_mass, body.center_of_mass)
+        if of_another or grasp.mass not in (None, body.mass):
+            source = str(self.path / entry.grasp_file)
+            raise InputError("is of an object of another mass or centre of mass; it was changed", source=source)
         known = grasp.preload, 0.0, max((abs(v) for v in grasp.preload.values()), default=0.0)
         answer = held_again(grasp, asked.loads, asked.limits, settings_for(grasp), known, entry.nodes)
         if answer is None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, overload
+
+import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
@@ -12,6 +14,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer
 from handfast.stability.goal import ANY_STATE, INF
+from handfast.stability.loads import Loads
 from handfast.stability.margin import Margin
 from handfast.stability.posed import Posed
 from handfast.stability.query import (
@@ -74,9 +77,33 @@ class CheckAnswer(Answer):
         return Answer.saved(self if self.margin is None else replace(self, margin=None))
 
 
+@overload
 def check(
     grasp: Grasp,
     wrench: Sequence[float] | Array,
+    *,
+    eta: float = ...,
+    mdp: bool = ...,
+    torque_limits: Mapping[str, float] | None = ...,
+    force_limit: float | None = ...,
+    settings: Settings | None = ...,
+    on_step: OnStep | None = ...,
+) -> CheckAnswer: ...
+@overload
+def check(
+    grasp: Grasp,
+    wrench: Loads | Sequence[Sequence[float]] | Sequence[Array],
+    *,
+    eta: float = ...,
+    mdp: bool = ...,
+    torque_limits: Mapping[str, float] | None = ...,
+    force_limit: float | None = ...,
+    settings: Settings | None = ...,
+    on_step: OnStep | None = ...,
+) -> list[CheckAnswer]: ...
+def check(
+    grasp: Grasp,
+    wrench: Any,
     *,
     eta: float = 0.0,
     mdp: bool = True,
@@ -84,24 +111,54 @@ def check(
     force_limit: float | None = None,
     settings: Settings | None = None,
     on_step: OnStep | None = None,
-) -> CheckAnswer:
+) -> CheckAnswer | list[CheckAnswer]:
     """Does the grasp resist a disturbance passively? Stability paper, section VII-A, (20)-(22).
 
     Args:
         grasp: with the preload in force; an actuator without a command is locked.
-        wrench: (6,) force [N] and torque [N m] on the object, object frame, at its origin.
+        wrench: (6,) force [N] and torque [N m] on the object, object frame, at its origin; three numbers are a
+            force. Several, (n, 6), (n, 3) or `Loads`, are asked about one by one: a list of n answers, in order.
         eta: uncertainty of the contact normals [rad], section VI.
         mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
             literature), for comparison only: it creates energy out of nothing.
         torque_limits: actuator -> largest |f| of motor and gearing together, passive reaction included.
         force_limit: largest normal force at any contact [N].
-        settings: method, precision, limits.
+        settings: method, precision, limits; of each question, if there are several.
         on_step: called while it runs, with the bounds so far.
 
     Raises:
         InputError: see `handfast.stability.scaled_problem.build`.
     """
-    settings = settings or Settings()
+    limits: dict[str, Any] = {"torque_limits": torque_limits, "force_limit": force_limit}
+    asked: dict[str, Any] = {"eta": eta, "mdp": mdp, "settings": settings or Settings(), "on_step": on_step} | limits
+    if isinstance(wrench, Loads):
+        return [_check(grasp, w, **asked) for w in wrench.wrenches]
+    if not _is_table(wrench):
+        return _check(grasp, wrench, **asked)
+    each = [scaled_problem.as_wrench(w, f"wrench[{k}]") for k, w in enumerate(wrench)]  # all, before any is asked about
+    return [_check(grasp, w, **asked) for w in each]
+
+
+def _is_table(wrench: Any) -> bool:
+    """Are there several wrenches?"""
+    try:
+        return np.ndim(wrench) == 2
+    except ValueError:  # rows of several lengths
+        return True
+
+
+def _check(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    eta: float,
+    mdp: bool,
+    torque_limits: Mapping[str, float] | None,
+    force_limit: float | None,
+    settings: Settings,
+    on_step: OnStep | None,
+) -> CheckAnswer:
+    """The answer for one wrench."""
     p = scaled_problem.build(grasp, wrench, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
     if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
         modest = _any_state(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_step)

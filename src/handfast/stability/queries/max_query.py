@@ -302,8 +302,9 @@ def maximum(
     The resisted magnitudes need not be an interval: a smaller one may slip.
 
     Args:
-        direction: (6,) force [N] and torque [N m]; s multiplies it as given, normalise it yourself.
-        base: (6,) a constant load such as gravity.
+        direction: (6,) force [N] and torque [N m]; s multiplies it as given, normalise it yourself. Three numbers
+            are a force at the object's origin.
+        base: (6,) a constant load such as gravity, or (3,) a force.
         interval: show which smaller magnitudes are resisted, too, see `search/interval_search`.
 
     The other arguments and errors are those of `check`.

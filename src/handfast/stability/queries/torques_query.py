@@ -135,6 +135,7 @@ def torques(
     carries: that is (8), tau free where the command is zero.
 
     Args:
+        wrench: (6,) force [N] and torque [N m] on the object, or (3,) a force at its origin.
         objective: "max", the largest single command, or "sum".
         actuators: whose commands are sought; by default those that the grasp commands now, or all.
             The others stay locked.

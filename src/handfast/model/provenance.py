@@ -1,0 +1,154 @@
+"""Where a grasp came from: the files of its hand, its object and its configuration, by path and checksum."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from pathlib import Path
+
+from handfast.core import bundled
+from handfast.core.errors import InputError
+
+KINDS = {"hand": "hands", "object": "objects", "configuration": "configurations"}
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A file that something was read from.
+
+    Attributes:
+        path: of the file, or a bundled name; of a hand that is part of a robot, the file and "#LINK".
+        sha256: of the file's bytes alone, not of further files that it names; None where the source is no file.
+        scale: metres per unit, of a mesh file.
+    """
+
+    path: str
+    sha256: str | None = None
+    scale: float = 1.0
+
+    @classmethod
+    def of(cls, source: str | Path, kind: str, scale: float = 1.0) -> SourceFile | None:
+        """The file behind a path or bundled name as it is now; None if nothing was named.
+
+        Raises:
+            InputError: the file cannot be read.
+        """
+        if not str(source):
+            return None
+        file = _file(str(source), kind)
+        if file is None:
+            return cls(str(source), None, scale)
+        path = str(source) if _bundled(str(source), kind) else os.path.realpath(file) + _part(str(source))
+        return cls(path, _digest(file), scale)
+
+    def fault(self, kind: str) -> str:
+        """Why the file cannot be taken for the one that was read; '' if it can."""
+        if self.sha256 is None:
+            return f"the {kind} '{self.path}' came from no file, so that nothing tells whether it is the same"
+        file = _file(self.path, kind)
+        if file is None:
+            return f"the {kind}'s file {self.path} is not there"
+        try:
+            found = _digest(file)
+        except InputError as fault:
+            return str(fault)
+        if found != self.sha256:
+            return f"the {kind}'s file {self.path} has changed: its checksum is another"
+        return ""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a grasp came from. What is not known is None.
+
+    Attributes:
+        hand: a URDF or MJCF file, or a bundled hand.
+        object: a mesh or body file, or a bundled object.
+        configuration: the joint values and the object's pose in the hand.
+    """
+
+    hand: SourceFile | None = None
+    object: SourceFile | None = None
+    configuration: SourceFile | None = None
+
+    def __bool__(self) -> bool:
+        return any(self.parts())
+
+    def parts(self) -> Iterable[SourceFile | None]:
+        """Hand, object, configuration."""
+        return (getattr(self, f.name) for f in fields(self))
+
+    def with_configuration(self, path: str | Path) -> Provenance:
+        """The same with a configuration file, as it is now."""
+        return replace(self, configuration=SourceFile.of(path, "configuration"))
+
+    def faults(self) -> list[str]:
+        """Why hand and object cannot be shown as they were, a line each; none if they can."""
+        missing = [k for k in KINDS if getattr(self, k) is None]
+        if missing:
+            return [f"the grasp file does not say which {' and '.join(missing)} it came from"]
+        found = (getattr(self, kind).fault(kind) for kind in KINDS)
+        return [line for line in found if line]
+
+    def moved(self, change: Callable[[str], str]) -> Provenance:
+        """The same with every path changed; bundled names, and what is no file, stay."""
+
+        def one(kind: str) -> SourceFile | None:
+            part: SourceFile | None = getattr(self, kind)
+            if part is None or part.sha256 is None or _bundled(part.path, kind):
+                return part
+            inside = _part(part.path)
+            return replace(part, path=change(part.path.removesuffix(inside)) + inside)
+
+        return Provenance(**{kind: one(kind) for kind in KINDS})
+
+    def relative_to(self, folder: str | Path) -> Provenance:
+        """With paths as they stand in a file in `folder`."""
+        return self.moved(lambda path: _relative(path, Path(folder).resolve()))
+
+    def resolved_from(self, folder: str | Path) -> Provenance:
+        """With the paths of a file in `folder`, absolute."""
+        return self.moved(lambda path: os.path.normpath(Path(folder).resolve() / path))
+
+
+def _relative(path: str, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # on another drive
+        return path
+
+
+@lru_cache(maxsize=256)
+def _bundled(source: str, kind: str) -> str | None:
+    """The file behind a bundled name, None if it is none."""
+    return bundled.resolve(KINDS[kind], source) if source in bundled.names(KINDS[kind]) else None
+
+
+def _part(source: str) -> str:
+    """What a name says beside a file: "#LINK", the part of a robot that is the hand; '' if it says nothing."""
+    file, mark, link = source.rpartition("#")
+    return mark + link if file and not os.path.isfile(source) and "/" not in link else ""
+
+
+def _file(source: str, kind: str) -> Path | None:
+    """The file behind a path, maybe of a part of it, or a bundled name; None if there is none."""
+    file = _bundled(source, kind) or source.removesuffix(_part(source))
+    return Path(file) if os.path.isfile(file) else None  # False, too, for what can be no name
+
+
+def _digest(file: Path) -> str:
+    status = file.stat()
+    return _digest_of(str(file), status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=256)
+def _digest_of(file: str, _changed: int, _size: int) -> str:
+    """SHA-256 of a file's bytes, read once for each time that it was written."""
+    try:
+        with Path(file).open("rb") as data:
+            return hashlib.file_digest(data, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", source=file) from None
