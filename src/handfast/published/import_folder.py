@@ -58,7 +58,7 @@ def write_folder(path: Path, rows: Sequence[ImportedGrasp], about: dict[str, Any
             save_configuration(configuration, path / name, force=True)
             entry["configuration_file"] = name
             if row.grasp is not None:
-                save_grasp(row.grasp, path / grasp, force=True)
+                save_grasp(row.grasp.from_configuration(path / name), path / grasp, force=True)
                 entry["grasp_file"] = grasp
         entries.append(entry)
     text = json.dumps({"schema": SCHEMA, **about, "rows": entries}, indent=1) + "\n"
