@@ -11,6 +11,7 @@ import numpy as np
 from handfast.core import bundled
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.model.graspit_body import GraspitBody
 from handfast.model.mesh_pieces import joined, mesh_pieces
 from handfast.model.shape import MESH_FILES, Faces, Shape, read_mesh
 
@@ -112,7 +113,7 @@ def load_body(
     center_of_mass: object = None,
     scale: float = 1.0,
 ) -> Body:
-    """An object from a mesh file or a `handfast/body/1` JSON file, or a bundled one by name.
+    """An object from a mesh file, a `handfast/body/1` JSON file or a GraspIt! body file, or a bundled one by name.
 
     A mesh may consist of several convex parts (groups, or connected components): they are taken as they
     are, each as its convex hull. A part that is not convex is decomposed into convex pieces with CoACD,
@@ -120,11 +121,11 @@ def load_body(
     are several).
 
     Args:
-        source: OBJ, STL, PLY, OFF or JSON.
+        source: OBJ, STL, PLY, OFF, Inventor (.iv), VRML (.wrl), JSON, or XML of GraspIt!, which states mm and grams.
         mass: [kg]; unknown if absent here and in the file.
         friction: coefficient; 0.5 if absent here and in the file.
         center_of_mass: (3,) [m] in the object frame, after scaling.
-        scale: metres per unit of a mesh file; a JSON file states its own.
+        scale: metres per unit of a mesh file; other files state their own.
 
     Raises:
         InputError: no such file, no triangles, NaN, flat, negative mass or friction, zero scale, a
@@ -132,13 +133,20 @@ def load_body(
     """
     path = Path(bundled.resolve("objects", str(source)))
     if not os.path.isfile(path):  # False, too, for what can be no name
-        raise InputError("no such file; an OBJ, STL, PLY, OFF or JSON file is needed", source=str(path))
+        raise InputError("no such file; an OBJ, STL, PLY, OFF, IV, WRL, JSON or XML file is needed", source=str(path))
     try:
         if path.suffix.lower() in MESH_FILES:
             pieces = mesh_pieces(path, scale)
             vertices, faces = joined(read_mesh(path))
             drawn = (vertices * scale, faces)
             name, found = path.stem, (mass, friction, center_of_mass)
+        elif path.suffix.lower() == ".xml":
+            thing = GraspitBody.read(path)
+            pieces, drawn = thing.solids()
+            center = thing.center_of_mass if center_of_mass is None else center_of_mass
+            name, found = path.stem, (thing.mass if mass is None else mass, friction, center)
+            if friction is None:
+                thing.say_friction()
         else:
             from handfast.model.body_file import read_body_file  # pydantic, slow to import
 

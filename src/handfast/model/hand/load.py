@@ -1,4 +1,4 @@
-"""One door for hands: bundled names, URDF files and MJCF files."""
+"""One door for hands: bundled names, URDF, MJCF and GraspIt! files."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from handfast.core.errors import InputError, unknown_name
+from handfast.model.hand.graspit import read_graspit
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.mjcf import read_mjcf
 from handfast.model.hand.urdf import parse_xml, read_urdf
@@ -36,7 +37,7 @@ def bundled_hands() -> tuple[str, ...]:
 
 
 def load_hand(source: str | Path) -> Hand:
-    """A hand from a URDF or MJCF file, or a bundled one by name.
+    """A hand from a URDF, MJCF or GraspIt! file, or a bundled one by name.
 
     Only collision shapes are read (URDF `collision`; MJCF geoms that can collide), and a mesh counts as
     its convex hull: split a non-convex link into several meshes to keep its hollows. A link without
@@ -64,6 +65,8 @@ def load_hand(source: str | Path) -> Hand:
 def _read(path: Path) -> Hand:
     root = parse_xml(path)
     try:
+        if root.tag == "robot" and root.find("chain") is not None:  # a URDF file has none
+            return read_graspit(root, path)
         if root.tag == "robot":
             return read_urdf(root, path)
         if root.tag == "mujoco":
