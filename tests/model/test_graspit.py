@@ -213,6 +213,9 @@ def test_an_arm_is_no_hand_and_one_of_several_is_chosen(tmp_path: Path) -> None:
     path = scene(tmp_path, arm, link, other)
     with pytest.raises(InputError, match=r"has 2 objects \(block, other\); choose one: world.xml#block$"):
         load_configuration(path)
+    with pytest.raises(InputError, match=r"has 2 objects \(block, block\); leave one in a copy of the world$"):
+        load_configuration(scene(tmp_path, placed("graspableBody", "models/block.xml")))
+    path = scene(tmp_path, arm, link, other)
     found = load_configuration(f"{path}#other")
     assert (Path(found.hand or "").stem, Path(found.object or "").stem) == ("robot", "other")
     with pytest.raises(InputError, match=r"has no robot or object 'cup'; known: arm, block, other, robot$"):

@@ -88,7 +88,9 @@ def _one(found: list[Element], kind: str, chosen: tuple[str, ...], path: Path) -
     if not named:
         raise InputError(f"has no {kind}; one is needed")
     stems = [Path(_name(e)).stem for e in named]
-    raise InputError(f"has {len(named)} {kind}s ({', '.join(stems)}); choose one: {path.name}#{stems[0]}")
+    alike = len(set(stems)) == 1
+    right = "leave one in a copy of the world" if alike else f"choose one: {path.name}#{stems[0]}"
+    raise InputError(f"has {len(named)} {kind}s ({', '.join(stems)}); {right}")
 
 
 def _found(e: Element, path: Path) -> Path:
