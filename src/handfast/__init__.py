@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from handfast.model.grasp import GraspJoint as GraspJoint
     from handfast.model.grasp_file import load_grasp as load_grasp
     from handfast.model.grasp_file import save_grasp as save_grasp
+    from handfast.model.graspit_scene import load_graspit_world as load_graspit_world
     from handfast.model.hand import Hand as Hand
     from handfast.model.hand import load_hand as load_hand
     from handfast.model.hand_regions import load_hand_regions as load_hand_regions
@@ -95,6 +96,7 @@ _HOME = {
     "load_grasp": "model.grasp_file",
     "save_grasp": "model.grasp_file",
     "Hand": "model.hand",
+    "load_graspit_world": "model.graspit_scene",
     "load_hand": "model.hand",
     "Mechanism": "model.mechanism",
     "Bezier": "model.region",

@@ -23,13 +23,13 @@ class SceneOptions:
     """A hand and an object."""
 
     hand: Annotated[Positional[str], arg(metavar="HAND")]
-    """a URDF or MJCF file (FILE#LINK: what hangs on that link), a bundled hand, menagerie:ROBOT or ..._description"""
+    """a URDF, MJCF or GraspIt! file (FILE#LINK: what hangs on that link), a bundled hand, menagerie:ROBOT or ..._description"""
     root: Annotated[str | None, arg(metavar="LINK")] = None
     """read only what hangs on this link of the robot: the hand without its arm, one of two hands"""
     srdf: Annotated[str | None, arg(metavar="FILE")] = None
     """SRDF file that says which links do not collide; the URDF's namesake beside it"""
     object: Annotated[Positional[str], arg(metavar="OBJECT")]
-    """a mesh (OBJ, STL, PLY, OFF), URDF, SDF or handfast/body/1 file, a folder of meshes, or a bundled object"""
+    """a mesh, URDF, SDF, GraspIt! or handfast/body/1 file, a folder of meshes, or a bundled object"""
     friction: Annotated[float | None, arg(metavar="MU")] = None
     """friction coefficient between hand and object; the object file's, or 0.5"""
     mass: Annotated[float | None, arg(metavar="KG")] = None

@@ -13,6 +13,7 @@ from handfast.core import bundled
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.model.body_models import MODEL_FILES, read_body_model, read_folder
+from handfast.model.graspit_body import GraspitBody
 from handfast.model.mesh_pieces import checked_scale, joined, mesh_pieces, pieces_of
 from handfast.model.shape import MESH_FILES, Faces, Shape, checked_mesh, read_mesh
 
@@ -160,7 +161,7 @@ def load_body(
     center_of_mass: object = None,
     scale: float = 1.0,
 ) -> Body:
-    """An object from a mesh, URDF, SDF or `handfast/body/1` JSON file, a folder of meshes, or a bundled one by name.
+    """An object from a mesh, URDF, SDF, GraspIt! or `handfast/body/1` file, a folder of meshes, or a bundled one.
 
     A mesh may consist of several convex parts (groups, or connected components): they are taken as they
     are, each as its convex hull. A part that is not convex is decomposed into convex pieces with CoACD,
@@ -169,11 +170,12 @@ def load_body(
     folder are pieces of one object.
 
     Args:
-        source: OBJ, STL, PLY, OFF, URDF, SDF, JSON or a folder.
+        source: OBJ, STL, PLY, OFF, Inventor (.iv), VRML (.wrl), URDF, SDF, JSON, a folder, or XML of GraspIt!, which
+            states mm and grams.
         mass: [kg]; unknown if absent here and in the file.
         friction: coefficient; 0.5 if absent here and in the file.
         center_of_mass: (3,) [m] in the object frame, after scaling.
-        scale: metres per unit of a mesh, a folder's meshes, or a URDF or SDF file; a JSON file states its own.
+        scale: metres per unit of a mesh, a folder's meshes, or a URDF or SDF file; other files state their own.
 
     Raises:
         InputError: no such file, no triangles, NaN, flat, negative mass or friction, zero scale, a
@@ -181,7 +183,8 @@ def load_body(
     """
     path = Path(bundled.resolve("objects", str(source)))
     if not os.path.isfile(path) and not os.path.isdir(path):  # False, too, for what can be no name
-        raise InputError("no such file; an OBJ, STL, PLY, OFF, URDF, SDF or JSON file is needed", source=str(path))
+        known = "an OBJ, STL, PLY, OFF, IV, WRL, URDF, SDF, JSON or XML file"
+        raise InputError(f"no such file; {known} is needed", source=str(path))
     try:
         drawn: tuple[Array, Faces] | None = None
         stored: tuple[object, ...] = (None, None, None)
@@ -192,6 +195,12 @@ def load_body(
         elif path.is_dir() or path.suffix.lower() in MODEL_FILES:
             parts = read_folder(path, scale) if path.is_dir() else read_body_model(path, scale)
             name, pieces, stored = parts.name, parts.pieces, (parts.mass, parts.friction, parts.center_of_mass)
+        elif path.suffix.lower() == ".xml":
+            thing = GraspitBody.read(path)
+            pieces, drawn = thing.solids()
+            name, stored, scale = path.stem, (thing.mass, None, thing.center_of_mass), 1.0
+            if friction is None:
+                thing.say_friction()
         else:
             from handfast.model.body_file import read_body_file  # pydantic, slow to import
 

@@ -19,6 +19,7 @@ from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, read_json, validate, write_text
 from handfast.core.transforms import matrix_quaternion
 from handfast.model.body_file import PoseFile
+from handfast.model.graspit_world import read_graspit_world
 from handfast.model.hand.hand import Hand
 
 
@@ -63,11 +64,25 @@ class Configuration(Strict):
 
 
 def load_configuration(path: str | Path) -> Configuration:
-    """Read a configuration file, or a bundled one by name.
+    """Read a configuration file, or a bundled one by name, or the configuration in a GraspIt! world.
+
+    Of a world (XML), hand and object are named by their files. `world.xml#Barrett,mug` chooses among several; a robot
+    that carries another, an arm, is not the hand. Obstacles are left out.
 
     Raises:
         InputError: no such file, not JSON, or the first field that is wrong. One line, naming the file.
     """
+    name, _, chosen = str(path).partition("#")
+    if name.lower().endswith(".xml"):
+        world = read_graspit_world(Path(name), tuple(filter(None, chosen.split(","))))
+        pose = PoseFile(position=tuple(world.pose[:3, 3]), quaternion=tuple(matrix_quaternion(world.pose[:3, :3])))
+        return Configuration(
+            schema="handfast/configuration/1",
+            hand=str(world.robot),
+            object=str(world.body),
+            joints=world.joints,
+            object_pose=pose,
+        )
     file = bundled.resolve("configurations", str(path))
     data = read_json(file, "configuration")
     try:

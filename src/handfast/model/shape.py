@@ -16,12 +16,14 @@ from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.core.interrupts import deferred_interrupt
 from handfast.core.transforms import FARTHEST, rigid
+from handfast.model.inventor import read_inventor
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
 Faces = NDArray[np.int64]
 
 SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
-MESH_FILES = (".obj", ".stl", ".ply", ".off")
+INVENTOR_FILES = (".iv", ".wrl")
+MESH_FILES = (".obj", ".stl", ".ply", ".off", *INVENTOR_FILES)
 RIM = 16  # points that stand for the rim of a cylinder
 SMALLEST = 1e-9  # [m] a solid smaller than this, or reaching further than `FARTHEST`, is in another unit
 
@@ -249,16 +251,18 @@ def volume_and_centroid(vertices: Array, faces: Faces) -> tuple[float, Array]:
 def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
     """The groups of a mesh file as (vertices (n, 3), faces (k, 3)), file units, duplicates merged.
 
-    An OBJ file has one group per `o` or `g`; other formats have one.
+    An OBJ file has one group per `o` or `g`, an Inventor or VRML file one per shape; other formats have one.
 
     Raises:
-        InputError: no such file, a format that is not OBJ, STL, PLY or OFF, unreadable, no triangles,
+        InputError: no such file, a format that is not in `MESH_FILES`, unreadable, no triangles,
             corners that are no vertices, NaN vertices.
     """
     if path.suffix.lower() not in MESH_FILES:
         raise InputError(f"is not a mesh file; known: {', '.join(MESH_FILES)}", source=str(path))
     if not os.path.isfile(path):
         raise InputError("no such file", source=str(path))
+    if path.suffix.lower() in INVENTOR_FILES:
+        return read_inventor(path)
     with deferred_interrupt():
         import trimesh  # slow to import
 

@@ -1,4 +1,4 @@
-"""One door for hands: bundled names, URDF and MJCF files, collections of robots, mujoco models in memory."""
+"""One door for hands: bundled names, URDF, MJCF and GraspIt! files, collections of robots, mujoco models in memory."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 from handfast.core.errors import InputError, unknown_name
 from handfast.model.hand.anatomy import with_guessed_senses
+from handfast.model.hand.graspit import read_graspit
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.mjcf import hand_of_model, hand_of_spec, read_mjcf
 from handfast.model.hand.named_models import collected
@@ -44,7 +45,7 @@ def bundled_hands() -> tuple[str, ...]:
 
 
 def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None = None) -> Hand:
-    """A hand from a URDF or MJCF file, by name, or from a mujoco model in memory.
+    """A hand from a URDF, MJCF or GraspIt! file, by name, or from a mujoco model in memory.
 
     Only collision shapes are read (URDF `collision`; MJCF geoms that can collide), and a mesh counts as
     its convex hull: split a non-convex link into several meshes to keep its hollows. A link without
@@ -83,7 +84,7 @@ def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None =
         if path.suffix:
             raise InputError("no such file", source=str(path))
         raise unknown_name("hand", str(source), bundled_hands())
-    hand = with_guessed_senses(_read(path, root))
+    hand = _read(path, root)
     if root:
         hand = replace(hand, source=f"{path}#{root}")
     beside = path.with_suffix(".srdf")
@@ -96,7 +97,7 @@ def _bundled(name: str) -> Hand:
     if name.startswith(TABLE_1_PREFIX):
         return replace(table_1_hand(name.removeprefix(TABLE_1_PREFIX)), source=name)
     file, closing, breakaway = BUNDLED[name]
-    hand = _read(Path(str(files("handfast") / "data" / "hands" / file)))
+    hand = _read(Path(str(files("handfast") / "data" / "hands" / file)), guess=False)
     hand = hand.with_closing(dict.fromkeys(hand.joint_names, 0) | closing)
     return replace(hand, name=name, breakaway=breakaway, source=name)
 
@@ -116,15 +117,19 @@ def _with_srdf(hand: Hand, srdf: Path, strict: bool) -> Hand:
     return replace(hand, non_colliding=hand.non_colliding | read_srdf(srdf, hand, strict=strict))
 
 
-def _read(path: Path, base: str | None = None) -> Hand:
+def _read(path: Path, base: str | None = None, *, guess: bool = True) -> Hand:
+    """The hand in a file; closing senses that the file does not state are guessed."""
     root = parse_xml(path)
     try:
-        if root.tag == "robot":
-            return read_urdf(root, path, base)
-        if root.tag == "mujoco":
-            return read_mjcf(root, path, base)
+        if root.tag == "robot" and root.find("chain") is not None:  # a URDF file has none
+            if base:
+                raise InputError("is for URDF and MJCF files; a GraspIt! file is read whole", field="root")
+            return read_graspit(root, path)
+        if root.tag not in ("robot", "mujoco"):
+            raise InputError(f"has root element <{root.tag}>; <robot> or <mujoco> is needed")
+        hand = read_urdf(root, path, base) if root.tag == "robot" else read_mjcf(root, path, base)
     except InputError as fault:
         raise fault.at(str(path)) from None
     except UnicodeDecodeError:  # mujoco reads bytes, whatever encoding the file declares
         raise InputError("has names that are not in UTF-8", source=str(path)) from None
-    raise InputError(f"has root element <{root.tag}>; <robot> or <mujoco> is needed", source=str(path))
+    return with_guessed_senses(hand) if guess else hand

@@ -13,6 +13,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import transform
+from handfast.core.xml_tree import read_tree
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape, read_mesh
@@ -209,9 +210,11 @@ def _attribute(e: Element, key: str, where: str) -> str:
 def parse_xml(path: Path) -> Element:
     """The root element of an XML file; `InputError` if it does not exist or is not XML."""
     try:
-        return ElementTree.parse(path).getroot()
+        return read_tree(path)
     except ElementTree.ParseError as fault:
         raise InputError(f"is not XML ({fault}); a URDF or MJCF file is needed", source=str(path)) from None
+    except InputError:  # a ValueError, too
+        raise
     except (LookupError, ValueError) as fault:  # an encoding that it declares
         raise InputError(f"has an encoding that cannot be read ({fault}); UTF-8 is right", source=str(path)) from None
     except OSError as fault:
