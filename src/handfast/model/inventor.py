@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
-from handfast.model.scene_graph import Node, parse_scene_graph
+from handfast.model.scene_graph import SceneNode, parse_scene_graph
 
 Triangles = NDArray[np.int64]  # (k, 3)
 Group = tuple[Array, Triangles]  # with vertices (n, 3)
@@ -99,7 +99,7 @@ class _Reader:
             self.visit(node, state, vrml2)
         self.path = outer
 
-    def visit(self, node: Node, state: _State, vrml2: bool) -> None:
+    def visit(self, node: SceneNode, state: _State, vrml2: bool) -> None:
         self.visited += 1
         if self.visited > MOST:
             raise InputError(f"has more than {MOST} nodes, those that are used again counted again")
@@ -132,7 +132,7 @@ class _Reader:
         for child in inner:
             self.visit(child, state, vrml2)
 
-    def included(self, node: Node, state: _State) -> None:
+    def included(self, node: SceneNode, state: _State) -> None:
         name = node.word("name")
         if not name or Path(name).is_absolute() or "://" in name:
             raise InputError(f"refers to the file '{name}'; a relative path is needed")
@@ -142,7 +142,7 @@ class _Reader:
         self.file(self.path.parent / name.replace("\\", "/"), replace(state))
         self.deep -= 1
 
-    def add(self, node: Node, state: _State, vertices: Array, faces: Triangles) -> None:
+    def add(self, node: SceneNode, state: _State, vertices: Array, faces: Triangles) -> None:
         if not len(faces):
             return
         if faces.min() < 0 or faces.max() >= len(vertices):
@@ -156,7 +156,7 @@ class _Reader:
         self.groups.append((unique, triangles[:, ::-1] if backwards else triangles))
 
 
-def _chosen(node: Node) -> list[Node]:
+def _chosen(node: SceneNode) -> list[SceneNode]:
     """The children that count: all of a group, the chosen one of a switch (none by default), the finest level."""
     inner = [*node.children, *node.nodes("children"), *node.nodes("choice"), *node.nodes("level")]
     if node.kind == "Group":
@@ -178,7 +178,7 @@ def _scaled(factors: Array) -> Array:
     return np.diag([*factors, 1.0])
 
 
-def _placed(node: Node) -> Array:
+def _placed(node: SceneNode) -> Array:
     """(4, 4) of a Transform: scale along its own axes, turn about a centre, move."""
     center = node.numbers("center", 3, (0, 0, 0))
     turn = node.numbers("rotation", 4, (0, 0, 1, 0))
@@ -191,23 +191,23 @@ def _placed(node: Node) -> Array:
     )
 
 
-def _rotation(node: Node) -> Array:
+def _rotation(node: SceneNode) -> Array:
     turn = node.numbers("rotation", 4, (0, 0, 1, 0))
     return _turned(turn[:3], turn[3])
 
 
-def _rotation_xyz(node: Node) -> Array:
+def _rotation_xyz(node: SceneNode) -> Array:
     axis = (node.word("axis") or "X").upper()
     if axis not in ("X", "Y", "Z"):
         raise InputError(f"has axis '{axis}'; X, Y or Z is needed", field="RotationXYZ")
     return _turned(np.eye(3)["XYZ".index(axis)], node.numbers("angle", 1, (0,))[0])
 
 
-def _matrix(node: Node) -> Array:
+def _matrix(node: SceneNode) -> Array:
     return node.numbers("matrix", 16, tuple(np.eye(4).ravel())).reshape(4, 4).T  # the file's multiplies rows
 
 
-MOVES: dict[str, Callable[[Node], Array]] = {
+MOVES: dict[str, Callable[[SceneNode], Array]] = {
     "Transform": _placed,
     "Translation": lambda node: transform(node.numbers("translation", 3, (0, 0, 0))),
     "Rotation": _rotation,
@@ -217,7 +217,7 @@ MOVES: dict[str, Callable[[Node], Array]] = {
 }
 
 
-def _points(node: Node, state: _State) -> Array:
+def _points(node: SceneNode, state: _State) -> Array:
     """The vertices that a node refers to: its own, or those that were stated before."""
     for field, name in (("coord", "point"), ("vertexProperty", "vertex")):
         for own in node.nodes(field):
@@ -227,18 +227,18 @@ def _points(node: Node, state: _State) -> Array:
     return state.points
 
 
-def _polygons(node: Node, state: _State) -> Group:
+def _polygons(node: SceneNode, state: _State) -> Group:
     return _points(node, state), _fans(_runs(node.integers("coordIndex")))
 
 
-def _strips(node: Node, state: _State) -> Group:
+def _strips(node: SceneNode, state: _State) -> Group:
     return _points(node, state), _bands(_runs(node.integers("coordIndex")))
 
 
-def _counted(cut: Callable[[list[list[int]]], Triangles]) -> Callable[[Node, _State], Group]:
+def _counted(cut: Callable[[list[list[int]]], Triangles]) -> Callable[[SceneNode, _State], Group]:
     """Of a set whose vertices follow each other: `numVertices` of each piece, -1 for all that are left."""
 
-    def read(node: Node, state: _State) -> Group:
+    def read(node: SceneNode, state: _State) -> Group:
         points, runs = _points(node, state), []
         at = int(node.numbers("startIndex", 1, (0,))[0])
         for n in node.integers("numVertices") or [-1]:
@@ -274,7 +274,7 @@ def _bands(runs: list[list[int]]) -> Triangles:
     return np.array(turns, dtype=np.int64).reshape(-1, 3)
 
 
-def _solid(node: Node, state: _State) -> Group:
+def _solid(node: SceneNode, state: _State) -> Group:
     """A box, ball, cylinder or cone about the origin; the latter two along y."""
     import trimesh  # slow to import
 
@@ -303,7 +303,7 @@ def _solid(node: Node, state: _State) -> Group:
     return vertices, np.asarray(mesh.faces, dtype=np.int64)
 
 
-SHAPES: dict[str, Callable[[Node, _State], Group]] = {
+SHAPES: dict[str, Callable[[SceneNode, _State], Group]] = {
     "IndexedFaceSet": _polygons,
     "IndexedTriangleStripSet": _strips,
     "FaceSet": _counted(_fans),

@@ -21,20 +21,20 @@ NUMBER = frozenset("+-.0123456789")
 
 
 @dataclass
-class Node:
+class SceneNode:
     """One node: its kind, its fields by name (texts, or nodes) and the nodes in it."""
 
     kind: str
-    fields: dict[str, list[str | Node]] = field(default_factory=dict)
-    children: list[Node] = field(default_factory=list)
+    fields: dict[str, list[str | SceneNode]] = field(default_factory=dict)
+    children: list[SceneNode] = field(default_factory=list)
 
-    def field(self, name: str) -> list[str | Node]:
+    def field(self, name: str) -> list[str | SceneNode]:
         """The values of a field, [] if it is not stated."""
         return self.fields.get(name, [])
 
-    def nodes(self, name: str) -> list[Node]:
+    def nodes(self, name: str) -> list[SceneNode]:
         """The nodes among the values of a field."""
-        return [v for v in self.field(name) if isinstance(v, Node)]
+        return [v for v in self.field(name) if isinstance(v, SceneNode)]
 
     def word(self, name: str) -> str:
         """The first word or string of a field, "" if it is not stated."""
@@ -72,7 +72,7 @@ class Node:
         return values
 
 
-def parse_scene_graph(text: str) -> list[Node]:
+def parse_scene_graph(text: str) -> list[SceneNode]:
     """The nodes at the top of a file. A node that is used again is the same object again.
 
     Raises:
@@ -85,7 +85,7 @@ def parse_scene_graph(text: str) -> list[Node]:
 class _Parser:
     def __init__(self, tokens: list[str]) -> None:
         self.tokens, self.at = tokens, 0
-        self.named: dict[str, Node] = {}
+        self.named: dict[str, SceneNode] = {}
         self.deep = 0
 
     def peek(self, ahead: int = 0) -> str:
@@ -99,7 +99,7 @@ class _Parser:
         self.at += 1
         return token
 
-    def top(self) -> list[Node]:
+    def top(self) -> list[SceneNode]:
         nodes = []
         while self.at < len(self.tokens):
             if self.peek() == "ROUTE":  # of animations
@@ -120,7 +120,7 @@ class _Parser:
     def is_word(self) -> bool:
         return self.peek()[:1] not in ("", "{", "}", "[", "]", "(", ")", "|", '"')
 
-    def node(self) -> Node:
+    def node(self) -> SceneNode:
         token = self.take()
         if token == "USE":
             name = self.take()
@@ -134,7 +134,7 @@ class _Parser:
         self.deep += 1
         if self.deep > DEEPEST:
             raise InputError(f"has nodes more than {DEEPEST} deep in each other")
-        node = Node(token)
+        node = SceneNode(token)
         while self.peek() != "}":
             if self.starts_node():
                 node.children.append(self.node())
@@ -149,12 +149,12 @@ class _Parser:
             self.named[name] = node
         return node
 
-    def values(self) -> list[str | Node]:
+    def values(self) -> list[str | SceneNode]:
         first = self.peek()
         if first in ("[", "("):
             close = "]" if first == "[" else ")"
             self.take()
-            out: list[str | Node] = []
+            out: list[str | SceneNode] = []
             while self.peek() != close:
                 out.append(self.node() if self.starts_node() else self.take())
             self.take(close)
@@ -164,7 +164,7 @@ class _Parser:
         if first == "" or first in "{}])|":
             return []
         if first[0] not in NUMBER:
-            words: list[str | Node] = [self.take()]
+            words: list[str | SceneNode] = [self.take()]
             while self.peek() == "|":
                 self.take()
                 words.append(self.take())

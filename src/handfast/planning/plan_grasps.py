@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from handfast.planning.sizes import compared
 from handfast.stability.loads import Loads
 
 
-def plan(
+def plan(  # each argument is an option of the command line
     hand: Hand,
     body: Body,
     *,
@@ -71,17 +71,13 @@ def plan(
             times larger or smaller than the hand, an earlier plan of another question, and whatever `hold` raises.
     """
     limits, journal = limits or Limits(), journal or Journal()
-    positive = {"count": count, "timeout": timeout, "attempts": attempts, "command_limit": limits.command_limit}
-    positive["give_up"] = give_up
-    for name, value in positive.items():
-        if value is not None and not value > 0:
-            raise InputError(f"is {value:g}; a positive number is needed", field=name)
+    _refuse_no_positive(
+        {"count": count, "timeout": timeout, "attempts": attempts, "give_up": give_up}
+        | {"command_limit": limits.command_limit}
+    )
     compared(hand, body)
     loads = Loads.gravity(body) if loads is None else loads
-    pairs = tuple(sorted((min(a, b), max(a, b)) for a, b in ignored))
-    for name in (name for pair in pairs for name in pair):
-        if name not in hand.link_names:
-            raise unknown_name("link", name, hand.link_names, field="ignored")
+    pairs = _link_pairs(hand, ignored)
     asked = Attempts(hand, body, palm_of(hand, sampling.approach), loads, seed, limits, sampling, pairs)
     begin, question = time.monotonic(), asked.question
     before = journal.earlier(asked)
@@ -119,3 +115,17 @@ def plan(
     answer = so_far(Stop.COMPLETE if len(chosen) >= count else stop, chosen)
     journal.close(answer)
     return answer
+
+
+def _refuse_no_positive(numbers: Mapping[str, float | None]) -> None:
+    for name, value in numbers.items():
+        if value is not None and not value > 0:
+            raise InputError(f"is {value:g}; a positive number is needed", field=name)
+
+
+def _link_pairs(hand: Hand, ignored: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """Pairs of links in an order of their own, each known to the hand."""
+    for name in (name for pair in ignored for name in pair):
+        if name not in hand.link_names:
+            raise unknown_name("link", name, hand.link_names, field="ignored")
+    return tuple(sorted((min(pair), max(pair)) for pair in ignored))

@@ -20,7 +20,7 @@ from handfast.published.contact_reduction import TOLERANCE, reduced_contacts
 from handfast.published.gap_closing import gaps_closed, pushed_on
 from handfast.published.mapping_file import HandMapping
 from handfast.published.object_finder import FoundObject, find_object
-from handfast.published.placing import Placed, placed
+from handfast.published.placing import PlacedGrasp, placed
 from handfast.published.published_file import read_published
 from handfast.published.recorded import BrokenRow, RecordedGrasp
 from handfast.published.separating import Separator
@@ -152,7 +152,7 @@ class Importer:
         place = Configuration.of(self.hand, at.q, at.pose, hand=self.hand_name or None)
         return ImportedGrasp(source, "", place, grasp, found, scale, clipped | said, **targets)
 
-    def _treated(self, separator: Separator, at: Placed, *, grips: bool) -> tuple[Placed, dict[str, Any]]:
+    def _treated(self, separator: Separator, at: PlacedGrasp, *, grips: bool) -> tuple[PlacedGrasp, dict[str, Any]]:
         """Hand and object taken apart, fingers closed onto the object, and what that was.
 
         Args:

@@ -17,7 +17,7 @@ BEYOND = 0.1  # [rad, m] further past a limit, the joints are others than the ma
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedGrasp:
     """A grasp on a hand model.
 
     Attributes:
@@ -35,7 +35,7 @@ class Placed:
     clipped: float
 
 
-def placed(hand: Hand, mapping: HandMapping, grasp: RecordedGrasp) -> Placed:
+def placed(hand: Hand, mapping: HandMapping, grasp: RecordedGrasp) -> PlacedGrasp:
     """A recorded grasp on the hand.
 
     Raises:
@@ -44,7 +44,7 @@ def placed(hand: Hand, mapping: HandMapping, grasp: RecordedGrasp) -> Placed:
     """
     q, clipped = configuration(hand, mapping, grasp.grasp.joints)
     squeeze = _target(hand, mapping, grasp.squeeze, mapping.closed)
-    return Placed(
+    return PlacedGrasp(
         q, object_pose(hand, mapping, grasp.grasp, q), squeeze, _target(hand, mapping, grasp.pregrasp), clipped
     )
 

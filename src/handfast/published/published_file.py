@@ -10,7 +10,7 @@ from typing import Any
 from handfast.core.errors import InputError
 from handfast.core.files import read_json
 from handfast.published.array_file import read_array_file
-from handfast.published.recorded import Layout, Rows
+from handfast.published.recorded import PublishedLayout, Rows
 
 LAYOUTS = (
     *("dexgraspnet", "bodex", "dexonomy", "dexgraspbench", "graspqp"),
@@ -19,11 +19,11 @@ LAYOUTS = (
 ENDINGS = (".npy", ".npz", ".pt", ".pth", ".pkl", ".pickle", ".json", ".yaml", ".yml")
 
 
-def layout_named(name: str) -> Layout:
+def layout_named(name: str) -> PublishedLayout:
     """A layout by its name; `InputError` listing the known ones."""
     if name not in LAYOUTS:
         raise InputError(f"unknown layout '{name}'; known: {', '.join(LAYOUTS)}", field="--layout")
-    found: Layout = importlib.import_module(f"handfast.published.layouts.{name}").LAYOUT
+    found: PublishedLayout = importlib.import_module(f"handfast.published.layouts.{name}").LAYOUT
     return found
 
 
@@ -42,7 +42,7 @@ def published_files(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def read_published(path: str | Path, layout: str | None = None) -> tuple[Layout, Rows]:
+def read_published(path: str | Path, layout: str | None = None) -> tuple[PublishedLayout, Rows]:
     """The layout of a file and its grasps, one by one; a broken one is a `BrokenRow`.
 
     Args:
@@ -71,7 +71,7 @@ def read_published(path: str | Path, layout: str | None = None) -> tuple[Layout,
         ) from None
 
 
-def _recognised(layout: Layout, data: Any) -> bool:
+def _recognised(layout: PublishedLayout, data: Any) -> bool:
     """Whether data are of a layout; what a test of the keys stumbles over is not."""
     try:
         return bool(layout.recognises(data))

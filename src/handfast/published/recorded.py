@@ -66,7 +66,7 @@ Rows = Iterator[RecordedGrasp | BrokenRow]
 
 
 @dataclass(frozen=True)
-class Layout:
+class PublishedLayout:
     """A published layout.
 
     Attributes:

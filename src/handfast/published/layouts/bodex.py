@@ -10,8 +10,8 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.published.recorded import (
-    Layout,
     Posture,
+    PublishedLayout,
     RecordedGrasp,
     Rows,
     entry,
@@ -64,4 +64,4 @@ def _named(row: Array, names: list[str], object_pose: Array) -> Posture:
     return Posture(found.root, dict(zip(names, np.asarray(found.joints).tolist(), strict=True)))
 
 
-LAYOUT = Layout("bodex", "robot_pose and joint_names", recognises, read)
+LAYOUT = PublishedLayout("bodex", "robot_pose and joint_names", recognises, read)

@@ -8,7 +8,17 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.published.recorded import Layout, RecordedGrasp, Rows, entry, pose_of, positive, posture_of, rows, text
+from handfast.published.recorded import (
+    PublishedLayout,
+    RecordedGrasp,
+    Rows,
+    entry,
+    pose_of,
+    positive,
+    posture_of,
+    rows,
+    text,
+)
 
 
 def recognises(data: Any) -> bool:
@@ -41,4 +51,4 @@ def written(rows_: dict[str, Array], object_path: str, scale: float) -> dict[str
     return {"obj_pose": pose, "obj_scale": scale, "obj_path": object_path, **rows_}
 
 
-LAYOUT = Layout("dexgraspbench", "grasp_qpos beside obj_pose and obj_path", recognises, read)
+LAYOUT = PublishedLayout("dexgraspbench", "grasp_qpos beside obj_pose and obj_path", recognises, read)

@@ -9,7 +9,7 @@ import numpy as np
 
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
-from handfast.published.recorded import Layout, Posture, RecordedGrasp, Rows, entry, number, positive, rows
+from handfast.published.recorded import Posture, PublishedLayout, RecordedGrasp, Rows, entry, number, positive, rows
 
 PLACE, TURN = ("WRJTx", "WRJTy", "WRJTz"), ("WRJRx", "WRJRy", "WRJRz")  # [m]; [rad] about the fixed x, then y, then z
 
@@ -50,4 +50,4 @@ def _posture(qpos: Any) -> Posture:
     return Posture(transform([values[k] for k in PLACE], turn), joints)
 
 
-LAYOUT = Layout("dexgraspnet", "a list of {scale, qpos}", recognises, read)
+LAYOUT = PublishedLayout("dexgraspnet", "a list of {scale, qpos}", recognises, read)

@@ -9,8 +9,8 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.published.recorded import (
-    Layout,
     Posture,
+    PublishedLayout,
     RecordedGrasp,
     Rows,
     entry,
@@ -74,4 +74,4 @@ def _first(data: Mapping[str, Any], scene: Mapping[str, Any], key: str, in_scene
     return data[key] if key in data else scene.get(in_scene, otherwise)
 
 
-LAYOUT = Layout("dexonomy", "grasp_qpos and tmpl_name (older: hand_template_name)", recognises, read)
+LAYOUT = PublishedLayout("dexonomy", "grasp_qpos and tmpl_name (older: hand_template_name)", recognises, read)

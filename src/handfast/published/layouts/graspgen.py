@@ -7,7 +7,17 @@ from typing import Any
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.published.recorded import Layout, Posture, RecordedGrasp, Rows, entry, matrix_pose, positive, rows, text
+from handfast.published.recorded import (
+    Posture,
+    PublishedLayout,
+    RecordedGrasp,
+    Rows,
+    entry,
+    matrix_pose,
+    positive,
+    rows,
+    text,
+)
 
 
 def recognises(data: Any) -> bool:
@@ -44,4 +54,4 @@ def written(roots: Sequence[Array], scores: Sequence[float | None], file: str, s
     return {"object": {"file": file, "scale": scale}, "grasps": grasps}
 
 
-LAYOUT = Layout("graspgen", "object and grasps with transforms", recognises, read)
+LAYOUT = PublishedLayout("graspgen", "object and grasps with transforms", recognises, read)

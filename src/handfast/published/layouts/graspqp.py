@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.errors import InputError
-from handfast.published.recorded import Layout, Posture, RecordedGrasp, Rows, entry, numbers, pose_of, rows
+from handfast.published.recorded import Posture, PublishedLayout, RecordedGrasp, Rows, entry, numbers, pose_of, rows
 
 REACH = 0.2  # [rad] a squeeze goes this far in the joint that its velocities move most; they say the direction alone
 
@@ -49,4 +49,4 @@ def _velocity(data: Mapping[str, Any], key: str, joint: str, n: int) -> Any:
     return numbers(found[joint], (n,), f"{key}.{joint}")
 
 
-LAYOUT = Layout("graspqp", "parameters with root_pose", recognises, read)
+LAYOUT = PublishedLayout("graspqp", "parameters with root_pose", recognises, read)

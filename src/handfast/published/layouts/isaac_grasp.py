@@ -8,7 +8,17 @@ from typing import Any
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import matrix_quaternion
-from handfast.published.recorded import Layout, Posture, RecordedGrasp, Rows, entry, number, numbers, pose_of, rows
+from handfast.published.recorded import (
+    Posture,
+    PublishedLayout,
+    RecordedGrasp,
+    Rows,
+    entry,
+    number,
+    numbers,
+    pose_of,
+    rows,
+)
 
 
 def recognises(data: Any) -> bool:
@@ -73,4 +83,4 @@ def written(
     return {"format": "isaac_grasp", "format_version": 1.0, "grasps": grasps}
 
 
-LAYOUT = Layout("isaac_grasp", "format: isaac_grasp", recognises, read)
+LAYOUT = PublishedLayout("isaac_grasp", "format: isaac_grasp", recognises, read)

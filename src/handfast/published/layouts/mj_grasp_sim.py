@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.errors import InputError
-from handfast.published.recorded import Layout, Posture, RecordedGrasp, Rows, entry, matrix_pose, numbers, rows
+from handfast.published.recorded import Posture, PublishedLayout, RecordedGrasp, Rows, entry, matrix_pose, numbers, rows
 
 
 def recognises(data: Any) -> bool:
@@ -30,4 +30,4 @@ def read(data: Any, name: str) -> Rows:
     return rows(len(poses), grasp)
 
 
-LAYOUT = Layout("mj_grasp_sim", "pose (N, 4, 4) and joints (N, k)", recognises, read)
+LAYOUT = PublishedLayout("mj_grasp_sim", "pose (N, 4, 4) and joints (N, k)", recognises, read)

@@ -10,7 +10,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
-from handfast.published.recorded import Layout, Posture, RecordedGrasp, Rows, entry, numbers, rows, text
+from handfast.published.recorded import Posture, PublishedLayout, RecordedGrasp, Rows, entry, numbers, rows, text
 
 
 def recognises(data: Any) -> bool:
@@ -50,4 +50,4 @@ def rotation_6d(six: Array) -> Array:
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-LAYOUT = Layout("multidex", "metadata, a list of (q, object, robot)", recognises, read)
+LAYOUT = PublishedLayout("multidex", "metadata, a list of (q, object, robot)", recognises, read)
