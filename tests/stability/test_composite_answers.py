@@ -115,7 +115,6 @@ def test_a_bound_of_fewer_commands_or_other_limits_is_none() -> None:
     narrow = replace(asked, actuators=asked.actuators[:1])
     assert narrow.verify().reason == "up: the answer is not about all commands that were sought"
     wary = torques(bare, UP, eta=0.05)
-    assert wary.lower > asked.lower
     forged = replace(asked, lower=wary.lower, bounding=("up", wary)).verify()
     assert forged.reason == "up: the answer is about another load"
     crossed = replace(asked, limits={"eta": 0.05}, lower=wary.lower, bounding=("up", wary)).verify()
@@ -138,7 +137,7 @@ def test_flips_of_a_margin_are_replayed() -> None:
     assert {"motion", "less friction"} <= set(done.parts)
     assert done.parts["less friction"].certificate is not None
     assert any(line.startswith("holds: ") for line in done.not_replayed)
-    wider = replace(m, less=replace(m.less, slips=0.5 * (m.less.slips or 1.0)))
+    wider = replace(m, less=replace(m.less, holds=0.0, slips=0.5 * (m.less.slips or 1.0)))
     assert wider.verify().reason == "less friction: the answer is about another change"
     bare = replace(m, less=replace(m.less, answer=None))
     assert bare.verify().reason == "less friction: without an answer that it slips"

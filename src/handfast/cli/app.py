@@ -9,7 +9,7 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr, suppress
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from functools import reduce
 from typing import Annotated, Any, get_type_hints
 
@@ -163,7 +163,8 @@ def _hide_absent_defaults(command: Any) -> None:
     quiet = tyro.conf.arg(help_behavior_hint="")
     for field in fields(command):
         repeatable = "UseAppendAction" in str(field.type) or field.type == "Assignments"
-        if field.default in (None, True, False) or (field.default == () and not repeatable):
+        several = field.default is MISSING and "tuple" in str(field.type)  # of which the parser shows none
+        if several or field.default in (None, True, False) or (field.default == () and not repeatable):
             command.__annotations__[field.name] = Annotated[hints[field.name], quiet]
 
 

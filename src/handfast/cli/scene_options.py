@@ -23,7 +23,7 @@ class SceneOptions:
     """A hand and an object."""
 
     hand: Annotated[Positional[str], arg(metavar="HAND")]
-    """a URDF, MJCF or GraspIt! file (FILE#LINK: what hangs on a link), a bundled name, menagerie:..., ..._description"""
+    """a URDF, MJCF or GraspIt! file (#LINK: what hangs on it), a bundled name, menagerie:... or ..._description"""
     root: Annotated[str | None, arg(metavar="LINK")] = None
     """read only what hangs on this link of the robot: the hand without its arm, one of two hands"""
     srdf: Annotated[str | None, arg(metavar="FILE")] = None

@@ -6,13 +6,16 @@ import csv
 import io
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
-from handfast.model.configuration import save_configuration
+from handfast.model.configuration import Configuration, save_configuration
+from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import save_grasp
+from handfast.model.provenance import Provenance, SourceFile
 from handfast.published.importing import ImportedGrasp
 
 SUMMARY, SCHEMA = "import.json", "handfast/import/1"
@@ -58,11 +61,19 @@ def write_folder(path: Path, rows: Sequence[ImportedGrasp], about: dict[str, Any
             save_configuration(configuration, path / name, force=True)
             entry["configuration_file"] = name
             if row.grasp is not None:
-                save_grasp(row.grasp.from_configuration(path / name), path / grasp, force=True)
+                save_grasp(_sourced(row.grasp, configuration, path / name, about.get("mass")), path / grasp, force=True)
                 entry["grasp_file"] = grasp
         entries.append(entry)
     text = json.dumps({"schema": SCHEMA, **about, "rows": entries}, indent=1) + "\n"
     write_text(path / SUMMARY, text, force=True)
+
+
+def _sourced(grasp: Grasp, configuration: Configuration, path: Path, mass: float | None) -> Grasp:
+    """With the files that were written: configuration and object; and the mass that was said."""
+    came = (grasp.provenance or Provenance()).with_configuration(path)
+    if configuration.object:
+        came = replace(came, object=SourceFile.of(configuration.object, "object"))
+    return grasp.about(provenance=came, mass=mass)
 
 
 def _object(

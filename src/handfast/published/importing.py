@@ -10,7 +10,7 @@ from typing import Any
 from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool
-from handfast.geometry.contacts import THRESHOLD, find_contacts, grasp_of
+from handfast.geometry.contacts import THRESHOLD, find_contacts, grasp_of, of_body
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.configuration import Configuration
@@ -148,7 +148,7 @@ class Importer:
         few = reduced_contacts(contacts, scene.body, self.treatment.tolerance)
         said |= {"contacts_before": few.before, "contacts": len(few.contacts), "reduction_error": few.error}
         name = f"{Path(source.file).stem} {row.index}"
-        grasp = grasp_of(self.hand, at.q, few.contacts, at.pose, name=name)
+        grasp = of_body(grasp_of(self.hand, at.q, few.contacts, at.pose, name=name), self.hand, scene.body)
         place = Configuration.of(self.hand, at.q, at.pose, hand=self.hand_name or None)
         return ImportedGrasp(source, "", place, grasp, found, scale, clipped | said, **targets)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.geometry.contacts import THRESHOLD, grasp_of
+from handfast.geometry.contacts import THRESHOLD, grasp_of, of_body
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
@@ -175,7 +175,7 @@ class Runner:
         if max(inside, deep.itself) > PENETRATION:
             return _overlap(deep, RejectionReason.PENETRATES, RejectionReason.PENETRATES)
         name = f"{a.hand.name} on {a.body.name}"
-        grasp = grasp_of(a.hand, closed.q, spanning(closed.contacts), pose, name=name)
+        grasp = of_body(grasp_of(a.hand, closed.q, spanning(closed.contacts), pose, name=name), a.hand, a.body)
         if not balances(grasp, a.loads.wrenches):
             return RejectionReason.UNBALANCED, None
         actuators = squeezing(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
