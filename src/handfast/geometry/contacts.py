@@ -105,7 +105,7 @@ def contact_grasp(
     The grasp knows the object's mass and centre of mass, and the files of hand and object.
 
     Args:
-        q, object_pose: as in `find_contacts`.
+        q: and object_pose as in `find_contacts`.
         preload: commanded forces by actuator name [N m, N]; absent actuators are locked.
         threshold: as in `find_contacts`, like friction and scene.
         lock: joints held rigidly whatever the actuators do.

@@ -31,7 +31,7 @@ def scene_grasp(scene: Scene, q: Array | Mapping[str, float], object_pose: PoseL
     """The grasp that the hand of a scene has on its object: `contact_grasp` without compiling again.
 
     Args:
-        q, object_pose: as for `scene_contacts`.
+        q: and object_pose as for `scene_contacts`.
         options: those of `contact_grasp`, and its errors.
     """
     return contact_grasp(scene.hand, q, scene.body, object_pose, scene=scene, **options)
