@@ -120,6 +120,7 @@ GOOD = region_to_dict(QUARTER)["cylinder_side"]
         ("x_axis", [0, 0, -3], "cylinder_side.x_axis: is parallel to axis; a direction across it is needed"),
         ("angles", [1, 1], "cylinder_side.angles: is [1, 1]; the lower one comes first [rad]"),
         ("angles", [0, 6.3], "cylinder_side.angles: is 6.3 wide; a full turn is 6.28318531 [rad]"),
+        ("angles", [1e5, 1e5 + 1], "cylinder_side.angles: is [100000, 100001]; at most 100 rad either way is possible"),
         ("heights", [0.2, 0.1], "cylinder_side.heights: is [0.2, 0.1]; the lower one comes first [m]"),
         ("heights", [0.2], "cylinder_side.heights[1]: is missing"),
         ("height", [0, 1], "cylinder_side.height: is not a known field"),

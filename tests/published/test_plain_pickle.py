@@ -137,3 +137,63 @@ def test_broken_bytes_are_one_kind_of_fault() -> None:
         except InputError:
             refused += 1
     assert refused > 250
+
+
+def _name(module: str, name: str) -> bytes:
+    return f"c{module}\n{name}\n".encode()
+
+
+def _shared(deep: int) -> bytes:
+    """A tuple of a tuple twice, and so on: its hash and its text never end."""
+    return b")" + b"2\x86" * deep
+
+
+def _many_arrays(count: int, size: int, kind: str, contents: bytes) -> bytes:
+    """Arrays that all have the same contents."""
+    start = _name("numpy", "dtype") + b"(" + b"\x8c" + bytes([len(kind)]) + kind.encode() + b"tRq\x000"
+    shape = b"J" + size.to_bytes(4, "little") + b"\x85"
+    one = _name("numpy.core.multiarray", "_reconstruct") + b"(tR(" + shape + b"h\x00\x89h\x01tb"
+    return b"\x80\x04" + start + contents + b"q\x010(" + one * count + b"l."
+
+
+BOMBS = {
+    "a set of a deep tuple": _name("builtins", "set") + b"((" + b")" + b"\x85" * 300_000 + b"ltR.",
+    "a set of a shared tuple": _name("builtins", "set") + b"((" + _shared(40) + b"ltR.",
+    "a frozen set of a shared tuple": _name("builtins", "frozenset") + b"((" + _shared(40) + b"ltR.",
+    "a dictionary of a shared tuple": _name("collections", "OrderedDict") + b"(((" + _shared(40) + b"NlltR.",
+    "a name that is a shared tuple": _shared(40) + b"\x8c\x01x\x93.",
+    "a type that is a shared tuple": _name("numpy", "dtype") + b"(" + _shared(40) + b"tR.",
+    "a complex number of a shared tuple": _name("builtins", "complex") + b"(" + _shared(40) + b"tR.",
+    "keys of one hash": b"}("
+    + b"".join(b"\x8a\x0c" + ((2**61 - 1) * k).to_bytes(12, "little") + b"N" for k in range(1, 2000))
+    + b"u.",
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_small_files_that_would_take_all_time_or_the_stack(name: str) -> None:
+    with pytest.raises(InputError, match=r"is no whole pickle|of type a tuple"):
+        read_pickle(b"\x80\x04" + BOMBS[name])
+
+
+def test_contents_that_are_shared_by_many_arrays_count_for_each() -> None:
+    text = b"X" + (2**20).to_bytes(4, "little") + b"a" * 2**20
+    assert len(read_pickle(_many_arrays(3, 2**20, "u1", text))[0]) == 3
+    with pytest.raises(InputError, match="makes more than"):
+        read_pickle(_many_arrays(1100, 2**20, "u1", text))
+    with pytest.raises(InputError, match="makes more than"):
+        read_pickle(_many_arrays(200, 2**17, "O", b"(" + b"N" * 2**17 + b"l"))
+
+
+def test_objects_are_written_row_by_row_in_columns_too() -> None:
+    made = np.empty((2, 3), dtype=object, order="F")
+    made[:] = [[1, 2, 3], [4, 5, [6]]]
+    for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+        assert read_pickle(pickle.dumps(made, protocol))[0].tolist() == made.tolist()
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_empty_arrays_and_bytes(protocol: int) -> None:
+    found, _ = read_pickle(pickle.dumps([np.zeros((0, 3)), b""], protocol))
+    assert found[0].shape == (0, 3)
+    assert found[1] == b""

@@ -33,6 +33,7 @@ from handfast.cli.synthesize import Synthesize
 from handfast.cli.torques import Torques
 from handfast.cli.verify import Verify
 from handfast.core.errors import InputError
+from handfast.core.interrupts import patient_interrupt
 
 COMMANDS: dict[str, type[Command]] = {
     "check": Check,
@@ -74,7 +75,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if sys.stdout is None:
         return console.complain("standard output is closed; an answer needs somewhere to go")
     try:
-        status = _run(list(sys.argv[1:] if argv is None else argv))
+        with patient_interrupt():
+            status = _run(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()  # here, where a fault can still be told
         return status
     except BrokenPipeError:  # the reader, `head` for one, has had enough

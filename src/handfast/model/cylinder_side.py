@@ -13,6 +13,7 @@ from handfast.core.errors import InputError
 from handfast.model.region import Region
 
 SHORTEST = 1e-9  # length of a direction below which it is none
+FARTHEST_TURN = 100.0  # [rad]
 FULL_TURN = 2 * np.pi * (1 + 1e-12)  # [rad] with room for a file's rounding
 
 
@@ -28,7 +29,7 @@ class CylinderSide(Region):
         axis: (3,) unit, the way in which heights grow.
         x_axis: (3,) unit, across the axis: the direction in which the angle is 0. What is given need only not be
             parallel to the axis; angles grow counterclockwise as seen from the tip of the axis.
-        angles: [rad] the first and the last, at most a full turn apart.
+        angles: [rad] the first and the last, at most a full turn apart, within 100 rad.
         heights: [m] the lowest and the highest.
         flip: the outward normal points to the axis (a hollow) instead of away from it.
 
@@ -69,6 +70,11 @@ class CylinderSide(Region):
             put(name, (lo, hi))
         if not self.turn <= FULL_TURN:
             problem = f"is {self.turn:g} wide; a full turn is {2 * np.pi:.9g} [rad]"
+            raise InputError(problem, field="cylinder_side.angles")
+        if max(map(abs, self.angles)) > FARTHEST_TURN:  # whose sines lose the digits that proofs need
+            problem = (
+                f"is [{self.angles[0]:g}, {self.angles[1]:g}]; at most {FARTHEST_TURN:g} rad either way is possible"
+            )
             raise InputError(problem, field="cylinder_side.angles")
 
     @classmethod

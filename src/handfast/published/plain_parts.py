@@ -18,6 +18,8 @@ from handfast.core.errors import InputError
 
 TYPES = re.compile(r"[|<>=]?(b1|[iu][1248]|f[248]|c(8|16)|[SU]\d{1,6}|O8?|\?)")
 DIMENSIONS = 32
+KEYS = (int, float, str, bytes, type(None))
+LARGEST_KEY = 2**60
 STORAGES = {
     **{"DoubleStorage": "f8", "FloatStorage": "f4", "HalfStorage": "f2", "BFloat16Storage": "u2"},
     **{"LongStorage": "i8", "IntStorage": "i4", "ShortStorage": "i2", "CharStorage": "i1"},
@@ -28,7 +30,7 @@ _NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
 _BUILT_IN = ("builtins", "__builtin__")
 ADMITTED: dict[str, tuple[str, ...]] = {  # name: the modules in which it is admitted
     **{"_reconstruct": _ARRAYS, "scalar": _ARRAYS, "_frombuffer": _NUMERIC, "ndarray": ("numpy",), "dtype": ("numpy",)},
-    **dict.fromkeys(("set", "frozenset", "bytearray", "complex"), _BUILT_IN),
+    **dict.fromkeys(("set", "frozenset", "bytearray", "bytes", "complex"), _BUILT_IN),
     **{"encode": ("_codecs",), "OrderedDict": ("collections",), "Size": ("torch",)},
     **dict.fromkeys(("_rebuild_tensor", "_rebuild_tensor_v2", "_rebuild_parameter"), ("torch._utils",)),
     **dict.fromkeys(STORAGES, ("torch",)),
@@ -104,7 +106,7 @@ class ArrayInTheMaking:
         out = np.empty(len(self.data), dtype=object)
         for i, x in enumerate(self.data):
             out[i] = whole(x)
-        return out.reshape(self.shape, order=self.order)  # type: ignore[call-overload]
+        return out.reshape(self.shape)  # objects are written row by row, whatever the order of the array
 
 
 def plain_type(text: Any) -> np.dtype[Any]:
@@ -112,7 +114,8 @@ def plain_type(text: Any) -> np.dtype[Any]:
     if isinstance(text, bytes):
         text = text.decode("latin-1")
     if not (isinstance(text, str) and TYPES.fullmatch(text)):
-        raise InputError(f"has an array of type {str(text)[:40]!r}; numbers, texts and objects are admitted")
+        said = repr(text[:40]) if isinstance(text, str) else f"a {type(text).__name__}"
+        raise InputError(f"has an array of type {said}; numbers, texts and objects are admitted")
     return np.dtype(text.replace("O8", "O"))
 
 
@@ -161,8 +164,10 @@ def _bytes(data: Any = b"", encoding: Any = "latin-1") -> bytes:
     return _encoded(data, encoding) if isinstance(data, str) else data
 
 
-def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> NDArray[Any]:
+def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *more: Any) -> NDArray[Any]:
     """A tensor's numbers, copied; no larger than its storage, and within it."""
+    if len(more) > 2 and more[2]:  # after whether gradients are wanted, and hooks
+        raise InputError("has a tensor that stands for the negative or conjugate of its contents")
     sizes, steps = checked_shape(size), checked_shape(stride)
     if not isinstance(storage, np.ndarray) or type(offset) is not int or offset < 0 or len(sizes) != len(steps):
         raise ValueError("the parts of a tensor")
@@ -176,18 +181,39 @@ def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> NDArr
     return np.lib.stride_tricks.as_strided(storage[offset:], sizes, strides).copy()
 
 
+def _complex(*parts: Any) -> complex:
+    if not all(isinstance(x, int | float) for x in parts):
+        raise ValueError("the parts of a complex number")
+    return complex(*parts)
+
+
 def _collection(kind: type) -> Callable[..., Any]:
     def made(*values: Any) -> Any:
         if len(values) > 1 or not all(isinstance(v, list | tuple) for v in values):
             raise ValueError(f"the contents of a {kind.__name__}")
-        return kind(*values)
+        return kind(hashed(x) for x in values[0]) if values else kind()
 
     return made
 
 
+def hashed(key: Any) -> Any:
+    """A key, or an element of a set: a number or a text.
+
+    The hash of a deep tuple would exhaust the stack, that of one whose parts are shared would never end, and the
+    hashes of large whole numbers can be made all the same.
+    """
+    if not isinstance(key, KEYS) or (isinstance(key, int) and abs(key) > LARGEST_KEY):
+        raise ValueError(f"a {type(key).__name__} is a key")
+    return key
+
+
 def _ordered(*pairs: Any) -> dict[Any, Any]:
     """An ordered dictionary comes empty, or, from Python 2, as a list of pairs."""
-    return dict(*pairs) if all(isinstance(p, list) for p in pairs) else {}
+    if len(pairs) != 1 or type(pairs[0]) is not list:
+        return {}
+    if not all(isinstance(p, list | tuple) and len(p) == 2 for p in pairs[0]):
+        raise ValueError("the contents of a dictionary")
+    return {hashed(key): value for key, value in pairs[0]}
 
 
 BUILDERS: dict[str, Callable[..., Any]] = {
@@ -197,9 +223,10 @@ BUILDERS: dict[str, Callable[..., Any]] = {
     "_frombuffer": _from_buffer,
     "encode": _encoded,
     "bytearray": _bytes,
+    "bytes": lambda: b"",  # what older protocols make of empty ones
     "set": _collection(set),
     "frozenset": _collection(frozenset),
-    "complex": complex,
+    "complex": _complex,
     "OrderedDict": _ordered,
     "Size": lambda sizes: checked_shape(sizes),
     "_rebuild_tensor": _tensor,

@@ -14,10 +14,18 @@ from typing import Any
 import numpy as np
 
 from handfast.core.errors import InputError
-from handfast.published.plain_parts import ADMITTED, BUILDERS, ArrayInTheMaking, Name, StorageName, TypeInTheMaking
+from handfast.published.plain_parts import (
+    ADMITTED,
+    BUILDERS,
+    ArrayInTheMaking,
+    Name,
+    StorageName,
+    TypeInTheMaking,
+    hashed,
+)
 
 DEPTH = 100  # of containers in each other
-MADE = 2**31  # [bytes] of arrays and texts made from one file, which may ask for the same ones again and again
+MADE = 2**30  # [bytes] of arrays and texts made from one file, which may ask for the same ones again and again
 SINGLE = (int, float, complex, str, bytes, type(None))
 Storage = Callable[[tuple[Any, ...]], Any]
 
@@ -41,7 +49,7 @@ def read_pickle(data: bytes, storage: Storage | None = None) -> tuple[Any, int]:
         for code, argument, position in pickletools.genops(data):
             machine.step(code.name, argument)
             end = (position or 0) + 1
-        return _finished(machine.result()), end
+        return _finished(machine.result(), machine.made), end
     except InputError:
         raise
     except RecursionError:
@@ -169,16 +177,16 @@ class _Machine:
         if type(target) is not dict or len(found) % 2:
             raise ValueError("something is set in what is no dictionary")
         for key, value in zip(found[::2], found[1::2], strict=True):
-            target[_named(key)] = value
+            target[hashed(key)] = value
 
     def _additems(self, _: Any) -> None:
         found = self._since_mark()
         if type(self.stack[-1]) is not set:
             raise ValueError("something is added to what is no set")
-        self.stack[-1].update(map(_named, found))
+        self.stack[-1].update(map(hashed, found))
 
     def _frozenset(self, _: Any) -> None:
-        self.stack.append(frozenset(map(_named, self._since_mark())))
+        self.stack.append(frozenset(map(hashed, self._since_mark())))
 
     def _global(self, argument: str) -> None:
         module, _, name = argument.partition(" ")
@@ -186,7 +194,9 @@ class _Machine:
 
     def _stack_global(self, _: Any) -> None:
         name, module = self.stack.pop(), self.stack.pop()
-        self.stack.append(_admitted(str(module), str(name)))
+        if type(module) is not str or type(name) is not str:
+            raise ValueError("a name that is no text")
+        self.stack.append(_admitted(module, name))
 
     def _reduce(self, _: Any) -> None:
         arguments, name = self.stack.pop(), self.stack.pop()
@@ -195,9 +205,7 @@ class _Machine:
         if name.name not in BUILDERS:
             raise InputError(f"calls {name}, which is no array or container")
         made = BUILDERS[name.name](*arguments)
-        self.made += made.nbytes if isinstance(made, np.ndarray) else len(made) if isinstance(made, bytes) else 0
-        if self.made > MADE:
-            raise InputError(f"makes more than {MADE} bytes of data")
+        self.made = _within(self.made + _size(made))
         self.stack.append(made)
 
     def _build(self, _: Any) -> None:
@@ -229,23 +237,36 @@ def _admitted(module: str, name: str) -> Any:
     for known, prefixes in ADMITTED.items():
         if name == known and module in prefixes:
             return StorageName(name) if name.endswith("Storage") else Name(module, name)
-    raise InputError(f"names {module}.{name}, which is no plain array or container; nothing of the file was run")
+    raise InputError(
+        f"names {module[:80]}.{name[:80]}, which is no plain array or container; nothing of the file was run"
+    )
 
 
-def _named(key: Any) -> Any:
-    """A key, or an element of a set: a number or a text. The hash of a deep tuple would exhaust the C stack."""
-    if not isinstance(key, SINGLE):
-        raise ValueError(f"a {type(key).__name__} is a key")
-    return key
+def _size(x: Any) -> int:
+    """[bytes] about what an array or a text takes, with the objects that it holds."""
+    if isinstance(x, np.ndarray):
+        return x.nbytes if x.dtype.kind != "O" else 64 * x.size
+    return 4 * len(x) if isinstance(x, str | bytes) else 0
 
 
-def _finished(value: Any) -> Any:
-    """Plain values in place of those in the making; what is shared stays shared, so that it takes no longer."""
+def _within(made: int) -> int:
+    if made > MADE:
+        raise InputError(f"makes more than {MADE} bytes of data")
+    return made
+
+
+def _finished(value: Any, made: int) -> Any:
+    """Plain values in place of those in the making; what is shared stays shared, so that it takes no longer.
+
+    Args:
+        made: [bytes] that were made so far.
+    """
     done: dict[int, Any] = {}
     kept: list[Any] = []  # so that no address is used twice
     open_: set[int] = set()
 
     def whole(x: Any, depth: int) -> Any:
+        nonlocal made
         if isinstance(x, SINGLE):
             return x
         if depth > DEPTH:
@@ -259,6 +280,8 @@ def _finished(value: Any) -> Any:
         kept.append(x)
         done[key] = _one(x, lambda y: whole(y, depth + 1))
         open_.discard(key)
+        if isinstance(x, ArrayInTheMaking):
+            made = _within(made + _size(done[key]))
         return done[key]
 
     return whole(value, 0)
