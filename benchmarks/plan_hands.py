@@ -52,6 +52,7 @@ HANDS = {
     "dclaw": "dex-urdf/robots/hands/dclaw_gripper/dclaw_gripper.urdf",
     "franka": "menagerie/franka_emika_panda/hand.xml",
     "2f85": "menagerie/robotiq_2f85/2f85.xml",
+    "xarm7": "menagerie/ufactory_xarm7/hand.xml",
     "parallel-gripper": "parallel-gripper",
 }
 COUNT = 10
@@ -99,6 +100,7 @@ def run(hand: Hand, body: Body, timeout: float) -> dict[str, Any]:
         "contradicted": wrong,
         "stop": str(planned.stop),
         "starts": planned.tried,
+        "timeout": timeout,
         "seconds": round(planned.seconds, 1),
         "processor_seconds": round(used, 1),
         "approach": [round(x, 3) for x in planned.asked.palm.axis.tolist()],

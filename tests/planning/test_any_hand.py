@@ -20,7 +20,8 @@ from handfast.model.body import Body
 from handfast.model.hand import Hand
 from handfast.model.shape import Shape
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.palm_poses import STANDARD, SurfaceSampler, palm_of
+from handfast.planning.candidates.palm_poses import STANDARD, palm_of
+from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.evaluation.attempt import Attempts, Runner
 from handfast.planning.filters.quick_look import QuickLook
 from handfast.planning.fruitless import diagnosis, fruitless

@@ -14,6 +14,8 @@ from handfast.model.hand import Hand
 from handfast.model.hand.anatomy import Anatomy
 from handfast.model.shape import Shape
 from handfast.planning.candidates.palm_poses import palm_of
+from handfast.planning.evaluation.attempt import Attempts, Runner
+from handfast.stability.loads import Loads
 
 SIDE = """
   <body name="{n}_crank" pos="{x} 0 .03"><joint name="{n}_crank" axis="0 {s} 0" range="0 50"/>
@@ -64,3 +66,9 @@ def test_it_closes_on_a_block_with_upright_jaws(gripper: Hand) -> None:
         assert values[f"{side}_jaw"] == pytest.approx(-values[f"{side}_crank"], abs=1e-6)
         assert values[f"{side}_rod"] == pytest.approx(values[f"{side}_crank"], abs=1e-6)
     assert {"left_crank", "left_jaw", "right_crank", "right_jaw"} <= set(closed.stopped)
+
+
+def test_it_plans(gripper: Hand) -> None:
+    body = Body.of([Shape("box", (0.04, 0.03, 0.03))], mass=0.05)
+    runner = Runner(Attempts(gripper, body, palm_of(gripper), Loads.gravity(body), 0))
+    assert any(runner.run(n).found for n in range(6))

@@ -29,7 +29,8 @@ from handfast.model.body import Body
 from handfast.model.hand.coupling import coupled
 from handfast.model.shape import Shape
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.palm_poses import STANDARD, Sampling, SurfaceSampler, palm_of, sweeps
+from handfast.planning.candidates.palm_poses import STANDARD, Sampling, palm_of, sweeps
+from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.evaluation.attempt import REASONS, Attempts, Runner, squeezing
 from handfast.planning.plan_grasps import plan
 from handfast.planning.ranking.distinct import difference, most_different

@@ -41,6 +41,17 @@ def test_only_contacts_of_one_face_stand_for_each_other(other: Contact) -> None:
     assert spanning([*ends, contact(0.01, 0)]) == tuple(ends)
 
 
+def test_of_many_corners_the_four_that_are_spread_most_stay() -> None:
+    around = np.radians([0, 40, 90, 140, 180, 220, 270, 320])
+    ring = [contact(0.02 * np.cos(a), 0.01 * np.sin(a)) for a in around]
+    few = spanning(ring)
+    assert few == (ring[0], ring[2], ring[4], ring[6])
+    rng = np.random.default_rng(0)
+    loads = rng.standard_normal((30, 6)) * [1, 1, 1, 0.01, 0.01, 0.01]
+    whole, spanned = (imbalance(Grasp(c), loads) for c in (ring, few))
+    assert (spanned[whole > 0] > 0).all()  # nothing is balanced that the whole face does not balance
+
+
 def test_no_load_is_lost() -> None:
     rng = np.random.default_rng(3)
     below = [contact(*rng.uniform(-0.02, 0.02, 2)) for _ in range(12)]

@@ -17,7 +17,7 @@ from handfast.model.shape import Shape
 from handfast.stability.hold import hold, moderate
 from handfast.stability.loads import Loads
 from handfast.stability.loads_file import load_loads
-from handfast.stability.queries import torques
+from handfast.stability.queries import maximum, torques
 from tests.support.problems import X, Y, Z, nest, pinch
 
 ZERO = np.zeros(3)
@@ -217,3 +217,27 @@ def test_a_limit_between_the_bounds_refutes_nothing(monkeypatch: pytest.MonkeyPa
     between = hold(pinch(), forces(-0.5 * Y), command_limit=0.04)
     assert (between.verdict, between.refuted, between.preload) == (Verdict.UNDECIDED, None, None)
     assert hold(pinch(), forces(-0.5 * Y), command_limit=0.02).verdict is Verdict.SLIPS
+
+
+def test_of_bounds_that_are_not_verified_none_is_claimed_but_what_slips_is_proved() -> None:
+    loads = forces(-0.5 * Y, -0.4 * Y)
+    unproved = Settings(verify=False)
+    a = hold(pinch(mu=0.5, arm=0.1), loads, bounding=unproved)
+    assert a.verdict is Verdict.HOLDS
+    assert (a.lower, a.bounding) == (0.0, None)
+    assert a.upper == pytest.approx(0.05, rel=2e-3)
+    slips = hold(pinch(), forces(-0.5 * Y), command_limit=0.02, bounding=unproved)
+    assert slips.verdict is Verdict.SLIPS
+    assert slips.verify().ok
+
+
+def test_a_single_actuator_has_one_shape_of_preload(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def counted(*args: object, **kwargs: object) -> object:
+        asked.append(args)
+        return maximum(*args, **kwargs)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("handfast.stability.hold.maximum", counted)
+    hold(pinch(), forces(-0.5 * Y, -0.4 * Y), actuators=["left"])
+    assert len(asked) == 2  # one for each load

@@ -88,3 +88,43 @@ def _written(path: Path, bodies: str, motors: str, more: str = "") -> Path:
 """
     path.write_text(text, encoding="utf-8")
     return path
+
+
+SIDE = """
+    <body name="{n}_crank" pos="{x} 0 .03"><joint name="{n}_crank" axis="0 {s} 0" range="0 50"/>
+     <geom type="capsule" size=".003" fromto="0 .006 0 {out} .006 .04"/>
+     <body name="{n}_coupler" pos="{out} 0 .04"><joint name="{n}_coupler" axis="0 {s} 0" range="-90 0"/>
+      <geom type="capsule" size=".002" fromto="0 .006 0 0 .006 .01"/></body></body>
+    <body name="{n}_rod" pos="{x} 0 .015"><joint name="{n}_rod" axis="0 {s} 0" range="-15 50"/>
+     <geom type="capsule" size=".003" fromto="0 -.006 0 {out} -.006 .04"/>
+     <body name="{n}_jaw" pos="{out} 0 .04"><joint name="{n}_jaw" axis="0 {s} 0" range="-50 50"/>
+      <geom type="box" size=".004 .01 .03" pos="0 0 .06"/></body></body>"""
+
+
+def adaptive(folder: Path) -> Path:
+    """Two jaws of which each hangs on a rod and, by a coupler that no motor moves, on a crank.
+
+    With the coupler where it rests, at the end of its range, crank and rod are parallel in the open gripper.
+    """
+    sides = "".join(SIDE.format(n=n, x=-0.02 * s, s=s, out=-0.03 * s) for n, s in (("left", 1), ("right", -1)))
+    pins = "".join(f'<connect body1="{n}_jaw" body2="{n}_coupler" anchor="0 0 0.025"/>' for n in ("left", "right"))
+    return _written(
+        folder / "adaptive.xml",
+        f'<body name="base"><geom type="box" size=".03 .02 .008"/>{sides}</body>',
+        _motors(["left_crank"]),
+        f'<equality>{pins}<joint joint1="right_crank" joint2="left_crank"/></equality>',
+    )
+
+
+def angled(folder: Path) -> Path:
+    """Two jaws on slides whose brackets stand far out and whose pads, the smaller part, are at their ends."""
+    text = jaws(folder, grows=False).read_text("utf-8")
+    for name, side in (("right", -1), ("left", 1)):
+        start = text.index("<geom", text.index(f'<body name="{name}"'))
+        end = text.index("/>", start) + 2
+        bracket = f'<geom type="box" size="0.01 0.012 0.02" pos="{0.02 * side} 0 0.02"/>'
+        pad = f'<geom type="box" size="0.014 0.012 0.005" pos="{0.014 * side} 0 0.045"/>'
+        text = text[:start] + bracket + pad + text[end:]
+    path = folder / "angled.xml"
+    path.write_text(text, encoding="utf-8")
+    return path

@@ -172,6 +172,7 @@ def hold(
     force_limit: float | None = None,
     eta: float = 0.0,
     settings: Settings | None = None,
+    bounding: Settings | None = None,
     timeout: float | None = None,
 ) -> HoldAnswer:
     """One preload that resists every load, each on its own.
@@ -182,12 +183,15 @@ def hold(
         least: try every shape of the preload and bound its largest command from below; False is content with
             the first that holds.
         command_limit: largest command allowed [N m or N]; see `moderate`.
+        bounding: settings of the queries for the least commands; `settings` unless given. If these do not verify, no
+            lower bound is claimed, and only what says that there is no preload is asked again with its proof.
         timeout: [s] for the whole question; `settings.time_limit` is that of a single query.
 
     The other arguments and errors are those of `check` and `torques`.
     """
     names = tuple(actuators or grasp.preload or grasp.mechanism.actuators)
     search = _HoldSearch(grasp, loads, names, settings or Settings(), timeout)
+    search.bounds = bounding or search.settings
     search.most = np.inf if command_limit is None else command_limit
     search.limits = {"torque_limits": torque_limits, "force_limit": force_limit, "eta": eta}
     try:
@@ -214,6 +218,8 @@ class _HoldSearch:
         self, grasp: Grasp, loads: Loads, names: tuple[str, ...], settings: Settings, timeout: float | None
     ) -> None:
         self.grasp, self.loads, self.names, self.settings = grasp, loads, names, settings
+        self.bounds = settings
+        self.tried: set[tuple[tuple[str, float], ...]] = set()
         self.begin = time.monotonic()
         self.end = np.inf if timeout is None else self.begin + timeout
         self.limits: dict[str, Any] = {}
@@ -242,11 +248,13 @@ class _HoldSearch:
         for k in self.order[:]:
             if self.late():
                 return self.answer(self.found, Stop.TIME)
-            a = self.torques(k)
-            if a.verdict is Verdict.SLIPS or a.lower > self.most:
+            a = self.torques(k, self.bounds)
+            if self.refutes(a) and not self.bounds.verify:
+                a = self.torques(k, replace(self.bounds, verify=True))
+            if self.refutes(a):
                 refuted = (self.loads.names[k], a)
                 return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=refuted)
-            if a.lower > self.lower:
+            if a.lower > self.lower and self.bounds.verify:
                 self.lower, self.bounding = a.lower, (self.loads.names[k], a)
             if a.preload:
                 needs.append(a.preload)
@@ -275,6 +283,10 @@ class _HoldSearch:
         if not size:
             return False
         unit = {n: v / size for n, v in shape.items() if abs(v) > NEGLIGIBLE * size}
+        key = tuple(sorted((n, round(v, 9)) for n, v in unit.items()))
+        if key in self.tried:  # as every shape is, of a single actuator
+            return False
+        self.tried.add(key)
         grasp, need = self.grasp.with_preload(unit), 0.0
         for k in self.order[:]:  # homogeneous: s loads are resisted at level 1, so one at level 1/s
             if self.late():
@@ -311,9 +323,13 @@ class _HoldSearch:
             found[k] = a
         return tuple(found[k] for k in range(len(self.loads)))
 
-    def torques(self, k: int) -> TorquesAnswer:
+    def refutes(self, a: TorquesAnswer) -> bool:
+        """Does an answer about a load alone say that there is no preload?"""
+        return a.verdict is Verdict.SLIPS or a.lower > self.most
+
+    def torques(self, k: int, settings: Settings) -> TorquesAnswer:
         """The least commands for a load alone."""
-        a = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=self.settings, **self.limits)
+        a = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=settings, **self.limits)
         self.nodes += a.nodes
         if a.verdict is not Verdict.HOLDS:
             self.first(k, a.stop)

@@ -57,7 +57,20 @@ class Anatomy:
         tips = list({group[i]: i for i in ends}.values())  # of several ends that move as one the last
         chains = [hand.moved_by(i) for i in tips]
         wrist = tuple(j for j in chains[0] if all(j in c for c in chains)) if len(tips) > 1 else ()
-        return cls(hand, tuple(tips), wrist, _palm(hand, group, tips, wrist))
+        found = cls(hand, tuple(tips), wrist, _palm(hand, group, tips, wrist))
+        return replace(found, tips=found._outermost()) if hand.loops else found
+
+    def _outermost(self) -> tuple[int, ...]:
+        """Of the fingertips that a loop ties together, as a jaw and the rod that guides it, the one farthest out."""
+        at = self.middles(self.neutral, self.tips)
+        palm = self.middles(self.neutral, self.palm).mean(axis=0) if self.palm else np.zeros(3)
+        out = dict(zip(self.tips, np.linalg.norm(at - palm, axis=1).tolist(), strict=True))
+        fingers: dict[int, list[int]] = {}
+        for i in self.tips:
+            fingers.setdefault(self.finger(i), []).append(i)
+        tied = {self.finger(k) for loop in self.hand.loops for k in (loop.first, loop.second)}
+        best = {f: max(some, key=out.__getitem__) for f, some in fingers.items()}
+        return tuple(i for i in self.tips if self.finger(i) not in tied or best[self.finger(i)] == i)
 
     def finger(self, link: int) -> int:
         """The first joint of the finger that a link belongs to; -1 for the palm and what is below it.
@@ -85,11 +98,12 @@ class Anatomy:
 
         Open is a joint at the limit that it closes from, but bent back by no more than 30 degrees from the hand's
         rest if that is within its range. Joints that do not close are at rest, or in the middle of a range that
-        begins there, as a spread has it.
+        begins there, as a spread has it; those of a loop that no motor moves are at rest, where springs hold them.
         """
         lower, upper = self.hand.limits.T
         inside = (lower < self.neutral) & (self.neutral < upper)
-        still = np.where(inside | [j in self.wrist for j in range(self.hand.l)], self.neutral, (lower + upper) / 2)
+        fixed = np.isin(np.arange(self.hand.l), [*self.wrist, *self.hand.idle])
+        still = np.where(inside | fixed, self.neutral, (lower + upper) / 2)
         turns = np.array([joint.type == "revolute" for joint in self.hand.joints], dtype=bool)
         back = np.where(inside & turns, HYPEREXTENDED, np.inf)
         near, far = np.maximum(lower, self.neutral - back), np.minimum(upper, self.neutral + back)

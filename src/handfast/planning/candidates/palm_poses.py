@@ -15,15 +15,19 @@ from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.core.transforms import normal_frame, transform
 from handfast.geometry.scene import Scene
-from handfast.model.body import Body
 from handfast.model.hand.anatomy import MIDWAY, Anatomy
 from handfast.model.hand.hand import Hand
+from handfast.planning.candidates.jaw_poses import Pads, antipodal, squeezed
+from handfast.planning.candidates.surface import SurfaceSampler, near, turned
 
 JAWS = 2  # fingers of a gripper
+CHOICES = 3  # places for its jaws, of which that nearest to the centre of mass may be taken
 NEUTRAL = 2  # power that draws a joint towards rest: with 2, the mean deviation is a third of the largest
 MEETING = 0.75  # share of closing at which the fingertips meet
+CLEAR = 2e-3  # [m] least step back of a gripper
 TOUCH = 2e-4  # [m] the push ends when the hand is this near
 SIDEWAYS = 10  # points drawn to find a side of the object
+SIDE = 0.5  # sine of the angle between a direction and the normal of a side of it, at least
 STEPS = 10  # of closing that are looked at
 NEARBY = 0.01  # [m]
 FAR = 0.05  # [m] distances beyond this are not computed
@@ -66,7 +70,7 @@ class Palm:
     """Where a hand grasps and which way it approaches. Frame: the hand's base.
 
     Attributes:
-        center: (3,) [m] in the middle of the half-closed fingertips.
+        center: (3,) [m] in the middle of the half-closed fingertips; of a gripper, between the faces of its jaws.
         axis: (3,) unit, out of the palm's face to the centre: the way the palm approaches an object.
         opened, closed: (l,) configurations with every closing joint at its two ends, the others as `Anatomy.ends` says.
         anatomy: fingers, wrist and palm.
@@ -84,40 +88,26 @@ class Palm:
         hand = self.anatomy.hand
         return tuple(i for i in self.anatomy.tips if any(hand.closing[j] for j in hand.moved_by(i)))
 
+    @property
+    def jaws(self) -> bool:
+        """Whether it is a gripper's, of two fingers that one joint or linkage moves each."""
+        return len({self.anatomy.finger(i) for i in self.tips}) == JAWS == len(self.tips)
+
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A pre-shape q (l,), the object's pose (4, 4) and the palm's approach (3,), both in the hand's base frame."""
+    """A pre-shape, from which the hand is pushed up to an object.
+
+    Attributes:
+        q: (l,) configuration.
+        pose: (4, 4) of the object, approach: (3,) unit, of the palm, both in the hand's base frame.
+        around: whether the push ends at that pose, the object between the jaws, unless something touches before.
+    """
 
     q: Array
     pose: Array
     approach: Array
-
-
-class SurfaceSampler:
-    """Points on an object's mesh, equally likely everywhere on its surface. Object frame."""
-
-    def __init__(self, body: Body) -> None:
-        a, b, c = (body.vertices[body.faces[:, k]] for k in range(3))
-        cross = np.cross(b - a, c - a)
-        double = np.linalg.norm(cross, axis=1)
-        kept = double > 1e-12
-        self._corners = a[kept], b[kept], c[kept]
-        self._normals = cross[kept] / double[kept, None]
-        self._share = double[kept] / double[kept].sum()
-        self.middle = body.center_of_mass
-
-    def draw(self, rng: np.random.Generator) -> tuple[Array, Array]:
-        """A point (3,) [m] and the unit normal (3,) out of the object there.
-
-        A mesh may be wound either way, so a normal that looks at the centre of mass is turned round.
-        """
-        k = rng.choice(len(self._share), p=self._share)
-        u, v = rng.random(2)
-        u, v = (u, v) if u + v <= 1 else (1 - u, 1 - v)
-        a, b, c = (x[k] for x in self._corners)
-        point, normal = a + u * (b - a) + v * (c - a), self._normals[k]
-        return point, normal if normal @ (point - self.middle) >= 0 else -normal
+    around: bool = False
 
 
 def palm_of(hand: Hand, approach: object = None) -> Palm:
@@ -137,7 +127,8 @@ def palm_of(hand: Hand, approach: object = None) -> Palm:
     palm = Palm(np.zeros(3), np.zeros(3), opened, closed, anatomy)
     if not palm.tips:
         raise InputError("no link with a solid is moved by a closing joint; give closing senses", field="closing")
-    center = anatomy.middles(half, palm.tips).mean(axis=0)
+    points = Pads.of(anatomy, palm.tips, half).points if palm.jaws else anatomy.middles(half, palm.tips)
+    center = points.mean(axis=0)
     axis = _out_of_face(palm) if approach is None else frozen(approach, (3,), "approach")
     if np.linalg.norm(axis) < 1e-9:
         raise InputError("is zero; the direction in which the palm approaches is needed", field="approach")
@@ -169,17 +160,51 @@ def _out_of_face(palm: Palm) -> Array:
 def draw(rng: np.random.Generator, hand: Hand, palm: Palm, surface: SurfaceSampler, how: Sampling) -> Start:
     """A random start, the hand's centre on a point of the object's surface: the hand is to be pushed up from afar."""
     q = _preshape(rng, hand, palm, how)
+    start = _between_jaws(rng, palm, q, surface, how) if palm.jaws else None
+    if start:
+        return start
     point, normal = surface.draw(rng)
     if how.aligned and rng.random() < how.aligned:
         approach, R = palm.axis, _squarely(rng, palm, surface, q, normal)
     else:
-        into = _near(rng, -normal, how.tilt)
-        approach = _near(rng, palm.axis, how.cone)
-        R = _turned(into, approach, rng.uniform(0, 2 * np.pi))
+        into = near(rng, -normal, how.tilt)
+        approach = near(rng, palm.axis, how.cone)
+        R = turned(into, approach, rng.uniform(0, 2 * np.pi))
     if how.central and rng.random() < how.central:
         point = surface.middle + rng.random() * (point - surface.middle)
     point = point + how.aside * rng.standard_normal(3)
     return Start(q, transform(palm.center - R @ point, R), approach)
+
+
+def _between_jaws(
+    rng: np.random.Generator, palm: Palm, q: Array, surface: SurfaceSampler, how: Sampling
+) -> Start | None:
+    """Two points of the object that press against each other, between the jaws; None if there are none.
+
+    The palm comes from anywhere around the line on which they lie, in a share of the starts square to another side. A
+    share is drawn to the centre of mass: of a few pairs they take that whose middle is nearest.
+    """
+    pads = Pads.of(palm.anatomy, palm.tips, q)
+    draws = CHOICES if rng.random() < how.central else 1
+    pairs = [antipodal(rng, surface, pads.width) for _ in range(draws)]
+    found = min((p for p in pairs if p), key=lambda p: float(np.linalg.norm(p[0] - surface.middle)), default=None)
+    if found is None:
+        return None
+    middle, line = found
+    square = rng.random() < how.aligned
+    seen = (_aside(rng, surface, line), -palm.axis) if square else None
+    R = squeezed(pads.line, line, seen, rng.uniform(0, 2 * np.pi))
+    depth = how.aside * rng.standard_normal()
+    return Start(q, transform(palm.center + depth * palm.axis - R @ middle, R), palm.axis, around=True)
+
+
+def _aside(rng: np.random.Generator, surface: SurfaceSampler, line: Array) -> Array:
+    """(3,) a normal of the object, of a side on which a line through it does not come out, if there is one."""
+    for _ in range(SIDEWAYS):
+        normal = surface.draw(rng)[1]
+        if np.linalg.norm(np.cross(normal, line)) > SIDE:
+            break
+    return normal
 
 
 def _preshape(rng: np.random.Generator, hand: Hand, palm: Palm, how: Sampling) -> Array:
@@ -188,7 +213,7 @@ def _preshape(rng: np.random.Generator, hand: Hand, palm: Palm, how: Sampling) -
     A gripper of two jaws starts open: it has no other pre-shape, and the object has to fit between them.
     """
     share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
-    share *= len({palm.anatomy.finger(i) for i in palm.tips}) > JAWS
+    share *= not palm.jaws
     q = palm.opened + share * (palm.closed - palm.opened)
     lower, upper = hand.limits.T
     rest, drawn = palm.anatomy.neutral, rng.random(hand.l)
@@ -196,7 +221,8 @@ def _preshape(rng: np.random.Generator, hand: Hand, palm: Palm, how: Sampling) -
     near = rest + np.abs(off) ** NEUTRAL * np.where(off > 0, upper - rest, lower - rest)
     abducts = (lower < rest) & (rest < upper)
     still = np.where(abducts, near, lower + drawn * (upper - lower))
-    still[list(palm.anatomy.wrist)] = rest[list(palm.anatomy.wrist)]
+    fixed = [*palm.anatomy.wrist, *hand.idle]
+    still[fixed] = rest[fixed]
     return palm.anatomy.within(np.where(hand.closing == 0, still, q))
 
 
@@ -211,22 +237,23 @@ def calmer(palm: Palm, q: Array, share: float) -> Array:
 def pushed(scene: Scene, start: Start, back: float) -> Array | None:
     """The object's pose (4, 4) once the hand was pushed along its approach up to the object, then `back` [m].
 
-    Every step of the push is as long as the distance that is left, so that no surface is passed. None if the
+    Every step of the push is as long as the distance that is left, so that no surface is passed. Jaws end where the
+    object is between them; if something touches before, they step back by a part only, as they are short. None if the
     hand passes the object by.
     """
     size = float(np.linalg.norm(scene.body.vertices - scene.body.center_of_mass, axis=1).max())
     reach = float(np.linalg.norm(scene.hand.link_poses(start.q)[:, :3, 3], axis=1).max() + scene.link_radius.max())
     pose = start.pose.copy()
     ahead = size + reach + float(np.linalg.norm(start.pose[:3, 3]))
-    last = -ahead
+    last = 0.0 if start.around else -ahead
     while ahead > last:
         pose[:3, 3] = start.pose[:3, 3] + ahead * start.approach
         gap = scene.distance(start.q, pose, FAR).min()
         if gap < TOUCH:
-            pose[:3, 3] += back * start.approach
+            pose[:3, 3] += (CLEAR + back / 4 if start.around else back) * start.approach
             return pose
         ahead -= gap
-    return None
+    return start.pose if start.around else None
 
 
 def sweeps(scene: Scene, anatomy: Anatomy, q: Array, pose: Array) -> NDArray[np.bool_]:
@@ -243,31 +270,16 @@ def sweeps(scene: Scene, anatomy: Anatomy, q: Array, pose: Array) -> NDArray[np.
     return near
 
 
-def _near(rng: np.random.Generator, direction: Array, angle: float) -> Array:
-    """A unit vector, equally likely anywhere within an angle [rad] of a unit direction."""
-    height = 1 - rng.random() * (1 - np.cos(angle))
-    around = rng.uniform(0, 2 * np.pi)
-    frame = normal_frame(direction)
-    flat = np.sqrt(1 - height**2)
-    return frame @ np.array([height, flat * np.cos(around), flat * np.sin(around)])
-
-
-def _turned(source: Array, target: Array, roll: float) -> Array:
-    """(3, 3) a rotation that takes one unit vector to another and rolls about it [rad]."""
-    turn = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
-    return normal_frame(target) @ turn @ normal_frame(source).T
-
-
 def _squarely(rng: np.random.Generator, palm: Palm, surface: SurfaceSampler, q: Array, normal: Array) -> Array:
     """(3, 3) the approach against a normal, rolled so that the widest-apart fingertips face another normal."""
     tips = palm.anatomy.middles(q, palm.tips)
     frame = normal_frame(palm.axis)
     flat = (tips - tips.mean(axis=0)) @ frame[:, 1:]
     across = np.linalg.svd(flat, full_matrices=True)[2][0] if len(tips) > 1 else np.array([1.0, 0.0])
-    R = _turned(-normal, palm.axis, 0.0)
+    R = turned(-normal, palm.axis, 0.0)
     for _ in range(SIDEWAYS):  # a normal that is seen from the palm says nothing about the sides
         other = (R @ surface.draw(rng)[1]) @ frame[:, 1:]
-        if np.linalg.norm(other) > 0.5:
+        if np.linalg.norm(other) > SIDE:
             break
     roll = float(np.arctan2(across[1], across[0]) - np.arctan2(other[1], other[0]))
-    return _turned(-normal, palm.axis, roll)
+    return turned(-normal, palm.axis, roll)

@@ -15,7 +15,8 @@ from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.palm_poses import STANDARD, Palm, Sampling, Start, SurfaceSampler
+from handfast.planning.candidates.palm_poses import STANDARD, Palm, Sampling, Start
+from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.closing import Closed, close
 from handfast.planning.evaluation.holding import held
 from handfast.planning.filters.balance import balances
@@ -32,7 +33,8 @@ from handfast.stability.settings import Settings
 PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
 CALMER = (0.5, 0.5, 0.0)  # of its abductions a hand keeps, where it started in itself, one after the other
 PUSHES = 4  # of the object by a finger, at most
-NODES = 250_000  # of a query of one contact; a node's cost grows with the cube of the contacts
+NODES = 320_000  # of a query of one contact, over the square of the contacts: flat jaws have eight, and need up to 5000
+BOUNDING = 250_000  # of one for the least commands, whose proofs cost most, over the cube of the contacts
 PATIENCE = 30.0  # [s] for all queries about a grasp: a fuse, the nodes end them much earlier
 
 
@@ -113,7 +115,12 @@ class Placed(NamedTuple):
 
 def settings_for(grasp: Grasp) -> Settings:
     """Of a query about a grasp, where none were stated."""
-    return Settings(node_limit=NODES / grasp.m**3)
+    return Settings(node_limit=NODES / grasp.m**2)
+
+
+def bounding_settings_for(grasp: Grasp) -> Settings:
+    """Of a query for the least commands of a grasp, where none were stated."""
+    return Settings(node_limit=BOUNDING / grasp.m**3, verify=False)
 
 
 class Runner:
@@ -182,7 +189,8 @@ class Runner:
         if not actuators:
             return RejectionReason.UNDECIDED, None
         how = {"actuators": actuators, "least": False, "timeout": PATIENCE}
-        answer = held(grasp, a.loads, a.limits, settings_for(grasp), **how)
+        bounding = a.limits.settings or bounding_settings_for(grasp)
+        answer = held(grasp, a.loads, a.limits, settings_for(grasp), bounding=bounding, **how)
         reason = of_verdict(answer.verdict)
         if reason:
             return reason, None
@@ -198,11 +206,12 @@ class Runner:
         A finger that is tied to one that touched has stopped short of the object, as one jaw of a gripper does.
         The first would push the object on to the other: it is moved by half the gap, and the hand closed again.
         """
-        hand = self.asked.hand
+        hand, finger = self.asked.hand, self.asked.palm.anatomy.finger
         for _ in range(PUSHES):
             closed = close(hand, q, self.asked.body, pose, scene=self.scene)
-            tied = [self._across(name, why) for name, why in closed.stopped.items()]
-            links = {i for i in range(len(hand.links)) if any(j in hand.moved_by(i) for j in tied)}
+            tied = set().union(*(self._across(name, why) for name, why in closed.stopped.items()))
+            tied -= {finger(hand.link(name)) for name in closed.touching}
+            links = {i for i in range(len(hand.links)) if finger(i) in tied}
             gaps = [n for n in self.scene.nearest(closed.q, pose, palm_poses.FAR) if n.link in links] if links else []
             short = min(gaps, key=lambda n: n.distance, default=None)
             if short is None or short.distance <= THRESHOLD:
@@ -211,14 +220,18 @@ class Runner:
             pose[:3, 3] -= short.distance / 2 * short.normal
         return closed, pose
 
-    def _across(self, name: str, why: str) -> int | None:
-        """The joint of a name if it stopped because one of another finger did, else None."""
+    def _across(self, name: str, why: str) -> set[int]:
+        """The fingers of the joint of a name if it stopped because one of other fingers did, else none."""
         hand = self.asked.hand
         if not why.startswith("follows "):
-            return None
-        j, driver = hand.joint(name), hand.joint(why.removeprefix("follows "))
-        chains = (hand.moved_by(i) for i in range(len(hand.links)))
-        return None if any(j in c and driver in c for c in chains) else j
+            return set()
+        own = self._fingers(hand.joint(name))
+        return set() if own & self._fingers(hand.joint(why.removeprefix("follows "))) else own
+
+    def _fingers(self, joint: int) -> set[int]:
+        """Of the links that a joint moves; what a loop ties together is one finger."""
+        hand = self.asked.hand
+        return {self.asked.palm.anatomy.finger(i) for i in range(len(hand.links)) if joint in hand.moved_by(i)}
 
     def _strength(self, grasp: Grasp) -> float:
         """The largest command, as a share of what is allowed: a force for sliding joints and tendons, else a torque."""

@@ -1,4 +1,4 @@
-"""Contacts of a flat face: those at its corners make every wrench that the others make."""
+"""Contacts of a flat face: those at its corners make every wrench that the others make, nearly, if they are many."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.transforms import normal_frame
+from handfast.geometry.patch import few
 from handfast.model.grasp import Contact
 
 TURNED = 1e-3  # [rad] normals that differ by less are one
@@ -19,7 +20,8 @@ def spanning(contacts: Sequence[Contact]) -> tuple[Contact, ...]:
 
     A force at a point between others is a sum of parallel forces at these, each within its friction cone, with the same
     torque. Contacts of a pad that is made of many small solids, a dozen in a plane, would cost a search thousands of
-    times more, and answer the same.
+    times more, and answer the same. Of more than four corners the four stay that are spread most, as of a single pair
+    of solids: the others could do whatever these do, so that statics are judged too strictly, if anything.
     """
     left, kept = list(range(len(contacts))), set[int]()
     while left:
@@ -39,7 +41,7 @@ def _one_face(a: Contact, b: Contact) -> bool:
 
 
 def _corners(points: Array) -> list[int]:
-    """Which of some points (n, 2) [m] span all of them: corners of their hull, ends of a line, or a single one."""
+    """Which of some points (n, 2) [m] span them: corners of their hull, four at most, ends of a line, or one alone."""
     from scipy.spatial import ConvexHull
 
     if len(points) < 3:
@@ -48,4 +50,6 @@ def _corners(points: Array) -> list[int]:
     along, across = (points @ axes.T).T
     if np.ptp(across) <= OFF:
         return sorted({int(along.argmin()), int(along.argmax())})
-    return sorted(int(k) for k in ConvexHull(points).vertices)
+    hull = ConvexHull(points).vertices
+    kept = few(points[hull])
+    return sorted(int(k) for k in hull if (points[k] == kept).all(axis=1).any())
