@@ -22,6 +22,7 @@ from handfast.planning.evaluation.holding import held
 from handfast.planning.filters.balance import balances
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
 from handfast.planning.filters.spanning import spanning
+from handfast.planning.fruitless import FILTERED
 from handfast.planning.gathering import UnitResult
 from handfast.planning.question import fingerprint
 from handfast.planning.rejection import Overlap, RejectionReason, Tally, of_verdict
@@ -39,13 +40,7 @@ PATIENCE = 30.0  # [s] for all queries about a grasp: a fuse, the nodes end them
 
 
 REASONS = (
-    RejectionReason.PAST,
-    RejectionReason.INSIDE,
-    RejectionReason.FOLDED,
-    RejectionReason.MISSES,
-    RejectionReason.FEW,
-    RejectionReason.PENETRATES,
-    RejectionReason.UNBALANCED,
+    *FILTERED,
     RejectionReason.SLIPS,
     RejectionReason.UNDECIDED,
     RejectionReason.STRONG,
