@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -224,7 +224,7 @@ class BranchAndPrune(Generic[R]):
         self._settle()
         return [node.region for node in (*self._now.flight, *self._waiting())]
 
-    def __iter__(self) -> Iterator[BranchState[R]]:
+    def __iter__(self) -> Generator[BranchState[R], None, None]:
         """Step by step until nothing is pending; only the latest loop over a search may go on."""
         self._settle()
         loop = self._loop = object()

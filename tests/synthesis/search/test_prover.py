@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 
@@ -156,6 +157,22 @@ def test_goes_on_from_a_saved_state_to_the_same_end():
     other = Prover(TaskProblem.of(grip(0.05)), workers=1)
     with pytest.raises(InputError, match=r"box: has \d+ intervals, needs \d+|has other searches"):
         other.restore(state)
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_interruption_while_threads_end_is_heard(monkeypatch: pytest.MonkeyPatch):
+    """A search ends its threads with every turn; what is raised there was lost when its loop was only collected."""
+
+    class Interrupted(ThreadPoolExecutor):
+        def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+            super().shutdown(wait, cancel_futures=cancel_futures)
+            raise KeyboardInterrupt
+
+    prover = Prover(TaskProblem.of(load_task("scalpel-handling")), workers=2)
+    monkeypatch.setattr("handfast.core.branch.ThreadPoolExecutor", Interrupted)
+    assert prover.run(nodes=100).interrupted
+    assert prover.run(nodes=100_000).interrupted  # at the end of the first turn
+    assert prover.nodes < 10_000
 
 
 def test_small_boxes_are_set_aside_undecided():

@@ -9,7 +9,8 @@ Every solution's coordinates lie in a box that was not discarded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, Literal
@@ -109,13 +110,14 @@ class Prover:
         before, interrupted = self.nodes, False
         self._limits = SearchLimits(seconds, nodes)
         try:
-            for _ in self._turns():
-                if self._empty() is not None:
-                    break
-                if on_step is not None:
-                    on_step(self._standing())
-                if self._limits.stop(self.nodes - before):
-                    break
+            with closing(self._turns()) as turns:  # Ctrl-C while threads end would be lost in a collected generator
+                for _ in turns:
+                    if self._empty() is not None:
+                        break
+                    if on_step is not None:
+                        on_step(self._standing())
+                    if self._limits.stop(self.nodes - before):
+                        break
             if self._empty() is None:
                 self.compile()  # a later run may have a limit from without
         except KeyboardInterrupt:
@@ -146,7 +148,7 @@ class Prover:
         """The state, JSON-able."""
         return {"schema": "handfast/prover/1", "sets": {name: x.save() for name, x in self.searches.items()}}
 
-    def _turns(self) -> Iterator[None]:
+    def _turns(self) -> Generator[None, None, None]:
         """Step by step: each set of contacts in its turn, and after each the one that has come farthest.
 
         The poses come last in the first round, which settles what is far from possible, and after every turn of a
@@ -164,13 +166,14 @@ class Prover:
                         yield from self._turn(POSES, CHEAP * steps)
             steps *= 2
 
-    def _turn(self, name: str, steps: int) -> Iterator[None]:
+    def _turn(self, name: str, steps: int) -> Generator[None, None, None]:
         if name in self.searches and self._open(name):
             self._compile(self.domains[name])
-            for done, _ in enumerate(self.searches[name]):
-                yield
-                if done + 1 >= steps or not self._open(name):
-                    break
+            with closing(iter(self.searches[name])) as search:
+                for done, _ in enumerate(search):
+                    yield
+                    if done + 1 >= steps or not self._open(name):
+                        break
 
     def _compile(self, domain: Boxes) -> None:
         """Compiled before its first turn, at nobody's expense."""
