@@ -132,7 +132,7 @@ def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
 
 def test_a_finished_tree_helps_the_next_direction() -> None:
     """A degree each: most leaves close as they are, and what comes out is proved as ever."""
-    grasp, turn = load_grasp("fig7"), np.radians(np.arange(40, 46))
+    grasp, turn = load_grasp("fig7"), np.radians(np.arange(40, 43))
     circle = np.column_stack([np.cos(turn), np.sin(turn), *np.zeros((4, len(turn)))])
     answers = max_many(grasp, circle, jobs=1)
     alone = [maximum(grasp, w) for w in circle]
