@@ -60,10 +60,14 @@ def test_the_mouse_changes_the_load(page: LivePage) -> None:
     server = page._server
     session, stage = server.session, server.session.stage
     unit = stage.metres_per_newton
+    until(lambda: server._preloads)  # the grasp stands there
     session.change(lambda x: x.with_plane("none"))
-    drive(server._pull, dragged(server, [0.01, 0, 0], [0.01 + 3 * unit, 0, 0]))
-    assert session.state.at == pytest.approx([0.01, 0, 0])
-    assert session.state.force == pytest.approx([3, 0, 0])
+    drive(server._pull, dragged(server, [0.01, 0.004, 0], [0.01 + 3 * unit, 0.004, 0]))  # the far side is grabbed
+    at = session.state.at
+    assert at[[0, 2]] == pytest.approx([0.01, 0])
+    assert at[1] == pytest.approx(stage.object[0][:, 1].min(), rel=0.2)  # at the near side the force acts
+    assert session.state.force == pytest.approx([3 * (at[1] + 0.996), 0, 0])  # smaller than it looks from far away
+    session.change(lambda x: x.moved(np.array([0.01, 0, 0])))
     drive(server._drag_tip, dragged(server, [0, 0, 0], [0.01, 0, -4 * unit]))
     assert session.state.force == pytest.approx([0, 0, -4])
     until(lambda: "HOLDS" in server._verdict.content)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from handfast.core.answer import Verdict
+from handfast.model.shape import Shape
+from handfast.viewer.first_hit import first_hit
 from handfast.viewer.page_text import bar_html, map_svg, verdict_html
 from handfast.viewer.shown_state import COLORS, GREY, LATE, shown
 from handfast.viewer.slip_motion import PERIOD, escape, slip_motion
@@ -163,6 +165,13 @@ def test_a_stage_with_files_has_hand_and_object() -> None:
     assert stage.hand[1].max() == len(stage.hand[0]) - 1
     assert stage.notes == ()
     assert stage.up == pytest.approx([0, 0, 1])
+
+
+def test_a_ray_meets_the_near_side_first() -> None:
+    box = Shape("box", (0.2, 0.2, 0.2))
+    eye, far = np.array([1.1, 0.01, 0.02]), np.array([-0.1, 0.01, 0.02])
+    assert first_hit(*box.triangles(), eye, far) == pytest.approx(1.0 / 1.2)
+    assert first_hit(*box.triangles(), eye, far + np.array([0, 0, 5])) == 1.0
 
 
 def test_scales_are_round_and_follow_weight_or_preload() -> None:

@@ -13,6 +13,7 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import matrix_quaternion, quaternion_matrix
 from handfast.report import words
 from handfast.viewer.answering import Reply
+from handfast.viewer.first_hit import first_hit
 from handfast.viewer.live_session import LiveSession
 from handfast.viewer.page_text import map_svg, verdict_html
 from handfast.viewer.shown_state import CURVE, FORCE, GREY, Shown, ShownMap
@@ -49,7 +50,7 @@ class PageServer:
         self._nodes: dict[str, Any] = {}
         self._preloads: list[Any] = []
         self._moved = False
-        self._start: tuple[Any, Any] | None = None  # where a gesture began: the state, the point on the object
+        self._start: tuple[Any, Any, Any, float] | None = None  # of a gesture: see `_dragged`
         self._panel()
 
     @property
@@ -140,7 +141,7 @@ class PageServer:
         """The solids of a grasp, and its controls."""
         with self._server.atomic():
             for name, node in self._nodes.items():
-                if name != "object":  # which goes with its carrier
+                if name not in ("object", "inside"):  # which go with their carrier
                     node.remove()
             self._nodes = {}
             self._put_solids(stage)
@@ -162,8 +163,11 @@ class PageServer:
         n["object"] = scene.add_mesh_simple(
             "/object/solid", vertices, faces, opacity=self._clear.value, side="double", flat_shading=True
         )
-        n["object"].on_drag("right", modifier="cmd/ctrl")(self._pull)
-        n["object"].on_drag("left", modifier="cmd/ctrl")(self._twist)
+        # what can be grabbed hides from the mouse what is behind it: the inside of the object does not hide the handle
+        inside = scene.add_mesh_simple("/object/inside", vertices, faces, opacity=0.0, side="back", cast_shadow=False)
+        n["inside"] = inside
+        inside.on_drag("right", modifier="cmd/ctrl")(self._pull)
+        inside.on_drag("left", modifier="cmd/ctrl")(self._twist)
         if stage.hand is not None:
             n["hand"] = scene.add_mesh_simple("/hand", *stage.hand, color=STEEL, side="double", flat_shading=True)
         elif len(stage.fingers):
@@ -302,25 +306,34 @@ class PageServer:
     async def _pull(self, event: Any) -> None:
         """MuJoCo's gesture: a force from where the object was grabbed to the mouse."""
         stage = self.session.stage
-        start, _ = self._begun(event)
-        force = _within(np.array(event.end_position, dtype=float) - start, ARROW * stage.size) / stage.metres_per_newton
-        self.session.change(lambda x: x.pulled(force, at=start))
+        at, _, step = self._dragged(event)
+        force = _within(step, ARROW * stage.size) / stage.metres_per_newton
+        self.session.change(lambda x: x.pulled(force, at=at))
 
     async def _twist(self, event: Any) -> None:
         """MuJoCo's gesture: a torque that turns the near side of the object after the mouse."""
         stage = self.session.stage
-        start, back = self._begun(event)
-        step = _within(np.array(event.end_position, dtype=float) - start, ARROW * stage.size)
-        torque = np.cross(back, step) / stage.metres_per_newton_metre
+        _, back, step = self._dragged(event)
+        torque = np.cross(back, _within(step, ARROW * stage.size)) / stage.metres_per_newton_metre
         self.session.change(lambda x: x.twisted(torque))
 
-    def _begun(self, event: Any) -> tuple[Any, Any]:
-        """Where on the object the gesture began, and the unit vector from there to the viewer."""
+    def _dragged(self, event: Any) -> tuple[Any, Any, Any]:
+        """Where on the object, as it stands in the grasp, the gesture began; the unit vector to the viewer; the drag.
+
+        The inside of the object is grabbed, and the drag measured in a plane there that faces the viewer. Both are
+        brought to the outside, which the mouse points at.
+        """
         if event.phase == "start" or self._start is None:
-            place = np.array(event.start_position, dtype=float)
-            back = np.array(event.client.camera.position, dtype=float) - place
-            self._start = place, back / np.linalg.norm(back)
-        return self._start
+            eye = np.array(event.client.camera.position, dtype=float)
+            inside = np.array(event.start_position, dtype=float)
+            carrier = self._nodes["carrier"]
+            turned, moved = quaternion_matrix(carrier.wxyz), np.array(carrier.position, dtype=float)
+            eye_there, inside_there = turned.T @ (eye - moved), turned.T @ (inside - moved)
+            share = first_hit(*self.session.stage.object, eye_there, inside_there)
+            back = (eye - inside) / np.linalg.norm(eye - inside)
+            self._start = eye_there + share * (inside_there - eye_there), back, inside, share
+        at, back, inside, share = self._start
+        return at, back, share * (np.array(event.end_position, dtype=float) - inside)
 
 
 def _listening(host: str, port: int) -> Any:
