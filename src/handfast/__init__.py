@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from handfast.synthesis.task import PoseBounds as PoseBounds
     from handfast.synthesis.task import Task as Task
     from handfast.synthesis.task_file import load_task as load_task
+    from handfast.viewer.open_page import view as view
 
 _HOME = {
     "Scene": "geometry.scene",
@@ -125,6 +126,7 @@ _HOME = {
     "Task": "synthesis.task",
     "ContactPair": "synthesis.task",
     "load_task": "synthesis.task_file",
+    "view": "viewer.open_page",
 }
 
 __all__ = sorted(_HOME)

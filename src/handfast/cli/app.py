@@ -32,6 +32,7 @@ from handfast.cli.sweep import Sweep
 from handfast.cli.synthesize import Synthesize
 from handfast.cli.torques import Torques
 from handfast.cli.verify import Verify
+from handfast.cli.view import ViewGrasps
 from handfast.core.errors import InputError
 from handfast.core.interrupts import patient_interrupt
 
@@ -51,6 +52,7 @@ COMMANDS: dict[str, type[Command]] = {
     "contacts": Contacts,
     "close": Close,
     "show": Show,
+    "view": ViewGrasps,
     "list": List,
     "demo": Demo,
 }
@@ -64,7 +66,7 @@ ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot
 check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? synthesize looks for \
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
 hold with its torques. propose chooses such regions, plan closes the hand from everywhere. verify replays what backs \
-an answer. show looks at a hand.
+an answer. show looks at a hand, view at a grasp under your mouse.
 
 Start with `handfast demo` or `handfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""
