@@ -56,6 +56,7 @@ WRONG = {
     ),
     "node limit": (["check", "grasp.json", "--wrench", "0", "1", "0", "--node-limit", "0"], ["node limit", "0"]),
     "method": (["check", "grasp.json", "--wrench", "0", "1", "0", "--method", "guess"], ["--method", "algorithm1"]),
+    "choices": (["plan", "barrett-bh8-280", "ball", "--up", "w"], ["'w'", "--up", "one of -x, x, -y, y, -z, z"]),
     "verify nothing": (["verify"], ["missing", "RESULT"]),
     "verify no file": (["verify", "none.json"], ["none.json", "no such file"]),
     "verify a grasp": (
