@@ -125,6 +125,8 @@ def parse(arguments: list[str]) -> Command:
         if name not in COMMANDS:
             raise InputError(f"unknown command '{name}'; known: {', '.join(COMMANDS)}")
         _check_options(name, arguments[1:])
+    elif name not in ("-h", "--help"):
+        raise InputError(f"unknown option '{name}'; a command comes first: {', '.join(COMMANDS)}")
 
     import tyro
 
@@ -210,7 +212,7 @@ def _one_line(said: str) -> str:
         if indent < margin + 8:  # deeper lines are the help of an argument
             text.append(line.strip())
     message = " ".join(text).removeprefix("Error parsing ")
-    message = re.sub(r"\('[^()]*'\)", _choices, message)
+    message = re.sub(r"\('[^()]*'\) ?", _choices, message)
     message = re.sub(r"^Missing from [\w ]+: ", "missing: ", message)
     return message[:1].lower() + message[1:]
 
