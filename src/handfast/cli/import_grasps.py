@@ -111,16 +111,19 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         return console.ANSWERED if good else console.BAD_INPUT
 
     def _check(self) -> None:
+        from handfast.core.files import LARGEST
+
         for field, value in (
             *(("--threshold", self.threshold), ("--scale", self.scale)),
             *(("--mass", self.mass), ("--count", self.count), ("--jobs", self.jobs or None)),
         ):
-            if value is not None and not 0 < value < float("inf"):
-                raise InputError(f"is {value:g}; a number above 0 is needed", field=field)
+            if value is not None and not 0 < value <= LARGEST:
+                raise InputError(f"is {value:g}; a number above 0, at most {LARGEST:g}, is needed", field=field)
         if not 0 <= self.tolerance < 1:
             raise InputError(f"is {self.tolerance:g}; a number from 0 to below 1 is needed", field="--tolerance")
-        if self.friction is not None and not 0 <= self.friction < float("inf"):
-            raise InputError(f"is {self.friction:g}; a friction coefficient is 0 or more", field="--friction")
+        if self.friction is not None and not 0 <= self.friction <= LARGEST:
+            right = f"a friction coefficient is 0 or more, at most {LARGEST:g}"
+            raise InputError(f"is {self.friction:g}; {right}", field="--friction")
         if self.object is not None:
             self._check_object(Path(bundled.resolve("objects", self.object)))
         for folder in self.objects:
