@@ -56,6 +56,13 @@ WRONG = {
     ),
     "node limit": (["check", "grasp.json", "--wrench", "0", "1", "0", "--node-limit", "0"], ["node limit", "0"]),
     "method": (["check", "grasp.json", "--wrench", "0", "1", "0", "--method", "guess"], ["--method", "algorithm1"]),
+    "an option in place of a command": (["--wat"], ["unknown option '--wat'; a command comes first: check, max"]),
+    "a short option in place of a command": (["-x", "check"], ["unknown option '-x'; a command comes first"]),
+    "a demo in a file": (["demo", "-o", "empty.obj"], ["empty.obj: is a file; a folder is needed"]),
+    "the end of choices": (["map", "g", "--plane", "zz"], ["--plane", "one of xy, xz, yz."]),
+    "a scale of a body file": (["show", "parallel-gripper", "slab", "--scale", "2"], ["slab: states its own size"]),
+    "a scale of nothing": (["show", "parallel-gripper", "--scale", "2"], ["--scale: is for the meshes of an object"]),
+    "choices": (["plan", "barrett-bh8-280", "ball", "--up", "w"], ["'w'", "--up", "one of -x, x, -y, y, -z, z"]),
     "verify nothing": (["verify"], ["missing", "RESULT"]),
     "verify no file": (["verify", "none.json"], ["none.json", "no such file"]),
     "verify a grasp": (

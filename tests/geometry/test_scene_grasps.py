@@ -63,3 +63,14 @@ def test_wrong_places_are_named(q, pose, says: str) -> None:  # type: ignore[no-
 
 def test_a_matrix_and_its_parts_are_the_same_pose() -> None:
     assert np.allclose(checked_pose(PAIR), PLACED.pose)
+
+
+def test_a_scene_of_something_else_is_refused() -> None:
+    scene, pose = Scene(load_hand("barrett-bh8-280"), load_body("slab")), np.eye(4)
+    again = load_hand("barrett-bh8-280")
+    with pytest.raises(InputError, match="scene: is of the object slab, not of mug"):
+        contact_grasp(again, {}, load_body("mug"), pose, scene=scene)
+    gripper = load_hand("parallel-gripper")
+    with pytest.raises(InputError, match="scene: is of the hand barrett-bh8-280, not of parallel-gripper"):
+        find_contacts(gripper, {}, load_body("slab"), pose, scene=scene)
+    assert find_contacts(again, {}, load_body("slab"), pose, scene=scene)

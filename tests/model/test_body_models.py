@@ -98,6 +98,13 @@ def test_a_folder_is_an_object_of_pieces(tmp_path: Path) -> None:
         load_body(folder)
 
 
+@pytest.mark.parametrize(
+    "other", ["<ode><mu>0.8</mu><mu2>0.2</mu2></ode>", "<bullet><friction>0.2</friction></bullet>"]
+)
+def test_the_smallest_friction_of_all_that_are_given(tmp_path: Path, other: str) -> None:
+    assert load_body(sdf(tmp_path, SDF.replace("<ode><mu>0.8</mu></ode>", other))).friction == 0.2
+
+
 LINK = "<link name='l'><collision>{}</collision></link>"
 
 
@@ -116,6 +123,12 @@ LINK = "<link name='l'><collision>{}</collision></link>"
         ),
         ("urdf", LINK.format("<geometry><mesh scale='1 1 2'/></geometry>"), r"link l: has a mesh of which a part is"),
         ("urdf", HEAD + GRIP.replace("parent link='head'", "parent link='x'"), r"joint j: has link 'x', which is not"),
+        ("urdf", HEAD + GRIP.partition("<joint")[0], r"link grip: hangs on no joint, nor does link head; a tree is"),
+        ("urdf", HEAD + GRIP + GRIP.replace("'grip'", "'b'", 1).replace("head", "b"), r"link grip: hangs on two"),
+        ("urdf", HEAD + GRIP.replace("'grip'", "'head'"), r"link head: is the name of two links"),
+        ("urdf", HEAD.replace("0.3", "-0.3"), r"link head: has a mass of -0.3 kg; 0 or more is needed"),
+        ("sdf", SDF.replace("'grip'", "'head'"), r"link head: is the name of two links"),
+        ("sdf", SDF.replace("<pose>0 0 0.1", "<pose frame='b'>0 0 0.1"), r"link head: has a pose relative to b"),
         ("sdf", SDF.replace("fixed", "revolute"), r"joint j: is revolute; an object is one rigid body"),
         ("sdf", SDF + "<model name='b'/>", r"is not of one model without others in it; such an SDF file is needed"),
         ("sdf", SDF.replace("0.1 0.02 0.04", "0.1 x"), r"link head: <size> value is '0.1 x'; 3 finite numbers are"),

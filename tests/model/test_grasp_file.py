@@ -126,6 +126,12 @@ def test_nothing_is_written_over_or_half_written(tmp_path: Path) -> None:
     assert [f.name for f in tmp_path.iterdir()] == ["g.json"]
 
 
+def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"heavy\.json: contains 1e\+60; numbers up to 1e\+50 are possible"):
+        save_grasp(pinch().about(mass=1e60), tmp_path / "heavy.json")
+    assert not list(tmp_path.iterdir())
+
+
 def test_every_bundled_grasp_loads() -> None:
     assert {"fig1", "fig7", "fig9", "fig11", "fig9-coupled"} <= set(bundled.names("grasps"))
     for name in bundled.names("grasps"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -117,6 +119,12 @@ def test_a_column_of_zeros_and_no_columns() -> None:
         (lambda a: a | {"normal": 3}, "normal: is 3; 0, 1 or 2"),
         (lambda a: a | {"mechanism": Mechanism.direct(["a"])}, "mechanism: has 1 joint columns; J has 2"),
         (lambda a: a | {"joints": ["a", "a"]}, "'a' is"),
+        (lambda a: a | {"G": [[1.0, 2.0], [3.0]]}, "G: has rows of different lengths"),
+        (lambda a: a | {"J": [[1.0, 2.0], [3.0]]}, "J: has rows of different lengths"),
+        (lambda a: a | {"J": a["J"] + 0.1j}, "J: must be numbers"),
+        (lambda a: a | {"normal": True}, "normal: is True; 0, 1 or 2"),
+        (lambda a: a | {"normal": 1.0}, r"normal: is 1\.0; 0, 1 or 2"),
+        (lambda a: a | {"joints": [1, 2]}, r"joints\[0\]: is 1; a name is needed"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(change, says: str) -> None:  # type: ignore[no-untyped-def]
@@ -152,6 +160,12 @@ def test_what_is_no_mesh_is_refused() -> None:
         Body.from_mesh(box, scale=0)
     with pytest.raises(InputError, match="object: mass: is -1"):
         Body.from_mesh(box, mass=-1)
+    ragged = SimpleNamespace(vertices=[[0, 0, 0], [1]], faces=[[0, 1, 1]])
+    with pytest.raises(InputError, match="object: has vertices or faces that are no numbers, or of different lengths"):
+        Body.from_mesh(ragged)  # type: ignore[arg-type]
+    halves = SimpleNamespace(vertices=box.vertices, faces=box.faces + 0.5)
+    with pytest.raises(InputError, match="object: has faces that are no whole numbers"):
+        Body.from_mesh(halves)  # type: ignore[arg-type]
     box.vertices[0] = np.nan
     with pytest.raises(InputError, match="NaN"):
         Body.from_mesh(box)

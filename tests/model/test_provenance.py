@@ -80,6 +80,36 @@ def test_what_changed_or_is_gone_is_said_and_not_shown(held: Path, kind: str, na
     assert f"the {kind}'s file {file} is not there" in source_meshes(load_grasp(held / "grasp.json"))[1][0]
 
 
+def test_contacts_and_scales_that_were_changed_are_said_and_not_shown(held: Path) -> None:
+    data = json.loads((held / "grasp.json").read_text())
+    moved = json.loads(json.dumps(data))
+    moved["contacts"][0]["position"][2] += 0.2
+    (held / "moved.json").write_text(json.dumps(moved))
+    meshes, notes = source_meshes(load_grasp(held / "moved.json"))
+    assert not meshes
+    assert "contact 0 is at least" in notes[0]
+    assert "mm off the surface of the object" in notes[0]
+    swapped = json.loads(json.dumps(data))
+    for contact in swapped["contacts"]:
+        contact["link"] = "right_finger" if contact["link"] == "left_finger" else "left_finger"
+    (held / "swapped.json").write_text(json.dumps(swapped))
+    assert "_finger: contacts, scale or configuration are not" in source_meshes(load_grasp(held / "swapped.json"))[1][0]
+
+
+def test_a_folder_of_pieces_is_known_by_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import trimesh
+
+    monkeypatch.chdir(tmp_path)
+    Path("pieces").mkdir()
+    trimesh.creation.box((1, 1, 1)).export("pieces/a.stl")
+    source = SourceFile.of("pieces", "object")
+    assert source is not None
+    assert (source.path, len(source.sha256 or ""), source.fault("object")) == (str(tmp_path / "pieces"), 64, "")
+    assert SourceFile.of("pieces", "hand") == SourceFile("pieces", None)
+    Path("pieces/a.stl").rename("pieces/b.stl")
+    assert "has changed" in source.fault("object")
+
+
 def test_a_grasp_of_numbers_says_that_it_knows_no_sources() -> None:
     meshes, notes = source_meshes(pinch())
     assert (meshes, len(notes)) == ([], 1)

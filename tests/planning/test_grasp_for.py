@@ -149,6 +149,7 @@ def test_what_cannot_balance_is_never_returned() -> None:
     [
         ({"count": 0}, "count: is 0; at least 1"),
         ({"timeout": -1.0}, "timeout: is -1 s; a positive number"),
+        ({"seed": -1}, "seed: is -1; a number from 0 on is needed"),
         ({"actuators": ["elbow"]}, "elbow"),
         ({"body": load_body("jar")}, None),
     ],
@@ -161,6 +162,11 @@ def test_bad_questions(options: dict[str, Any], match: str | None) -> None:
     else:
         with pytest.raises(InputError, match=match):
             grasp_for(load_task(NAME), **options)
+
+
+def test_a_depth_below_zero() -> None:
+    with pytest.raises(InputError, match=r"self_depth: is -0\.001 m; 0 or more is needed"):
+        Allowed(self_depth=-1e-3)
 
 
 def test_a_task_without_an_object_needs_one() -> None:

@@ -144,13 +144,17 @@ def test_loads_of_ones_own_need_no_mass() -> None:
         ({"count": 0}, "count.*positive"),
         ({"timeout": 0}, "timeout.*positive"),
         ({"attempts": -1}, "attempts.*positive"),
+        ({"pool": 0}, "pool: is 0; a positive"),
+        ({"seed": -1}, "seed: is -1; a number from 0 on is needed"),
+        ({"loads": Loads.wrench([0.0] * 6)}, "loads: are all zero; a force or torque to hold is needed"),
         ({"sampling": Sampling(approach=(0, 0, 0))}, "direction in which the palm"),
         ({"limits": Limits(command_limit=0.0)}, "command_limit.*positive"),
+        ({"jobs": -1}, "jobs: is -1; at least 1 is needed"),
     ],
 )
 def test_bad_input_is_one_clear_line(given: dict[str, object], match: str) -> None:
     with pytest.raises(InputError, match=match):
-        plan(HAND, ball(), jobs=1, **given)  # type: ignore[arg-type]
+        plan(HAND, ball(), **{"jobs": 1} | given)  # type: ignore[arg-type]
 
 
 def test_without_mass_it_says_so() -> None:

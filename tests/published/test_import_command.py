@@ -159,9 +159,62 @@ def test_what_is_missing_is_asked_for_in_one_line(here: Path, capsys: pytest.Cap
     complains(capsys, ["import", file, *hand, "--mapping", "shadow-mjcf", "-o", "out"], ["unknown link 'rh_palm'"])
     complains(capsys, ["import", file, *WITH, "-o", "out", "--tolerance", "2"], ["--tolerance: is 2; a number from 0"])
     complains(capsys, ["import", file, *WITH, "-o", "out", "--threshold", "0"], ["--threshold: is 0; a number above 0"])
+    complains(
+        capsys, ["import", file, *WITH, "-o", "out", "--mass", "1e60"], ["--mass: is 1e+60; a number above 0, at"]
+    )
+    complains(capsys, ["import", file, *WITH, "-o", "out", "--friction", "-1"], ["--friction: is -1; a friction coeff"])
+    complains(
+        capsys, ["import", file, *WITH[:-2], "-o", "out", "--jobs", "-1"], ["--jobs: is -1; a number above 0, at most"]
+    )
+    complains(capsys, ["import", file, *WITH, "-o", "out", "--object", "none"], ["none: no such file, and no bundled"])
+    about = json.loads(Path("tiny.json").read_text())
+    Path("twice.json").write_text(json.dumps(about | {"joints": ["left_hinge", "left_hinge"]}))
+    says = ["twice.json: joints: has 'left_hinge' twice; each number of a file is one joint's"]
+    complains(capsys, ["import", file, *hand, "--mapping", "twice.json", "-o", "out"], says)
+    (here / "empty").mkdir()
+    complains(capsys, ["import", file, *WITH, "-o", "out", "--object", "empty"], ["empty: is a folder without meshes"])
     complains(capsys, ["import", file, *WITH, "-o", "tiny.xml"], ["tiny.xml: is a file; a folder, or a table"])
     complains(capsys, ["import", "none.npy", *WITH, "-o", "out"], ["none.npy: no such file"])
     assert not Path("out").exists()
+
+
+def test_a_row_whose_object_can_be_no_file_does_not_stop_the_others(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [
+        str(saved_npy(here / f"{k}.npy", {"grasp_qpos": row(), "obj_path": name}))
+        for k, name in enumerate(["x" * 5000, "cube"])
+    ]
+    broken, good = ask(capsys, "import", *files, *WITH, "-o", "out")["rows"]
+    assert broken["reason"] == "the object's file cannot be read: File name too long"
+    assert "reason" not in good
+
+
+def test_two_names_of_one_joint_are_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = samples(here)["isaac_grasp"]
+    Path("names.json").write_text(
+        json.dumps(json.loads(Path("tiny.json").read_text()) | {"names": {"L": "left_hinge", "R": "left_hinge"}})
+    )
+    with_names = [w.replace("tiny.json", "names.json") for w in WITH]
+    (said,) = ask(capsys, "import", str(file), *with_names, "-o", "out", status=2)["rows"]
+    assert "'left_hinge' has two values of the file" in said["reason"]
+
+
+def test_reasons_are_told_to_their_end(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(saved_npy(here / "0.npy", {"grasp_qpos": row(), "obj_path": "a-cup-of-some-collection-" * 3}))
+    status, out, _ = run(capsys, "import", file, *WITH, "-o", "out")
+    assert status == 2
+    assert "or --object OBJECT for all" in " ".join(out.split())
+
+
+def test_one_folder_of_pieces_for_all(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(samples(here)["dexgraspbench"])
+    whole = ask(capsys, "import", file, *WITH, "-o", "out")["rows"][0]
+    folder = ask(capsys, "import", file, *WITH, "-o", "out2", "--object", "objects/cube")["rows"][0]
+    assert folder["contacts"] == whole["contacts"]
+    assert load_grasp("out2/00000.grasp.json").contacts[0].position == pytest.approx(
+        load_grasp("out/00000.grasp.json").contacts[0].position
+    )
 
 
 @pytest.mark.parametrize(
@@ -200,6 +253,18 @@ def test_exports_come_back(layout: str, target: str, here: Path, capsys: pytest.
         assert np.allclose(grasp.squeeze.joints, [0.3, 0.3])  # type: ignore[arg-type]
         assert grasp.object == "/far/cube/mesh/cube.obj"
     complains(capsys, command, ["exists already; give --force"])
+
+
+@pytest.mark.parametrize(
+    "layout, target", [("isaac_grasp", "a.json"), ("graspgen", "a.yaml"), ("dexgraspbench", "a.npy")]
+)
+def test_an_ending_of_another_layout_is_no_folder(
+    layout: str, target: str, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(capsys, "close", "barrett-bh8-280", "slab", "--pose", "fig11", "-o", "closed.json")[0] == 0
+    command = ["export", "closed.json", "--layout", layout, "-o", target]
+    complains(capsys, command, [f"{target}: is no name for {layout}; a folder"])
+    assert not Path(target).exists()
 
 
 def test_exports_of_what_close_wrote(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -127,6 +127,8 @@ def parse(arguments: list[str]) -> Command:
         if name not in COMMANDS:
             raise InputError(f"unknown command '{name}'; known: {', '.join(COMMANDS)}")
         _check_options(name, arguments[1:])
+    elif name not in ("-h", "--help"):
+        raise InputError(f"unknown option '{name}'; a command comes first: {', '.join(COMMANDS)}")
 
     import tyro
 
@@ -212,5 +214,12 @@ def _one_line(said: str) -> str:
         if indent < margin + 8:  # deeper lines are the help of an argument
             text.append(line.strip())
     message = " ".join(text).removeprefix("Error parsing ")
+    message = re.sub(r"\('[^()]*'\) ?", _choices, message)
     message = re.sub(r"^Missing from [\w ]+: ", "missing: ", message)
     return message[:1].lower() + message[1:]
+
+
+def _choices(listed: re.Match[str]) -> str:
+    """Choices in an order that does not change, without the one of giving none."""
+    words = sorted(set(re.findall(r"'([^']*)'", listed[0])) - {"None"}, key=lambda w: (w.lstrip("-"), w))
+    return ", ".join(words)

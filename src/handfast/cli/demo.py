@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, check_writable
+from handfast.cli.options import Command, check_folder, check_writable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,6 +44,7 @@ class Demo(Command):
         from handfast.stability.queries import check, maximum, torques
         from handfast.stability.settings import Settings
 
+        check_folder(self.output)
         for name in FILES:
             check_writable(self.output / name, self.force, (Path(name).suffix,))
         out, settings, y = console.out(), Settings(), np.eye(6)[1]

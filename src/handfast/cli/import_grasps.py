@@ -41,7 +41,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     objects: Annotated[tuple[Path, ...], arg(metavar="FOLDER")] = ()
     """folders in which the objects' meshes are; by default those above each file"""
     object: Annotated[str | None, arg(metavar="OBJECT")] = None
-    """one mesh, body file or bundled object for all grasps, in place of what the files name"""
+    """one mesh, folder of convex pieces, body file or bundled object for all grasps, in place of what the files name"""
     scale: Annotated[float, arg(metavar="M")] = 1.0
     """metres per unit of the objects' meshes, beside the scale that a file has"""
     contacts: bool = True
@@ -111,19 +111,34 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         return console.ANSWERED if good else console.BAD_INPUT
 
     def _check(self) -> None:
+        from handfast.core.files import LARGEST
+
         for field, value in (
             *(("--threshold", self.threshold), ("--scale", self.scale)),
-            *(("--mass", self.mass), ("--count", self.count)),
+            *(("--mass", self.mass), ("--count", self.count), ("--jobs", self.jobs or None)),
         ):
-            if value is not None and not 0 < value < float("inf"):
-                raise InputError(f"is {value:g}; a number above 0 is needed", field=field)
+            if value is not None and not 0 < value <= LARGEST:
+                raise InputError(f"is {value:g}; a number above 0, at most {LARGEST:g}, is needed", field=field)
         if not 0 <= self.tolerance < 1:
             raise InputError(f"is {self.tolerance:g}; a number from 0 to below 1 is needed", field="--tolerance")
-        if self.object is not None and not Path(bundled.resolve("objects", self.object)).is_file():
-            raise InputError("no such file; a mesh or a body file is needed", source=self.object)
+        if self.friction is not None and not 0 <= self.friction <= LARGEST:
+            right = f"a friction coefficient is 0 or more, at most {LARGEST:g}"
+            raise InputError(f"is {self.friction:g}; {right}", field="--friction")
+        if self.object is not None:
+            self._check_object(Path(bundled.resolve("objects", self.object)))
         for folder in self.objects:
             if not folder.is_dir():
                 raise InputError("is no folder; the objects' meshes are needed", source=str(folder))
+
+    def _check_object(self, path: Path) -> None:
+        from handfast.published.object_finder import meshes_of
+
+        if path.is_dir() and not meshes_of(path):
+            raise InputError("is a folder without meshes; convex pieces are needed", source=self.object)
+        if not path.exists():
+            raise InputError(
+                "no such file; a mesh, a folder of convex pieces or a body file is needed", source=self.object
+            )
 
     def _mapping(self, hand: Hand, found: list[Source]) -> tuple[str, HandMapping]:
         from handfast.published.mapping_file import load_mapping, mapping_for
@@ -158,6 +173,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         reasons = Counter(r.reason for r in rows if r.reason)
         if reasons:
             grid = table("grasps", "left out because")
+            grid.columns[1].no_wrap = False  # a reason says at its end what would be right
             for reason, count in reasons.most_common(8):
                 grid.add_row(str(count), reason)
             if len(reasons) > 8:

@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from handfast.cli import console
 from handfast.cli.options import Command, check_writable
+from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.report.hand_facts import ShownHand
@@ -42,9 +43,7 @@ class Show(Command):
     """write over files that exist"""
 
     def run(self) -> int:
-        from handfast.cli.scene_options import load_placed
-        from handfast.core import bundled
-        from handfast.model.body import load_body
+        from handfast.cli.scene_options import load_object, load_placed
         from handfast.model.hand.load import load_hand
         from handfast.model.hand_regions import load_hand_regions
 
@@ -56,7 +55,9 @@ class Show(Command):
             pose = placed.pose
         body = None
         if self.object:
-            body = load_body(bundled.resolve("objects", self.object), scale=self.scale)
+            body = load_object(self.object, scale=self.scale)
+        elif self.scale != 1:
+            raise InputError("is for the meshes of an object; give one, or leave it out", field="--scale")
         regions = load_hand_regions(self.regions, hand) if self.regions else None
 
         from handfast.report.hand_facts import facts_of, shown_hand, to_json

@@ -13,8 +13,10 @@ Indices = NDArray[np.intp]
 
 
 def frozen(a: object, shape: tuple[int, ...], field: str) -> Array:
-    """A read-only float copy of `a` in the given shape; raises `InputError` on NaN or a wrong shape."""
+    """A read-only float copy of `a` in the given shape; `InputError` on NaN, what is not real, or a wrong shape."""
     try:
+        if np.iscomplexobj(a):  # type: ignore[arg-type]
+            raise TypeError
         out = np.array(a, dtype=float)
     except (TypeError, ValueError):
         raise InputError("must be numbers", field=field) from None

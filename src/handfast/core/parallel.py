@@ -17,6 +17,8 @@ from functools import partial
 from itertools import islice
 from typing import Any, Generic, TypeVar
 
+from handfast.core.errors import InputError
+
 START = "fork" if sys.platform.startswith("linux") else "spawn"  # how multiprocessing begins a process here
 DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
 WAIT = 0.1  # [s] between looks at a result: Ctrl-C is heard in between, and the time is looked at
@@ -39,9 +41,14 @@ class WorkerPool(Generic[Shared]):
         shared: what every worker has; a process has a copy.
         jobs: how many workers.
         threads: threads instead of processes, for work that holds no interpreter lock.
+
+    Raises:
+        InputError: less than one worker.
     """
 
     def __init__(self, shared: Shared, jobs: int, *, threads: bool = False) -> None:
+        if jobs < 1:
+            raise InputError(f"is {jobs}; at least 1 is needed", field="jobs")
         self.shared, self.threads = shared, threads
         self.jobs = jobs if threads or START == "fork" else 1
         self._pool: Any = None

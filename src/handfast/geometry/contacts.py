@@ -54,11 +54,14 @@ def find_contacts(
         scene: a `Scene` of the same hand and object, to save compiling one.
 
     Raises:
-        InputError: a pose that is not rigid, a configuration of the wrong length, a negative threshold.
+        InputError: a pose that is not rigid, a configuration of the wrong length, a negative threshold, a scene of
+            another hand or object.
     """
     pose = checked_pose(object_pose)
     q = checked_joints(hand, q)
     _check(threshold)
+    if scene is not None:
+        _refuse_another(scene, hand, body)
     near = (scene or Scene(hand, body)).nearest(q, pose, threshold)
     poses = hand.link_poses(q)
     to_object = np.linalg.inv(pose)
@@ -203,6 +206,14 @@ def nothing_near(scene: Scene, q: Array, pose: Array, threshold: float) -> Input
 def deepest(contacts: Sequence[Contact]) -> Contact | None:
     """The contact with the most penetration, None if there are no contacts."""
     return max(contacts, key=lambda c: c.depth, default=None)
+
+
+def _refuse_another(scene: Scene, hand: Hand, body: Body) -> None:
+    """`InputError` if a scene is not of this hand's links and this object's solids; masses and senses may differ."""
+    if scene.hand.links is not hand.links and scene.hand.link_names != hand.link_names:
+        raise InputError(f"is of the hand {scene.hand.name}, not of {hand.name}", field="scene")
+    if scene.body.pieces is not body.pieces and not np.array_equal(scene.body.vertices, body.vertices):
+        raise InputError(f"is of the object {scene.body.name}, not of {body.name}", field="scene")
 
 
 def _check(threshold: float) -> None:

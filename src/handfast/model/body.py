@@ -110,7 +110,15 @@ class Body:
             kind = type(mesh).__name__
             raise InputError(f"is a {kind} without vertices and faces; a trimesh.Trimesh is needed", source=name)
         checked_scale(scale)
-        group = checked_mesh(np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64), name)
+        try:
+            points, corners = np.asarray(vertices, dtype=float), np.asarray(faces, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(
+                "has vertices or faces that are no numbers, or of different lengths", source=name
+            ) from None
+        if not (corners == corners.round()).all():
+            raise InputError("has faces that are no whole numbers; three vertices by number are needed", source=name)
+        group = checked_mesh(points, corners.astype(np.int64), name)
         try:
             pieces = pieces_of([group], name, scale, np.eye(4))
             drawn = group[0] * scale, group[1]

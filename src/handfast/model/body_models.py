@@ -21,6 +21,7 @@ from handfast.model.mesh_pieces import components, is_convex, mesh_pieces
 from handfast.model.shape import MESH_FILES, Kind, Shape, read_mesh
 
 MODEL_FILES = (".urdf", ".sdf")
+FRICTIONS = ("ode/mu", "ode/mu2", "bullet/friction", "bullet/friction2")  # coefficients in an SDF file's surface
 
 
 @dataclass
@@ -75,8 +76,9 @@ def read_body_model(path: Path, scale: float = 1.0) -> BodyParts:
         scale: by which everything in the file is longer.
 
     Raises:
-        InputError: another kind of file, no solid or several models in it, joints that move, a geometry or pose that
-            is not understood, a mesh that is missing or scaled differently along its axes.
+        InputError: another kind of file, no solid or several models in it, links that make no tree or share a name,
+            joints that move, a geometry or pose that is not understood, a negative mass, a mesh that is missing or
+            scaled differently along its axes.
     """
     if not (np.isfinite(scale) and scale > 0):
         raise InputError(f"is {scale}; a number above 0 is needed", field="scale")
@@ -89,7 +91,7 @@ def read_body_model(path: Path, scale: float = 1.0) -> BodyParts:
 
 
 def _of_urdf(root: Element, path: Path, scale: float) -> BodyParts:
-    links = {e.get("name", ""): e for e in root.findall("link")}
+    links = _links(root)
     above: dict[str, tuple[str, Array]] = {}
     for joint in root.findall("joint"):
         name, ends = joint.get("name", "?"), [joint.find(end) for end in ("parent", "child")]
@@ -98,6 +100,8 @@ def _of_urdf(root: Element, path: Path, scale: float) -> BodyParts:
         for link in (first, second):
             if link not in links:
                 raise InputError(f"has link '{link}', which is not defined", field=f"joint {name}")
+        if second in above:
+            raise InputError("hangs on two joints; a tree is needed", field=f"link {second}")
         above[second] = (first, origin(joint, f"joint {name}"))
 
     def pose(link: str) -> Array:
@@ -109,6 +113,9 @@ def _of_urdf(root: Element, path: Path, scale: float) -> BodyParts:
             T = step @ T
         raise InputError("has a loop of links; a tree is needed")
 
+    loose = [link for link in links if link not in above]
+    if len(loose) > 1:
+        raise InputError(f"hangs on no joint, nor does link {loose[0]}; a tree is needed", field=f"link {loose[1]}")
     return _parts(root.get("name", path.stem), links, pose, origin, path, scale)
 
 
@@ -118,7 +125,7 @@ def _of_sdf(root: Element, path: Path, scale: float) -> BodyParts:
         raise InputError("is not of one model without others in it; such an SDF file is needed")
     for joint in models[0].findall("joint"):
         _refuse_moving(joint, joint.get("name", "?"))
-    links = {e.get("name", ""): e for e in models[0].findall("link")}
+    links = _links(models[0])
     return _parts(
         models[0].get("name", path.stem),
         links,
@@ -127,6 +134,17 @@ def _of_sdf(root: Element, path: Path, scale: float) -> BodyParts:
         path,
         scale,
     )
+
+
+def _links(parent: Element) -> dict[str, Element]:
+    """The links by name; `InputError` if two have the same."""
+    found: dict[str, Element] = {}
+    for e in parent.findall("link"):
+        name = e.get("name", "")
+        if name in found:
+            raise InputError("is the name of two links", field=f"link {name}")
+        found[name] = e
+    return found
 
 
 def _refuse_moving(joint: Element, name: str) -> None:
@@ -154,13 +172,14 @@ def _parts(
                 raise InputError(f"has a {kind} without geometry", field=where)
             at = _scaled(base @ place(solid, where), scale)
             out.pieces += _solids(geometry[0], at, f"{link}/{len(out.pieces)}", where, path, scale)
-            mu = solid.find("surface/friction/ode/mu")
-            if mu is not None:
-                out.frictions.append(_values(mu, 1, where)[0])
+            given = (solid.find(f"surface/friction/{key}") for key in FRICTIONS)
+            out.frictions += [_values(mu, 1, where)[0] for mu in given if mu is not None]
         inertial = e.find("inertial")
         mass = None if inertial is None else inertial.find("mass")
         if inertial is not None and mass is not None:
             kg = numbers(mass, "value", 1, where)[0] if mass.get("value") else _values(mass, 1, where)[0]
+            if kg < 0:
+                raise InputError(f"has a mass of {kg:g} kg; 0 or more is needed", field=where)
             out.masses.append((kg, _scaled(base @ place(inertial, where), scale)[:3, 3]))
     if not out.pieces:
         raise InputError("has no collision or visual shapes; an object needs at least one solid")
@@ -208,8 +227,9 @@ def _sdf_pose(e: Element, where: str) -> Array:
     pose = e.find("pose")
     if pose is None or not (pose.text or "").strip():
         return np.eye(4)
-    if pose.get("relative_to") not in (None, "", "__model__"):
-        raise InputError(f"has a pose relative to {pose.get('relative_to')}; the model's frame is needed", field=where)
+    other = pose.get("relative_to") or pose.get("frame")  # as it was called before SDF 1.7
+    if other not in (None, "", "__model__"):
+        raise InputError(f"has a pose relative to {other}; the model's frame is needed", field=where)
     if pose.get("rotation_format") == "quat_xyzw":
         values = _values(pose, 7, where)
         return transform(values[:3], quaternion_matrix([values[6], *values[3:6]]))

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from handfast.core import bundled
 from handfast.core.errors import InputError, unknown_name
-from handfast.core.files import Positive, Strict, read_json, validate, write_text
+from handfast.core.files import Positive, Strict, parse_json, read_json, validate, write_text
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.provenance import KINDS, Provenance, SourceFile
@@ -190,8 +190,17 @@ def file_dict(grasp: Grasp, folder: str | Path = ".") -> dict[str, Any]:
 
 
 def save_grasp(grasp: Grasp, path: str | Path, *, force: bool = False) -> None:
-    """Write a `handfast/grasp/1` file. Raises `InputError` if it exists and `force` is not set."""
-    write_text(path, json.dumps(file_dict(grasp, Path(path).parent), indent=1) + "\n", force=force)
+    """Write a `handfast/grasp/1` file.
+
+    Raises:
+        InputError: it exists and `force` is not set; a number that no file may have.
+    """
+    text = json.dumps(file_dict(grasp, Path(path).parent), indent=1) + "\n"
+    try:
+        parse_json(text)  # what could not be read again is not written
+    except InputError as error:
+        raise error.at(str(path)) from None
+    write_text(path, text, force=force)
 
 
 def _source_dict(kind: str, part: SourceFile) -> dict[str, Any]:

@@ -58,6 +58,9 @@ def numbers_of(
     for field, given in (("joints", names), ("types", kinds)):
         if len(given) != l:
             raise InputError(f"has {len(given)} entries; J has {l} columns", field=field)
+    for j, name in enumerate(names):
+        if not isinstance(name, str):
+            raise InputError(f"is {name!r}; a name is needed", field=f"joints[{j}]")
     for j, kind in enumerate(kinds):
         if kind not in KINDS:
             raise InputError(f"is '{kind}'; 'revolute' or 'prismatic' is needed", field=f"types[{j}]")
@@ -88,9 +91,9 @@ def _mechanism(asked: Mechanism, made: Sequence[Sequence[UnitJoint]]) -> Mechani
 
 def _grasp_map(G: Any, normal: int) -> tuple[Array, Array]:
     """(m, 3) points and (m, 3, 3) frames of the contacts behind a grasp map, object frame."""
-    if normal not in (0, 1, 2):
+    if isinstance(normal, bool) or not isinstance(normal, int | np.integer) or normal not in (0, 1, 2):
         raise InputError(f"is {normal}; 0, 1 or 2 is needed, the place of the normal among three", field="normal")
-    shape: tuple[int, ...] = np.shape(G)
+    shape = _shape(G, "G")
     if len(shape) != 2 or shape[0] != 6 or shape[1] == 0 or shape[1] % 3:
         raise InputError(f"has shape {shape}; (6, 3 m) is needed, three columns a contact", field="G")
     given = frozen(G, shape, "G")
@@ -112,12 +115,19 @@ def _grasp_map(G: Any, normal: int) -> tuple[Array, Array]:
 
 
 def _jacobian(J: Any, m: int) -> Array:
-    shape: tuple[int, ...] = np.shape(J)
+    shape = _shape(J, "J")
     if len(shape) != 2 or shape[0] != 3 * m:
         raise InputError(
             f"has shape {shape}; ({3 * m}, l) is needed, three rows for each of the {m} contacts", field="J"
         )
     return frozen(J, shape, "J")
+
+
+def _shape(a: Any, field: str) -> tuple[int, ...]:
+    try:
+        return np.shape(a)
+    except ValueError:
+        raise InputError("has rows of different lengths", field=field) from None
 
 
 def _unit_joints(name: str, kind: str, speeds: Array, points: Array) -> list[UnitJoint]:

@@ -20,8 +20,10 @@ class SourceFile:
     """A file that something was read from.
 
     Attributes:
-        path: of the file, or a bundled name; of a hand that is part of a robot, the file and "#LINK".
-        sha256: of the file's bytes alone, not of further files that it names; None where the source is no file.
+        path: of the file, or a bundled name; of a hand that is part of a robot, the file and "#LINK"; of an object
+            that is a folder of meshes, the folder.
+        sha256: of the file's bytes alone, not of further files that it names; of a folder, of a line "SHA-256 NAME" for
+            each file in it, by name; None where the source is no file.
         scale: metres per unit, of a mesh file.
     """
 
@@ -136,10 +138,14 @@ def _part(source: str) -> str:
 def _file(source: str, kind: str) -> Path | None:
     """The file behind a path, maybe of a part of it, or a bundled name; None if there is none."""
     file = _bundled(source, kind) or source.removesuffix(_part(source))
-    return Path(file) if os.path.isfile(file) else None  # False, too, for what can be no name
+    there = os.path.isfile(file) or (kind == "object" and os.path.isdir(file))  # False, too, for what can be no name
+    return Path(file) if there else None
 
 
 def _digest(file: Path) -> str:
+    if file.is_dir():
+        inside = sorted(f for f in file.iterdir() if f.is_file())
+        return hashlib.sha256("".join(f"{_digest(f)} {f.name}\n" for f in inside).encode()).hexdigest()
     status = file.stat()
     return _digest_of(str(file), status.st_mtime_ns, status.st_size)
 

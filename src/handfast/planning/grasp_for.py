@@ -28,7 +28,7 @@ from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUni
 from handfast.planning.filters.balance import friction_margin
 from handfast.planning.gathering import Gathering, UnitResult
 from handfast.planning.journal import Journal
-from handfast.planning.question import fingerprint, refuse_another
+from handfast.planning.question import fingerprint, refuse_another, refuse_negative
 from handfast.planning.requirements import Limits, Requirements
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.search_file import FoundGrasp, SavedSearch
@@ -92,6 +92,7 @@ def grasp_for(
         raise InputError(f"is {count}; at least 1 is needed", field="count")
     if timeout is not None and not timeout > 0:
         raise InputError(f"is {timeout:g} s; a positive number is needed", field="timeout")
+    refuse_negative(seed)
     loads = Loads.gravity(body) if loads is None else loads
     names = tuple(task.hand.closing_actuators if actuators is None else actuators)
     for name in names:

@@ -17,7 +17,7 @@ from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
 from handfast.planning.fruitless import GIVE_UP, fruitless
 from handfast.planning.gathering import Gathering
 from handfast.planning.journal import Journal
-from handfast.planning.question import refuse_another
+from handfast.planning.question import refuse_another, refuse_negative
 from handfast.planning.ranking.distinct import difference, most_different
 from handfast.planning.requirements import Limits
 from handfast.planning.results.planned import Plan
@@ -66,17 +66,21 @@ def plan(  # each argument is an option of the command line
             `attempts` are counted from its first.
 
     Raises:
-        InputError: the mass is unknown and no loads are given, no joint that closes, a count, a time or a
-            number of attempts that is not positive, an ignored link that the hand does not have, an object a hundred
-            times larger or smaller than the hand, an earlier plan of another question, and whatever `hold` raises.
+        InputError: the mass is unknown and no loads are given, loads that are all zero, no joint that closes, a count,
+            a time or a number of attempts that is not positive, a negative seed, an ignored link that the hand does
+            not have, an object a hundred times larger or smaller than the hand, an earlier plan of another question,
+            and whatever `hold` raises.
     """
     limits, journal = limits or Limits(), journal or Journal()
     _refuse_no_positive(
         {"count": count, "timeout": timeout, "attempts": attempts, "give_up": give_up}
-        | {"command_limit": limits.command_limit}
+        | {"command_limit": limits.command_limit, "pool": pool}
     )
+    refuse_negative(seed)
     compared(hand, body)
     loads = Loads.gravity(body) if loads is None else loads
+    if not loads.wrenches.any():
+        raise InputError("are all zero; a force or torque to hold is needed", field="loads")
     pairs = _link_pairs(hand, ignored)
     asked = Attempts(hand, body, palm_of(hand, sampling.approach), loads, seed, limits, sampling, pairs)
     begin, question = time.monotonic(), asked.question

@@ -26,6 +26,7 @@ from handfast.model.hand_regions import HandRegions
 from handfast.planning.candidates.region_candidates import Kind, RegionCandidate, find_candidates
 from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
+from handfast.planning.question import refuse_negative
 from handfast.planning.rejection import RejectionReason, Tally
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Starts
@@ -172,6 +173,7 @@ def propose(
         raise InputError(f"is {count}; a number from 1 on is needed", field="count")
     if not timeout > 0:
         raise InputError(f"is {timeout:g} s; a positive number is needed", field="timeout")
+    refuse_negative(seed)
     regions = regions or regions_of(hand)
     mu = body.friction if friction is None else friction
     trial = _Trial(hand, body, object, seed, timeout)

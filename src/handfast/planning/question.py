@@ -39,6 +39,12 @@ def fingerprint(hand: Hand, body: Body, loads: Loads, seed: int, **others: objec
     )
 
 
+def refuse_negative(seed: int) -> None:
+    """`InputError` for a seed below 0, of which no random numbers can be drawn."""
+    if seed < 0:
+        raise InputError(f"is {seed}; a number from 0 on is needed", field="seed")
+
+
 def refuse_another(found: str, question: str) -> None:
     """`InputError` if the fingerprint of what was begun is not that of what is asked."""
     if found != question:

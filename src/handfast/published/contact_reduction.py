@@ -4,7 +4,8 @@ A patch is made of contacts of one link whose normals differ by little. Each con
 friction cone, here the cone's edges; those of a contact that is left out should lie in the convex cone of the wrenches
 of those that are kept. The error of leaving it out is the largest distance of one of its edges from that cone, relative
 to the edge's length, with torques about the object's centre of mass divided by its radius. A distance is found by
-non-negative least squares. Edges stand for a round cone from within, so that the error is rather too large.
+non-negative least squares. Eight edges stand for a round cone from within: between the edges of one that is left out
+the distance can be larger by some per cent of itself, beside those of kept ones it is smaller.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class ReducedContacts:
     Attributes:
         contacts: those that are kept, in their order.
         before: how many there were.
-        error: the largest relative distance of a left-out contact's wrenches from the cone of the kept ones.
+        error: the largest relative distance of an edge of a left-out contact's cone from the cone of the kept ones.
     """
 
     contacts: tuple[Contact, ...]

@@ -123,12 +123,15 @@ def export(
     """
     if layout not in ENDING:
         raise InputError(f"unknown layout '{layout}'; exports are {', '.join(ENDING)}", field="--layout")
+    single = target.suffix.lower() == ENDING[layout] or (layout == "isaac_grasp" and target.suffix == ".yml")
+    if target.suffix.lower() in (".yaml", ".yml", ".json", ".npy") and not single:
+        right = f"a folder, or a file that ends in {ENDING[layout]}," if ENDING[layout] else "a folder"
+        raise InputError(f"is no name for {layout}; {right} is needed", source=str(target))
     if layout == "dexgraspbench":
         return _benchmark(grasps, hand, mapping, target, force)
     groups: dict[tuple[str, float], list[ExportedGrasp]] = {}
     for g in grasps:
         groups.setdefault((g.object, g.scale), []).append(g)
-    single = target.suffix.lower() == ENDING[layout] or (layout == "isaac_grasp" and target.suffix == ".yml")
     if single and len(groups) > 1:
         raise InputError(f"is one file for {len(groups)} objects; give a folder", source=str(target))
     texts: dict[Path, str] = {}

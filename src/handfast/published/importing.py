@@ -19,7 +19,7 @@ from handfast.model.hand.hand import Hand
 from handfast.published.contact_reduction import TOLERANCE, reduced_contacts
 from handfast.published.gap_closing import gaps_closed, pushed_on
 from handfast.published.mapping_file import HandMapping
-from handfast.published.object_finder import FoundObject, find_object
+from handfast.published.object_finder import FoundObject, find_object, meshes_of
 from handfast.published.placing import PlacedGrasp, placed
 from handfast.published.published_file import read_published
 from handfast.published.recorded import BrokenRow, RecordedGrasp
@@ -127,6 +127,8 @@ class Importer:
             return self._of(source, source.row)
         except InputError as fault:
             return ImportedGrasp(source, str(fault))
+        except OSError as fault:  # a name that is too long, a folder that may not be read
+            return ImportedGrasp(source, f"the object's file cannot be read: {fault.strerror}")
 
     def _of(self, source: Source, row: RecordedGrasp) -> ImportedGrasp:
         at, scale = placed(self.hand, self.mapping, row), row.scale * self.scale
@@ -193,7 +195,7 @@ class Importer:
         """What a file names, or the object that was given for all."""
         if self.object is not None:
             path = Path(bundled.resolve("objects", self.object))
-            return FoundObject(path.stem, (path,))
+            return FoundObject(path.name, meshes_of(path)) if path.is_dir() else FoundObject(path.stem, (path,))
         key = (named, str(file.parent))
         if key not in self._found:
             self._found[key] = find_object(named, file, self.roots)

@@ -68,6 +68,9 @@ def load_mapping(path: str | Path, hand: Hand) -> HandMapping:
     """A mapping by path or bundled name; `InputError` naming what the hand has not got."""
     found = read_mapping(path)
     try:
+        twice = [n for i, n in enumerate(found.joints or ()) if n in (found.joints or ())[:i]]
+        if twice:
+            raise InputError(f"has '{twice[0]}' twice; each number of a file is one joint's", field="joints")
         if found.link is not None:
             hand.link(found.link)
         for joint in sorted(found.mentioned):

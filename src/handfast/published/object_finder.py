@@ -60,7 +60,7 @@ def find_object(named: str, grasps: Path, roots: Sequence[Path] = ()) -> FoundOb
     for base in bases:
         for start in range(len(parts) if roots else min(1, len(parts))):
             for candidate in _candidates(base.joinpath(*parts[start:])):
-                meshes = _meshes(candidate) if candidate not in (base, *base.parents) else ()
+                meshes = meshes_of(candidate) if candidate not in (base, *base.parents) else ()
                 if meshes:
                     return FoundObject(candidate.stem if candidate.suffix in MESH_FILES else candidate.name, meshes)
     where = f"below {', '.join(map(str, roots))}" if roots else "beside the file"
@@ -79,7 +79,8 @@ def _candidates(path: Path) -> Iterator[Path]:
         yield path.with_name(path.name + ending)
 
 
-def _meshes(path: Path) -> tuple[Path, ...]:
+def meshes_of(path: Path) -> tuple[Path, ...]:
+    """The mesh file at a path, or those of the object in a folder; none if there are none."""
     if path.is_file():
         return (path,) if path.suffix.lower() in MESH_FILES else ()
     if not path.is_dir():

@@ -85,7 +85,12 @@ def configuration(
 
 def _named(mapping: HandMapping, joints: Joints) -> dict[str, float]:
     if isinstance(joints, Mapping):
-        named = {mapping.names.get(name, name): value for name, value in joints.items()}
+        named: dict[str, float] = {}
+        for name, value in joints.items():
+            ours = mapping.names.get(name, name)
+            if ours in named:
+                raise InputError(f"'{ours}' has two values of the file: mapped from '{name}', and from another name")
+            named[ours] = value
         return turned(mapping, named)
     order = mapping.joints
     if order is None:

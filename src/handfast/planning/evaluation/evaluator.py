@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.errors import InputError
 from handfast.geometry.collision import Clearances, Collisions, Requested
 from handfast.geometry.curvature import rim_depth
 from handfast.model.grasp import Contact, Grasp
@@ -62,11 +63,20 @@ class GraspCandidate:
 
 @dataclass(frozen=True)
 class Allowed:
-    """How deep solids may be in each other [m]: link and object, at the requested contacts, link and link."""
+    """How deep solids may be in each other [m]: link and object, at the requested contacts, link and link.
+
+    Raises:
+        InputError: a depth below 0, or none.
+    """
 
     depth: float = 1e-3
     at_contacts: float = 1e-3
     self_depth: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for field_, value in vars(self).items():
+            if not value >= 0:
+                raise InputError(f"is {value:g} m; 0 or more is needed", field=field_)
 
 
 class Evaluator:
