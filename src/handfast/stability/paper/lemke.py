@@ -1,0 +1,56 @@
+"""Linear complementarity problems by Lemke's method: w = M z + q, w >= 0, z >= 0, w . z = 0.
+
+C. E. Lemke, "Bimatrix Equilibrium Points and Mathematical Programming", Management Science 11(7), 1965; R. W. Cottle,
+J.-S. Pang, R. E. Stone, "The Linear Complementarity Problem", 1992, section 4.4. In floating point: the basis is
+factored anew at every pivot, and ties are kept apart by a covering vector without equal entries.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from handfast.core.arrays import Array
+
+SMALL = 1e-11  # relative: pivots below it are none
+
+
+def lemke(M: Array, q: Array, *, pivots: int = 2000) -> Array | None:
+    """A solution z (n,) for M (n, n) and q (n,); None if the method ends on a ray, or after so many pivots."""
+    n = len(q)
+    if (q >= 0).all():
+        return np.zeros(n)
+    cover = 1.0 + np.linspace(0.0, 0.5, n) * np.cos(np.arange(n))
+    columns = np.hstack([np.eye(n), -M, -cover[:, None]])  # of w, z, and the covering variable z0
+    basis = np.arange(n)
+    leave = int(np.argmin(q / cover))
+    enter = 2 * n
+    for _ in range(pivots):
+        gone, basis[leave] = int(basis[leave]), enter
+        if gone == 2 * n:
+            return _solution(columns, basis, q, n)
+        enter = gone + n if gone < n else gone - n  # its complement comes in
+        B = columns[:, basis]
+        try:
+            both = np.linalg.solve(B, np.column_stack([q, columns[:, enter]]))
+        except np.linalg.LinAlgError:
+            return None
+        x, step = np.maximum(both[:, 0], 0.0), both[:, 1]
+        falls = step > SMALL * np.abs(step).max()
+        if not falls.any():
+            return None
+        ratio = np.where(falls, x / np.where(falls, step, 1.0), np.inf)
+        near = np.flatnonzero(ratio <= ratio.min() * (1 + 1e-12) + 1e-300)
+        z0 = near[basis[near] == 2 * n]  # ends as soon as it can
+        leave = int(z0[0]) if len(z0) else int(near[np.argmax(step[near])])
+    return None
+
+
+def _solution(columns: Array, basis: Array, q: Array, n: int) -> Array | None:
+    """z of the final basis; None if it misses the problem by far more than rounding."""
+    try:
+        x = np.linalg.solve(columns[:, basis], q)
+    except np.linalg.LinAlgError:
+        return None
+    all_of = np.zeros(2 * n + 1)
+    all_of[basis] = x
+    return np.maximum(all_of[n : 2 * n], 0.0) if x.min() > -1e-6 * max(1.0, float(np.abs(q).max())) else None
