@@ -6,8 +6,8 @@ Random grasps of 3 to 5 contacts (`grasps.random_case`, seeds of their own) are 
 0.5, 0.9, 1.1 and 2 times its bound (1 and 10 times a unit force where there is none) are then asked of every method, if
 the engine's own check of them is decided. With the bundled grasps, the six directions along the axes take the place of
 the case's own. A verdict is *false* if it contradicts the engine's, which a witness or a certificate proves. Friction's
-angle to the direction against the slip is written for every contact that slides under load, and the largest share of
-its work that friction feeds in rather than takes. Written as it goes on to results/baselines.json.
+angle to the direction against the slip is written for every contact that slides under load, and the share of
+all work that friction feeds in rather than takes. Written as it goes on to results/baselines.json.
 """
 
 from __future__ import annotations
@@ -78,10 +78,10 @@ def asked(name: str, grasp: Grasp, direction: Array) -> list[dict[str, Any]]:
             said: dict[str, Any] = {"verdict": str(found.verdict), "turns": found.turns}
             if found.state is not None:
                 errors = np.degrees(found.friction_errors[np.isfinite(found.friction_errors)])
-                friction = model.energy(grasp, w, found.state).friction
-                total = float(np.abs(friction).sum())
+                energy = model.energy(grasp, w, found.state)
+                total = energy.stored + float(np.abs(energy.friction).sum())
                 said["errors"] = np.round(errors, 1).tolist()
-                said["fed in"] = round(float(-friction[friction < 0].sum()) / total, 4) if total > 0 else 0.0
+                said["fed in"] = round(energy.created / total, 4) if total > 0 else 0.0
             row["methods"][method] = said
         out.append(row)
     return out

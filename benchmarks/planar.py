@@ -1,6 +1,6 @@
 """A thousand planar grasps: what an exact oracle that knows nothing of the engine says, and what the engine says.
 
-    python -m benchmarks.planar [--count 1000] [--first 0] [--limit 10]
+    python -m benchmarks.planar [--count 1000] [--first 0] [--limit 10] [--intervals]
 
 Grasps of 3 to 8 contacts with immobile fingers in the plane z = 0, in turn on an ellipse with normals that lean, on the
 sides of a polygon (parallel normals, opposite contacts), and on a coarse grid with few directions and friction
@@ -12,7 +12,9 @@ contradicted if an exact range has an end outside of its bounds, or a check anot
 nothing and is counted. Neither does a HOLDS where a load that differs by less than `MISSED` is resisted exactly, for
 that is as near as a witness has to come: two contacts resist loads of a thin fan only, which rounded numbers miss. Nor
 does a SLIPS that is said of motions up to a cap, if the oracle's state of least motion moves farther. Results are
-written every 50 grasps to results/planar.json; a run goes on where it was stopped.
+written every 50 grasps to results/planar.json; a run goes on where it was stopped. `--intervals` goes on with what
+`maximum(..., interval=True)` shows of smaller magnitudes, for all grasps with a hole and every tenth other one:
+magnitudes that it shows resisted have to lie in the exact ranges, and its holes outside of them.
 """
 
 from __future__ import annotations
@@ -184,6 +186,27 @@ def cap_of(answer: Answer) -> float | None:
     return cap
 
 
+def interval(row: dict[str, Any], limit: float) -> dict[str, Any] | None:
+    """What the engine shows of smaller magnitudes, and whatever contradicts; None if it has nothing to show."""
+    _, grasp, base, direction = question(row["k"])
+    w, d = grasp.spatial_load(base), grasp.spatial_load(direction)
+    found = maximum(grasp.spatial(), d, base=w, interval=True, settings=Settings(time_limit=limit)).interval
+    if found is None:
+        return None
+    unit = float(np.linalg.norm(base) / np.linalg.norm(direction))
+    ranges = [(lo, np.inf if hi is None else hi) for lo, hi in row["ranges"]]
+    odd = []
+    for arc in found.arcs:
+        slack = ROUNDING * max(arc.last, unit)
+        if not any(lo - slack <= arc.first and arc.last <= hi + slack for lo, hi in ranges):
+            odd.append(f"resisted from {arc.first:.9g} to {arc.last:.9g}; ranges {ranges}")
+    for first, last in found.holes:
+        slack = ROUNDING * max(last, unit)
+        if any(max(lo, first) + slack < min(hi, last) - slack for lo, hi in ranges):
+            odd.append(f"hole from {first:.9g} to {last:.9g}; ranges {ranges}")
+    return {"k": row["k"], "holes": len(found.holes), "unproved": len(found.unproved), "contradictions": odd}
+
+
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """What the page says."""
     counts: Counter[str] = Counter()
@@ -212,15 +235,18 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--limit", type=float, default=10.0, help="[s] for a question to the engine")
+    parser.add_argument("--intervals", action="store_true", help="ask about smaller magnitudes, too")
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
-    rows = json.loads(args.out.read_text())["rows"] if args.out.exists() else []
+    data = json.loads(args.out.read_text()) if args.out.exists() else {"rows": []}
+    rows, shown = data["rows"], data.get("intervals")
     done = {row["k"] for row in rows}
 
     def save() -> None:
         rows.sort(key=lambda row: row["k"])
         text = ",\n".join("  " + json.dumps(row) for row in rows)
-        head = json.dumps({"machine": describe(), "near": NEAR, "summary": summary(rows)}, indent=1)
+        said = {"machine": describe(), "near": NEAR, "summary": summary(rows), "intervals": shown}
+        head = json.dumps(said, indent=1)
         args.out.write_text(head[:-2] + ',\n "rows": [\n' + text + "\n ]\n}\n")
 
     for k in range(args.first, args.first + args.count):
@@ -232,8 +258,19 @@ def main() -> None:
         if len(rows) % 50 == 0:
             save()
             print(len(rows), summary(rows)["engine"], flush=True)
+    if args.intervals:
+        those = [row for row in rows if len(row["ranges"]) > 1 or row["k"] % 10 == 0]
+        found = [said for row in those if (said := interval(row, args.limit)) is not None]
+        shown = {
+            "asked": len(those),
+            "shown": len(found),
+            "holes": sum(said["holes"] for said in found),
+            "grasps with holes": sum(len(row["ranges"]) > 1 for row in those),
+            "with unproved ranges": sum(said["unproved"] > 0 for said in found),
+            "contradicted": [said for said in found if said["contradictions"]],
+        }
     save()
-    print(json.dumps(summary(rows), indent=1))
+    print(json.dumps(summary(rows) | {"intervals": shown}, indent=1))
 
 
 if __name__ == "__main__":

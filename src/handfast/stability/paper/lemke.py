@@ -12,14 +12,24 @@ import numpy as np
 from handfast.core.arrays import Array
 
 SMALL = 1e-11  # relative: pivots below it are none
+STARTS = 5  # covering vectors: where rounding ends the path from one, another may lead through
 
 
 def lemke(M: Array, q: Array, *, pivots: int = 2000) -> Array | None:
-    """A solution z (n,) for M (n, n) and q (n,); None if the method ends on a ray, or after so many pivots."""
-    n = len(q)
+    """A solution z (n,) for M (n, n) and q (n,); None if the method ends on rays, or after so many pivots each time."""
     if (q >= 0).all():
-        return np.zeros(n)
-    cover = 1.0 + np.linspace(0.0, 0.5, n) * np.cos(np.arange(n))
+        return np.zeros(len(q))
+    for start in range(STARTS):
+        cover = 1.0 + np.linspace(0.0, 0.5, len(q)) * np.cos((1.0 + start) * np.arange(len(q)))
+        z = _from(M, q, cover, pivots)
+        if z is not None:
+            return z
+    return None
+
+
+def _from(M: Array, q: Array, cover: Array, pivots: int) -> Array | None:
+    """The end of the path that begins with a covering vector (n,) > 0."""
+    n = len(q)
     columns = np.hstack([np.eye(n), -M, -cover[:, None]])  # of w, z, and the covering variable z0
     basis = np.arange(n)
     leave = int(np.argmin(q / cover))

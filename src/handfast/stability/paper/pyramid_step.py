@@ -10,8 +10,8 @@ counts:
     c_n >= 0, c_n + d_n >= 0             t >= 0, f >= f_c
     beta >= 0, D' d_t + lambda >= 0      lambda >= 0, mu c_n >= sum of beta
 
-with each pair complementary and y the motions of object and joints that locks and couplings leave. What inertia takes up
-is what nothing balances: if that is next to nothing, the step says that the grasp holds. Nothing of it is proved.
+with each pair complementary and y the motions of object and joints that locks and couplings leave. What inertia takes
+up is what nothing balances: if that is next to nothing, the step says that the grasp holds. Nothing of it is proved.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ before, from where that turn ended. Each turn makes the unbalanced wrench as sma
     minimise |G c + w|_1    with r = r_before + s u, s >= 0, u the unbalanced wrench before,
                             c_n = max(0, -d_n), c_t in the pyramid, joints as in (8)
 
-The first turn holds the object still, so that only fingers move. The grasp holds if nothing is left, slips if a turn does
-not get nearer. Nothing of it is proved, and friction may push along the motion.
+The first turn holds the object still, so that only fingers move. The grasp holds if nothing is left, slips if a turn
+does not get nearer. Nothing of it is proved, and friction may push along the motion.
 """
 
 from __future__ import annotations
