@@ -96,6 +96,8 @@ def test_pyramid_step_keeps_the_rest_of_the_model() -> None:
 def test_steps_that_cannot_be_posed_are_refused() -> None:
     with pytest.raises(InputError, match=r"edges.*is 5; an even number"):
         pyramid_step(pinch(), [0, 1, 0], edges=5)
+    with pytest.raises(InputError, match=r"inertia.*is 0; a positive"):
+        pyramid_step(pinch(), [0, 1, 0], inertia=0)
     with pytest.raises(InputError, match="six numbers"):
         pyramid_step(pinch(), ["a"])
     with pytest.raises(InputError, match=r"edges.*is 2; 3 or more"):

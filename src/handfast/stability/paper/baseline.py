@@ -57,5 +57,6 @@ def with_torques(p: ScaledProblem, x: ScaledPoint) -> ScaledPoint:
     """The point with the actuator forces and multipliers that carry its joint torques best."""
     if not len(p.R) + len(p.A):
         return x
-    carried = np.linalg.lstsq(np.vstack([p.R, p.A]).T, p.J.T @ x.c, rcond=None)[0]
+    found = np.linalg.lstsq(np.vstack([p.R, p.A]).T, p.J.T @ x.c, rcond=None)[0]
+    carried = np.asarray(found, dtype=np.float64)
     return ScaledPoint(x.r, x.q, x.c, carried[: len(p.R)], carried[len(p.R) :])

@@ -9,16 +9,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.core.arrays import Array
+from handfast.core.arrays import Array, Indices
 
 SMALL = 1e-11  # relative: pivots below it are none
+MISSED = 1e-10  # by how much a variable may be negative at the end, beside q; it is then taken as 0
 STARTS = 5  # covering vectors: where rounding ends the path from one, another may lead through
 
 
-def lemke(M: Array, q: Array, *, pivots: int = 2000) -> Array | None:
-    """A solution z (n,) for M (n, n) and q (n,); None if the method ends on rays, or after so many pivots each time."""
+def lemke(M: Array, q: Array, *, pivots: int = 2000, cover: Array | None = None) -> Array | None:
+    """A solution z (n,) for M (n, n) and q (n,); None if the method ends on rays, or after so many pivots each time.
+
+    cover: (n,) > 0, the covering vector; where there are several solutions, it decides which one is found.
+    """
     if (q >= 0).all():
         return np.zeros(len(q))
+    if cover is not None:
+        return _from(M, q, cover, pivots)
     for start in range(STARTS):
         cover = 1.0 + np.linspace(0.0, 0.5, len(q)) * np.cos((1.0 + start) * np.arange(len(q)))
         z = _from(M, q, cover, pivots)
@@ -55,12 +61,12 @@ def _from(M: Array, q: Array, cover: Array, pivots: int) -> Array | None:
     return None
 
 
-def _solution(columns: Array, basis: Array, q: Array, n: int) -> Array | None:
-    """z of the final basis; None if it misses the problem by far more than rounding."""
+def _solution(columns: Array, basis: Indices, q: Array, n: int) -> Array | None:
+    """z of the final basis; None if it misses the problem by more than rounding."""
     try:
         x = np.linalg.solve(columns[:, basis], q)
     except np.linalg.LinAlgError:
         return None
     all_of = np.zeros(2 * n + 1)
     all_of[basis] = x
-    return np.maximum(all_of[n : 2 * n], 0.0) if x.min() > -1e-6 * max(1.0, float(np.abs(q).max())) else None
+    return np.maximum(all_of[n : 2 * n], 0.0) if x.min() > -MISSED * float(np.abs(q).max()) else None

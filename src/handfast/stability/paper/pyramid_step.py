@@ -27,22 +27,27 @@ from handfast.stability.paper.baseline import BaselineState, with_torques
 from handfast.stability.paper.lemke import lemke
 from handfast.stability.scaled_problem import ScaledPoint
 
-INERTIA = 1e-7  # (scaled) mass over the step squared, beside contact springs of 1
 BALANCED = 1e-3  # of the force scale: what may stay unbalanced in a grasp that holds
 
 
-def pyramid_step(grasp: Grasp, wrench: object, *, edges: int = 8, turn: float = 0.0) -> BaselineState:
+def pyramid_step(
+    grasp: Grasp, wrench: object, *, edges: int = 8, turn: float = 0.0, inertia: float = 1e-7, seed: int | None = None
+) -> BaselineState:
     """One step under a load (6,) [N, N m], or (3,), a force.
 
     Args:
         edges: of every pyramid, an even number; they end on the friction circle.
         turn: [rad] of the first edge from the contact's first tangent.
+        inertia: (scaled) mass over the step squared, beside contact springs of 1.
+        seed: of a random covering vector for Lemke's method, which may find another solution.
 
     Raises:
-        InputError: as `check`; fewer than four edges, or an odd number.
+        InputError: as `check`; fewer than four edges, or an odd number; an inertia that is not positive.
     """
     if edges < 4 or edges % 2:
         raise InputError(f"is {edges}; an even number, 4 or more, is needed", field="edges")
+    if not inertia > 0:
+        raise InputError(f"is {inertia:g}; a positive number is needed", field="inertia")
     p = scaled_problem.build(grasp, scaled_problem.as_wrench(wrench))
     m, l, _, _ = p.sizes
     fixed = np.vstack([p.R[~p.moves], p.A])
@@ -59,19 +64,21 @@ def pyramid_step(grasp: Grasp, wrench: object, *, edges: int = 8, turn: float = 
     U = np.hstack([N, D, np.zeros((len(start), m)), L])
     M = U.T @ U  # every row times the inertia, and lambda counted in units of it: entries near one
     n, b = m, m * edges
-    M[:n, :n] += INERTIA * np.eye(m)
+    M[:n, :n] += inertia * np.eye(m)
     M[n : n + b, n + b : n + b + m] += sums.T
     M[n + b : n + b + m, :n] += np.diag(p.mu)
     M[n + b : n + b + m, n : n + b] -= sums
-    z = lemke(M, U.T @ start)
+    q = U.T @ start
+    cover = None if seed is None else np.random.default_rng(seed).uniform(0.1, 2.0, len(q)) ** 2
+    z = lemke(M, q, cover=cover)
     if z is None:
         return BaselineState.of(p, Verdict.UNDECIDED, None, np.inf, 1)
-    y = (start + U @ z) / INERTIA
+    y = (start + U @ z) / inertia
     motion = B @ y
     c = np.zeros((m, 3))
     c[:, 0] = z[:m]
     c[:, 1:] = z[m : m + b].reshape(m, edges) @ np.column_stack([np.cos(angle), np.sin(angle)])
     point = with_torques(p, ScaledPoint(motion[:6], motion[6:], c.ravel(), np.zeros(len(p.R)), np.zeros(len(p.A))))
-    left = float(np.linalg.norm(INERTIA * y))
+    left = float(np.linalg.norm(inertia * y))
     verdict = Verdict.HOLDS if left <= BALANCED else Verdict.SLIPS
     return BaselineState.of(p, verdict, point, left, 1)

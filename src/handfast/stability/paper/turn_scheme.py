@@ -96,7 +96,8 @@ def _nearest(
     for i in range(m):
         N = p.G[:, 3 * i]
         gap = int(P.variables(1, 0.0)[0])
-        P.row([(cn[i], 1.0), (gap, -1.0), (s, N @ along), (q, -p.J[3 * i])], -N @ r, -N @ r)
+        here = float(N @ r)
+        P.row([(cn[i], 1.0), (gap, -1.0), (s, N @ along), (q, -p.J[3 * i])], -here, -here)
         P.sos1.append([int(cn[i]), gap])
         P.row([(cn[i], p.mu[i]), (beta[i], -1.0)], 0.0, INF)
     for i in range(a):
