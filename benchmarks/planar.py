@@ -11,10 +11,10 @@ inside and just outside of every end of every range, a relative `NEAR` away, or 
 contradicted if an exact range has an end outside of its bounds, or a check another verdict; UNDECIDED contradicts
 nothing and is counted. Neither does a HOLDS where a load that differs by less than `MISSED` is resisted exactly, for
 that is as near as a witness has to come: two contacts resist loads of a thin fan only, which rounded numbers miss. Nor
-does a SLIPS that is said of motions up to a cap, if the oracle's state of least motion moves farther. Results are
-written every 50 grasps to results/planar.json; a run goes on where it was stopped. `--intervals` goes on with what
-`maximum(..., interval=True)` shows of smaller magnitudes, for all grasps with a hole and every tenth other one:
-magnitudes that it shows resisted have to lie in the exact ranges, and its holes outside of them.
+does a SLIPS or a bound that is said of motions up to a cap, if the oracle's state of least motion moves farther.
+Results are written every 50 grasps to results/planar.json; a run goes on where it was stopped. `--intervals` goes on
+with what `maximum(..., interval=True)` shows of smaller magnitudes, for all grasps with a hole and every tenth other
+one: magnitudes that it shows resisted have to lie in the exact ranges, and its holes outside of them.
 """
 
 from __future__ import annotations
@@ -129,14 +129,17 @@ def compared(k: int, limit: float) -> dict[str, Any]:
     counts["unbounded"] += found.unbounded
     if cap_of(found) is not None:
         counts["maximum within a motion cap"] += 1
-    below = found.lower if found.verdict is Verdict.HOLDS else -np.inf
+    held = found.lower if found.verdict is Verdict.HOLDS else -np.inf
     slack = ROUNDING * max(abs(found.lower), 1.0)
-    above = below > -np.inf and not exact.unbounded and (largest is None or below > largest + slack)
-    if above and nearly(grasp, base + below * direction):
+    above = held > -np.inf and not exact.unbounded and (largest is None or held > largest + slack)
+    if above and nearly(grasp, base + held * direction):
         counts["maximum held by rounding alone"] += 1
     elif above:
         odd.append(f"maximum: a state at {found.lower:.9g}, the oracle ends at {largest}")
-    if largest is not None and not found.unbounded and found.upper < largest - slack:
+    below = largest is not None and not found.unbounded and found.upper < largest - slack
+    if below and beyond(grasp, base + (found.upper + slack) * direction, cap_of(found), direction):
+        counts["bound up to its motion cap, which the only states above exceed"] += 1
+    elif below:
         odd.append(f"maximum: nothing above {found.upper:.9g}, cap {cap_of(found)}; the oracle ends at {largest}")
 
     for s in magnitudes(exact, float(np.linalg.norm(base) / np.linalg.norm(direction))):
@@ -171,9 +174,9 @@ def nearly(grasp: PlanarGrasp, load: Array) -> bool:
     return planar_check(grasp, load, within=[size, size, 0.03 * size]) is not None
 
 
-def beyond(grasp: PlanarGrasp, load: Array, cap: float | None) -> bool:
-    """Do all states that resist the load move farther than the cap at some contact?"""
-    state = planar_least_motion(grasp, load)
+def beyond(grasp: PlanarGrasp, load: Array, cap: float | None, along: Array | None = None) -> bool:
+    """Do all states that resist the load, or any farther along, move farther than the cap at some contact?"""
+    state = planar_least_motion(grasp, load, along=along)
     if cap is None or state is None:
         return False
     moved = [abs(sum(a * b for a, b in zip(row, state.motion, strict=True))) for c in grasp.contacts for row in c.rows]

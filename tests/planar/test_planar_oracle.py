@@ -120,6 +120,9 @@ def test_least_motion() -> None:
     assert state is not None
     assert rounded(state.motion[1]) == pytest.approx(-1 / (2 * e * (mu + e)), rel=1e-9)
     assert planar_least_motion(jaws, [0, 1, 0]) is None
+    nearer = planar_least_motion(jaws, [0, -1, 0], along=[0, 1, 0])  # s = 1 takes the load away
+    assert nearer is not None
+    assert nearer.motion == (0, 0, 0)
     gentle = planar_least_motion(TABLE, [0, -4, 0])
     assert gentle is not None
     assert gentle.motion == (0, -2, 0)

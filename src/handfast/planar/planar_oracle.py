@@ -110,12 +110,16 @@ def planar_check(grasp: PlanarGrasp, load: Load, *, within: Load | None = None) 
     return None
 
 
-def planar_least_motion(grasp: PlanarGrasp, load: Load) -> PlanarState | None:
-    """The state that resists the load (3,) and moves least, by the sum of all |d_n| + |d_t|; None if there is none."""
+def planar_least_motion(grasp: PlanarGrasp, load: Load, *, along: Load | None = None) -> PlanarState | None:
+    """The state that resists the load (3,) and moves least, by the sum of all |d_n| + |d_t|; None if there is none.
+
+    along: (3,); any load + s along with s >= 0 will do.
+    """
     w = tuple(rational(v) for v in load)
+    free = None if along is None else tuple(rational(v) for v in along)
     best: tuple[fmpq, PlanarState] | None = None
     for case in _cases(grasp):
-        program = case.program(w, None)
+        program = case.program(w, free)
         if not program.feasible:
             continue
         # no sign changes on a face, so the sum is linear in the weights of its rays
