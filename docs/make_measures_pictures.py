@@ -1,6 +1,6 @@
 """Draw the pictures of the pages on measures.
 
-    python docs/make_measures_pictures.py [--only NAME ...]
+    PYTHONPATH=. python docs/make_measures_pictures.py [--only NAME ...]
 
 Writes docs/img/measures-*.png: a bundled grasp, the cases of docs/measures-disagree.md, and the rank correlations of
 benchmarks/results/measures.json.
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from benchmarks.measures import RESULTS, decided
 from handfast import Settings, load_body, load_configuration, load_grasp, load_hand, measure
 from handfast.core.files import write_bytes
 from handfast.measures.catalogue import CATALOGUE
@@ -26,11 +27,10 @@ from handfast.report.measures_drawing import draw_measures
 from handfast.report.plot import picture
 
 IMAGES = Path(__file__).parent / "img"
-RESULTS = Path(__file__).parents[1] / "benchmarks" / "results" / "measures.json"
+TITLES = {"largest_wrench": "largest wrench"}
 PLOTTED = ("epsilon_l1", "epsilon_linf", "largest_wrench", "pgr", "isotropy", "tdg")
 PATIENT = Settings(node_limit=6000, gap=1e-2, verify=False)
 ALIKE = {f"finger_{k}_prox": 0.1 for k in (1, 2, 3)}  # [N m]
-CLOSE = 0.05  # relative distance of the bounds of maxima that are drawn
 
 
 def drawn(grasp: Grasp, configuration: str, edges: int = 8) -> Figure:
@@ -65,6 +65,9 @@ def correlations() -> Figure:
     for y, v in enumerate(values):
         text = f"{v:.2f}".replace("-", "−")
         ax.text(max(v, 0) + 0.02, y, text, va="center", fontsize=8, color=INK)
+    others = [found[k]["unmatched"] for k in order]
+    ax.plot(others, range(len(order)), "D", ms=5, color=AMBER, mec="white", label="with commands at random", zorder=3)
+    ax.legend(loc="lower right", frameon=False, fontsize=8.5)
     ax.set_yticks(range(len(order)), [names[k] for k in order], fontsize=8.5, color=INK)
     ax.set(xlim=(min(-0.15, min(values) - 0.05), 1.0))
     ax.axvline(0, color=GREY, lw=0.8)
@@ -73,15 +76,14 @@ def correlations() -> Figure:
     )
     for side in ("top", "right", "left"):
         ax.spines[side].set_visible(False)
-    rows = [r for r in data["rows"] if "measures" in r and None not in r["worst"]]
-    rows = [r for r in rows if r["worst"][1] - r["worst"][0] <= CLOSE * r["worst"][1]]
+    rows = [r for r in data["rows"] if "measures" in r and decided(r["worst"])]
     y = np.array([r["worst"][0] for r in rows])
     for k, key in enumerate(PLOTTED):
         panel = figure.add_axes((0.50 + 0.17 * (k % 3), 0.57 - 0.46 * (k // 3), 0.135, 0.32))
         x = np.array([r["measures"].get(key, np.nan) for r in rows], dtype=float)
         panel.plot(x, np.maximum(y, 1e-2), ".", ms=3, color=BLUE, alpha=0.5)
         panel.set_yscale("log")
-        panel.set_title(f"{names[key]}: {found[key]['all']:.2f}".replace("-", "−"), fontsize=8.5, color=INK, loc="left")
+        panel.set_title(f"{TITLES.get(key, names[key])}: {found[key]['all']:.2f}", fontsize=8.5, color=INK, loc="left")
         panel.tick_params(labelsize=7, color=GREY)
         panel.set_ylim(8e-3, None)
         if k % 3 == 0:

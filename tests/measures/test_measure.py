@@ -75,6 +75,7 @@ def test_choices_reach_the_measures():
 
 def test_the_frame_of_the_object_does_not_matter():
     """Turning and moving the object's frame changes nothing but the pyramids' edges, which lean with the tangents."""
+    pytest.importorskip("clarabel")
     from benchmarks.laws import Change
 
     grasp = load_grasp("barrett-can")

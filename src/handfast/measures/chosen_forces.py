@@ -55,7 +55,7 @@ def largest_wrench(
     force: float = 1.0,
     torque_limits: Mapping[str, float] | None = None,
 ) -> float:
-    """The largest multiple of a wrench that chosen contact forces balance; inf if any.
+    """The largest multiple of a wrench that chosen contact forces balance.
 
     Li, Hsu and Sastry (1989) and Han, Trinkle and Li (*Grasp analysis as linear matrix inequality problems*, IEEE
     T-RA 2000) pose it; here as a second-order cone program.
@@ -67,7 +67,7 @@ def largest_wrench(
 
     Raises:
         InputError: an unknown actuator or a limit that is not above 0.
-        NotMeasured: clarabel is not installed.
+        NotMeasured: clarabel is not installed, or gives up.
     """
     m = grasp.m
     p = _program(grasp, 1, torque_limits)
@@ -78,8 +78,8 @@ def largest_wrench(
     p.at_most(normals, np.full(m, force))
     cost = np.zeros(p.n)
     cost[3 * m] = -1.0
-    x = p.solve(cost)
-    return np.inf if x is None else max(0.0, float(x[3 * m]))
+    x = p.solve(cost)  # there is one, for no forces balance no wrench
+    return 0.0 if x is None else max(0.0, float(x[3 * m]))
 
 
 def smallest_forces(

@@ -35,10 +35,10 @@ class ConicProgram:
         self._parts["cone"].append((-rows, np.zeros(len(rows)) if offset is None else offset))
 
     def solve(self, cost: Array, quadratic: Array | None = None) -> Array | None:
-        """(n,) the solution; None if there is none.
+        """(n,) the solution; None if nothing meets all rows and cones.
 
         Raises:
-            NotMeasured: clarabel is not installed.
+            NotMeasured: clarabel is not installed, or gives up.
         """
         clarabel = solver()
         from scipy.sparse import csc_matrix
@@ -53,8 +53,12 @@ class ConicProgram:
         right = np.concatenate([right for _, _, right in parts])
         cones = [kinds[kind](len(b)) for kind, _, b in parts]
         found = clarabel.DefaultSolver(P, cost, rows, right, cones, settings).solve()
-        solved = str(found.status) in ("Solved", "AlmostSolved")
-        return np.array(found.x) if solved else None
+        status = str(found.status)
+        if status in ("Solved", "AlmostSolved"):
+            return np.array(found.x)
+        if status in ("PrimalInfeasible", "AlmostPrimalInfeasible"):
+            return None
+        raise NotMeasured(f"the solver of its program gave up ({status})")
 
 
 def solver() -> Any:

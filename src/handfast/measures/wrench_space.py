@@ -71,7 +71,7 @@ def linf_epsilon(wrenches: Array) -> float:
     """
     points = np.vstack([wrenches.reshape(-1, 6), _support(wrenches, np.vstack([np.eye(6), -np.eye(6)]))])
     hull = _hull(points)
-    if _radius(hull) <= 0.0:  # the edges' hull is inside the space and spans the same cone
+    if _radius(hull) <= FLAT * float(np.abs(points).max()):  # this hull spans the same cone
         return 0.0
     lower, best = 0.0, np.inf
     for _ in range(MOST_ROUNDS):
