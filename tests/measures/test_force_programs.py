@@ -144,14 +144,14 @@ def test_grasp_robustness_is_the_best_of_all_states():
     """The order of programs leaves none out that would be better: all of them, one by one."""
     from itertools import product
 
-    from handfast.measures.robustness import _Parts, _robustness
+    from handfast.measures.robustness import _robustness, _StateForces
 
     contacts, joints = three(MU, fingers=True).contacts, three(MU, fingers=True).joints
     tilted = [Contact(c.position + np.array([0, 0, 0.1 * k]), c.normal, 0.3 + 0.1 * k) for k, c in enumerate(contacts)]
     grasp = Grasp([*tilted, Contact([0, 0.2, -1], [0, 0, 1], 0.5)],
                   [*joints, GraspJoint("palm", [0, 0, 1], [0, 0, -1], (3,), "prismatic")])  # fmt: skip
     G = SCALE.grasp_map(grasp)
-    every = [_robustness(grasp, _Parts(grasp, G, states, 1.0)) for states in product(range(3), repeat=4)]
+    every = [_robustness(grasp, _StateForces(grasp, G, states, 1.0)) for states in product(range(3), repeat=4)]
     assert grasp_robustness(grasp, G)[0] == pytest.approx(max(every), rel=1e-6)
     assert max(every) > 0
 

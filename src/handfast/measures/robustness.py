@@ -36,7 +36,7 @@ def contact_robustness(grasp: Grasp, G: Array, *, force: float = 1.0) -> float:
         NotMeasured: clarabel is not installed.
     """
     solver()
-    return _robustness(grasp, _Parts(grasp, G, (STICKS,) * grasp.m, force))
+    return _robustness(grasp, _StateForces(grasp, G, (STICKS,) * grasp.m, force))
 
 
 def grasp_robustness(grasp: Grasp, G: Array, *, force: float = 1.0) -> tuple[float, tuple[int, ...]]:
@@ -49,7 +49,7 @@ def grasp_robustness(grasp: Grasp, G: Array, *, force: float = 1.0) -> tuple[flo
     if grasp.m > MOST_CONTACTS:
         raise NotMeasured(f"{grasp.m} contacts have too many states; {MOST_CONTACTS} are the most")
     choices = [s for s in product(range(3), repeat=grasp.m) if sum((3, 1, 0)[k] for k in s) >= 6]
-    parts = [_Parts(grasp, G, states, force) for states in choices]
+    parts = [_StateForces(grasp, G, states, force) for states in choices]
     best, chosen = 0.0, (STICKS,) * grasp.m
     for part in sorted(parts, key=lambda p: -p.bound):
         if part.bound <= best * (1 + 1e-9):
@@ -60,7 +60,7 @@ def grasp_robustness(grasp: Grasp, G: Array, *, force: float = 1.0) -> tuple[flo
     return best, chosen
 
 
-class _Parts:
+class _StateForces:
     """The internal forces of one combination of states, and what its robustness can be at most."""
 
     def __init__(self, grasp: Grasp, G: Array, states: tuple[int, ...], force: float) -> None:
@@ -79,7 +79,7 @@ class _Parts:
             self.bound = min(reach) / self.gain
 
 
-def _robustness(grasp: Grasp, parts: _Parts) -> float:
+def _robustness(grasp: Grasp, parts: _StateForces) -> float:
     """[N] the PCR of one combination of states."""
     if parts.bound <= 0.0:
         return 0.0
