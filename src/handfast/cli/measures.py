@@ -25,8 +25,8 @@ class MeasureGrasp(GraspOptions, Command):
     """What do the usual measures of grasps say of it, beside what it resists passively?
 
     Ferrari-Canny, force closure, optimal contact forces, internal forces, PCR and PGR, singular values and the
-    energies of dexterous grasp planners. None of them knows what the hand's joints and motors do; what each takes
-    the hand to be stands beside it.
+    energies of dexterous grasp planners. None of them knows what the motors hold and command; what each takes the
+    hand to be stands beside it.
     """
 
     about: Triple = ()
