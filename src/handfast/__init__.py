@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from handfast.geometry.scene import Scene as Scene
     from handfast.geometry.scene_grasps import scene_contacts as scene_contacts
     from handfast.geometry.scene_grasps import scene_grasp as scene_grasp
+    from handfast.measures.measuring import measure as measure
+    from handfast.measures.measuring import measure_columns as measure_columns
     from handfast.model.body import Body as Body
     from handfast.model.body import load_body as load_body
     from handfast.model.configuration import Configuration as Configuration
@@ -99,6 +101,8 @@ _HOME = {
     "Hand": "model.hand",
     "load_graspit_world": "model.graspit_scene",
     "load_hand": "model.hand",
+    "measure": "measures.measuring",
+    "measure_columns": "measures.measuring",
     "Mechanism": "model.mechanism",
     "Bezier": "model.region",
     "Cap": "model.region",

@@ -24,6 +24,7 @@ from handfast.cli.import_grasps import ImportGrasps
 from handfast.cli.list import List
 from handfast.cli.map import Map
 from handfast.cli.max import Max
+from handfast.cli.measures import MeasureGrasp
 from handfast.cli.options import Command, GraspOptions, is_number
 from handfast.cli.plan import PlanGrasps
 from handfast.cli.propose import Propose
@@ -42,6 +43,7 @@ COMMANDS: dict[str, type[Command]] = {
     "torques": Torques,
     "map": Map,
     "sweep": Sweep,
+    "measures": MeasureGrasp,
     "synthesize": Synthesize,
     "grasp": FindGrasps,
     "propose": Propose,
@@ -63,7 +65,8 @@ ALIASES = dict.fromkeys(
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
 
-check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? synthesize looks for \
+check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? measures sets what \
+the literature measures beside it. synthesize looks for \
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
 hold with its torques. propose chooses such regions, plan closes the hand from everywhere. verify replays what backs \
 an answer. show looks at a hand, view at a grasp under your mouse.

@@ -1,0 +1,146 @@
+"""`handfast measures`: what the literature's measures say of a grasp, beside what it resists passively."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import arg
+
+from handfast.cli import console
+from handfast.cli.options import Assignments, Command, GraspOptions, Triple, assigned, check_writable
+from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from handfast.measures.measuring import MeasuredValue, Measures
+
+ENDINGS = (".png", ".svg", ".csv", ".json")
+
+
+@dataclass(kw_only=True)
+class MeasureGrasp(GraspOptions, Command):
+    """What do the usual measures of grasps say of it, beside what it resists passively?
+
+    Ferrari-Canny, force closure, optimal contact forces, internal forces, PCR and PGR, singular values and the
+    energies of dexterous grasp planners. None of them knows what the motors hold and command; what each takes the
+    hand to be stands beside it.
+    """
+
+    about: Triple = ()
+    """point about which torques are taken [m], object frame; the centre of mass, or the contacts' middle"""
+    length: Annotated[float | None, arg(metavar="M")] = None
+    """length by which torques are divided [m]; the largest distance of a contact from that point"""
+    edges: Annotated[int, arg(metavar="N")] = 8
+    """edges of the pyramids that stand for friction cones"""
+    force_limit: Annotated[float, arg(metavar="N")] = 1.0
+    """largest normal force at each contact [N], where a measure has one"""
+    torque_limit: Assignments = ()
+    """largest torque (force) of an actuator, for the largest wrench and the smallest forces"""
+    passive: bool = True
+    """leave out the passive maxima, which are searches and may take seconds"""
+    node_limit: Annotated[float, arg(metavar="N")] = 1000
+    """nodes of the search for each passive maximum"""
+    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    """picture (.png, .svg) or numbers (.csv, .json)"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+        from handfast.measures.measuring import measure
+        from handfast.measures.passive import GAP
+        from handfast.stability.settings import Settings
+
+        check_writable(self.output, self.force, ENDINGS)
+        grasp = self.load()
+        try:
+            found = measure(
+                grasp,
+                about=self.about or None,
+                length=self.length,
+                edges=self.edges,
+                force_limit=self.force_limit,
+                torque_limits=assigned(self.torque_limit, "--torque-limit"),
+                passive=self.passive,
+                settings=Settings(node_limit=self.node_limit, gap=GAP, verify=False),
+            )
+        except InputError as error:
+            names = {"torque_limits": "torque_limit"}
+            first, *rest = (error.field or "").split(".")
+            option = "--" + names.get(first, first).replace("_", "-")
+            raise InputError(error.problem, field=".".join([option, *rest])) from None
+        if self.output:
+            save(found, self.output, force=self.force)
+        if self.json:
+            console.print_json(found.to_json())
+        else:
+            show(console.out(), found, self.output)
+        return console.ANSWERED
+
+
+def save(found: Measures, path: Path, *, force: bool = False) -> None:
+    """Write measures as picture or numbers, by the file's ending."""
+    import json
+
+    from handfast.core.files import write_bytes, write_text
+
+    match path.suffix.lower():
+        case ".json":
+            write_text(path, json.dumps(found.to_json(), indent=1) + "\n", force=force)
+        case ".csv":
+            columns = found.columns()
+            row = [_quoted(found.grasp.name), *map(_cell, columns.values())]
+            write_text(path, ",".join(["grasp", *columns]) + "\n" + ",".join(row) + "\n", force=force)
+        case ending:
+            from handfast.report.measures_drawing import draw_measures
+            from handfast.report.plot import picture
+
+            write_bytes(path, picture(draw_measures(found), ending.removeprefix(".")), force=force)
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"'
+
+
+def _cell(value: Any) -> str:
+    return "" if value is None else str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def show(out: Console, found: Measures, output: Path | None) -> None:
+    """The table."""
+    from handfast.cli.table import table
+    from handfast.report import words
+    from handfast.report.words import num
+
+    grasp = found.grasp
+    out.print(f"{grasp.name}: {words.grasp_text(grasp)}; preload {words.preload_text(grasp)}")
+    about = words.place_text(found.scale.about).removeprefix("at ")
+    out.print(f"Torques about {about}, divided by {num(1e3 * found.scale.length)} mm.", style="dim")
+    grid = table("measure", "value", "better", "the hand", "from")
+    for v in found.values:
+        grid.add_row(v.measure.name, value_text(v), v.measure.better, v.measure.assumes, v.measure.source)
+    out.print()
+    out.print(grid)
+    notes = [f"{v.measure.name}: {v.note}" for v in found.values if v.note]
+    if notes:
+        out.print()
+        for note in notes:
+            out.print(note, style="dim")
+    if output:
+        out.print(f"Written: {output}", soft_wrap=True)
+
+
+def value_text(v: MeasuredValue) -> str:
+    """A value with its unit."""
+    from handfast.report.words import num
+
+    if v.value is None:
+        return "–"
+    if isinstance(v.value, bool):
+        return "yes" if v.value else "no"
+    unit = {"dimensions": "", "N^6": " N⁶"}.get(v.measure.unit, f" {v.measure.unit}".rstrip())
+    return num(v.value) + unit

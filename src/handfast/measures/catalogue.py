@@ -1,0 +1,204 @@
+"""All measures: what each is called, its unit, where it is from, what it takes the hand to be, and how it is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.measures import chosen_forces, energies, map_conditioning, wrench_space
+from handfast.measures.cone_edges import EDGES, edge_wrenches
+from handfast.measures.force_closure import force_closure
+from handfast.measures.internal_forces import InternalForces, internal_forces
+from handfast.measures.passive import PassiveMaxima, passive_maxima
+from handfast.measures.robustness import contact_robustness, grasp_robustness
+from handfast.measures.wrench_scale import WrenchScale
+from handfast.model.grasp import Grasp
+from handfast.stability.settings import Settings
+
+ANY = "presses at will"  # no joint, motor or command is looked at
+MAP = "none, no friction"
+NORMALS = "equal pushes"
+RIGID = "joints, no motors"
+OURS = "joints and commands"
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A grasp, the choices that its measures are made with, and what several measures share.
+
+    Attributes:
+        scale: of all measures but the energies.
+        energy_scale: of the energies.
+        edges: of a friction cone's pyramid.
+        force_limit: [N] the largest normal force at a contact, where a measure has one.
+        torque_limits: of actuators by name, for forces that a controller chooses.
+        settings: of the searches for passive maxima.
+        jobs: cores for these.
+    """
+
+    grasp: Grasp
+    scale: WrenchScale
+    energy_scale: WrenchScale
+    edges: int = EDGES
+    force_limit: float = 1.0
+    torque_limits: Mapping[str, float] = field(default_factory=dict)
+    settings: Settings | None = None
+    jobs: int | None = 1
+
+    @cached_property
+    def G(self) -> Array:
+        """(6, 3m) the grasp map in the scale."""
+        return self.scale.grasp_map(self.grasp)
+
+    @cached_property
+    def H(self) -> Array:
+        """(6, 3m) the grasp map in the energies' scale."""
+        return self.energy_scale.grasp_map(self.grasp)
+
+    @cached_property
+    def cones(self) -> Array:
+        """(m, edges, 6) wrenches of the cones' edges in the scale."""
+        return edge_wrenches(self.grasp, self.scale, self.edges)
+
+    @cached_property
+    def l1(self) -> tuple[float, float]:
+        return wrench_space.l1_space(self.cones)
+
+    @cached_property
+    def closure(self) -> tuple[bool, float]:
+        return force_closure(self.cones)
+
+    @cached_property
+    def internal(self) -> InternalForces:
+        return internal_forces(self.grasp, self.G)
+
+    @cached_property
+    def units(self) -> Array:
+        """(12, 6) the directions of `WrenchScale.axes`, in the scale."""
+        return self.scale.scaled(self.scale.axes()[1].T).T
+
+    @cached_property
+    def chosen(self) -> Array:
+        """(12,) [N] the largest wrench that chosen forces balance in each of the twelve directions."""
+        options = {"force": self.force_limit, "torque_limits": self.torque_limits}
+        found = [chosen_forces.largest_wrench(self.grasp, self.G, u, **options) for u in self.units]  # type: ignore[arg-type]
+        return np.array(found)
+
+    @cached_property
+    def least_forces(self) -> float:
+        """[N per N] the largest contact force, of the least ones, against the worst of the twelve."""
+        limits = self.torque_limits
+        return max(chosen_forces.smallest_forces(self.grasp, self.G, u, torque_limits=limits) for u in self.units)
+
+    @cached_property
+    def passive(self) -> PassiveMaxima:
+        return passive_maxima(self.grasp, self.scale, settings=self.settings, jobs=self.jobs)
+
+    @cached_property
+    def robust(self) -> tuple[float, tuple[int, ...]]:
+        return grasp_robustness(self.grasp, self.G, force=self.force_limit)
+
+    @cached_property
+    def q1(self) -> float:
+        return wrench_space.l1_space(edge_wrenches(self.grasp, self.energy_scale, self.edges))[0]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure.
+
+    Attributes:
+        key: its name in programs and tables.
+        name: in words.
+        unit: of its value in the scale; "" for a pure number.
+        better: is "more" or "less" of it better, or neither ("")?
+        assumes: what it takes the hand to be.
+        source: authors and year; the full title stands in the docstring of its function and in docs/measures.md.
+        value: of a grasp that is asked about. Raises `NotMeasured` where there is none.
+    """
+
+    key: str
+    name: str
+    unit: str
+    better: Literal["more", "less", ""]
+    assumes: str
+    source: str
+    value: Callable[[Asked], float | bool]
+
+
+CATALOGUE: tuple[Measure, ...] = (
+    Measure(
+        "passive_worst", "passive maximum, worst of 12", "N", "more", OURS,
+        "Haas-Heger, Ciocarlie 2020", lambda a: a.passive.worst[0],
+    ),
+    Measure("epsilon_l1", "epsilon, L1", "N", "more", ANY, "Ferrari, Canny 1992", lambda a: a.l1[0]),
+    Measure(
+        "epsilon_linf", "epsilon, L infinity", "N", "more", ANY,
+        "Ferrari, Canny 1992", lambda a: a.force_limit * wrench_space.linf_epsilon(a.cones),
+    ),
+    Measure("volume_l1", "volume, L1", "N^6", "more", ANY, "Ferrari, Canny 1992", lambda a: a.l1[1]),
+    Measure(
+        "volume_linf", "volume, L infinity", "N^6", "more", ANY,
+        "Ferrari, Canny 1992", lambda a: a.force_limit**6 * wrench_space.linf_volume(a.cones),
+    ),
+    Measure("force_closure", "force closure", "", "more", ANY, "Prattichizzo, Trinkle 2008", lambda a: a.closure[0]),
+    Measure(
+        "closure_margin", "margin of force closure", "", "more", ANY,
+        "Prattichizzo, Trinkle 2008", lambda a: a.closure[1],
+    ),
+    Measure(
+        "largest_wrench", "largest wrench, worst of 12", "N", "more", ANY,
+        "Han, Trinkle, Li 2000", lambda a: float(a.chosen.min()),
+    ),
+    Measure(
+        "smallest_forces", "smallest forces, worst of 12", "N/N", "less", ANY,
+        "Boyd, Wegbreit 2007", lambda a: a.least_forces,
+    ),
+    Measure(
+        "internal_dimension", "internal forces", "dimensions", "", RIGID,
+        "Bicchi 1994", lambda a: a.internal.dimension,
+    ),
+    Measure(
+        "controllable_dimension", "that joints control", "dimensions", "more", RIGID,
+        "Bicchi 1994", lambda a: a.internal.controllable.shape[1],
+    ),
+    Measure(
+        "passive_dimension", "that no joint changes", "dimensions", "", RIGID,
+        "Bicchi 1994", lambda a: a.internal.passive.shape[1],
+    ),
+    Measure(
+        "pcr", "contact robustness PCR", "N", "more", RIGID,
+        "Prattichizzo et al. 1997", lambda a: contact_robustness(a.grasp, a.G, force=a.force_limit),
+    ),
+    Measure(
+        "pgr", "grasp robustness PGR", "N", "more", RIGID,
+        "Prattichizzo et al. 1997", lambda a: a.robust[0],
+    ),
+    Measure(
+        "smallest_singular_value", "smallest singular value", "", "more", MAP,
+        "Li, Sastry 1988", lambda a: map_conditioning.smallest_singular_value(a.G),
+    ),
+    Measure(
+        "ellipsoid_volume", "volume of the ellipsoid", "", "more", MAP,
+        "Li, Sastry 1988", lambda a: map_conditioning.ellipsoid_volume(a.G),
+    ),
+    Measure("isotropy", "isotropy", "", "more", MAP, "Kim et al. 2001", lambda a: map_conditioning.isotropy(a.G)),
+    Measure("q1", "Q1, as benchmarks scale it", "N", "more", ANY, "Ferrari, Canny 1992", lambda a: a.q1),
+    Measure(
+        "qp", "wrench error QP", "N", "less", ANY,
+        "Chen, Ke, Wang 2025", lambda a: energies.wrench_error(a.grasp, a.H),
+    ),
+    Measure(
+        "graspqp", "energy GraspQP", "", "less", ANY,
+        "Zurbrügg et al. 2025", lambda a: energies.graspqp(a.grasp, a.H),
+    ),
+    Measure("tdg", "energy TDG", "", "less", NORMALS, "Chen et al. 2023", lambda a: energies.tdg(a.grasp, a.H)),
+    Measure("dfc", "energy DFC", "N", "less", NORMALS, "Liu et al. 2021", lambda a: energies.dfc(a.H)),
+)  # fmt: skip
+KEYS: tuple[str, ...] = tuple(m.key for m in CATALOGUE)
+PASSIVE = "passive_worst"

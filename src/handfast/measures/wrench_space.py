@@ -1,0 +1,107 @@
+"""Grasp wrench spaces of Ferrari and Canny, *Planning optimal grasps* (ICRA 1992): radius and volume.
+
+A wrench space holds every wrench that contact forces inside the friction cones (here pyramids) can have together:
+if their normal parts sum to 1 N at most (L1), the convex hull of all edges; if each is 1 N at most (L infinity),
+the Minkowski sum over the contacts. Its epsilon is the radius of the largest ball about the origin inside of it: the
+smallest wrench that cannot be balanced. Nothing of the hand is known to it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.measures.not_measured import NotMeasured
+
+FLAT = 1e-9  # singular values below this share of the largest are none
+MOST_SUMS = 1000  # corners whose hull is built for the volume of a Minkowski sum
+MOST_ROUNDS, BATCH = 100, 24  # of growing, facets that grow in one round
+EXACT = 1e-8  # relative distance of the two bounds at which growing ends
+
+
+def _hull(points: Array) -> Any:
+    """The convex hull of (n, 6) points, None if they are flat."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if len(points) < 7 or spread[-1] <= FLAT * spread[0]:
+        return None
+    try:
+        return ConvexHull(points)
+    except QhullError:  # many points of one facet, as symmetric grasps have: moved by rounding they are no trouble
+        return ConvexHull(points, qhull_options="QJ")
+
+
+def _radius(hull: Any) -> float:
+    """Of the largest ball about the origin inside a hull; 0 if the origin is outside."""
+    return 0.0 if hull is None else max(0.0, float(-hull.equations[:, -1].max()))
+
+
+def l1_space(wrenches: Array) -> tuple[float, float]:
+    """Epsilon and volume of the L1 wrench space of (m, edges, 6) edge wrenches: N and N^6, for 1 N in all.
+
+    The volume is that of the hull of the edges and of the origin, for no force at all is always possible.
+    """
+    points = wrenches.reshape(-1, 6)
+    radius = _radius(_hull(points))
+    whole = _hull(np.vstack([points, np.zeros((1, 6))]))
+    return radius, 0.0 if whole is None else float(whole.volume)
+
+
+def _support(wrenches: Array, directions: Array) -> Array:
+    """(k, 6) the points of the L infinity space that are farthest along (k, 6) directions."""
+    along = np.einsum("med,kd->kme", wrenches, directions)
+    best = along.argmax(axis=2)
+    points = wrenches[np.arange(len(wrenches)), best]  # (k, m, 6)
+    pushes = np.take_along_axis(along, best[:, :, None], axis=2) > 0
+    return (points * pushes).sum(axis=1)
+
+
+def linf_epsilon(wrenches: Array) -> float:
+    """Epsilon of the L infinity wrench space of (m, edges, 6) edge wrenches [N], for 1 N at each contact.
+
+    The space has too many corners to be built. A polytope inside of it grows instead where its surface is nearest to
+    the origin, until the space itself ends there: Zheng, *An efficient algorithm for a grasp quality measure*,
+    IEEE T-RO 2013.
+
+    Raises:
+        NotMeasured: the bounds do not meet in a number of rounds.
+    """
+    points = np.vstack([wrenches.reshape(-1, 6), _support(wrenches, np.vstack([np.eye(6), -np.eye(6)]))])
+    hull = _hull(points)
+    if _radius(hull) <= FLAT * float(np.abs(points).max()):  # this hull spans the same cone
+        return 0.0
+    lower, best = 0.0, np.inf
+    for _ in range(MOST_ROUNDS):
+        distances = -hull.equations[:, -1]
+        lower = float(distances.min())
+        nearest = np.argsort(distances)[: 20 * BATCH]
+        _, kept = np.unique(np.round(hull.equations[nearest, :-1], 9), axis=0, return_index=True)
+        facets = nearest[np.sort(kept)][:BATCH]
+        directions = hull.equations[facets, :-1]
+        found = _support(wrenches, directions)
+        heights = np.einsum("kd,kd->k", found, directions)
+        best = min(best, float(heights.min()))
+        if best - lower <= EXACT * best:
+            return best
+        grown = found[heights > distances[facets] + EXACT * best]
+        hull = _hull(np.vstack([hull.points[hull.vertices], grown]))
+    raise NotMeasured(f"bounds {lower:.4g} and {best:.4g} of the L infinity wrench space did not meet")
+
+
+def linf_volume(wrenches: Array) -> float:
+    """Volume [N^6] of the L infinity wrench space of (m, edges, 6) edge wrenches, for 1 N at each contact.
+
+    Raises:
+        NotMeasured: its (edges + 1)^m corners are too many.
+    """
+    m, edges, _ = wrenches.shape
+    if (edges + 1) ** m > MOST_SUMS:
+        raise NotMeasured(f"the sum of {m} cones of {edges} edges has too many corners; take fewer edges")
+    points = np.zeros((1, 6))
+    for cone in wrenches:
+        points = (points[:, None] + np.vstack([np.zeros((1, 6)), cone])[None]).reshape(-1, 6)
+    whole = _hull(points)
+    return 0.0 if whole is None else float(whole.volume)
