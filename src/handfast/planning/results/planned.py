@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from handfast.core.answer import Stop, Verdict, header
@@ -97,7 +97,8 @@ class Plan:
 
 
 def _entry(g: PlannedGrasp) -> dict[str, Any]:
-    return {
+    searched = {"preload_search": asdict(g.searched)} if g.searched else {}
+    return searched | {
         "attempt": g.index,
         "nodes": g.answer.nodes,
         "contacts": g.grasp.m,
