@@ -99,8 +99,7 @@ class PreloadSearch:
             answer = held_again(loaded, self.loads, self.limits, checking_settings_for(grasp), known, nodes)
             if answer:
                 return replace(answer, nodes=nodes + sum(a.nodes for a in answer.checks), actuators=part.actuators)
-        empty = {"preload": None, "lower": 0.0, "upper": np.inf, "checks": (), "grasp": grasp}
-        return replace(part, verdict=Verdict.UNDECIDED, **empty)
+        return replace(part, verdict=Verdict.UNDECIDED, preload=None, upper=np.inf, checks=(), grasp=grasp)
 
     def strength(self, grasp: Grasp) -> float:
         """The largest command, as a share of what is allowed: a force for sliding joints and tendons, else a torque."""

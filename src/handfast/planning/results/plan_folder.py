@@ -136,6 +136,6 @@ class PlanFolder(SearchFolder[Plan]):
             source = str(self.path / entry.grasp_file)
             raise InputError("does not hold what is asked; it was changed, or belongs to another plan", source=source)
         q = place.applied(asked.hand)[1]
-        how = entry.preload_search and SearchedContacts(**entry.preload_search.model_dump())
+        how = SearchedContacts(**entry.preload_search.model_dump()) if entry.preload_search else None
         depths = entry.penetration, entry.self_penetration
         return PlannedGrasp(q, place.pose, grasp, answer, *depths, entry.attempt, how)
