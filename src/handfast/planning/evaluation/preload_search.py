@@ -64,6 +64,8 @@ class PreloadSearch:
     ) -> tuple[HoldAnswer, SearchedContacts]:
         """Whether all contacts of a grasp hold the loads under one preload, and how that was looked for.
 
+        They are asked themselves in the end where that of a part came to nothing.
+
         Args:
             touching: how many contacts there were before any was left out.
             rebuilt: the same grasp with other contacts of the same links.
@@ -75,11 +77,11 @@ class PreloadSearch:
         if told.searched == grasp.m:
             return self.found(grasp, actuators), told
         answer = self.found(rebuilt(part.contacts), actuators)
-        if answer.verdict is Verdict.SLIPS:  # which shows nothing of all contacts
-            return self.found(grasp, actuators), replace(told, searched=grasp.m, error=0.0)
         if answer.verdict is Verdict.HOLDS:
             answer = self.of_all(grasp, answer)
-        return answer, told
+            if answer.verdict is Verdict.HOLDS:
+                return answer, told
+        return self.found(grasp, actuators), replace(told, searched=grasp.m, error=0.0)  # the part has shown nothing
 
     def found(self, grasp: Grasp, actuators: tuple[str, ...]) -> HoldAnswer:
         """What `hold` says of a grasp."""
