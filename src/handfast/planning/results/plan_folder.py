@@ -30,7 +30,7 @@ PLAN = "plan.json"
 FILES = "{:03d}.configuration.json", "{:03d}.grasp.json"
 
 
-class SearchedEntry(Strict):
+class PreloadSearchEntry(Strict):
     """As `SearchedContacts`."""
 
     touching: int = Field(ge=1)
@@ -49,7 +49,7 @@ class PlannedEntry(Strict):
     self_penetration: float
     configuration_file: str
     grasp_file: str
-    preload_search: SearchedEntry | None = None
+    preload_search: PreloadSearchEntry | None = None
 
 
 class PlanFile(Strict):
