@@ -85,6 +85,36 @@ def test_bends_both_ways_close_where_they_reach_further_than_spreads_do(hand: Ha
     assert guessed["index_side"] == 0
 
 
+def test_a_lopsided_bend_about_the_axis_of_those_further_out_is_no_abduction(hand: Hand) -> None:
+    def with_range(name: str, lower: float, upper: float) -> dict[str, int]:
+        new = {f"{finger}_{name}": np.radians([lower, upper]) for finger in ("index", "ring")}
+        joints = tuple(
+            replace(j, lower=new[j.name][0], upper=new[j.name][1]) if j.name in new else j for j in hand.joints
+        )
+        free = replace(hand, joints=joints, closing=guess_closing(joints, ()))
+        assert free.closing[hand.joint(f"index_{name}")] == 0
+        return senses(with_guessed_senses(free))
+
+    wide = with_range("bend", -80, 45)
+    assert wide["index_bend"] == wide["ring_bend"] == 1
+    assert wide["index_side"] == wide["ring_side"] == 0
+    assert with_range("side", -80, 45)["index_side"] == 0  # across the axes of bend and curl
+    assert with_range("bend", -45, 40)["index_bend"] == 0  # no further than an abduction may go
+
+
+def test_a_joint_that_goes_further_back_than_it_closes_opens_all_the_way(hand: Hand) -> None:
+    j = hand.joint("index_bend")
+
+    def opened(lower: float, upper: float) -> float:
+        joints = tuple(replace(x, lower=lower, upper=upper) if k == j else x for k, x in enumerate(hand.joints))
+        changed = replace(hand, joints=joints)
+        return float(Anatomy.of(changed).ends(changed.closing)[0][j])
+
+    assert opened(-1.4, 0.8) == -1.4
+    assert opened(-0.8, 1.4) == pytest.approx(np.radians(-30))
+    assert opened(-1.1, 0.8) == pytest.approx(np.radians(-30))
+
+
 def test_without_solids_the_limits_decide(hand: Hand) -> None:
     bare = replace(hand, links=tuple(replace(k, shapes=()) for k in hand.links))
     np.testing.assert_array_equal(with_guessed_senses(bare).closing, hand.closing)

@@ -9,12 +9,16 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.model.body import load_body
+from handfast.geometry.scene import Scene
+from handfast.model.body import Body, load_body
 from handfast.model.configuration import load_configuration
 from handfast.model.graspit_body import MATERIALS, friction_of
 from handfast.model.graspit_scene import load_graspit_world
 from handfast.model.hand import load_hand
+from handfast.model.shape import Shape
 from tests.support.graspit_files import body, chain, dof, joint, placed, write_object, write_robot, write_world
+
+BALL = Body.of([Shape("sphere", 0.03)])
 
 
 def test_a_finger_of_two_joints_in_a_plane_stands_where_trigonometry_says(tmp_path: Path) -> None:
@@ -97,6 +101,29 @@ def test_what_is_not_read_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixtu
     assert "not read: breakaway torques, virtual contacts" in caplog.text
 
 
+def test_links_whose_rule_is_off_or_a_pair_do_not_collide(tmp_path: Path) -> None:
+    def two(*rules: str) -> str:
+        return chain(joint("d0"), joint("d0*2"), links=("Revolute", "Revolute"), rules=rules)
+
+    by_base = "collisionRule='OverlappingPair' targetChain='base'"
+    first = two("collisionRule='Off'", by_base)
+    second = two("collisionRule='OverlappingPair' targetChain='0' targetLink='1'", "collisionRule='OverlappingPair'")
+    third = two("", "collisionRule=' OverlappingPair ' targetLink='0'")
+    hand = load_hand(write_robot(tmp_path, dof(), first, second, third))
+    solid = {link.name for link in hand.links if link.shapes}
+    assert solid == {f"chain{c}_link{k}" for c in range(3) for k in range(2)} - {"chain0_link0"} | {"palm"}
+    assert hand.non_colliding == {
+        ("palm", "chain0_link1"),
+        ("chain0_link1", "chain1_link0"),
+        ("chain2_link0", "chain2_link1"),
+    }
+    assert not hand.may_collide("chain1_link0", "chain0_link1")
+    assert hand.may_collide("chain1_link1", "chain0_link1")
+    checked = {frozenset((hand.link_names[a], hand.link_names[b])) for a, b in Scene(hand, BALL).self_pairs}
+    assert frozenset(("chain0_link1", "chain1_link0")) not in checked
+    assert frozenset(("chain0_link1", "chain1_link1")) in checked
+
+
 FINGER = chain(joint("d0"))
 
 
@@ -118,6 +145,14 @@ FINGER = chain(joint("d0"))
         ((dof(), FINGER.replace("link.xml", "no.xml")), "link chain0_link0: its file 'no.xml' was not found in"),
         ((dof(), chain(joint("d0"), at="<rotation>90 w</rotation>")), "chain 0.rotation: is '90 w'; an angle and x,"),
         ((dof(), chain(joint("d0"), at="<shear>1</shear>")), "chain 0.shear: is not a known part of a transform$"),
+        (
+            (dof(), chain(joint("d0"), rules=("collisionRule='On'",))),
+            "link chain0_link0: has collisionRule 'On'; known: Off, OverlappingPair$",
+        ),
+        (
+            (dof(), chain(joint("d0"), rules=("collisionRule='OverlappingPair' targetLink='1'",))),
+            "link chain0_link0: overlaps link '1' of chain '0'; a chain and a link, both counted from 0, or",
+        ),
         ((dof(), FINGER.replace("Revolute'><theta", "Helical'><theta")), "has type 'Helical'; Revolute and Prismatic"),
     ],
 )

@@ -22,9 +22,12 @@ def dof(kind: str = "r", velocity: float = 1) -> str:
     return f"<dof type='{kind}'><defaultVelocity>{velocity}</defaultVelocity></dof>"
 
 
-def chain(*inside: str, at: str = "", links: tuple[str, ...] = ("Revolute",)) -> str:
-    """A chain with its joints and a link of each dynamic joint type."""
-    ends = "".join(f"<link dynamicJointType='{kind}'>link.xml</link>" for kind in links)
+def chain(*inside: str, at: str = "", links: tuple[str, ...] = ("Revolute",), rules: tuple[str, ...] = ()) -> str:
+    """A chain with its joints and a link of each dynamic joint type; rules: attributes of the first links."""
+    said = (*rules, *("" for _ in links[len(rules) :]))
+    ends = "".join(
+        f"<link dynamicJointType='{kind}' {rule}>link.xml</link>" for kind, rule in zip(links, said, strict=True)
+    )
     return f"<chain><transform>{at}</transform>{''.join(inside)}{ends}</chain>"
 
 

@@ -60,7 +60,7 @@ COMMANDS: dict[str, type[Command]] = {
 }
 
 ALIASES = dict.fromkeys(
-    ("check", "torques", "propose", "plan", "contacts", "close"), ("--com",)
+    ("check", "torques", "propose", "grasp", "plan", "contacts", "close"), ("--com",)
 )  # second names of options
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.

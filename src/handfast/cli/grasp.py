@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
 from handfast.cli.load_options import LoadsOptions
-from handfast.cli.options import Assignments, Command, assigned, check_writable, load_solvable
+from handfast.cli.options import Assignments, Command, Triple, assigned, check_writable, load_solvable
+from handfast.cli.scene_options import LinkPairs, load_object
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,10 +35,14 @@ class FindGrasps(LoadsOptions, Command):
     """a mesh or handfast/body/1 file or the name of a bundled object, instead of the task's"""
     mass: Annotated[float | None, arg(metavar="KG")] = None
     """mass of the object [kg], instead of its file's"""
+    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
+    """centre of mass in the object's frame [m]; the object file's, or the centre of its volume; --com for short"""
     friction: Annotated[float | None, arg(metavar="MU")] = None
     """friction coefficient between hand and object; the object file's, or 0.5"""
     depth: Annotated[float, arg(metavar="M")] = 1e-3
-    """how deep solids may be in each other: collision shapes are approximations [m]"""
+    """how deep solids may be in each other, links beyond what they are at rest: shapes are approximations [m]"""
+    ignore_pair: LinkPairs = ()
+    """two links of the hand that may overlap, as their shapes do and the real links do not; repeatable"""
     command_limit: Annotated[float | None, arg(metavar="V")] = None
     """largest command of any actuator [N m or N]; ten times the largest load at the size of the grasp"""
     torque_limit: Assignments = ()
@@ -65,7 +70,6 @@ class FindGrasps(LoadsOptions, Command):
 
     def run(self) -> int:
         from handfast.cli import grasp_tables
-        from handfast.model.body import load_body
         from handfast.planning.evaluation.evaluator import Allowed
         from handfast.planning.grasp_for import grasp_for
         from handfast.planning.journal import Journal
@@ -81,7 +85,8 @@ class FindGrasps(LoadsOptions, Command):
             raise InputError("names no object; give --object, its shape is needed", source=self.task)
         check_writable(self.report, self.force, (".html", ".htm"))
         GraspFolder.refuse(self.output, resume=self.resume, force=self.force)
-        body = load_body(name, mass=self.mass, friction=self.friction)
+        about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
+        body = load_object(name, scale=1.0, **about)
         console.warn(compared(task.hand, body))
         with console.watch("grasp") as watch:
 
@@ -103,6 +108,7 @@ class FindGrasps(LoadsOptions, Command):
                 seed=self.seed,
                 timeout=None if self.timeout == float("inf") else self.timeout,
                 allowed=Allowed(self.depth, self.depth, self.depth),
+                ignored=self.ignore_pair,
                 jobs=self.jobs,
                 journal=folder or Journal(note),
             )

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import UseAppendAction, arg
+from tyro.conf import arg
 
 from handfast.cli import console
 from handfast.cli.load_options import LoadsOptions
 from handfast.cli.options import Assignments, Command, Triple, assigned, check_writable
-from handfast.cli.scene_options import SceneOptions
+from handfast.cli.scene_options import LinkPairs, SceneOptions
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     """direction in which the palm approaches, in the hand's base frame; guessed"""
     closing: Assignments = ()
     """sense in which a joint closes: JOINT=1, JOINT=-1, or JOINT=0 to sample it as a spread"""
-    ignore_pair: UseAppendAction[tuple[Annotated[tuple[str, str], arg(metavar="LINK")], ...]] = ()
+    ignore_pair: LinkPairs = ()
     """two links of the hand that may overlap, as their shapes do and the real links do not; repeatable"""
     give_up: Annotated[int, arg(metavar="N")] = 1000
     """end after so many starts of which none came through the filters, with what is the matter"""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional, arg
+from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli.options import Numbers, Triple
 from handfast.core import bundled
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from handfast.model.body import Body
     from handfast.model.configuration import Configuration
     from handfast.model.hand import Hand
+
+LinkPairs = UseAppendAction[tuple[Annotated[tuple[str, str], arg(metavar="LINK")], ...]]
 
 
 @dataclass(kw_only=True)

@@ -20,6 +20,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
+from handfast.geometry.rest_overlaps import beyond_rest
 from handfast.geometry.scene import HandObjectPair, Scene, checked_pose
 from handfast.model.grasp import unit
 from handfast.model.hand.coupling import coupled
@@ -91,7 +92,7 @@ class Clearances:
         requested: the link of each requested contact.
         at_contacts: (b,) inside the discs; a gap there may be underestimated.
         pairs: names of the links that may meet.
-        between: (k,) of these pairs; the cutoff if farther.
+        between: (k,) of these pairs, without what may overlap as at rest; the cutoff if farther.
         left_out: pairs that overlap in the hand's model whatever its joints do, and are not judged.
         cutoff: [m].
     """
@@ -176,10 +177,12 @@ class Collisions:
         radius: [m] of the disc about a requested contact.
         cutoff: [m] nothing further apart is seen.
         left_out: pairs of links that are not judged.
+        at_rest: as given; zeros otherwise.
 
     Args:
         left_out: `always_meeting(scene)` unless given; ask it of the hand as it is built, before a task
             narrowed its limits, if its model needs exceptions.
+        at_rest: (k,) [m] of `scene.self_pairs`, by how much each may overlap, see `rest_overlaps`; none unless given.
 
     Raises:
         InputError: a radius or cutoff that is not positive.
@@ -192,14 +195,17 @@ class Collisions:
         radius: float = DISC,
         cutoff: float = CUTOFF,
         left_out: Sequence[Pair] | None = None,
+        at_rest: Array | None = None,
     ) -> None:
         for name, value in (("radius", radius), ("cutoff", cutoff)):
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"is {value}; a length above 0 [m] is needed", field=name)
         self.scene, self.radius, self.cutoff = scene, radius, cutoff
         self.left_out = tuple(always_meeting(scene) if left_out is None else left_out)
+        self.at_rest = np.zeros(len(scene.self_pairs)) if at_rest is None else at_rest
         self._judged = tuple(pair for pair in scene.self_pairs if pair not in self.left_out)
         self._row = {pair: k for k, pair in enumerate(self._judged)}
+        self._judged_at_rest = self.at_rest[[k for k, pair in enumerate(scene.self_pairs) if pair in self._row]]
         self._judged_names, self._left_out_names = self._named(self._judged), self._named(self.left_out)
         self._surfaces: dict[Pair, _SampledSurface] = {}
 
@@ -219,6 +225,7 @@ class Collisions:
             k = self._row.get((m.first, m.second))
             if k is not None:
                 between[k] = min(between[k], m.distance)
+        between = beyond_rest(between, self._judged_at_rest)
         return Clearances(
             self.scene.hand.link_names,
             to_object,
@@ -243,11 +250,11 @@ class Collisions:
         reach = max(margin, STEP)
         object_pairs, self_pairs = self.scene.pairs(q, checked_pose(object_pose), reach)
         found, _ = self._apart(object_pairs, requested)
-        found += [
-            SeparationVector(m.first, m.on_first, m.second, m.on_second, -m.normal, m.distance)
-            for m in self_pairs
-            if (m.first, m.second) in self._row
-        ]
+        for m in (m for m in self_pairs if (m.first, m.second) in self._row):
+            beyond = m.distance + self._judged_at_rest[self._row[m.first, m.second]]
+            if m.distance >= 0 or beyond < 0:  # else as at rest
+                distance = m.distance if m.distance >= 0 else beyond
+                found.append(SeparationVector(m.first, m.on_first, m.second, m.on_second, -m.normal, distance))
         return sorted((p for p in found if p.distance < margin), key=lambda p: p.distance)
 
     def _named(self, pairs: Sequence[Pair]) -> tuple[tuple[str, str], ...]:

@@ -107,7 +107,8 @@ class Scene:
         self.placed = np.tile(np.eye(4), (len(hand.links) + 1, 1, 1))
         mine, its = np.flatnonzero(self.owner >= 0), np.flatnonzero(self.owner < 0)
         self._to_object = (np.repeat(mine, len(its)), np.tile(its, len(mine)))
-        left_out = {frozenset(map(hand.link, pair)) for pair in ignored}
+        self.ignored = tuple(ignored)
+        left_out = {frozenset(map(hand.link, pair)) for pair in self.ignored}
         self.self_pairs = [pair for pair in self._meeting_links() if frozenset(pair) not in left_out]
         both = [(a, b, k) for k, (i, j) in enumerate(self.self_pairs) for a in self._of(i) for b in self._of(j)]
         self._to_self = tuple(np.array(both, dtype=int).reshape(-1, 3).T)

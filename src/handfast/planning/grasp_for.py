@@ -21,6 +21,7 @@ from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.geometry.collision import Collisions
 from handfast.geometry.contacts import of_body
 from handfast.geometry.dexterity import dexterity
+from handfast.geometry.rest_overlaps import rest_overlaps
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.planning.evaluation.evaluator import NEAR, Allowed, Evaluator, requests
@@ -29,7 +30,7 @@ from handfast.planning.filters.balance import friction_margin
 from handfast.planning.gathering import Gathering, UnitResult
 from handfast.planning.journal import Journal
 from handfast.planning.question import fingerprint, refuse_another, refuse_negative
-from handfast.planning.requirements import Limits, Requirements
+from handfast.planning.requirements import Limits, Requirements, link_pairs
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.search_file import FoundGrasp, SavedSearch
 from handfast.stability.hold import HoldAnswer
@@ -60,6 +61,7 @@ def grasp_for(
     actuators: Sequence[str] | None = None,
     friction: float | None = None,
     allowed: Allowed | None = None,
+    ignored: Sequence[tuple[str, str]] = (),
     jobs: int | None = None,
     journal: Journal[Grasps] | None = None,
 ) -> Grasps:
@@ -75,14 +77,15 @@ def grasp_for(
         timeout: [s] after start-up; None goes on until there are `count`.
         actuators: that may be commanded, those that close the hand unless given.
         friction: coefficient; the object's unless given.
-        allowed: how deep solids may be in each other.
+        allowed: how deep solids may be in each other; two links beyond what they are in the hand at rest.
+        ignored: pairs of links, by name, that may overlap: where the collision shapes do and the real links do not.
         jobs: processes; by default all cores.
         journal: hears of the grasps so far after each unit of work, and may give a search to go on from.
 
     Raises:
-        InputError: no object, an object without mass where the loads are left to its weight, an unknown actuator, a
-            number out of range, limits and couplings that leave nothing; an earlier search of another question, or
-            with grasps that are not proved or do not hold.
+        InputError: no object, an object without mass where the loads are left to its weight, an unknown actuator or
+            link, a number out of range, limits and couplings that leave nothing; an earlier search of another
+            question, or with grasps that are not proved or do not hold.
     """
     if body is None:
         if task.object is None:
@@ -99,7 +102,9 @@ def grasp_for(
         if name not in task.hand.mechanism.actuators:
             raise unknown_name("actuator", name, task.hand.mechanism.actuators, field="actuators")
     friction = body.friction if friction is None else friction
-    problem, collisions = TaskProblem.of(task), Collisions(Scene(task.hand, body), cutoff=NEAR)
+    scene = Scene(task.hand, body, link_pairs(task.hand, ignored))
+    problem = TaskProblem.of(task)
+    collisions = Collisions(scene, cutoff=NEAR, at_rest=rest_overlaps(scene, at_zero=True))
     evaluator = Evaluator(problem, collisions, loads, friction, allowed or Allowed())
     work = LocalSearch(evaluator, seed, Requirements.of(limits or Limits(), friction, names))
     search = _TaskSearch(work, body, count, journal or Journal())
@@ -111,6 +116,8 @@ def question_of(work: LocalSearch, body: Body) -> str:
     evaluator, r = work.evaluator, work.requirements
     said = {"actuators": r.actuators, "friction": r.friction, "allowed": evaluator.allowed, "command": r.command_limit}
     regions = {key: value for key, value in task_to_dict(evaluator.task).items() if key in ("contacts", "pose")}
+    ignored = evaluator.collisions.scene.ignored
+    regions |= {"ignored": ignored} if ignored else {}
     settings = r.settings or SETTINGS
     others = said | r.of_a_load | regions | {"settings": settings}
     return fingerprint(evaluator.task.hand, body, evaluator.loads, work.seed, **others)
@@ -268,7 +275,7 @@ class _TaskSearch:
         (c,), task, near = self.work.candidates([f.certified]), self.evaluator.task, self.evaluator.collisions
         assert f.answer is not None
         grasp = of_body(c.grasp.with_preload(f.answer.preload), task.hand, self.body)
-        wide = Collisions(near.scene, radius=near.radius, left_out=near.left_out)
+        wide = Collisions(near.scene, radius=near.radius, left_out=near.left_out, at_rest=near.at_rest)
         return ProvedGrasp(
             c.solution,
             c.q,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from handfast.core.answer import Stop
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
@@ -19,7 +19,7 @@ from handfast.planning.gathering import Gathering
 from handfast.planning.journal import Journal
 from handfast.planning.question import refuse_another, refuse_negative
 from handfast.planning.ranking.distinct import difference, most_different
-from handfast.planning.requirements import Limits
+from handfast.planning.requirements import Limits, link_pairs
 from handfast.planning.results.planned import Plan
 from handfast.planning.sizes import compared
 from handfast.stability.loads import Loads
@@ -81,7 +81,7 @@ def plan(  # each argument is an option of the command line
     loads = Loads.gravity(body) if loads is None else loads
     if not loads.wrenches.any():
         raise InputError("are all zero; a force or torque to hold is needed", field="loads")
-    pairs = _link_pairs(hand, ignored)
+    pairs = link_pairs(hand, ignored)
     asked = Attempts(hand, body, palm_of(hand, sampling.approach), loads, seed, limits, sampling, pairs)
     begin, question = time.monotonic(), asked.question
     before = journal.earlier(asked)
@@ -125,11 +125,3 @@ def _refuse_no_positive(numbers: Mapping[str, float | None]) -> None:
     for name, value in numbers.items():
         if value is not None and not value > 0:
             raise InputError(f"is {value:g}; a positive number is needed", field=name)
-
-
-def _link_pairs(hand: Hand, ignored: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    """Pairs of links in an order of their own, each known to the hand."""
-    for name in (name for pair in ignored for name in pair):
-        if name not in hand.link_names:
-            raise unknown_name("link", name, hand.link_names, field="ignored")
-    return tuple(sorted((min(pair), max(pair)) for pair in ignored))

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from handfast.core.errors import unknown_name
 from handfast.model.grasp import Grasp
+from handfast.model.hand.hand import Hand
 from handfast.stability.settings import Settings
 
 
@@ -55,3 +57,11 @@ class Requirements(Limits):
         """The actuators of a grasp that may be commanded; where none of those asked for moves it, all of its own."""
         own = grasp.mechanism.actuators
         return [n for n in self.actuators if n in own] or list(own)
+
+
+def link_pairs(hand: Hand, ignored: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """Pairs of links in an order of their own, each known to the hand; `InputError` otherwise."""
+    for name in (name for pair in ignored for name in pair):
+        if name not in hand.link_names:
+            raise unknown_name("link", name, hand.link_names, field="ignored")
+    return tuple(sorted((min(pair), max(pair)) for pair in ignored))

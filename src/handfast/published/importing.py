@@ -10,13 +10,13 @@ from typing import Any
 from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool
+from handfast.geometry.contact_reduction import TOLERANCE, reduced_contacts
 from handfast.geometry.contacts import THRESHOLD, find_contacts, grasp_of, of_body
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body, load_body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
-from handfast.published.contact_reduction import TOLERANCE, reduced_contacts
 from handfast.published.gap_closing import gaps_closed, pushed_on
 from handfast.published.mapping_file import HandMapping
 from handfast.published.object_finder import FoundObject, find_object, meshes_of

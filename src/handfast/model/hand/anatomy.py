@@ -21,7 +21,10 @@ AGAINST = 0.3  # of the way that a tip goes, by how much it has to come nearer f
 CLOSES = 0.1  # .. for a sense of which the limits say nothing, if the joint moves further than spreads do ..
 SURELY = 0.8  # .. and if it does not
 SPREAD = np.radians(140)  # range of a joint that is no spread or abduction
+FLEXION = np.radians(90)  # .. or of one that turns about the same direction as one further out that closes
+PARALLEL = 0.95  # least cosine of two such directions
 HYPEREXTENDED = np.radians(30)  # an open finger is bent back by at most this from the hand's rest
+LOPSIDED = 1.5  # times as far as it closes, from rest: a joint that goes further back than that is not straight at rest
 MIDWAY = 0.5  # of the closing ranges, where the other joints are while one is looked at
 ROUNDS = 3
 STILL = 1e-6  # [m, rad] a fingertip, or a joint, that moves less stays where it is
@@ -97,7 +100,8 @@ class Anatomy:
         """(l,) and (l,) the open and the closed hand for closing senses (l,), couplings kept as far as limits go.
 
         Open is a joint at the limit that it closes from, but bent back by no more than 30 degrees from the hand's
-        rest if that is within its range. Joints that do not close are at rest, or in the middle of a range that
+        rest if that is within its range, unless it goes back much further than it closes: then it is not straight at
+        rest. Joints that do not close are at rest, or in the middle of a range that
         begins there, as a spread has it; those of a loop that no motor moves are at rest, where springs hold them.
         """
         lower, upper = self.hand.limits.T
@@ -105,7 +109,10 @@ class Anatomy:
         fixed = np.isin(np.arange(self.hand.l), [*self.wrist, *self.hand.idle])
         still = np.where(inside | fixed, self.neutral, (lower + upper) / 2)
         turns = np.array([joint.type == "revolute" for joint in self.hand.joints], dtype=bool)
-        back = np.where(inside & turns, HYPEREXTENDED, np.inf)
+        behind = np.where(closing > 0, self.neutral - lower, upper - self.neutral)
+        ahead = np.where(closing > 0, upper - self.neutral, self.neutral - lower)
+        straight = behind <= LOPSIDED * ahead
+        back = np.where(inside & turns & straight, HYPEREXTENDED, np.inf)
         near, far = np.maximum(lower, self.neutral - back), np.minimum(upper, self.neutral + back)
         opened = np.where(closing > 0, near, np.where(closing < 0, far, still))
         closed = np.where(closing > 0, upper, np.where(closing < 0, lower, still))
@@ -127,7 +134,9 @@ def with_guessed_senses(hand: Hand) -> Hand:
 
     A joint closes in the sense that brings the fingertips which it moves nearer to the others and to the palm, the
     other joints half closed. Where they come no nearer for the way they go, as with a spread, it does not close, nor
-    does the wrist. Joints that move no fingertip keep what the limits suggest, and so does a hand without solids.
+    does the wrist. Joints of one finger about parallel axes bend it, and close together: where the limits of one say
+    nothing and its range is wide, those further out give the hint. Joints that move no fingertip keep what the limits
+    suggest, and so does a hand without solids.
     """
     anatomy = Anatomy.of(hand)
     if not anatomy.tips:
@@ -140,7 +149,7 @@ def with_guessed_senses(hand: Hand) -> Hand:
     for _ in range(ROUNDS):
         before = closing.copy()
         for j in free:
-            closing[j] = _sense(anatomy, closing, j, limits[j])
+            closing[j] = _sense(anatomy, closing, j, limits[j] or _bends(anatomy, closing, j))
         for j, (driver, ratio, _) in follows.items():
             if driver != j:
                 closing[j] = np.sign(ratio) * closing[driver] if driver >= 0 else 0.0
@@ -165,6 +174,21 @@ def _sense(anatomy: Anatomy, closing: Array, j: int, hint: float) -> float:
         return -hint if gain * hint < -AGAINST else hint
     wide = joint.type == "prismatic" or joint.upper - joint.lower > SPREAD
     return float(np.sign(gain)) if abs(gain) > (CLOSES if wide else SURELY) else 0.0
+
+
+def _bends(anatomy: Anatomy, closing: Array, j: int) -> float:
+    """-1 or 1 if a joint bends a finger together with one further out that closes so, about a parallel axis; else 0."""
+    hand = anatomy.hand
+    joint = hand.joints[j]
+    if joint.type == "prismatic" or joint.upper - joint.lower <= FLEXION:
+        return 0.0
+    axes, _ = hand.joint_axes(anatomy.neutral)
+    for chain in (c for c in map(hand.moved_by, anatomy.tips) if j in c):
+        for k in chain[chain.index(j) + 1 :]:
+            along = float(axes[j] @ axes[k])
+            if closing[k] and hand.joints[k].type == "revolute" and abs(along) > PARALLEL:
+                return float(np.sign(along) * closing[k])
+    return 0.0
 
 
 def approach_gain(anatomy: Anatomy, closing: Array, j: int) -> float:

@@ -24,6 +24,7 @@ from handfast.model.shape import Shape
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 VALUE = re.compile(rf"d(\d+)(?:\*({NUMBER}))?(?:([+-])({NUMBER}))?")  # of a joint: d0, d0*2, d0+30, d0*-.5+-30
 JOINTS_OF = {"Fixed": 0, "Revolute": 1, "Prismatic": 1, "Universal": 2, "Ball": 3}  # that move a link
+OFF, PAIR = "Off", "OverlappingPair"  # rules by which a link does not collide
 LOG = logging.getLogger("handfast")
 
 
@@ -62,10 +63,11 @@ def read_graspit(root: Element, path: Path) -> Hand:
     a joint. A link's mesh counts as its convex hull, a mesh without triangles as none. Joints of one rigid or
     breakaway DOF are coupled to its first; the joints of a compliant DOF share its torque by their ratios and
     are not coupled. `Hand.closing` has the signs of the default velocities. Left out: breakaway torques,
-    springs and friction of joints, virtual contacts, eigengrasps, collision rules, the approach direction.
+    springs and friction of joints, virtual contacts, eigengrasps, the approach direction. A link whose collision
+    rule is Off has no solid; one that is an OverlappingPair with another, or the base, is not checked against it.
 
     Raises:
-        InputError: no palm, a DOF, joint or link that is not understood, a missing link or mesh file.
+        InputError: no palm, a DOF, joint, link or collision rule that is not understood, a missing link or mesh file.
     """
     chains = root.findall("chain")
     dofs, parts = read_dofs(root)
@@ -96,7 +98,9 @@ def read_graspit(root: Element, path: Path) -> Hand:
     mechanism = Mechanism(tuple(names), R, coupling_rows(tuple(couplings), len(joints)), (False,) * len(names))
     breakaway = any(dof.kind == "b" and len(dof.joints) > 1 for dof in dofs)
     _say_what_is_left_out(root, dofs, path)
-    return Hand(path.stem, tuple(links), joints, mechanism, tuple(couplings), closing, breakaway, str(path))
+    overlapping = _overlapping_pairs(chains)
+    made_of = path.stem, tuple(links), joints, mechanism, tuple(couplings), closing, breakaway, str(path)
+    return Hand(*made_of, non_colliding=overlapping)
 
 
 def read_dofs(root: Element) -> tuple[list[Dof], list[list[ChainJoint]]]:
@@ -155,7 +159,7 @@ def _add_chain(
         own = parts[used : used + JOINTS_OF[kind]]
         if len(own) < JOINTS_OF[kind]:
             raise InputError(f"is {kind}, and its chain has too few joints", field=f"link {name}")
-        shapes = _shapes(folder, (e.text or "").strip(), name)
+        shapes = () if _rule(e, name) == OFF else _shapes(folder, (e.text or "").strip(), name)
         _add_link(links, joints, name, parent, base, own, shapes)
         base, parent, used = np.eye(4), len(links) - 1, used + len(own)
     if parts[used:]:
@@ -182,6 +186,35 @@ def _add_link(
         beyond = part.before @ beyond
     links.append(Link(name, parent, pose, tuple(range(len(joints), len(joints) + len(parts))), shapes))
     joints += reversed(own)
+
+
+def _rule(e: Element, name: str) -> str:
+    """The collision rule of a link, '' for the usual one: it collides with all but its neighbours."""
+    rule = e.get("collisionRule", "").strip()
+    if rule not in ("", OFF, PAIR):
+        raise InputError(f"has collisionRule '{rule}'; known: {OFF}, {PAIR}", field=f"link {name}")
+    return rule
+
+
+def _overlapping_pairs(chains: list[Element]) -> frozenset[tuple[str, str]]:
+    """Pairs of links, by name, that do not collide: a link's `targetLink` in `targetChain`, its own if absent."""
+    counts = [len(chain.findall("link")) for chain in chains]
+    found = set()
+    for c, chain in enumerate(chains):
+        for k, e in enumerate(chain.findall("link")):
+            name = f"chain{c}_link{k}"
+            at, link = e.get("targetChain", str(c)).strip(), e.get("targetLink", "").strip()
+            if _rule(e, name) != PAIR:
+                continue
+            if at == "base":
+                found.add(("palm", name))
+            elif link:
+                known = at.isdecimal() and int(at) < len(chains) and link.isdecimal() and int(link) < counts[int(at)]
+                if not known:
+                    right = "a chain and a link, both counted from 0, or targetChain='base', are needed"
+                    raise InputError(f"overlaps link '{link}' of chain '{at}'; {right}", field=f"link {name}")
+                found.add((f"chain{int(at)}_link{int(link)}", name))
+    return frozenset(found)
 
 
 def link_materials(root: Element, path: Path) -> frozenset[str]:

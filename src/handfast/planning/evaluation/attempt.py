@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,13 +14,13 @@ from handfast.core.errors import InputError
 from handfast.geometry.contacts import THRESHOLD, grasp_of, of_body
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
-from handfast.model.grasp import Grasp
+from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates import palm_poses
 from handfast.planning.candidates.palm_poses import STANDARD, Palm, Sampling, Start
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.closing import Closed, close
-from handfast.planning.evaluation.holding import held
+from handfast.planning.evaluation.preload_search import PreloadSearch, SearchedContacts
 from handfast.planning.filters.balance import balances
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
 from handfast.planning.filters.spanning import spanning
@@ -27,17 +29,12 @@ from handfast.planning.gathering import UnitResult
 from handfast.planning.question import fingerprint
 from handfast.planning.rejection import Overlap, RejectionReason, Tally, of_verdict
 from handfast.planning.requirements import Limits
-from handfast.stability.hold import STRONG, HoldAnswer
+from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
-from handfast.stability.settings import Settings
 
 PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
 CALMER = (0.5, 0.5, 0.0)  # of its abductions a hand keeps, where it started in itself, one after the other
 PUSHES = 4  # of the object by a finger, at most
-NODES = 320_000  # of a query of one contact, over the square of the contacts: flat jaws have eight, and need up to 5000
-BOUNDING = 250_000  # of one for the least commands, whose proofs cost most, over the cube of the contacts
-PATIENCE = 30.0  # [s] for all queries about a grasp: a fuse, the nodes end them much earlier
-
 
 REASONS = (
     *FILTERED,
@@ -61,6 +58,7 @@ class PlannedGrasp:
         penetration: [m] largest overlap of hand and object, 0 if none; self_penetration: of two links,
             beyond what overlaps in the hand at rest.
         index: number of the attempt, which with the seed reproduces it.
+        searched: with which contacts its preload was looked for; None where that is not known.
     """
 
     q: Array
@@ -70,6 +68,7 @@ class PlannedGrasp:
     penetration: float
     self_penetration: float
     index: int
+    searched: SearchedContacts | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +105,6 @@ class Placed(NamedTuple):
 
     closed: Closed
     pose: Array
-
-
-def settings_for(grasp: Grasp) -> Settings:
-    """Of a query about a grasp, where none were stated."""
-    return Settings(node_limit=NODES / grasp.m**2)
-
-
-def bounding_settings_for(grasp: Grasp) -> Settings:
-    """Of a query for the least commands of a grasp, where none were stated."""
-    return Settings(node_limit=BOUNDING / grasp.m**3, verify=False)
 
 
 class Runner:
@@ -176,24 +165,29 @@ class Runner:
         inside = max(deep.inside, closed.penetration)
         if max(inside, deep.itself) > PENETRATION:
             return _overlap(deep, RejectionReason.PENETRATES, RejectionReason.PENETRATES)
-        name = f"{a.hand.name} on {a.body.name}"
-        grasp = of_body(grasp_of(a.hand, closed.q, spanning(closed.contacts), pose, name=name), a.hand, a.body)
+        grasp = self._grasp(closed, pose, spanning(closed.contacts))
         if not balances(grasp, a.loads.wrenches):
             return RejectionReason.UNBALANCED, None
         actuators = squeezing(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
         if not actuators:
             return RejectionReason.UNDECIDED, None
-        how = {"actuators": actuators, "least": False, "timeout": PATIENCE}
-        bounding = a.limits.settings or bounding_settings_for(grasp)
-        answer = held(grasp, a.loads, a.limits, settings_for(grasp), bounding=bounding, **how)
+        search = PreloadSearch(a.body, a.loads, a.limits)
+        answer, searched = search.run(grasp, len(closed.contacts), partial(self._grasp, closed, pose), actuators)
         reason = of_verdict(answer.verdict)
         if reason:
             return reason, None
         grasp = grasp.with_preload(answer.preload)
-        if self._strength(grasp) > 1:
+        if search.strength(grasp) > 1:
             return RejectionReason.STRONG, None
         checks = tuple(replace(c, steps=(), proof=None) for c in answer.checks)  # grasps travel between processes
-        return PlannedGrasp(closed.q, pose, grasp, replace(answer, checks=checks), inside, deep.itself, number)
+        answer = replace(answer, checks=checks)
+        return PlannedGrasp(closed.q, pose, grasp, answer, inside, deep.itself, number, searched)
+
+    def _grasp(self, closed: Closed, pose: Array, contacts: Sequence[Contact]) -> Grasp:
+        """The grasp of a closed hand with some of its contacts."""
+        a = self.asked
+        name = f"{a.hand.name} on {a.body.name}"
+        return of_body(grasp_of(a.hand, closed.q, contacts, pose, name=name), a.hand, a.body)
 
     def _closed(self, q: Array, pose: Array) -> tuple[Closed, Array]:
         """The hand closed, and where the object then is.
@@ -227,17 +221,6 @@ class Runner:
         """Of the links that a joint moves; what a loop ties together is one finger."""
         hand = self.asked.hand
         return {self.asked.palm.anatomy.finger(i) for i in range(len(hand.links)) if joint in hand.moved_by(i)}
-
-    def _strength(self, grasp: Grasp) -> float:
-        """The largest command, as a share of what is allowed: a force for sliding joints and tendons, else a torque."""
-        a, mechanism = self.asked, grasp.mechanism
-        if a.limits.command_limit is not None:
-            return float(np.abs(grasp.command).max(initial=0.0)) / a.limits.command_limit
-        w = a.loads.wrenches
-        load = float((np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size).max())
-        turns = np.array([joint.type == "revolute" for joint in grasp.joints])
-        torque = (mechanism.R[:, turns] != 0).any(axis=1) & ~np.array(mechanism.tendon, dtype=bool)
-        return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRONG * load)
 
 
 def _overlap(deep: Overlaps, inside: RejectionReason, itself: RejectionReason) -> Dropped:

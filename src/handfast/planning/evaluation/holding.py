@@ -9,7 +9,7 @@ from handfast.model.grasp import Grasp
 from handfast.planning.requirements import Limits
 from handfast.stability.hold import HoldAnswer, hold
 from handfast.stability.loads import Loads
-from handfast.stability.queries import check
+from handfast.stability.queries import CheckAnswer, check
 from handfast.stability.settings import Settings
 
 
@@ -33,8 +33,10 @@ def held_again(
         nodes: of the search that found it.
     """
     how = limits.of_a_load | {"settings": limits.settings or settings}
-    checks = tuple(check(grasp, w, **how) for w in loads.wrenches)
-    if any(a.verdict is not Verdict.HOLDS for a in checks):
-        return None
+    checks: list[CheckAnswer] = []
+    for wrench in loads.wrenches:
+        checks.append(check(grasp, wrench, **how))
+        if checks[-1].verdict is not Verdict.HOLDS:
+            return None
     asked: dict[str, Any] = {"grasp": grasp, "limits": limits.of_a_load}
-    return HoldAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, nodes, loads, *known, checks, **asked)
+    return HoldAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, nodes, loads, *known, tuple(checks), **asked)

@@ -9,6 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.geometry.collision import Clearances, Collisions, Requested
+from handfast.geometry.rest_overlaps import beyond_rest
 from handfast.model.hand.coupling import coupled, driver_ranges, drivers
 from handfast.model.hand.hand import Hand
 from handfast.synthesis.solution import Solution
@@ -134,5 +135,6 @@ class NonContactingFingers:
     def _overlap(self, finger: NonContactingFinger, q: Array, pose: Array) -> float:
         """[m] how deep a finger is in anything, 0 if it is clear."""
         to_object, between = self.collisions.scene.clearances(q, pose, SEEN)
+        between = beyond_rest(between, self.collisions.at_rest)
         nearest = min(to_object[finger.links].min(initial=0.0), between[finger.pairs].min(initial=0.0))
         return max(0.0, -float(nearest))

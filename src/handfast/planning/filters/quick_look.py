@@ -8,13 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.transforms import transform
 from handfast.geometry.collision import always_meeting
+from handfast.geometry.rest_overlaps import CUTOFF, FAR, beyond_rest, rest_overlaps
 from handfast.geometry.scene import Scene
-from handfast.model.hand.anatomy import Anatomy
-
-CUTOFF = 1e-3  # [m] what is further apart does not overlap
-FAR = transform(np.full(3, 1e3), np.eye(3))  # a place of the object where no hand reaches
 
 
 @dataclass(frozen=True)
@@ -54,8 +50,7 @@ class QuickLook:
         self.scene = scene
         overlapping = set(always_meeting(scene))
         self._counted = np.array([pair not in overlapping for pair in scene.self_pairs], dtype=bool)
-        _, between = scene.clearances(Anatomy.of(scene.hand).neutral, FAR, CUTOFF)
-        self.at_rest = np.maximum(0.0, -between)
+        self.at_rest = rest_overlaps(scene)
 
     def overlaps(self, q: Array, pose: Array | None = None) -> Overlaps:
         """Largest overlaps; arguments as of `clearance`, without a pose those of the hand with itself."""
@@ -83,5 +78,4 @@ class QuickLook:
 
     def _beyond(self, between: Array) -> Array:
         """(k,) [m] distances of pairs of links, without what overlaps at rest; infinite where it does not count."""
-        beyond = np.where(between < 0, np.minimum(0.0, between + self.at_rest), between)
-        return np.where(self._counted, beyond, np.inf)
+        return np.where(self._counted, beyond_rest(between, self.at_rest), np.inf)

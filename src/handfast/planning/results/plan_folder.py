@@ -18,8 +18,9 @@ from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate, write_text
 from handfast.model.configuration import Configuration, load_configuration, save_configuration
 from handfast.model.grasp_file import load_grasp, save_grasp
-from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp, settings_for
+from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
 from handfast.planning.evaluation.holding import held_again
+from handfast.planning.evaluation.preload_search import SearchedContacts, checking_settings_for
 from handfast.planning.journal import SearchFolder
 from handfast.planning.question import refuse_another
 from handfast.planning.rejection import OverlapEntry, Tally
@@ -27,6 +28,14 @@ from handfast.planning.results.planned import Plan
 
 PLAN = "plan.json"
 FILES = "{:03d}.configuration.json", "{:03d}.grasp.json"
+
+
+class PreloadSearchEntry(Strict):
+    """As `SearchedContacts`."""
+
+    touching: int = Field(ge=1)
+    searched: int = Field(ge=1)
+    error: float = Field(ge=0)
 
 
 class PlannedEntry(Strict):
@@ -40,6 +49,7 @@ class PlannedEntry(Strict):
     self_penetration: float
     configuration_file: str
     grasp_file: str
+    preload_search: PreloadSearchEntry | None = None
 
 
 class PlanFile(Strict):
@@ -121,9 +131,11 @@ class PlanFolder(SearchFolder[Plan]):
             source = str(self.path / entry.grasp_file)
             raise InputError("is of an object of another mass or centre of mass; it was changed", source=source)
         known = grasp.preload, 0.0, max((abs(v) for v in grasp.preload.values()), default=0.0)
-        answer = held_again(grasp, asked.loads, asked.limits, settings_for(grasp), known, entry.nodes)
+        answer = held_again(grasp, asked.loads, asked.limits, checking_settings_for(grasp), known, entry.nodes)
         if answer is None:
             source = str(self.path / entry.grasp_file)
             raise InputError("does not hold what is asked; it was changed, or belongs to another plan", source=source)
         q = place.applied(asked.hand)[1]
-        return PlannedGrasp(q, place.pose, grasp, answer, entry.penetration, entry.self_penetration, entry.attempt)
+        how = SearchedContacts(**entry.preload_search.model_dump()) if entry.preload_search else None
+        depths = entry.penetration, entry.self_penetration
+        return PlannedGrasp(q, place.pose, grasp, answer, *depths, entry.attempt, how)

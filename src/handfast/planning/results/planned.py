@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from handfast.core.answer import Stop, Verdict, header
+from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
 from handfast.planning.fruitless import diagnosis
 from handfast.planning.rejection import Tally
+from handfast.planning.results.verify_plan import verify_planned
 from handfast.stability.loads import Loads
+from handfast.stability.verification import Verified
+
+STARTS = ("what became of the other starts, and that the grasps differ from each other",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +86,12 @@ class Plan:
         """Of the searches that hold the grasps."""
         return sum(g.answer.nodes for g in self.grasps)
 
+    def verify(self) -> Verified:
+        """Every grasp again: joints, mechanism and contacts of the hand, and each load's witness under its preload."""
+        start, scene = time.monotonic(), Scene(self.hand, self.body, self.asked.ignored)
+        parts = {f"grasp {self.number(g)}": verify_planned(self.asked, scene, g) for g in self.found}
+        return Verified.of_parts(parts, time.monotonic() - start, not_replayed=STARTS)
+
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints and writes to plan.json, beside the files' names."""
         return header(self, "plan") | {
@@ -97,7 +109,8 @@ class Plan:
 
 
 def _entry(g: PlannedGrasp) -> dict[str, Any]:
-    return {
+    searched = {"preload_search": asdict(g.searched)} if g.searched else {}
+    return searched | {
         "attempt": g.index,
         "nodes": g.answer.nodes,
         "contacts": g.grasp.m,

@@ -1,0 +1,129 @@
+"""A preload for a grasp of many contacts: looked for with a part of them, then every load asked of all.
+
+A pad on a mesh touches at every corner of every facet, and a query takes many times longer with twelve contacts than
+with six. Passive stability is not monotone in the contacts: what holds with some of them may slip with all, since each
+contact that is compressed pushes. So what is found with a part counts for nothing until every load was asked again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handfast.core.answer import Verdict
+from handfast.geometry.contact_reduction import reduced_contacts
+from handfast.model.body import Body
+from handfast.model.grasp import Contact, Grasp
+from handfast.planning.evaluation.holding import held, held_again
+from handfast.planning.requirements import Limits
+from handfast.stability.hold import STRONG, HoldAnswer
+from handfast.stability.loads import Loads
+from handfast.stability.settings import Settings
+
+NODES = 150_000  # of a query of one contact, over the square of the contacts
+BOUNDING = 250_000  # of one for the least commands, whose proofs cost most, over the cube of the contacts
+CHECKED = 9_000  # of a query under a preload that is known, at least
+PATIENCE = 30.0  # [s] for all queries about a preload: a fuse, the nodes end them much earlier
+MANY = 6  # contacts: with more than these, a part is asked first
+TOLERANCE = 0.1  # of the wrenches that the part may miss, see `reduced_contacts`
+LEVELS = (1.0, 1.25)  # of the preload that holds with the part
+
+
+@dataclass(frozen=True)
+class SearchedContacts:
+    """With which contacts a preload was looked for.
+
+    Attributes:
+        touching: contacts of hand and object; those of the grasp are the corners of their faces, see `spanning`.
+        searched: how many of the grasp's the preload was looked for with.
+        error: of the wrenches of the others, see `reduced_contacts`; 0 if there are none.
+    """
+
+    touching: int
+    searched: int
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class PreloadSearch:
+    """Looks for one preload under which a grasp of a body holds its loads.
+
+    Attributes:
+        body: the object. loads: what is to be held. limits: within which; no `command_limit` is `STRONG` times the
+            largest load, no `settings` a number of nodes, so that the outcome does not hang on the machine.
+    """
+
+    body: Body
+    loads: Loads
+    limits: Limits
+
+    def run(
+        self, grasp: Grasp, touching: int, rebuilt: Callable[[Sequence[Contact]], Grasp], actuators: tuple[str, ...]
+    ) -> tuple[HoldAnswer, SearchedContacts]:
+        """Whether all contacts of a grasp hold the loads under one preload, and how that was looked for.
+
+        They are asked themselves in the end where that of a part came to nothing.
+
+        Args:
+            touching: how many contacts there were before any was left out.
+            rebuilt: the same grasp with other contacts of the same links.
+            actuators: that may be commanded.
+        """
+        tolerance = TOLERANCE if grasp.m > MANY else 0.0
+        part = reduced_contacts(grasp.contacts, self.body, tolerance)
+        told = SearchedContacts(touching, len(part.contacts), part.error)
+        if told.searched == grasp.m:
+            return self.found(grasp, actuators), told
+        answer = self.found(rebuilt(part.contacts), actuators)
+        if answer.verdict is Verdict.HOLDS:
+            answer = self.of_all(grasp, answer)
+            if answer.verdict is Verdict.HOLDS:
+                return answer, told
+        return self.found(grasp, actuators), replace(told, searched=grasp.m, error=0.0)  # the part has shown nothing
+
+    def found(self, grasp: Grasp, actuators: tuple[str, ...]) -> HoldAnswer:
+        """What `hold` says of a grasp."""
+        bounding = self.limits.settings or bounding_settings_for(grasp)
+        how = {"actuators": actuators, "least": False, "timeout": PATIENCE, "bounding": bounding}
+        return held(grasp, self.loads, self.limits, settings_for(grasp), **how)
+
+    def of_all(self, grasp: Grasp, part: HoldAnswer) -> HoldAnswer:
+        """The answer for a grasp of whose contacts a part holds the loads: UNDECIDED if all of them do not."""
+        nodes, levels = part.nodes, LEVELS if part.upper > 0 else LEVELS[:1]
+        for level in levels:
+            preload = {name: level * value for name, value in (part.preload or {}).items()}
+            loaded = grasp.with_preload(preload)
+            if level > 1 and self.strength(loaded) > 1:
+                break
+            known = preload, 0.0, level * part.upper
+            answer = held_again(loaded, self.loads, self.limits, checking_settings_for(grasp), known, nodes)
+            if answer:
+                return replace(answer, nodes=nodes + sum(a.nodes for a in answer.checks), actuators=part.actuators)
+        return replace(part, verdict=Verdict.UNDECIDED, preload=None, upper=np.inf, checks=(), grasp=grasp)
+
+    def strength(self, grasp: Grasp) -> float:
+        """The largest command, as a share of what is allowed: a force for sliding joints and tendons, else a torque."""
+        if self.limits.command_limit is not None:
+            return float(np.abs(grasp.command).max(initial=0.0)) / self.limits.command_limit
+        mechanism, w = grasp.mechanism, self.loads.wrenches
+        load = float((np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size).max())
+        turns = np.array([joint.type == "revolute" for joint in grasp.joints])
+        torque = (mechanism.R[:, turns] != 0).any(axis=1) & ~np.array(mechanism.tendon, dtype=bool)
+        return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRONG * load)
+
+
+def settings_for(grasp: Grasp) -> Settings:
+    """Of a query about a grasp, where none were stated."""
+    return Settings(node_limit=NODES / grasp.m**2)
+
+
+def bounding_settings_for(grasp: Grasp) -> Settings:
+    """Of a query for the least commands of a grasp, where none were stated."""
+    return Settings(node_limit=BOUNDING / grasp.m**3, verify=False)
+
+
+def checking_settings_for(grasp: Grasp) -> Settings:
+    """Of a query under a preload that is known, where none were stated."""
+    return Settings(node_limit=max(CHECKED, NODES / grasp.m**2), verify=False)

@@ -1,0 +1,81 @@
+"""Checks a grasp of a plan again: that it is the hand's on the object, and every load under its preload.
+
+The witnesses are put into the equations of the model by `HoldAnswer.verify`, which needs nothing of a search. Joints
+and mechanism are made anew of hand and configuration, contacts are measured anew.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from handfast.core.answer import Verdict
+from handfast.core.errors import InputError
+from handfast.geometry.contacts import find_contacts, grasp_of
+from handfast.geometry.scene import Scene
+from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import to_dict
+from handfast.planning.evaluation.attempt import PENETRATION, Attempts, PlannedGrasp
+from handfast.planning.evaluation.preload_search import PreloadSearch
+from handfast.planning.results.verify_grasps import difference
+from handfast.stability.verification import Verified
+
+CLOSE = 1e-6  # [m] a contact lies as near to one that is measured
+LIMITS = "eta", "torque_limits", "force_limit"
+NOT_REPLAYED = ("that links overlap no deeper than said: measured on convex pieces, like the contacts",)
+
+
+def verify_planned(asked: Attempts, scene: Scene, found: PlannedGrasp) -> Verified:
+    """Is a grasp the hand's on the object, within the limits, and does it hold every load under its preload?
+
+    Args:
+        scene: of the hand and the object of `asked`.
+    """
+    start = time.monotonic()
+    answer = found.answer if found.answer.grasp else replace(found.answer, grasp=found.grasp)
+    reason = _fault(asked, scene, found)
+    loads = answer.verify()
+    return Verified.of_parts({"loads": loads}, time.monotonic() - start, reason, NOT_REPLAYED)
+
+
+def _fault(asked: Attempts, scene: Scene, found: PlannedGrasp) -> str:
+    """What is wrong with a grasp beside its answer; '' if nothing."""
+    grasp, answer = found.grasp, found.answer
+    if answer.verdict is not Verdict.HOLDS:
+        return "its loads are not held"
+    if answer.loads.by_name != asked.loads.by_name:
+        return "its answer is about other loads"
+    if any(answer.limits.get(n) != asked.limits.of_a_load[n] for n in LIMITS):
+        return "its answer is within other limits"
+    of_checks = [a.question.grasp for a in answer.checks if a.question]
+    if any(to_dict(g.with_preload(None)) != to_dict(grasp.with_preload(None)) for g in of_checks):
+        return "its answer is about another grasp"
+    if {n: f for n, f in (answer.preload or {}).items() if f} != grasp.preload:
+        return "its answer is about another preload"
+    if PreloadSearch(asked.body, asked.loads, asked.limits).strength(grasp) > 1:
+        return "its commands are larger than allowed"
+    try:
+        made = grasp_of(asked.hand, found.q, grasp.contacts, found.pose, name=grasp.name)
+    except InputError as fault:
+        return str(fault)
+    wrong = difference(_of_hand(made), _of_hand(grasp), "grasp")
+    return wrong or _touch_fault(scene, found)
+
+
+def _of_hand(grasp: Grasp) -> dict[str, object]:
+    """What of a grasp follows from hand, configuration and contacts."""
+    bare = Grasp(grasp.contacts, grasp.joints, grasp.mechanism, None, grasp.name)
+    return to_dict(bare)
+
+
+def _touch_fault(scene: Scene, found: PlannedGrasp) -> str:
+    """Which contact is not where hand and object touch, or how deep they are in each other; '' if all is well."""
+    measured = find_contacts(scene.hand, found.q, scene.body, found.pose, scene=scene)
+    for k, c in enumerate(found.grasp.contacts):
+        near = [m for m in measured if m.link == c.link and np.abs(m.position - c.position).max() <= CLOSE]
+        if not any(np.abs(m.normal - c.normal).max() <= CLOSE and m.friction == c.friction for m in near):
+            return f"contact {k} of {c.link}: hand and object do not touch there so"
+    deep = max(c.depth for c in measured)
+    return "" if deep <= PENETRATION else f"hand and object penetrate by {deep * 1e3:.3g} mm"

@@ -1,0 +1,108 @@
+"""A preload that is looked for with a part of the contacts holds with all of them, or is not told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handfast.core.answer import Verdict
+from handfast.model.body import Body
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
+from handfast.model.shape import Shape
+from handfast.planning.evaluation.preload_search import MANY, TOLERANCE, PreloadSearch
+from handfast.planning.requirements import Limits
+from handfast.stability.hold import HoldAnswer
+from handfast.stability.loads import Loads
+
+BODY = Body.of([Shape("box", [0.06] * 3)], mass=0.1, friction=0.5)
+TURNED = np.radians([-3, 3])
+
+
+def jaws(turned: Sequence[float]) -> list[Contact]:
+    """Two pads, each with facets of an upright cylinder that are turned by some angles, two contacts on a facet."""
+    return [
+        Contact(
+            np.array([0.03 * side * np.cos(t), -0.03 * np.sin(t), z]),
+            np.array([-side * np.cos(t), np.sin(t), 0]),
+            0.5,
+            "jaw" if side > 0 else "palm",
+        )
+        for side in (-1, 1)
+        for t in turned
+        for z in (-0.01, 0.01)
+    ]
+
+
+def clamped(contacts: Sequence[Contact]) -> Grasp:
+    """One of the pads slides towards the other."""
+    moved = tuple(i for i, c in enumerate(contacts) if c.link == "jaw")
+    slide = GraspJoint("slide", np.array([-1.0, 0, 0]), np.array([0.05, 0, 0]), moved, "prismatic")
+    return Grasp(contacts, [slide], Mechanism.direct(["slide"]))
+
+
+def search(**limits: float) -> PreloadSearch:
+    return PreloadSearch(BODY, Loads.gravity(BODY), Limits(**limits))  # type: ignore[arg-type]
+
+
+def test_of_many_contacts_a_part_is_asked_and_all_of_them_hold() -> None:
+    grasp = clamped(jaws(TURNED))
+    assert grasp.m > MANY
+    answer, how = search().run(grasp, 24, clamped, ("slide",))
+    assert answer.verdict is Verdict.HOLDS
+    assert (how.touching, how.searched) == (24, 4)
+    assert 0 < how.error <= TOLERANCE
+    assert answer.grasp is not None
+    assert answer.grasp.m == grasp.m
+    assert all(a.witness is not None and a.witness.grasp.m == grasp.m for a in answer.checks)
+    assert answer.verify().ok
+
+
+def test_few_contacts_are_asked_as_they_are() -> None:
+    grasp = clamped(jaws([0.0]))
+    answer, how = search().run(grasp, 4, clamped, ("slide",))
+    assert answer.verdict is Verdict.HOLDS
+    assert (how.searched, how.error) == (4, 0.0)
+    assert answer.upper == pytest.approx(0.981)  # 2 mu N holds the weight
+
+
+@pytest.mark.parametrize("of_part", [Verdict.SLIPS, Verdict.UNDECIDED, Verdict.HOLDS])
+def test_where_a_part_gives_nothing_all_are_asked(of_part: Verdict, monkeypatch: pytest.MonkeyPatch) -> None:
+    grasp, asked = clamped(jaws(TURNED)), []
+    known = search().found(clamped(jaws([0.0])), ("slide",))
+    weak = replace(known, verdict=of_part, preload={"slide": 0.5}, upper=0.5)  # half of what all contacts need
+
+    def found(_: PreloadSearch, g: Grasp, actuators: tuple[str, ...]) -> HoldAnswer:
+        asked.append(g.m)
+        return weak if len(asked) == 1 else known
+
+    monkeypatch.setattr(PreloadSearch, "found", found)
+    answer, how = search().run(grasp, 8, clamped, ("slide",))
+    assert asked == [4, 8]
+    assert (how.searched, how.error) == (8, 0.0)
+    assert answer is known
+
+
+def test_a_preload_is_raised_within_limits_until_all_contacts_hold() -> None:
+    grasp = clamped(jaws([0.0]))
+    known = search().found(grasp, ("slide",))
+
+    def of_part(command: float, **limits: float) -> Verdict:
+        part = replace(known, preload={"slide": command}, upper=command)
+        answer = search(**limits).of_all(grasp, part)
+        if answer.verdict is Verdict.HOLDS:
+            assert answer.preload is not None
+            assert answer.preload["slide"] >= 0.981
+            assert answer.verify().ok
+        else:
+            assert answer.preload is None
+            assert not answer.checks
+        return answer.verdict
+
+    assert of_part(1.0) is Verdict.HOLDS
+    assert of_part(0.8) is Verdict.HOLDS
+    assert of_part(0.8, command_limit=0.9) is Verdict.UNDECIDED
+    assert of_part(0.5) is Verdict.UNDECIDED

@@ -1,0 +1,79 @@
+"""A plan's proofs are replayed, and what was changed in one is found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handfast import load_body, load_hand
+from handfast.core.answer import Verdict
+from handfast.planning.plan_grasps import plan
+from handfast.planning.requirements import Limits
+from handfast.planning.results.planned import Plan
+from handfast.stability.loads import Loads
+
+
+@pytest.fixture(scope="module")
+def planned() -> Plan:
+    return plan(load_hand("barrett-bh8-280"), load_body("ball"), count=1, seed=1, jobs=1)
+
+
+def reason(planned: Plan, **changed: object) -> str:
+    """Why a plan is refused whose grasp was changed; '' if it is not."""
+    (one,) = planned.grasps
+    return replace(planned, grasps=(replace(one, **changed),)).verify().reason  # type: ignore[arg-type]
+
+
+def test_every_grasp_and_every_load_is_replayed(planned: Plan) -> None:
+    done = planned.verify()
+    assert done.ok, done.reason
+    assert list(done.parts) == ["grasp 0"]
+    assert [f"grasp 0: loads: {n}: the disturbance is resisted" for n in planned.loads.names] == list(done.replayed)
+    assert any("what became of the other starts" in line for line in done.not_replayed)
+
+
+def test_what_was_changed_is_refused(planned: Plan) -> None:
+    (one,) = planned.grasps
+    answer = one.answer
+    first, *others = answer.checks
+    assert first.witness is not None
+    forces = replace(first.witness.state, c=1.01 * first.witness.state.c)
+    forged = replace(first, witness=replace(first.witness, state=forces))
+    assert "grasp 0: loads: gravity" in reason(planned, answer=replace(answer, checks=(forged, *others)))
+    assert "without a preload and an answer for each load" in reason(planned, answer=replace(answer, checks=()))
+    assert "not held" in reason(planned, answer=replace(answer, verdict=Verdict.UNDECIDED))
+    half = {n: f / 2 for n, f in one.grasp.preload.items()}
+    assert "another preload" in reason(planned, grasp=one.grasp.with_preload(half))
+    assert "another grasp" in reason(planned, grasp=one.grasp.with_friction(0.6))
+
+
+def test_the_hand_has_to_make_the_grasp(planned: Plan) -> None:
+    (one,) = planned.grasps
+    bent = one.q.copy()
+    bent[0] += 1e-3
+    assert "of hand, configuration and question it is" in reason(planned, q=bent)
+    raised = one.pose.copy()
+    raised[2, 3] += 1e-3
+    assert reason(planned, pose=raised)
+
+
+def test_the_question_has_to_be_the_plans(planned: Plan) -> None:
+    asked = planned.asked
+
+    def said(**changed: object) -> str:
+        return replace(planned, asked=replace(asked, **changed)).verify().reason  # type: ignore[arg-type]
+
+    assert "other loads" in said(loads=Loads.gravity(planned.body, "-z"))
+    assert "other limits" in said(limits=Limits(force_limit=0.1))
+    assert "larger than allowed" in said(limits=Limits(command_limit=1e-6))
+    moved = replace(planned.body, friction=0.4)
+    assert "do not touch there so" in said(body=moved)
+
+
+def test_a_contact_off_the_object_is_found(planned: Plan) -> None:
+    (one,) = planned.grasps
+    turned = one.pose.copy()
+    turned[:3, :3] = turned[:3, :3] @ np.diag([-1.0, -1.0, 1.0])
+    assert reason(planned, pose=turned)
