@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 from pathlib import Path
 
 import mujoco
@@ -222,6 +223,27 @@ def test_several_bodies_or_one_that_moves_stand_on_the_world(tmp_path: Path) -> 
         assert [len(link.shapes) for link in hand.links[1:]] == [1] * len(names)
         np.testing.assert_array_equal(hand.links[-1].pose[:3, 3], [1, 2, 3])
         assert hand.joint_names == ("joint_0", "joint_1")[:joints]
+
+
+@pytest.mark.parametrize(
+    ("compiler", "limits", "said"),
+    [
+        ("", "0 1.2", "hand.xml: no joint turns more than 1.2 degrees; if its limits are radians"),
+        ("", "-60 60", ""),
+        ('<compiler angle="radian"/>', "0 0.02", ""),
+        ('<compiler angle="degree"/>', "0 1.2", ""),
+    ],
+)
+def test_radians_that_mujoco_takes_for_degrees(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, compiler: str, limits: str, said: str
+) -> None:
+    path = tmp_path / "hand.xml"
+    path.write_text(f"""<mujoco>{compiler}<worldbody><body name="palm">{GEOM}<body name="tip">
+      <joint axis="0 1 0" range="{limits}"/>{GEOM}</body></body></worldbody></mujoco>""")
+    with caplog.at_level(logging.WARNING, "handfast"):
+        load_hand(path)
+    assert said in caplog.text
+    assert bool(said) is bool(caplog.text)
 
 
 def test_a_body_may_have_several_joints(tmp_path: Path) -> None:

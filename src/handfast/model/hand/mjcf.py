@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 
 UNNAMED = "MuJoCo Model"  # what mujoco calls a model whose file gives no name
+WIDE = 0.11  # [rad] 2 pi degrees: a full turn in radians, taken for degrees
+LOG = logging.getLogger("handfast")
 UNMOVED = 1e-12  # of the pose of a body that stands in the world's frame
 
 
@@ -35,7 +38,25 @@ def read_mjcf(root: Element, path: Path, base: str | None = None) -> Hand:
     except (ValueError, mujoco.FatalError) as fault:
         message = " ".join(str(fault).split()).removeprefix("Error: ")
         raise InputError(message, field=_user_of_file(root, message)) from None
-    return hand_of_model(m, base, name=path.stem, source=str(path))
+    hand = hand_of_model(m, base, name=path.stem, source=str(path))
+    if not any(compiler.get("angle") for compiler in root.iter("compiler")):
+        _doubt_degrees(hand, path)
+    return hand
+
+
+def _doubt_degrees(hand: Hand, path: Path) -> None:
+    """Warn where a file that does not say so may mean radians, as parts do that belong into a larger model.
+
+    mujoco takes degrees for granted: a joint of 0 to 1.2 rad then turns a fiftieth of that.
+    """
+    turning = [j for j in hand.joints if j.type == "revolute" and np.isfinite([j.lower, j.upper]).all()]
+    widest = max((j.upper - j.lower for j in turning), default=WIDE)
+    if widest < WIDE:
+        LOG.warning(
+            '%s: no joint turns more than %.2g degrees; if its limits are radians, it needs <compiler angle="radian"/>',
+            path,
+            np.degrees(widest),
+        )
 
 
 def hand_of_spec(spec: Any, base: str | None = None) -> Hand:
