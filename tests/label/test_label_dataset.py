@@ -190,7 +190,7 @@ def test_a_folder_is_read_in_the_order_of_names(tmp_path: Path) -> None:
     folder = tmp_path / "grasps"
     (folder / "sub").mkdir(parents=True)
     for name in ("b.grasp.json", "a.grasp.json", "sub/c.grasp.json"):
-        (folder / name).write_text(json.dumps({k: v for k, v in fixture().items() if k != "name"}))
+        (folder / name).write_text(json.dumps(fixture()))
     (folder / "b.json").write_text("{}")  # something else that stands beside grasps
     (folder / "sub" / "d.grasp.json").write_bytes(b"\xff")
     label_dataset(folder, tmp_path / "b.jsonl", labelling=LITTLE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 SUMMARY, PICTURE = ".summary.json", ".summary.png"
 MOST = 8  # reasons that are shown
+LOG = 60.0  # [s] between lines of progress where there is no terminal
 
 
 @dataclass(kw_only=True)
@@ -61,10 +63,10 @@ class Label(Command):
     """directions of forces among which the worst is sought"""
     gap: Annotated[float, arg(metavar="G")] = 1e-3
     """relative distance of the two bounds at which a number is exact enough"""
-    node_limit: Annotated[float, arg(metavar="N")] = 20_000
-    """nodes of the search for each question: what decides where one stays open"""
-    time_limit: Annotated[float, arg(metavar="S")] = 120.0
-    """seconds for all questions about a grasp"""
+    node_limit: Annotated[float | None, arg(metavar="N")] = None
+    """nodes of the search for each question; by default 320000 over the square of the number of contacts"""
+    time_limit: Annotated[float, arg(metavar="S")] = 600.0
+    """seconds for all questions about a grasp: a fuse; nodes decide where a question stays open"""
     replay: bool = False
     """replay every proof with the independent checker, too: some thirty times as long"""
     jobs: Annotated[int, arg(metavar="N")] = 0
@@ -83,6 +85,13 @@ class Label(Command):
     """write over what exists"""
 
     def run(self) -> int:
+        try:
+            return self._run()
+        except KeyboardInterrupt:
+            console.complain("interrupted; the parts that are done are kept: --resume goes on")
+            return console.UNDECIDED
+
+    def _run(self) -> int:
         from handfast.label.label_dataset import label_dataset
         from handfast.report.label_picture import draw_labels
         from handfast.report.plot import picture
@@ -92,10 +101,16 @@ class Label(Command):
         if self.jobs < 0:
             raise InputError(f"is {self.jobs}; 0 or more is needed", field="--jobs")
         beside = [self.output.with_suffix(ending) for ending in (SUMMARY, PICTURE)]
+        last = 0.0
         with console.watch("label") as watch:
 
             def shown(p: LabelProgress) -> None:
-                watch.item(p.done, p.total, progress_text(p))
+                nonlocal last
+                text = progress_text(p)
+                watch.item(p.done, p.total, text)
+                if not sys.stderr.isatty() and p.seconds - last > LOG:  # a job's log
+                    last = p.seconds
+                    print(f"label: {p.done} of {p.total}{text}", file=sys.stderr, flush=True)
 
             summary = label_dataset(
                 self.dataset,

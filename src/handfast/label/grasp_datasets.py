@@ -16,13 +16,13 @@ BLOCK = 1 << 20  # [bytes] read at a time
 
 
 class GraspFiles(GraspDataset):
-    """A folder of grasp files, those below it included, in the order of their names: `*.grasp.json` if there are any,
-    else all `*.json`."""
+    """A folder of grasp files, those below it included, in the order of their names: `*.grasp.json` and
+    `grasp-*.json`, as our own commands call them, if there are any, else all `*.json`."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         found = [str(f.relative_to(path)) for f in path.rglob("*.json") if f.is_file()]
-        named = [f for f in found if f.endswith(".grasp.json")]
+        named = [f for f in found if f.endswith(".grasp.json") or Path(f).name.startswith("grasp-")]
         self.files = sorted(named or found)
         if not self.files:
             raise InputError("has no grasp files (.json) in it or below", source=str(path))
@@ -92,7 +92,7 @@ class GraspLines(GraspDataset):
         if not item.strip():
             return DatasetRow(number, name, FaultyRow("is empty; a grasp file in each line is needed"))
         try:
-            return DatasetRow(number, name, item.decode("utf-8").rstrip())
+            return DatasetRow(number, name, item.decode("utf-8").rstrip(), unnamed=True)
         except UnicodeDecodeError:
             return DatasetRow(number, name, FaultyRow("is no text in UTF-8"))
 

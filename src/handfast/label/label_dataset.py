@@ -201,7 +201,8 @@ def _label_of(recipe: LabelRecipe, row: DatasetRow) -> dict[str, Any]:
                 assert recipe.scene
                 grasp = recipe.scene.grasp(posed, row.name, recipe.changes)
                 said |= _posture(recipe.scene, posed)
-        said["name"] = grasp.name
+        if row.unnamed:
+            said["name"] = grasp.name
         return complete(said | label(grasp, recipe.labelling))
     except InputError as fault:
         reason = str(fault)

@@ -17,8 +17,9 @@ from handfast.model.grasp import Grasp
 from handfast.stability.settings import Settings
 
 AXES = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
-NODE_LIMIT = 20_000.0
-TIME_LIMIT = 120.0  # [s]
+NODES = 320_000  # of a question of one contact, over the square of the contacts: a node costs as much more
+ALL = 10  # times the nodes of a question, for all questions about a grasp: nearly all need a hundredth
+TIME_LIMIT = 600.0  # [s]
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,9 @@ class Labelling:
         directions: how many directions of forces the worst is sought among, spread evenly over the sphere.
         g: [m/s^2].
         gap: relative distance of the two bounds at which a number is exact enough.
-        node_limit: of each question: what decides where a question stays open, so that labels do not hang on the clock.
-        time_limit: [s] of a grasp, for all its questions.
+        node_limit: of each question, `ALL` times it for all questions about a grasp: what decides where one stays open,
+            so that labels do not hang on the clock. None: `NODES` over the square of the contacts.
+        time_limit: [s] of a grasp, for all its questions: a fuse.
         replay: replay every proof with the independent checker. States are checked in any case; that a load slips, and
             upper bounds, then rest on the search's word. It takes some thirty times as long.
     """
@@ -40,7 +42,7 @@ class Labelling:
     directions: int = 32
     g: float = 9.81
     gap: float = 1e-3
-    node_limit: float = NODE_LIMIT
+    node_limit: float | None = None
     time_limit: float = TIME_LIMIT
     replay: bool = False
 
@@ -54,13 +56,16 @@ class Labelling:
             raise InputError(f"is {self.directions}; at least 1 is needed", field="directions")
         if not (np.isfinite(self.g) and self.g > 0):
             raise InputError(f"is {self.g:g}; a number above 0 is needed", field="g")
+        if self.node_limit is not None and not np.isfinite(self.node_limit):
+            raise InputError("is not finite; a number above 0 is needed", field="node limit")
         if not (np.isfinite(self.time_limit) and self.time_limit > 0):
             raise InputError(f"is {self.time_limit:g} s; a number above 0 is needed", field="time limit")
-        self.settings()
+        self.settings(1)
 
-    def settings(self) -> Settings:
-        """Of each question, but for its time. One thread: cores are for grasps."""
-        return Settings(gap=self.gap, node_limit=self.node_limit, workers=1, verify=self.replay)
+    def settings(self, contacts: int) -> Settings:
+        """Of each question about a grasp, but for its time. One thread: cores are for grasps."""
+        nodes = NODES / contacts**2 if self.node_limit is None else self.node_limit
+        return Settings(gap=self.gap, node_limit=nodes, workers=1, verify=self.replay)
 
     def to_json(self) -> dict[str, Any]:
         """As files have it: with the directions written out."""
@@ -70,7 +75,7 @@ class Labelling:
             "directions": spread(self.directions).tolist(),
             "g": self.g,
             "gap": self.gap,
-            "node_limit": self.node_limit if np.isfinite(self.node_limit) else None,
+            "node_limit": self.node_limit,
             "time_limit": self.time_limit,
             "replay": self.replay,
         }
@@ -87,7 +92,8 @@ def spread(count: int) -> Array:
 def label(grasp: Grasp, labelling: Labelling) -> dict[str, Any]:
     """The label of a grasp: values by column, those of the row and of the dataset left out."""
     start = time.perf_counter()
-    ask = Questions(grasp, labelling.settings(), labelling.time_limit)
+    settings = labelling.settings(grasp.m)
+    ask = Questions(grasp, settings, labelling.time_limit, ALL * settings.node_limit)
     center = np.zeros(3) if grasp.center_of_mass is None else grasp.center_of_mass
     axes, forces = _axes(ask, center)
     out = _described(grasp, center) | axes

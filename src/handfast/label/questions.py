@@ -20,7 +20,8 @@ from handfast.stability.queries import check, torques
 from handfast.stability.scaled_problem import beyond_range
 from handfast.stability.settings import Settings
 
-LEAST = 1e-3  # [s] that a question has where no time is left
+LEAST = 1e-3  # [s] that a question has where no time is left,
+FEWEST = 64  # and nodes
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,15 @@ class Questions:
 
     Attributes:
         grasp: with the preload in force.
-        settings: of each question but for its time.
-        seconds: [s] for all questions together.
+        settings: of each question but for its time, and for its nodes where these come to an end.
+        seconds: [s] for all questions together. budget: nodes for all of them.
         nodes: spent so far. open: questions that a limit left open. stop: the last limit that was hit.
     """
 
     grasp: Grasp
     settings: Settings
     seconds: float
+    budget: float
     nodes: int = 0
     open: int = 0
     stop: Stop = Stop.COMPLETE
@@ -81,9 +83,10 @@ class Questions:
         return answer.preload, answer.lower, answer.upper
 
     def _limited(self, count: int) -> Settings:
-        """The settings with an equal share of the time that is left."""
+        """The settings with an equal share of the time that is left, and of the nodes if these are fewer."""
         left = (self.seconds - (time.monotonic() - self._begin)) / max(count, 1)
-        return replace(self.settings, time_limit=max(left, LEAST))
+        nodes = max((self.budget - self.nodes) / max(count, 1), FEWEST)
+        return replace(self.settings, time_limit=max(left, LEAST), node_limit=min(self.settings.node_limit, nodes))
 
     def _count(self, answer: Answer, closed: bool) -> None:
         self.nodes += answer.nodes

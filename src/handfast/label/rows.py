@@ -45,11 +45,13 @@ class DatasetRow:
         number: in the dataset, from 0.
         name: of the grasp.
         content: the text of a grasp file, a posture, or why there is neither.
+        unnamed: is the name nobody's, so that the grasp's own is better?
     """
 
     number: int
     name: str
     content: str | PosedRow | FaultyRow
+    unnamed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
