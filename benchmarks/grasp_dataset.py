@@ -29,6 +29,7 @@ from handfast.core.parallel import default_jobs
 from handfast.core.transforms import matrix_quaternion
 from handfast.core.workers import Died, ProcessWorkers
 from handfast.geometry.contacts import grasp_of
+from handfast.label.label_columns import WRENCHES, wrench_column
 from handfast.label.label_dataset import label_dataset
 from handfast.label.label_files import load_labels, write_durably
 from handfast.label.scene_source import SceneSource
@@ -46,7 +47,8 @@ KEYS = ("joints", "object_position", "object_quaternion", "preload", "mass", "fr
 DIGITS = 4  # of the bundled numbers
 KEPT = (
     *("name", "contact_positions", "contact_normals", "contact_links", "preload", "mass", "center", "verdict"),
-    *("weight_factor", "worst_force", "largest_command", "open"),
+    *("verdicts", "weight_factor", "worst_force", "largest_command", "largest_command_lower", "open"),
+    *map(wrench_column, WRENCHES),
 )
 
 
@@ -128,7 +130,8 @@ def labelled(hand: str, thing: str, table: Path, jobs: int, ending: str) -> None
 
 def sample(folder: Path, count: int) -> None:
     """Rows of all tables in turn, rounded, as the bundled table."""
-    tables = sorted(f for f in folder.glob("*-*.*") if f.suffix in (".parquet", ".jsonl"))
+    named = (f for ending in (".parquet", ".jsonl") for f in folder.glob(f"*-*{ending}"))
+    tables = sorted(f for f in named if f.with_suffix(".npz").exists())
     lines = []
     for k, table in enumerate(tables):
         share = count // len(tables) + (k < count % len(tables))

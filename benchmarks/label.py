@@ -122,13 +122,13 @@ def dask(workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
             process.wait()
 
 
-def below(pid: int) -> list[int]:
-    """Processes that a process has begun, and those that they have."""
-    found = []
-    with contextlib.suppress(OSError):
-        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-            found += [int(child), *below(int(child))]
-    return found
+def workers_of(nanny: int) -> list[int]:
+    """The worker process of a nanny, however it was begun; not the helper that cleans up behind it."""
+    import psutil  # distributed has it
+
+    with contextlib.suppress(psutil.Error):
+        return [p.pid for p in psutil.Process(nanny).children(recursive=True) if "spawn_main" in " ".join(p.cmdline())]
+    return []
 
 
 def cluster(args: argparse.Namespace) -> dict[str, Any]:
@@ -145,11 +145,10 @@ def cluster(args: argparse.Namespace) -> dict[str, Any]:
 
         def kill_worker() -> None:
             nonlocal lost
-            for pid in below(rng.choice(nannies).pid):
-                if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes():  # the worker, not the nanny's helper
-                    with contextlib.suppress(OSError):
-                        os.kill(pid, signal.SIGKILL)
-                        lost += 1
+            for pid in workers_of(rng.choice(nannies).pid):
+                with contextlib.suppress(OSError):
+                    os.kill(pid, signal.SIGKILL)
+                    lost += 1
 
         run = command(data, torn, "--scheduler", address, "--resume")
         kills = finished(run, rng, args.kills, kill_worker)
@@ -183,7 +182,9 @@ def broken_lines() -> dict[str, str]:
         "normal of length 2": with_contact(normal=[0, 0, 2]),
         "no contacts": json.dumps(good | {"contacts": []}),
         "unknown field": json.dumps(good | {"colour": "red"}),
-        "joint moves contact 99": json.dumps(good | {"joints": [good["joints"][0] | {"moves": [99]}]}),
+        "joint moves contact 99": json.dumps(
+            good | {"joints": [good["joints"][0] | {"moves": [99]}, *good["joints"][1:]]}
+        ),
         "too many contacts": json.dumps(good | {"contacts": many, "joints": [], "mechanism": None, "preload": {}}),
     }
 

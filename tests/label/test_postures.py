@@ -80,6 +80,16 @@ def test_rows_become_the_grasps_of_their_postures(
     assert [r["status"] for r in found] == ["labelled", *["broken"] * 4]
 
 
+def test_changes_take_the_place_of_what_a_table_says(
+    tmp_path: Path, arrays: dict[str, Any], scene: SceneSource, asked: list[Any]
+) -> None:
+    np.savez(tmp_path / "a.npz", **{key: value[:1] for key, value in arrays.items()})
+    changes = GraspChanges(1.5, (0, 0, 0.01), 0.3, (("finger_1_prox", 0.2),))
+    label_dataset(tmp_path / "a.npz", tmp_path / "b.jsonl", labelling=LITTLE, scene=scene, changes=changes, jobs=1)
+    row = next(load_labels(tmp_path / "b.jsonl"))
+    assert (row["mass"], set(row["contact_frictions"]), sum(row["preload"])) == (1.5, {0.3}, 0.2)
+
+
 def test_parquet_of_lists_and_of_single_columns_say_the_same(tmp_path: Path, arrays: dict[str, Any]) -> None:
     arrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")

@@ -68,7 +68,7 @@ class Label(Command):
     time_limit: Annotated[float, arg(metavar="S")] = 600.0
     """seconds for all questions about a grasp: a fuse; nodes decide where a question stays open"""
     replay: bool = False
-    """replay every proof with the independent checker, too: some thirty times as long"""
+    """replay every proof with the independent checker, too: more than ten times as long"""
     jobs: Annotated[int, arg(metavar="N")] = 0
     """processes; 0 for one a core"""
     scheduler: Annotated[str, arg(metavar="ADDRESS")] = ""

@@ -13,7 +13,7 @@ from handfast.core.errors import InputError
 from handfast.core.parallel import default_jobs
 from handfast.core.workers import DaskWorkers, Died, ProcessWorkers, Workers
 from handfast.label.label_columns import SCHEMA, broken, complete, described
-from handfast.label.label_files import format_of
+from handfast.label.label_files import format_named, format_of
 from handfast.label.label_summary import KEPT, LabelSummary
 from handfast.label.labeller import Labelling, label
 from handfast.label.open_dataset import open_dataset
@@ -31,11 +31,13 @@ class LabelRecipe:
 
     Attributes:
         labelling: what is asked. changes: to the grasps. scene: hand and object of postures.
+        ending: of the files in which parts are packed.
     """
 
     labelling: Labelling
     changes: GraspChanges
     scene: SceneSource | None = None
+    ending: str = ".jsonl"
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -43,6 +45,14 @@ class LabelRecipe:
             "changes": self.changes.to_json(),
             "scene": self.scene and self.scene.to_json(),
         }
+
+
+@dataclass(frozen=True)
+class PackedLabels:
+    """The labels of a part as its file has them: packed by the worker, so that who keeps them has next to no work."""
+
+    data: bytes
+    broken: int
 
 
 @dataclass(frozen=True)
@@ -108,12 +118,12 @@ def label_dataset(
             a scene that is missing, workers that are gone. One line. What is wrong with single rows is said in theirs.
     """
     begin, target = time.monotonic(), Path(output)
-    recipe = LabelRecipe(labelling or Labelling(), changes or GraspChanges(), scene)
     if part < 1:
         raise InputError(f"is {part}; at least 1 row is needed", field="part")
     if resume and force:
         raise InputError("give either --resume or --force")
     format = format_of(target)
+    recipe = LabelRecipe(labelling or Labelling(), changes or GraspChanges(), scene, format.ending)
     rows = open_dataset(dataset)
     if rows.posed and scene is None:
         raise InputError("is a table of postures; give the hand and the object", source=str(dataset))
@@ -132,8 +142,8 @@ def label_dataset(
             have = folder.open(resume=resume)
             done = sum(len(folder.rows_of(number)) for number in have)
             for number, labels in _labelled(workers, recipe, rows.parts(part, have)):
-                folder.write(number, labels)
-                fresh, bad = fresh + len(labels), bad + sum(row["status"] == "broken" for row in labels)
+                folder.write(number, labels.data)
+                fresh, bad = fresh + len(folder.rows_of(number)), bad + labels.broken
                 if on_progress:
                     seconds = time.monotonic() - begin
                     on_progress(LabelProgress(done + fresh, rows.count, fresh, seconds, bad))
@@ -162,13 +172,10 @@ def _workers(jobs: int | None, scheduler: str | None) -> Workers:
     return DaskWorkers(scheduler) if scheduler else ProcessWorkers(jobs or default_jobs())
 
 
-def _labelled(
-    workers: Workers, recipe: LabelRecipe, parts: Iterator[LabelPart]
-) -> Iterator[tuple[int, list[dict[str, Any]]]]:
+def _labelled(workers: Workers, recipe: LabelRecipe, parts: Iterator[LabelPart]) -> Iterator[tuple[int, PackedLabels]]:
     """Parts as they are done: number and labels. One whose process died is done again row by row, to find the row."""
-    function = partial(labels_of, recipe)
     suspects: list[LabelPart] = []
-    for part, labels in workers.run(function, parts):
+    for part, labels in workers.run(partial(packed_labels, recipe), parts):
         if isinstance(labels, Died):
             suspects.append(part)
         else:
@@ -176,10 +183,19 @@ def _labelled(
     for part in suspects:
         alone = (LabelPart(part.number, (row,)) for row in part.rows)
         found: dict[int, dict[str, Any]] = {}
-        for one, labels in workers.run(function, alone):
+        for one, rows in workers.run(partial(labels_of, recipe), alone):
             row = one.rows[0]
-            found[row.number] = broken(row.number, row.name, labels.reason) if isinstance(labels, Died) else labels[0]
-        yield part.number, [found[row.number] for row in part.rows]
+            found[row.number] = broken(row.number, row.name, rows.reason) if isinstance(rows, Died) else rows[0]
+        yield part.number, _packed(recipe, [found[row.number] for row in part.rows])
+
+
+def packed_labels(recipe: LabelRecipe, part: LabelPart) -> PackedLabels:
+    """The labels of a part, in a worker."""
+    return _packed(recipe, labels_of(recipe, part))
+
+
+def _packed(recipe: LabelRecipe, rows: list[dict[str, Any]]) -> PackedLabels:
+    return PackedLabels(format_named(recipe.ending).packed(rows), sum(row["status"] == "broken" for row in rows))
 
 
 def labels_of(recipe: LabelRecipe, part: LabelPart) -> list[dict[str, Any]]:

@@ -122,15 +122,20 @@ class ParquetFormat(LabelFormat):
 
 def format_of(path: Path) -> LabelFormat:
     """By a file's ending; `InputError` for another one, or without what it needs."""
-    match path.suffix.lower():
+    try:
+        return format_named(path.suffix.lower())
+    except InputError as fault:
+        raise fault.at(str(path)) from None
+
+
+def format_named(ending: str) -> LabelFormat:
+    """As `format_of`."""
+    match ending:
         case ".parquet":
-            try:
-                return ParquetFormat()
-            except InputError as fault:
-                raise fault.at(str(path)) from None
+            return ParquetFormat()
         case ".jsonl":
             return LinesFormat()
-    raise InputError("a name that ends in .parquet or .jsonl is needed", source=str(path))
+    raise InputError("a name that ends in .parquet or .jsonl is needed")
 
 
 def load_labels(path: str | Path) -> Iterator[dict[str, Any]]:

@@ -35,7 +35,7 @@ class Labelling:
             so that labels do not hang on the clock. None: `NODES` over the square of the contacts.
         time_limit: [s] of a grasp, for all its questions: a fuse.
         replay: replay every proof with the independent checker. States are checked in any case; that a load slips, and
-            upper bounds, then rest on the search's word. It takes some thirty times as long.
+            upper bounds, then rest on the search's word. It takes more than ten times as long.
     """
 
     gravity: tuple[tuple[float, float, float], ...] = AXES

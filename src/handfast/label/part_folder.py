@@ -105,12 +105,11 @@ class PartFolder:
     def file(self, number: int) -> Path:
         return self.path / f"{number // PER_FOLDER:0{DIGITS - 3}}" / f"{number:0{DIGITS}}{self.format.ending}"
 
-    def write(self, number: int, rows: list[dict[str, Any]]) -> None:
-        """A part, at once and for good."""
-        assert [row["row"] for row in rows] == list(self.rows_of(number))
+    def write(self, number: int, data: bytes) -> None:
+        """A part as it is packed, at once and for good."""
         file = self.file(number)
         file.parent.mkdir(exist_ok=True)
-        write_durably(file, [self.format.packed(rows)])
+        write_durably(file, [data])
 
     def files(self) -> Iterator[Path]:
         """All parts in order."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.stability.answers import Answer
 from handfast.stability.many import Case, Options, maxima
-from handfast.stability.queries import check, torques
+from handfast.stability.queries import MaxAnswer, check, torques
 from handfast.stability.scaled_problem import beyond_range
 from handfast.stability.settings import Settings
 
@@ -55,14 +54,14 @@ class Questions:
 
     def largest(self, directions: list[Array]) -> list[LargestLoad]:
         """The largest multiple of each disturbance (6,) that is resisted; each helps the next."""
-        zero = np.zeros(6)
-        cases = [Case(self.grasp, d, zero) for d in directions if not self._beyond(d)]
+        zero, asked = np.zeros(6), [not self._beyond(d) for d in directions]
+        cases = [Case(self.grasp, d, zero) for d, is_asked in zip(directions, asked, strict=True) if is_asked]
         answers = iter(maxima(cases, Options(settings=self._limited(len(cases)), proofs=self.settings.verify), 1))
-        return [self._largest(None if self._beyond(d) else next(answers)) for d in directions]
+        return [self._largest(next(answers)) if is_asked else LargestLoad(0.0, 0.0, False) for is_asked in asked]
 
-    def _largest(self, answer: Any) -> LargestLoad:
-        if answer is None:
-            return LargestLoad(0.0, 0.0, False)
+    def _largest(self, answer: MaxAnswer | None) -> LargestLoad:
+        if answer is None:  # Ctrl-C came first
+            raise KeyboardInterrupt
         self._count(answer, answer.unbounded or answer.verdict is Verdict.SLIPS or np.isfinite(answer.upper))
         return LargestLoad(answer.lower, answer.upper, answer.unbounded)
 
@@ -89,6 +88,8 @@ class Questions:
         return replace(self.settings, time_limit=max(left, LEAST), node_limit=min(self.settings.node_limit, nodes))
 
     def _count(self, answer: Answer, closed: bool) -> None:
+        if answer.stop is Stop.INTERRUPTED:  # half a label is none
+            raise KeyboardInterrupt
         self.nodes += answer.nodes
         if answer.stop is not Stop.COMPLETE:
             self.stop = answer.stop

@@ -25,8 +25,8 @@ class PosedRow:
     Attributes:
         joints: (l,) in the hand's order, or by name.
         position, quaternion: (3,) [m] and (4,) w, x, y, z of the object in the hand's base frame.
-        preload: (a,) in the order of the hand's motors, or by name; None for that of the whole dataset.
-        mass, friction: of this row; None for those of the whole dataset.
+        preload: (a,) in the order of the hand's motors, or by name; None where the row says nothing.
+        mass, friction: of this row; None where it says nothing.
     """
 
     joints: Array | dict[str, float]
@@ -64,7 +64,7 @@ class LabelPart:
 
 @dataclass(frozen=True)
 class GraspChanges:
-    """What takes the place of what the rows say, or stands in where they say nothing.
+    """What takes the place of what the rows say, if they say anything.
 
     Attributes:
         mass: [kg]. center_of_mass: (3,) [m], object frame. friction: at every contact. preload: actuator -> command.

@@ -83,9 +83,9 @@ class SceneSource:
         hand = scene.hand
         pose = _numbers(row.position, 3, "object_position"), _numbers(row.quaternion, 4, "object_quaternion")
         preload: Mapping[str, float] | None = None if changes.preload is None else dict(changes.preload)
-        if row.preload is not None:
+        if preload is None and row.preload is not None:
             preload = _named(row.preload, hand.mechanism.actuators, "preload")
-        friction = changes.friction if row.friction is None else row.friction
+        friction = row.friction if changes.friction is None else changes.friction
         grasp = contact_grasp(
             hand, q, scene.body, pose, threshold=self.threshold, friction=friction, scene=scene, name=name
         )
@@ -93,7 +93,7 @@ class SceneSource:
             kept = {n: f for n, f in preload.items() if n in grasp.mechanism.actuators}
             _known(preload, hand)
             grasp = grasp.with_preload(kept)
-        mass = changes.mass if row.mass is None else row.mass
+        mass = row.mass if changes.mass is None else changes.mass
         if mass is not None or changes.center_of_mass is not None:
             grasp = grasp.about(mass=mass, center_of_mass=changes.center_of_mass)
         return grasp
