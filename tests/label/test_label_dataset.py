@@ -112,6 +112,8 @@ def test_a_finished_table_is_left_alone(lines: Path, tmp_path: Path) -> None:
     assert (again.rows, again.fresh) == (9, 0)
     assert out.stat().st_mtime_ns == written
     assert not folder_of(out).exists()
+    with pytest.raises(InputError, match="is of another dataset or of other questions; give --force"):
+        label_dataset(lines, out, labelling=Labelling(directions=2), resume=True)
     with pytest.raises(InputError, match="exists already; give --force"):
         label_dataset(lines, out, labelling=LITTLE)
 

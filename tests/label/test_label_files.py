@@ -45,7 +45,9 @@ def test_the_metadata_say_units_and_what_was_asked(tables: tuple[Path, Path]) ->
     about = json.loads(schema.metadata[b"handfast"])
     assert about["schema"] == SCHEMA
     assert about["questions"]["gravity"] == [[0, 0, -1]]
-    assert [c["name"] for c in about["columns_of_rows"]] == list(NAMES) == schema.names
+    assert [c["name"] for c in about["columns"]] == list(NAMES) == schema.names
+    beside = json.loads(tables[1].with_name("a.jsonl.about.json").read_text())
+    assert beside == about
     for column in COLUMNS:
         assert schema.field(column.name).metadata == {b"unit": column.unit.encode(), b"about": column.about.encode()}
 

@@ -64,3 +64,8 @@ def file_identity(path: Path) -> dict[str, Any]:
         stream.seek(max(size - LOOKED_AT, 0))
         digest.update(stream.read(LOOKED_AT))
     return {"bytes": size, "sha256 of both ends": digest.hexdigest()}
+
+
+def printable(name: str) -> str:
+    """A name that every file of text can hold."""
+    return name.encode("utf-8", "backslashreplace").decode("utf-8")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
-from handfast.label.datasets import GraspDataset, file_identity
+from handfast.label.datasets import GraspDataset, file_identity, printable
 from handfast.label.rows import DatasetRow, FaultyRow
 
 LONGEST = 16 << 20  # [bytes] of a row: nothing of ours comes near, and memory has an end
@@ -41,7 +41,7 @@ class GraspFiles(GraspDataset):
         return iter(self.files)
 
     def row(self, number: int, item: str) -> DatasetRow:
-        return DatasetRow(number, _printable(item), self._content(self.path / item))
+        return DatasetRow(number, printable(item), self._content(self.path / item))
 
     def _content(self, file: Path) -> str | FaultyRow:
         try:
@@ -95,7 +95,3 @@ class GraspLines(GraspDataset):
             return DatasetRow(number, name, item.decode("utf-8").rstrip(), unnamed=True)
         except UnicodeDecodeError:
             return DatasetRow(number, name, FaultyRow("is no text in UTF-8"))
-
-
-def _printable(name: str) -> str:
-    return name.encode("utf-8", "backslashreplace").decode("utf-8")

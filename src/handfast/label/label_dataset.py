@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
+from handfast.core.files import same_json
 from handfast.core.parallel import default_jobs
 from handfast.core.workers import DaskWorkers, Died, ProcessWorkers, Workers
 from handfast.label.label_columns import SCHEMA, broken, complete, described
@@ -129,11 +130,13 @@ def label_dataset(
         raise InputError("is a table of postures; give the hand and the object", source=str(dataset))
     if not rows.posed and scene is not None:
         raise InputError("has grasps with their contacts; a hand and an object are for tables", source=str(dataset))
-    about = {"dataset": rows.identity(), "columns": SCHEMA} | recipe.to_json()
-    folder = PartFolder(target, format, about, rows.count, part)
+    about = {"schema": SCHEMA, "columns": described(), "dataset": rows.identity()} | recipe.to_json()
+    folder = PartFolder(target, format, {k: v for k, v in about.items() if k != "schema"}, rows.count, part)
     _refuse(target, folder, resume=resume, force=force)
     summary = LabelSummary()
     if resume and target.exists() and not folder.begun:  # the last run came to its end
+        if not same_json(format.about(target), about):
+            raise InputError("is of another dataset or of other questions; give --force", source=str(target))
         summary.take(row for block in format.read(target, KEPT) for row in block)
         return summary
     with folder:
@@ -147,7 +150,7 @@ def label_dataset(
                 if on_progress:
                     seconds = time.monotonic() - begin
                     on_progress(LabelProgress(done + fresh, rows.count, fresh, seconds, bad))
-        format.write(target, folder.files(), {"schema": SCHEMA, "columns_of_rows": described()} | about)
+        format.write(target, folder.files(), about)
         summary.take(row for block in format.read(target, KEPT) for row in block)
         if not keep_parts:
             folder.remove()

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
+from handfast.core.files import read_json
 from handfast.label.label_columns import COLUMNS, NAMES
 
 GROUP = 20_000  # rows of a table that are in memory at a time
@@ -41,13 +42,18 @@ class LabelFormat(ABC):
 
     @abstractmethod
     def write(self, path: Path, parts: Iterable[Path], about: Mapping[str, Any]) -> None:
-        """One table of all parts; what it is about goes into its metadata where it has some."""
+        """One table of all parts, and what it is about in its metadata."""
+
+    @abstractmethod
+    def about(self, path: Path) -> Any:
+        """What a table is about, as it was written; None where nothing says it."""
 
 
 class LinesFormat(LabelFormat):
-    """JSON lines."""
+    """JSON lines; what they are about is in a file beside them."""
 
     ending = ".jsonl"
+    beside = ".about.json"
 
     def packed(self, rows: list[dict[str, Any]]) -> bytes:
         return "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows).encode("utf-8")
@@ -66,7 +72,13 @@ class LinesFormat(LabelFormat):
             for part in parts:
                 yield part.read_bytes()
 
+        text = json.dumps(about, indent=1, allow_nan=False) + "\n"
+        write_durably(path.with_name(path.name + self.beside), [text.encode()])
         write_durably(path, blocks())
+
+    def about(self, path: Path) -> Any:
+        file = path.with_name(path.name + self.beside)
+        return read_json(file, "metadata") if file.exists() else None
 
 
 class ParquetFormat(LabelFormat):
@@ -118,6 +130,13 @@ class ParquetFormat(LabelFormat):
             if held:
                 writer.write_table(self.arrow.concat_tables(held).cast(schema), GROUP)
         _take_place(target, path)
+
+    def about(self, path: Path) -> Any:
+        try:
+            found = (self.parquet.read_schema(path).metadata or {}).get(KEY.encode())
+        except (self.arrow.ArrowException, OSError) as fault:
+            raise InputError(f"is no Parquet file ({' '.join(str(fault).split())[:80]})", source=str(path)) from None
+        return None if found is None else json.loads(found)
 
 
 def format_of(path: Path) -> LabelFormat:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from handfast.core.errors import InputError
-from handfast.label.datasets import GraspDataset, file_identity
+from handfast.label.datasets import GraspDataset, file_identity, printable
 from handfast.label.rows import DatasetRow, PosedRow
 
 ROWS = 1024  # read at a time
@@ -46,7 +46,7 @@ class PostureTable(GraspDataset):
             mass=_single(item.get("mass")),
             friction=_single(item.get("friction")),
         )
-        return DatasetRow(number, f"row {number}" if name is None else str(name), posed)
+        return DatasetRow(number, f"row {number}" if name is None else printable(str(name)), posed)
 
 
 class PackedPostures(PostureTable):
