@@ -123,11 +123,12 @@ def dask(workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
 
 
 def workers_of(nanny: int) -> list[int]:
-    """The worker process of a nanny, however it was begun; not the helper that cleans up behind it."""
+    """The worker process of a nanny; not the helper that cleans up behind it."""
     import psutil  # distributed has it
 
     with contextlib.suppress(psutil.Error):
-        return [p.pid for p in psutil.Process(nanny).children(recursive=True) if "spawn_main" in " ".join(p.cmdline())]
+        below = psutil.Process(nanny).children(recursive=True)
+        return [p.pid for p in below if "resource_tracker" not in " ".join(p.cmdline())]
     return []
 
 

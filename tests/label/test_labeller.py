@@ -10,6 +10,7 @@ from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.label.label_columns import COLUMNS, NAMES, WRENCHES, complete, wrench_column
 from handfast.label.labeller import AXES, Labelling, label, spread
+from handfast.label.questions import LargestLoad, Questions
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import from_dict
 from handfast.stability.queries import check, maximum, torques
@@ -92,6 +93,15 @@ def test_a_limit_of_nodes_leaves_questions_open_and_says_so(grasp: Grasp) -> Non
     said = label(grasp, Labelling(directions=2, node_limit=1))
     assert said["open"] > 0
     assert said["stop"] == "nodes"
+
+
+def test_a_weight_that_is_held_is_a_bound_where_the_search_found_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nothing(self: Questions, directions: list[np.ndarray]) -> list[LargestLoad]:
+        return [LargestLoad(0.0, np.inf, False) for _ in directions]
+
+    monkeypatch.setattr(Questions, "largest", nothing)
+    said = label(from_dict(fixture()), Labelling(directions=1, gravity=((0, 0, -1.0),)))
+    assert (said["verdict"], said["weight_factor"], said["weight_factor_upper"]) == ("holds", 1.0, None)
 
 
 def test_the_time_of_a_grasp_has_an_end(grasp: Grasp) -> None:

@@ -190,7 +190,7 @@ class Label(Command):
                 grid.add_row("", "", f"and other reasons: {len(summary.reasons) - MOST}; the table has all")
             out.print(grid)
         if summary.open:
-            out.print(f"{count(summary.open, 'question')} stayed open: their rows say what was shown.")
+            out.print(f"{count(summary.open, 'question')} stayed open; the rows say what was shown.")
         if summary.fresh:
             out.print(f"{summary.fresh} rows in {summary.wall:.1f} s, {summary.rate:.3g} a second.")
         for path in files:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -146,6 +146,9 @@ def _under_gravity(
         # beyond the largest that is resisted nothing is; what is below it may slip all the same
         Verdict.SLIPS if m.upper < weight else ask.held(weight * _force(v, center))
         for v, m in zip(pulls, most, strict=True)
+    ]
+    most = [  # a weight that is held is a witness, too, where the search for the largest found less within its limits
+        replace(m, lower=max(m.lower, weight)) if v is Verdict.HOLDS else m for m, v in zip(most, verdicts, strict=True)
     ]
     worst = min(range(len(pulls)), key=lambda k: (most[k].lower, most[k].upper, k))
     preload, lower, upper = ask.commands(weight * _force(pulls[worst], center))
