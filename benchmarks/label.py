@@ -123,7 +123,7 @@ def dask(workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
 
 
 def workers_of(nanny: int) -> list[int]:
-    """The worker process of a nanny; not the helper that cleans up behind it."""
+    """The worker process of a nanny; not the process that cleans up behind it."""
     import psutil  # distributed has it
 
     with contextlib.suppress(psutil.Error):
