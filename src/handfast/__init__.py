@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from handfast.geometry.scene import Scene as Scene
     from handfast.geometry.scene_grasps import scene_contacts as scene_contacts
     from handfast.geometry.scene_grasps import scene_grasp as scene_grasp
+    from handfast.label.label_dataset import label_dataset as label_dataset
+    from handfast.label.label_files import load_labels as load_labels
+    from handfast.label.labeller import Labelling as Labelling
+    from handfast.label.rows import GraspChanges as GraspChanges
+    from handfast.label.scene_source import SceneSource as SceneSource
     from handfast.measures.measuring import measure as measure
     from handfast.measures.measuring import measure_columns as measure_columns
     from handfast.model.body import Body as Body
@@ -107,6 +112,11 @@ _HOME = {
     "Bezier": "model.region",
     "Cap": "model.region",
     "CylinderSide": "model.cylinder_side",
+    "label_dataset": "label.label_dataset",
+    "load_labels": "label.label_files",
+    "Labelling": "label.labeller",
+    "GraspChanges": "label.rows",
+    "SceneSource": "label.scene_source",
     "close": "planning.closing",
     "plan": "planning.plan_grasps",
     "propose": "planning.propose_tasks",

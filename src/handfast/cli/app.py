@@ -21,6 +21,7 @@ from handfast.cli.demo import Demo
 from handfast.cli.export import ExportGrasps
 from handfast.cli.grasp import FindGrasps
 from handfast.cli.import_grasps import ImportGrasps
+from handfast.cli.label import Label
 from handfast.cli.list import List
 from handfast.cli.map import Map
 from handfast.cli.max import Max
@@ -50,6 +51,7 @@ COMMANDS: dict[str, type[Command]] = {
     "plan": PlanGrasps,
     "import": ImportGrasps,
     "export": ExportGrasps,
+    "label": Label,
     "verify": Verify,
     "contacts": Contacts,
     "close": Close,
@@ -60,7 +62,7 @@ COMMANDS: dict[str, type[Command]] = {
 }
 
 ALIASES = dict.fromkeys(
-    ("check", "torques", "propose", "grasp", "plan", "contacts", "close"), ("--com",)
+    ("check", "torques", "propose", "grasp", "plan", "label", "contacts", "close"), ("--com",)
 )  # second names of options
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
@@ -68,8 +70,8 @@ ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot
 check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? measures sets what \
 the literature measures beside it. synthesize looks for \
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
-hold with its torques. propose chooses such regions, plan closes the hand from everywhere. verify replays what backs \
-an answer. show looks at a hand, view at a grasp under your mouse.
+hold with its torques. propose chooses such regions, plan closes the hand from everywhere. label says of every grasp \
+of a dataset what it holds. verify replays what backs an answer. show looks at a hand, view at a grasp under your mouse.
 
 Start with `handfast demo` or `handfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""

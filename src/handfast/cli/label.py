@@ -1,0 +1,207 @@
+"""`handfast label`: what every grasp of a dataset holds, as one table."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional, UseAppendAction, arg
+
+from handfast.cli import console
+from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, assigned
+from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from handfast.label.label_dataset import LabelProgress
+    from handfast.label.label_summary import LabelSummary
+    from handfast.label.labeller import Labelling
+    from handfast.label.rows import GraspChanges
+    from handfast.label.scene_source import SceneSource
+
+SUMMARY, PICTURE = ".summary.json", ".summary.png"
+MOST = 8  # reasons that are shown
+LOG = 60.0  # [s] between lines of progress where there is no terminal
+
+
+@dataclass(kw_only=True)
+class Label(Command):
+    """Labels for every grasp of a dataset: what it holds, by how much, with which commands.
+
+    DATASET is a folder or JSON lines of grasp files, or a table (.npz, .parquet) of joint values and object poses of a
+    --hand and an --object, such as `import` writes. Parts are kept as they are done: whatever ends a run, --resume goes
+    on. A row that is broken is recorded with its reason while the rest goes on. Beside the table there are a summary
+    and its picture."""
+
+    dataset: Annotated[Positional[Path], arg(metavar="DATASET")]
+    """a folder, .jsonl, .npz or .parquet"""
+    output: Annotated[Path | None, arg(metavar="LABELS", aliases=["-o"])] = None
+    """the table: .parquet, or .jsonl, which needs no further package"""
+    hand: Annotated[str, arg(metavar="HAND")] = ""
+    """of a table of postures: a URDF, MJCF or GraspIt! file, a bundled name, menagerie:... or ..._description"""
+    root: Annotated[str | None, arg(metavar="LINK")] = None
+    """read only what hangs on this link of the robot"""
+    object: Annotated[str, arg(metavar="OBJECT")] = ""
+    """of a table of postures: a mesh, URDF, SDF or handfast/body/1 file, or a bundled object"""
+    scale: Annotated[float, arg(metavar="M")] = 1.0
+    """metres per unit of the object's mesh"""
+    threshold: Annotated[float, arg(metavar="M")] = 5e-4
+    """surfaces nearer than this touch [m]"""
+    mass: Annotated[float | None, arg(metavar="KG")] = None
+    """mass of the object [kg], in place of what the rows say; without any, nothing is said of its weight"""
+    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
+    """centre of mass in the object's frame [m], in place of what the rows say; --com for short"""
+    friction: Annotated[float | None, arg(metavar="MU")] = None
+    """friction coefficient at every contact, in place of what the rows say"""
+    preload: Assignments = ()
+    """actuator commands [N m, or N if prismatic or tendon] in place of those of the rows; others are locked"""
+    gravity: UseAppendAction[tuple[Gravity, ...]] = ()
+    """a direction in which gravity pulls, object axes; repeatable; by default the axes both ways"""
+    directions: Annotated[int, arg(metavar="N")] = 32
+    """directions of forces among which the worst is sought"""
+    gap: Annotated[float, arg(metavar="G")] = 1e-3
+    """relative distance of the two bounds at which a number is exact enough"""
+    node_limit: Annotated[float | None, arg(metavar="N")] = None
+    """nodes of the search for each question; by default 320000 over the square of the number of contacts"""
+    time_limit: Annotated[float, arg(metavar="S")] = 600.0
+    """seconds for all questions about a grasp: a fuse; nodes decide where a question stays open"""
+    replay: bool = False
+    """replay every proof with the independent checker, too: more than ten times as long"""
+    jobs: Annotated[int, arg(metavar="N")] = 0
+    """processes; 0 for one a core"""
+    scheduler: Annotated[str, arg(metavar="ADDRESS")] = ""
+    """a Dask scheduler, whose workers do the work: tcp://HOST:PORT, or its scheduler file (.json)"""
+    part: Annotated[int, arg(metavar="ROWS")] = 64
+    """rows that a worker labels in one go, and that are then kept"""
+    resume: bool = False
+    """go on with what an earlier run has left; begin if there is nothing"""
+    keep_parts: bool = False
+    """leave the folder of parts beside the table"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+    force: bool = False
+    """write over what exists"""
+
+    def run(self) -> int:
+        try:
+            return self._run()
+        except KeyboardInterrupt:
+            console.complain("interrupted; the parts that are done are kept: --resume goes on")
+            return console.UNDECIDED
+
+    def _run(self) -> int:
+        from handfast.label.label_dataset import label_dataset
+        from handfast.report.label_picture import draw_labels
+        from handfast.report.plot import picture
+
+        if self.output is None:
+            raise InputError("missing: -o LABELS.parquet, or a table that ends in .jsonl", source="label")
+        if self.jobs < 0:
+            raise InputError(f"is {self.jobs}; 0 or more is needed", field="--jobs")
+        beside = [self.output.with_suffix(ending) for ending in (SUMMARY, PICTURE)]
+        last = 0.0
+        with console.watch("label") as watch:
+
+            def shown(p: LabelProgress) -> None:
+                nonlocal last
+                text = progress_text(p)
+                watch.item(p.done, p.total, text)
+                if not sys.stderr.isatty() and p.seconds - last > LOG:  # a job's log
+                    last = p.seconds
+                    print(f"label: {p.done} of {p.total}{text}", file=sys.stderr, flush=True)
+
+            summary = label_dataset(
+                self.dataset,
+                self.output,
+                labelling=self._labelling(),
+                changes=self._changes(),
+                scene=self._scene(),
+                jobs=self.jobs or None,
+                scheduler=self.scheduler or None,
+                part=self.part,
+                resume=self.resume,
+                force=self.force,
+                keep_parts=self.keep_parts,
+                on_progress=shown,
+            )
+        from handfast.core.files import write_bytes, write_text
+
+        said = {"schema": "handfast/label-summary/1", "table": self.output.name} | summary.to_json()
+        write_text(beside[0], json.dumps(said, indent=1, allow_nan=False) + "\n", force=True)
+        write_bytes(beside[1], picture(draw_labels(summary, self.output.name)), force=True)
+        if self.json:
+            console.print_json(said)
+        else:
+            self._show(summary, [self.output, *beside])
+        return console.ANSWERED if summary.labelled else console.BAD_INPUT
+
+    def _labelling(self) -> Labelling:
+        from handfast.label.labeller import AXES, Labelling
+
+        pulls: list[Any] = []
+        for g in self.gravity:
+            pulls += AXES if g == ALL else [tuple(g)]
+        asked: dict[str, Any] = {"gravity": tuple(pulls)} if pulls else {}
+        return Labelling(
+            **asked,
+            directions=self.directions,
+            gap=self.gap,
+            node_limit=self.node_limit,
+            time_limit=self.time_limit,
+            replay=self.replay,
+        )
+
+    def _changes(self) -> GraspChanges:
+        from handfast.label.rows import GraspChanges
+
+        preload = tuple(assigned(self.preload, "--preload").items()) if self.preload else None
+        place: Any = tuple(self.center_of_mass) or None
+        return GraspChanges(self.mass, place, self.friction, preload)
+
+    def _scene(self) -> SceneSource | None:
+        from handfast.label.scene_source import SceneSource
+
+        if bool(self.hand) != bool(self.object):
+            raise InputError("is missing; a table of postures needs both", field="--object" if self.hand else "--hand")
+        if not self.hand:
+            return None
+        return SceneSource.of(self.hand, self.object, root=self.root, scale=self.scale, threshold=self.threshold)
+
+    def _show(self, summary: LabelSummary, files: list[Path]) -> None:
+        from handfast.cli.table import table
+        from handfast.report.words import count
+
+        out = console.out()
+        out.print(
+            f"{summary.labelled} of {count(summary.rows, 'grasp')} labelled, {summary.broken} broken", style="bold"
+        )
+        grid = table("weight from every direction", "grasps")
+        for verdict, number in sorted(summary.verdicts.items()):
+            grid.add_row(verdict, str(number))
+        if grid.row_count:
+            out.print(grid)
+        if summary.broken:
+            grid = table("rows", "first", "broken because")
+            for reason, number in summary.reasons.most_common(MOST):
+                grid.add_row(str(number), str(summary.first[reason]), reason)
+            if len(summary.reasons) > MOST:
+                grid.add_row("", "", f"and other reasons: {len(summary.reasons) - MOST}; the table has all")
+            out.print(grid)
+        if summary.open:
+            out.print(f"{count(summary.open, 'question')} stayed open; the rows say what was shown.")
+        if summary.fresh:
+            out.print(f"{summary.fresh} rows in {summary.wall:.1f} s, {summary.rate:.3g} a second.")
+        for path in files:
+            out.print(f"Written: {path}", soft_wrap=True)
+
+
+def progress_text(p: LabelProgress) -> str:
+    """What is said beside how many are done: rate, what is left, what is broken."""
+    text = f" · {p.rate:.3g} a second"
+    if p.left < float("inf"):
+        hours, rest = divmod(round(p.left), 3600)
+        minutes, seconds = divmod(rest, 60)
+        text += f" · {hours}:{minutes:02}:{seconds:02} left"
+    return text + (f" · {p.broken} broken" if p.broken else "")

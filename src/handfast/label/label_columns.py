@@ -1,0 +1,95 @@
+"""What a label says: the columns of a table of labels, their units, and what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+SCHEMA = "handfast/labels/1"
+Kind = Literal["integer", "number", "text", "numbers", "texts", "points"]  # plural: a list of them; points: of (3,)
+
+WRENCHES = tuple(sign + axis for sign in ("+", "-") for axis in ("fx", "fy", "fz", "tx", "ty", "tz"))
+
+
+@dataclass(frozen=True)
+class LabelColumn:
+    """One column. Any value may be null where nothing is known, and all but row, name, status and reason of a row
+    that could not be labelled."""
+
+    name: str
+    kind: Kind
+    unit: str
+    about: str
+    course: bool = False  # of the course of the search: may differ from run to run
+
+
+def _axes() -> tuple[LabelColumn, ...]:
+    out = []
+    for name in WRENCHES:
+        unit = "N" if name[1] == "f" else "N m"
+        what = f"{'force' if name[1] == 'f' else 'torque'} along {name[0]}{name[2]} at the centre"
+        out.append(LabelColumn(wrench_column(name), "number", unit, f"largest {what}, witnessed"))
+        upper = f"no larger {what} is resisted; null: unbounded, or not shown"
+        out.append(LabelColumn(f"{wrench_column(name)}_upper", "number", unit, upper))
+    return tuple(out)
+
+
+def wrench_column(name: str) -> str:
+    """The column of a largest disturbance such as "+fx"."""
+    return f"max_{'plus' if name[0] == '+' else 'minus'}_{name[1:]}"
+
+
+COLUMNS = (
+    LabelColumn("row", "integer", "", "number of the row in the dataset, from 0"),
+    LabelColumn("name", "text", "", "of the grasp: its file, or as the dataset calls it"),
+    LabelColumn("status", "text", "", "labelled, or broken"),
+    LabelColumn("reason", "text", "", "why a row is broken; null if it is not"),
+    LabelColumn("joints", "numbers", "rad, m", "joint values of the hand, in its order; null for grasp files"),
+    LabelColumn("object_position", "numbers", "m", "of the object in the hand's base frame; null for grasp files"),
+    LabelColumn("object_quaternion", "numbers", "", "w, x, y, z, of the object in the hand's base frame"),
+    LabelColumn("contacts", "integer", "", "how many contacts"),
+    LabelColumn("contact_positions", "points", "m", "of the contacts, object frame"),
+    LabelColumn("contact_normals", "points", "", "into the object, unit, object frame"),
+    LabelColumn("contact_frictions", "numbers", "", "friction coefficients"),
+    LabelColumn("contact_links", "texts", "", "links of the hand that touch"),
+    LabelColumn("motors", "texts", "", "actuators behind the contacts"),
+    LabelColumn("preload", "numbers", "N m, N", "their commands, under which all of this was asked; 0 is locked"),
+    LabelColumn("mass", "number", "kg", "of the object"),
+    LabelColumn("center", "numbers", "m", "where disturbances act: the centre of mass, else the object's origin"),
+    LabelColumn("verdict", "text", "", "is the weight held from every direction: holds, slips, undecided"),
+    LabelColumn("verdicts", "texts", "", "the same for each direction of gravity, in the order of the metadata"),
+    LabelColumn("weight_factor", "number", "", "least over the directions: so many times the weight is resisted"),
+    LabelColumn("weight_factor_upper", "number", "", "no larger factor is resisted in that direction"),
+    LabelColumn("hardest", "numbers", "", "the direction of gravity with the least factor, object axes"),
+    *_axes(),
+    LabelColumn("worst_force", "number", "N", "least over the directions of the largest resisted force at the centre"),
+    LabelColumn("worst_force_upper", "number", "N", "no larger force is resisted in that direction; null: unbounded"),
+    LabelColumn("worst_direction", "numbers", "", "that direction, object axes"),
+    LabelColumn("commands", "numbers", "N m, N", "smallest commands that hold the weight in the hardest direction"),
+    LabelColumn("largest_command", "number", "N m, N", "the largest of them; null if none was found"),
+    LabelColumn("largest_command_lower", "number", "N m, N", "no smaller largest command holds; null: none does"),
+    LabelColumn("open", "integer", "", "maxima, checks and commands that a limit left open"),
+    LabelColumn("stop", "text", "", "complete, or the limit that was hit: nodes, time, numerical", course=True),
+    LabelColumn("nodes", "integer", "", "of the searches"),
+    LabelColumn("seconds", "number", "s", "that the label took", course=True),
+)
+NAMES = tuple(c.name for c in COLUMNS)
+
+
+def complete(values: Mapping[str, Any]) -> dict[str, Any]:
+    """A row with every column, null where nothing is said. `KeyError` for what is no column."""
+    for name in values:
+        if name not in NAMES:
+            raise KeyError(name)
+    return {name: values.get(name) for name in NAMES}
+
+
+def broken(row: int, name: str, reason: str) -> dict[str, Any]:
+    """The row of a grasp that could not be labelled."""
+    return complete({"row": row, "name": name, "status": "broken", "reason": reason})
+
+
+def described() -> list[dict[str, str]]:
+    """The columns as the metadata of a file have them."""
+    return [{"name": c.name, "kind": c.kind, "unit": c.unit, "about": c.about} for c in COLUMNS]

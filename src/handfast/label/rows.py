@@ -1,0 +1,104 @@
+"""Rows of a dataset as they travel to the workers: a grasp file's text, or a hand's joints and its object's pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import from_dict
+
+
+@dataclass(frozen=True)
+class FaultyRow:
+    """A row that could not even be read, and why."""
+
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class PosedRow:
+    """A row of a table of postures; numbers are looked at by who uses them.
+
+    Attributes:
+        joints: (l,) in the hand's order, or by name.
+        position, quaternion: (3,) [m] and (4,) w, x, y, z of the object in the hand's base frame.
+        preload: (a,) in the order of the hand's motors, or by name; None where the row says nothing.
+        mass, friction: of this row; None where it says nothing.
+    """
+
+    joints: Array | dict[str, float]
+    position: Array
+    quaternion: Array
+    preload: Array | dict[str, float] | None = None
+    mass: float | None = None
+    friction: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DatasetRow:
+    """One row.
+
+    Attributes:
+        number: in the dataset, from 0.
+        name: of the grasp.
+        content: the text of a grasp file, a posture, or why there is neither.
+        unnamed: is the name nobody's, so that the grasp's own is better?
+    """
+
+    number: int
+    name: str
+    content: str | PosedRow | FaultyRow
+    unnamed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class LabelPart:
+    """Rows that follow each other and are labelled in one task; their number among the parts, from 0."""
+
+    number: int
+    rows: tuple[DatasetRow, ...]
+
+
+@dataclass(frozen=True)
+class GraspChanges:
+    """What takes the place of what the rows say, if they say anything.
+
+    Attributes:
+        mass: [kg]. center_of_mass: (3,) [m], object frame. friction: at every contact. preload: actuator -> command.
+    """
+
+    mass: float | None = None
+    center_of_mass: tuple[float, float, float] | None = None
+    friction: float | None = None
+    preload: tuple[tuple[str, float], ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.mass is not None and not 0 < self.mass < float("inf"):
+            raise InputError(f"is {self.mass:g}; a mass above 0 [kg] is needed", field="mass")
+        if self.friction is not None and not 0 <= self.friction < float("inf"):
+            raise InputError(f"is {self.friction:g}; a friction coefficient is 0 or more", field="friction")
+
+    def changed(self, grasp: Grasp) -> Grasp:
+        """The grasp with these; raises `InputError` as `Grasp` does."""
+        if self.friction is not None:
+            grasp = grasp.with_friction(self.friction)
+        if self.preload is not None:
+            grasp = grasp.with_preload(dict(self.preload))
+        if self.mass is not None or self.center_of_mass is not None:
+            grasp = grasp.about(mass=self.mass, center_of_mass=self.center_of_mass)
+        return grasp
+
+    def to_json(self) -> dict[str, Any]:
+        preload = None if self.preload is None else dict(self.preload)
+        place = None if self.center_of_mass is None else list(self.center_of_mass)
+        return {"mass": self.mass, "center_of_mass": place, "friction": self.friction, "preload": preload}
+
+
+def grasp_of_text(text: str, name: str, changes: GraspChanges) -> Grasp:
+    """The grasp in the text of a grasp file; raises `InputError`."""
+    from handfast.core.files import parse_json
+
+    return changes.changed(from_dict(parse_json(text), name=name))
