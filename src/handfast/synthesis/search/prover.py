@@ -30,7 +30,7 @@ from handfast.synthesis.task_problem import TaskProblem
 SLICE = 20  # calls before another search has its turn, doubled each time round
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
 POSES = "poses"  # name of the pose-space search
-CHEAP = 3  # times as many calls for the poses, whose boxes cost a fraction of the others
+CHEAP = 8  # times as many calls for the poses: of three contacts and more their boxes cost a quarter
 FROM = 3  # contacts, for the pose-space search: with two of them the pose is too free
 
 

@@ -285,6 +285,8 @@ class TurnWork(NamedTuple):
     direction: Reals  # (3,) the object's, turned
     offset: Reals  # (3,) of a point from the middle
     gradient: RealMatrix  # (7, n) derivatives of rows
+    step: Reals  # (n,) towards where the rows are nearest to zero
+    side: Reals  # (n,) half widths
 
 
 class InnerWork(NamedTuple):
@@ -324,7 +326,8 @@ def set_work(flat: Flat, question: SetQuestion) -> tuple[Layout[Any], ...]:
 def pose_work(flat: Flat, deepest: int) -> tuple[Layout[Any], ...]:
     """A `PoseWork` for a stack of so many boxes, one layout a field."""
     n, b = len(flat.coordinates.lower), len(flat.chains.joints)
-    turned = {"rotation": (3, 3), "turn": (4, 3), "point": (3,), "direction": (3,), "offset": (3,), "gradient": (7, n)}
+    turned = {"rotation": (3, 3), "turn": (4, 3), "gradient": (7, n), "step": (n,), "side": (n,)}
+    turned |= dict.fromkeys(("point", "direction", "offset"), (3,))
     inner = {"box": (DEEPEST_INNER, n, 2), "newton": (6, 7), "guess": (deepest, n), "last": (deepest,)}
     return *_taylor(flat, b), Layout(TurnWork, turned), Layout(InnerWork, inner)
 

@@ -10,7 +10,8 @@ region parameters finds no box in which
 
 (a patch on the hand: directions equal) can hold for a pose of the box. C, O, R and the directions are the
 Taylor polynomials of `taylor` and `object_pose`, their remainders bounds over the whole box; `PAD` and
-`ROUNDING` cover what rounds. Newton steps only tell sooner where a contact can be made; they discard nothing.
+`ROUNDING` cover what rounds. The rows count one by one, and in the sum of them that says most
+(`contact_rows`). Newton steps only tell sooner where a contact can be made; they discard nothing.
 """
 
 from __future__ import annotations
@@ -18,18 +19,16 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner
+from handfast.synthesis.search.kernel.contact_rows import directions_meet, least_step, not_apart, points_meet
 from handfast.synthesis.search.kernel.narrowing import (
     AGAIN,
     LOOKS,
-    PAD,
     RADIAN,
-    angle,
     center,
     cut,
     halve,
     narrow,
     set_aside,
-    swept,
     tolerance_of,
 )
 from handfast.synthesis.search.kernel.object_pose import (
@@ -45,17 +44,15 @@ from handfast.synthesis.search.kernel.taylor import (
     OBJECT_DIRECTION,
     OBJECT_POINT,
     ROUNDING,
-    WIDER,
     norm,
-    spread,
 )
 from handfast.synthesis.search.workspace import LEFT, NODES, SMALL, PoseWork
 from handfast.synthesis.task_groups import POSE, QUATERNION
 
-FINE = 0.35  # own coordinates are split until they stray by less than this share of what the pose does
+FINE = 0.5  # own coordinates are split until they stray by less than this share of what the pose does
 SPIN = 0.15  # units of length that a radian of the pose counts for beside the moment arm of the contact
 STEPS = 12  # of Newton towards a guess
-NEAR = 0.05  # of what the pose strays: a guess that is as near will do
+NEAR = 0.3  # of what the pose strays: a guess that is as near will do
 MOST_INNER = 3000  # boxes of an inner search, after which the contact is taken to be possible
 
 
@@ -68,60 +65,18 @@ def _contact(k, bounds, use, chains, regions, coordinates, question, work):
     for _ in range(LOOKS):
         center(bounds, use, work.box)
         theta, curve = gaps(k, use, chains, regions, coordinates, question, work)
-        if not _points_meet(use, theta, curve, coordinates.parameter[0] - POSE, work):
+        tolerance, position = work.polynomials.tolerance[k], coordinates.parameter[0] - POSE
+        fits, points = points_meet(use, theta, curve, position, work)
+        if not fits:
             return False
-        if not _directions_meet(work.polynomials.tolerance[k], use, theta, curve, work):
+        fits, directions = directions_meet(tolerance, use, theta, curve, work)
+        if not fits or not not_apart(tolerance, use, position, points, directions, work):
             return False
         shrunk = cut(bounds, use, work.box)
         if shrunk < 0:
             return False
         if shrunk > AGAIN:
             break
-    return True
-
-
-@inner
-def _points_meet(use, theta, curve, position, work):
-    """Narrow by: the points coincide. theta, curve: as from `gaps`; position: first coordinate of the object's."""
-    box, gradient, y, z = work.box, work.turned.gradient, work.turned.point, work.turned.direction
-    value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
-    stray = spread(slope[OBJECT_POINT], box.half, use) + remainder[OBJECT_POINT]
-    both = remainder[HAND_POINT] + remainder[OBJECT_POINT]
-    error = (both + curve * norm(y) + theta * stray + ROUNDING) * WIDER
-    along = 0.0
-    for c in range(3):
-        gap = value[HAND_POINT, c] - y[c] - box.middle[position + c]
-        along += z[c] * gap
-        if not narrow(gap, gradient[c], -error, error, box, use):
-            return False
-    # along the normal, where the parameters of the region drop out
-    for i in use:
-        gradient[6, i] = z[0] * gradient[0, i] + z[1] * gradient[1, i] + z[2] * gradient[2, i]
-    return narrow(along, gradient[6], -error * WIDER, error * WIDER, box, use)
-
-
-@inner
-def _directions_meet(tolerance, use, theta, curve, work):
-    """Narrow by: the directions of hand and object agree up to the tolerance. theta, curve: as from `gaps`."""
-    box, gradient, z = work.box, work.turned.gradient, work.turned.direction
-    value, slope, remainder = work.polynomials.value[0], work.polynomials.slope[0], work.polynomials.remainder[0]
-    turned = spread(slope[OBJECT_DIRECTION], box.half, use) + remainder[OBJECT_DIRECTION]
-    both = remainder[HAND_DIRECTION] + remainder[OBJECT_DIRECTION]
-    error = (both + curve + theta * turned + ROUNDING) * WIDER
-    if tolerance <= 0:
-        for c in range(3):
-            if not narrow(value[HAND_DIRECTION, c] - z[c], gradient[3 + c], -error, error, box, use):
-                return False
-    elif tolerance < np.pi:
-        tilt = spread(slope[HAND_DIRECTION], box.half, use) + remainder[HAND_DIRECTION]
-        off, gap = swept(1.0, tilt) + swept(1.0, turned) + theta, angle(value[HAND_DIRECTION], z)
-        if gap - off > tolerance + PAD:
-            return False
-        if gap + off > tolerance:
-            error = (error + tilt * (turned + theta)) * WIDER
-            over = cosine_of_directions(use, work) - np.cos(tolerance)
-            if not narrow(over, gradient[3], -np.inf, error, box, use):
-                return False
     return True
 
 
@@ -147,7 +102,7 @@ def _settle(k, bounds, guess, use, sway, chains, regions, coordinates, question,
         if size <= NEAR * NEAR * sway * sway:
             found = True
             break
-        _least(newton, rows, side, use, gradient)
+        least_step(newton, rows, side, use, gradient)
         for i in use:
             step = 0.0
             for a in range(rows):
@@ -183,30 +138,6 @@ def _missing(k, use, position, work):
             newton[3, 6] = over
             size += over * over * RADIAN * RADIAN
     return rows, size
-
-
-@inner
-def _least(matrix, rows, side, use, gradient):
-    """Solve (A S^2 A') a = r with A the rows of `gradient`, S = side, r in column 6 of `matrix`, where a goes."""
-    for a in range(rows):
-        for b in range(a + 1):
-            total = 0.0
-            for i in use:
-                total += gradient[a, i] * gradient[b, i] * side[i] * side[i]
-            matrix[a, b] = matrix[b, a] = total
-    for a in range(rows):
-        matrix[a, a] += 1e-9 * matrix[a, a] + 1e-15
-    for a in range(rows):
-        for b in range(a + 1, rows):
-            f = matrix[b, a] / matrix[a, a]
-            for c in range(a, rows):
-                matrix[b, c] -= f * matrix[a, c]
-            matrix[b, 6] -= f * matrix[a, 6]
-    for back in range(rows):
-        a = rows - 1 - back
-        for c in range(a + 1, rows):
-            matrix[a, 6] -= matrix[a, c] * matrix[c, 6]
-        matrix[a, 6] /= matrix[a, a]
 
 
 @inner
