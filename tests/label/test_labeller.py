@@ -8,9 +8,11 @@ import pytest
 from benchmarks.grasps import random_case
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
-from handfast.label.label_columns import COLUMNS, NAMES, WRENCHES, complete, wrench_column
+from handfast.label.label_columns import COLUMNS, MEASURES, NAMES, WRENCHES, complete, wrench_column
 from handfast.label.labeller import AXES, Labelling, label, spread
 from handfast.label.questions import LargestLoad, Questions
+from handfast.measures.catalogue import CATALOGUE
+from handfast.measures.measuring import measure
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import from_dict
 from handfast.stability.queries import check, maximum, torques
@@ -48,6 +50,18 @@ def test_columns_are_what_the_questions_answer(grasp: Grasp) -> None:
     best = torques(grasp, WEIGHT * at_center(np.array(said["hardest"])))
     assert said["largest_command"] == pytest.approx(best.upper, rel=2e-3)
     assert said["largest_command_lower"] <= best.upper
+
+
+def test_measures_are_those_of_the_command(grasp: Grasp) -> None:
+    said, measured = label(grasp, Labelling(directions=1)), measure(grasp, passive=False)
+    units = {m.key: m.unit for m in CATALOGUE}
+    for column in MEASURES:
+        assert said[column.name] == measured[column.name]
+        assert column.unit == units[column.name]
+    assert said["force_closure"] in (0, 1)
+    assert said["force_closure"] is not True
+    alone = label(from_dict(fixture()), Labelling(directions=1))  # nothing presses down
+    assert (alone["force_closure"], alone["epsilon_l1"]) == (0, 0.0)
 
 
 def test_the_worst_direction_is_that_of_all_maxima(grasp: Grasp) -> None:

@@ -40,6 +40,20 @@ def wrench_column(name: str) -> str:
     return f"max_{'plus' if name[0] == '+' else 'minus'}_{name[1:]}"
 
 
+MEASURES = (  # those of `handfast measures` that need no further package and next to no time
+    LabelColumn("epsilon_l1", "number", "N", "Ferrari and Canny's epsilon, forces of 1 N in all"),
+    LabelColumn("volume_l1", "number", "N^6", "volume of the same wrenches"),
+    LabelColumn("force_closure", "integer", "", "1: forces at the contacts balance any wrench; 0: they do not"),
+    LabelColumn("closure_margin", "number", "", "margin of force closure"),
+    LabelColumn("smallest_singular_value", "number", "", "of the grasp map"),
+    LabelColumn("ellipsoid_volume", "number", "", "of the grasp map"),
+    LabelColumn("isotropy", "number", "", "of the grasp map: smallest over largest singular value"),
+    LabelColumn("q1", "number", "N", "epsilon as benchmarks scale it"),
+    LabelColumn("graspqp", "number", "", "energy of GraspQP, less is better"),
+    LabelColumn("tdg", "number", "", "energy TDG, less is better"),
+    LabelColumn("dfc", "number", "N", "energy DFC, less is better"),
+)
+
 COLUMNS = (
     LabelColumn("row", "integer", "", "number of the row in the dataset, from 0"),
     LabelColumn("name", "text", "", "of the grasp: its file, or as the dataset calls it"),
@@ -69,6 +83,7 @@ COLUMNS = (
     LabelColumn("commands", "numbers", "N m, N", "smallest commands that hold the weight in the hardest direction"),
     LabelColumn("largest_command", "number", "N m, N", "the largest of them; null if none was found"),
     LabelColumn("largest_command_lower", "number", "N m, N", "no smaller largest command holds; null: none does"),
+    *MEASURES,
     LabelColumn("open", "integer", "", "maxima, checks and commands that a limit left open"),
     LabelColumn("stop", "text", "", "complete, or the limit that was hit: nodes, time, numerical", course=True),
     LabelColumn("nodes", "integer", "", "of the searches"),

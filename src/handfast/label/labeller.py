@@ -11,8 +11,9 @@ import numpy as np
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.label.label_columns import WRENCHES, wrench_column
+from handfast.label.label_columns import MEASURES, WRENCHES, LabelColumn, wrench_column
 from handfast.label.questions import LargestLoad, Questions
+from handfast.measures.measuring import measure_columns
 from handfast.model.grasp import Grasp
 from handfast.stability.settings import Settings
 
@@ -100,7 +101,7 @@ def label(grasp: Grasp, labelling: Labelling) -> dict[str, Any]:
     if grasp.mass:
         out |= _under_gravity(ask, labelling, grasp.mass * labelling.g, center, forces)
     out |= _worst(ask, spread(labelling.directions), center, forces)
-    # Classical measures (force closure, epsilon, volume, ...) of a package of their own join the columns here.
+    out |= _measured(grasp)
     out |= {"open": ask.open, "stop": str(ask.stop), "nodes": ask.nodes}
     return out | {"status": "labelled", "seconds": time.perf_counter() - start}
 
@@ -132,6 +133,18 @@ def _axes(ask: Questions, center: Array) -> tuple[dict[str, Any], dict[tuple[flo
         out |= _bounds(wrench_column(name), most)
     forces = {_key(w[:3]): most for w, most in zip(wrenches, found, strict=True) if w[:3].any()}
     return out, forces
+
+
+def _measured(grasp: Grasp) -> dict[str, Any]:
+    """The classical measures, torques about the centre of mass or, without one, the contacts' middle."""
+    said = measure_columns(grasp, only=[c.name for c in MEASURES], passive=False)
+    return {c.name: _counted(c, said[c.name]) for c in MEASURES}
+
+
+def _counted(column: LabelColumn, value: float | bool | None) -> float | int | None:
+    if value is None or column.kind == "integer":
+        return value if value is None else int(value)
+    return _finite(value)
 
 
 def _under_gravity(
