@@ -56,7 +56,7 @@ class ScaledProblem:
         cn_max: scaled limit of every normal force; inf for none.
         G, J, R, A, mu: scaled model arrays, (6, 3m), (3m, l), (a, l), (k, l), (m,).
         force: [N] the force scale; length: [m] the length scale.
-        joint_scale: (l,) moment arms [m].
+        joint_scale: (l,) moment arms [m]; actuator_scale (a,), coupling_scale (k,): of their forces, over `force`.
     """
 
     grasp: Grasp
@@ -82,8 +82,8 @@ class ScaledProblem:
     force: float
     length: float
     joint_scale: Array
-    _actuator_scale: Array
-    _coupling_scale: Array
+    actuator_scale: Array
+    coupling_scale: Array
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:
@@ -161,8 +161,8 @@ class ScaledProblem:
             r=self.force * self.lengths * x.r,
             q=self.force * x.q / self.joint_scale,
             c=self.force * x.c,
-            f=self.force * x.f * self._actuator_scale,
-            coupling=self.force * x.coupling * self._coupling_scale,
+            f=self.force * x.f * self.actuator_scale,
+            coupling=self.force * x.coupling * self.coupling_scale,
         )
 
     def scaled(self, state: State, scalar: float = 0.0) -> ScaledPoint:
@@ -171,14 +171,14 @@ class ScaledProblem:
             state.r / (self.force * self.lengths),
             state.q * self.joint_scale / self.force,
             state.c / self.force,
-            state.f / (self.force * self._actuator_scale),
-            state.coupling / (self.force * self._coupling_scale),
+            state.f / (self.force * self.actuator_scale),
+            state.coupling / (self.force * self.coupling_scale),
             scalar,
         )
 
     def command(self, f_c: Array) -> Array:
         """Scaled, mirrored commands back in the grasp's units."""
-        return self.force * f_c * self._actuator_scale
+        return self.force * f_c * self.actuator_scale
 
 
 def build(
@@ -247,8 +247,8 @@ def build(
         force=force,
         length=grasp.size,
         joint_scale=units.joints,
-        _actuator_scale=units.actuators,
-        _coupling_scale=units.couplings,
+        actuator_scale=units.actuators,
+        coupling_scale=units.couplings,
     )
     _check_range(p, direction is not None)
     return p
@@ -290,6 +290,45 @@ def _largest_forces(grasp: Grasp, torque_limits: Mapping[str, float]) -> Array:
             raise InputError(f"is {limit:g}; a limit is positive", field=f"torque limit.{name}")
         f_max[i] = limit
     return f_max
+
+
+class Scales(NamedTuple):
+    """(k,) each, of many loads: as `ScaledProblem.force`, `direction_scale` and `last_magnitude` of each of them."""
+
+    force: Array
+    direction: Array
+    last_magnitude: Array
+
+
+def scales(
+    grasp: Grasp,
+    base: Array,
+    along: Array | None,
+    torque_limits: Mapping[str, float],
+    force_limit: float | None,
+) -> Scales:
+    """The scales that `build` finds for each of the loads base + s along, (k, 6) each, or base alone."""
+    at_most = _limits(grasp, torque_limits if along is not None else {}, force_limit)
+    commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
+    others = np.maximum(_sizes(grasp, base), commands.max(initial=0.0))
+    others = np.where(others > 0, others, max(at_most, default=0.0))
+    none = np.ones(len(base))
+    if along is None:
+        return Scales(np.where(others > 0, others, 1.0), none, none * np.inf)
+    size = _sizes(grasp, along)
+    with np.errstate(divide="ignore"):
+        direction = np.where(others > 0, 2.0 ** np.round(np.log2(others / size)), 1.0)
+    force = np.where(others > 0, others, size)
+    strongest = np.maximum(force, max(_limits(grasp, torque_limits, force_limit), default=0.0))
+    return Scales(force, direction, ENDLESS * strongest / size)
+
+
+def _sizes(grasp: Grasp, w: Array) -> Array:
+    """(k,) `_size` of each of the disturbances (k, 6)."""
+    middle = grasp.positions.mean(axis=0)
+    torque = w[:, 3:] - np.cross(middle, w[:, :3])
+    out: Array = np.maximum(np.linalg.norm(w[:, :3], axis=1), np.linalg.norm(torque, axis=1) / grasp.size)
+    return out
 
 
 def _others(grasp: Grasp, w0: Array, torque_limits: Mapping[str, float], force_limit: float | None) -> float:
