@@ -49,13 +49,13 @@ if TYPE_CHECKING:
     from handfast.report.plot import draw_map as draw_map
     from handfast.report.plot import draw_sweep as draw_sweep
     from handfast.saved import verify as verify
-    from handfast.stability.hold import hold as hold
-    from handfast.stability.loads import Loads as Loads
-    from handfast.stability.loads_file import load_loads as load_loads
     from handfast.stability.batch import check_many as check_many
     from handfast.stability.batch import max_many as max_many
     from handfast.stability.batch import torques_many as torques_many
     from handfast.stability.batch_answer import BatchAnswer as BatchAnswer
+    from handfast.stability.hold import hold as hold
+    from handfast.stability.loads import Loads as Loads
+    from handfast.stability.loads_file import load_loads as load_loads
     from handfast.stability.maps import force_map as force_map
     from handfast.stability.maps import sweep as sweep
     from handfast.stability.margin import Margin as Margin

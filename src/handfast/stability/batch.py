@@ -2,20 +2,20 @@
 
 Questions about one grasp share what belongs to it (`search/template.py`), and the compiled kernel goes from one to the
 next by itself (`search/batch_search.py`). What holds is judged by the equations, all rows together (`batch_judge.py`).
-A row is asked by itself, as `check`, `maximum` and `torques` do it, where its search does not end within a budget, where
-its programs break down, where nothing holds and that is to be replayed, or where whole answers are wanted.
+A row is asked by itself, as `check`, `maximum` and `torques` do it, where its search does not end within a budget,
+where its programs break down, where nothing holds and that is to be replayed, or where whole answers are wanted.
 
 A check is answered without any search where Newton's method arrives at an exact state from rest, or from the states of
 the loads nearest to it that were asked before. That is sufficient, since the model asks for the existence of a state: a
 state that solves (1) to (8) is a proof whatever it was guessed from. Friction inside the cones that balances the load
 would not do, as normal forces are those of springs: c_n = max(0, -d_n) ties every force to a motion.
 
-What lies between loads with witnesses mostly holds by one step of that method. Let states x, x' solve the model under loads
-w, w' and the same commands, every contact being open in both, sticking in both or sliding in the same direction in both,
-and every actuator turning in both or in neither. Then (1 - s) x + s x' solves it under (1 - s) w + s w', 0 <= s <= 1: (1)
-to (3) are linear; where a contact is open or closed in both, so is (4), with d_n >= 0 and c_n >= 0 kept; the cone (5) is
-convex; (7) says c_t = -mu c_n u with d_t = |d_t| u and a fixed u, which is linear, or d_t = 0; (8) says f = f_c, t >= 0 or
-t = 0, f >= f_c. And where nothing is commanded and nothing limits forces, s x solves it under s w for all s >= 0.
+What lies between loads with witnesses mostly holds by one step of that method. Let states x, x' solve the model under
+loads w, w' and the same commands, every contact being open in both, sticking in both or sliding in the same direction
+in both, and every actuator turning in both or in neither. Then (1 - s) x + s x' solves it under (1 - s) w + s w' for
+0 <= s <= 1: (1) to (3) are linear; where a contact is open or closed in both, so is (4), with d_n >= 0 and c_n >= 0
+kept (exact normals); the cone (5) is convex; (7) says c_t = -mu c_n u and d_t = |d_t| u with a fixed u, which is linear, or
+d_t = 0; (8) says f = f_c, t >= 0 or t = 0, f >= f_c. And where nothing is commanded, s x solves it under s w, s >= 0.
 """
 
 from __future__ import annotations
@@ -80,7 +80,8 @@ class _Part(dict[str, Any]):
         self["lower"][:] = self["upper"][:] = self["residual"][:] = np.nan
         self["verdict"], self["error"] = np.zeros(k, "U9"), np.zeros(k, object)
         self["error"][:] = ""
-        self.wrenches, self.base, self.answers = wrenches, base, [None] * k
+        self.wrenches, self.base = wrenches, base
+        self.answers: list[Answer | None] = [None] * k
 
     def put(self, i: int, answer: Answer) -> None:
         """A whole answer."""
@@ -111,8 +112,8 @@ def check_many(
 
     Args:
         grasps: one, or g of them.
-        wrenches: (n, 6) forces [N] and torques [N m], object frame, or (n, 3) forces, asked of every grasp; or (g, n, 6),
-            (g, n, 3), own ones for each.
+        wrenches: (n, 6) forces [N] and torques [N m], object frame, or (n, 3) forces, asked of every grasp; or
+            (g, n, 6), (g, n, 3), own ones for each.
         jobs: cores to use; by default all. Answers do not depend on it.
         answers: keep whole answers, with witness and certificate; each is then asked by itself.
         on_item: called with (done, total).
@@ -148,8 +149,8 @@ def max_many(
     Args:
         directions: as `wrenches` of `check_many`.
         base: (6,) or (3,) a constant load, the same for all; or one for each direction, shaped like `directions`.
-        answers: keep whole answers, with witness and certificate, and replay every bound. Without, upper bounds are those
-            of searches that ended as they should, and `verified` is False where a bound stands behind the row.
+        answers: keep whole answers, with witness and certificate, and replay every bound. Without, upper bounds are
+            those of searches that ended as they should, and `verified` is False where a bound stands behind the row.
 
     The other arguments, what is returned and raised are those of `check_many` and `maximum`.
     """
@@ -388,9 +389,7 @@ def _alone(grasp: Grasp, part: _Part, i: int, options: BatchOptions) -> Answer:
     if options.query == "check":
         return check(grasp, w, mdp=options.mdp, settings=settings, **limits)
     if options.query == "torques":
-        return torques(
-            grasp, w, objective=options.objective, actuators=options.actuators, settings=settings, **limits
-        )
+        return torques(grasp, w, objective=options.objective, actuators=options.actuators, settings=settings, **limits)
     ask: dict[str, Any] = {"base": part.base[i], "mdp": options.mdp} | limits
     if options.answers or not settings.verify:
         return maximum(grasp, w, settings=settings, **ask)

@@ -61,7 +61,11 @@ class Judge:
         f_c = np.broadcast_to(self.grasp.command, states.f.shape) if commands is None else commands
         with np.errstate(all="ignore"):
             out, plain = self._plain(wrenches, states, f_c)
-        numbers = np.isfinite(np.concatenate([wrenches, states.r, states.q, states.c, states.f, states.coupling], axis=1))
+        if plain.all():
+            return out
+        numbers = np.isfinite(
+            np.concatenate([wrenches, states.r, states.q, states.c, states.f, states.coupling], axis=1)
+        )
         for i in np.flatnonzero(~plain & numbers.all(axis=1)):
             options: dict[str, Any] = {"eta": self.eta, "mdp": self.mdp, "command": f_c[i]}
             out[i] = model.residuals(self.grasp, wrenches[i], states.row(int(i)), **options).worst

@@ -1,9 +1,9 @@
 """One grasp asked again and again while its load and its preload change: `prepare`, then `holds` and `maximum`.
 
 What belongs to grasp, limits and the choice of commanded actuators is reduced once. A load is first tried by Newton's
-method from the states of the loads before it, in the compiled kernel; only where that fails is there a search. What holds
-is judged by the equations (`batch_judge.py`). What slips is asked once more by `check`, for its certificate and the
-replay, which takes many times as long.
+method from the states of the loads before it, in the compiled kernel; only where that fails is there a search. What
+holds is judged by the equations (`batch_judge.py`). What slips is asked once more by `check`, for its certificate and
+the replay, which takes many times as long.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
+from handfast.core.groups import table
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.batch_judge import Judge
@@ -24,7 +25,7 @@ from handfast.stability.certify.certificate import Certificate
 from handfast.stability.goal import ANY_STATE
 from handfast.stability.model import State
 from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
-from handfast.stability.search.arrays import HARD, HELD, QuestionRows
+from handfast.stability.search.arrays import HARD, HELD, UNASKED, QuestionRows
 from handfast.stability.search.batch_search import BatchSearch
 from handfast.stability.search.template import Template
 from handfast.stability.settings import Settings
@@ -99,8 +100,7 @@ class PreparedGrasp:
         w = scaled_problem.as_wrench(wrench)
         found = self._kernel.ask(self.grasp, w)
         if found is not None and found[1] <= VALID:
-            state, residual, nodes = found
-            return self._said(Verdict.HOLDS, w, start, state, residual, None, nodes)
+            return self._said(Verdict.HOLDS, w, start, *found[:2], None, found[2])
         answer: CheckAnswer = check(self.grasp, w, settings=self.settings, **self._limits)
         residual = answer.witness.residuals.worst if answer.witness else np.nan
         state = answer.witness.state if answer.witness else None
@@ -168,16 +168,18 @@ class _Kernel:
         loads = self.template.loads(w[None], None, grasp)
         if not loads.solvable[0]:
             return None
-        row = self.template.rows(loads)
         if self._rows is None:
+            row = self.template.rows(loads)
             many = {name: np.repeat(x, MEMORY + 1, axis=0) for name, x in row._asdict().items()}
             many |= {"mix": row.mix, "plain": row.plain, "noise": row.noise}
             self._rows = QuestionRows(**many)
             self._rows.status[:] = HARD
+            self._lines = table(self._rows)
         rows = self._rows
-        for name in ("load", "off", "lo", "hi", "energy", "status"):
-            getattr(rows, name)[MEMORY] = getattr(row, name)[0]
-        self._search.run(rows)
+        for name, values in self.template.posed(loads).items():
+            getattr(rows, name)[MEMORY] = values[0]
+        rows.status[MEMORY] = UNASKED
+        self._search.run(rows, self._lines)
         if rows.status[MEMORY] != HELD:
             return None
         states, _ = self.template.states(loads, rows.z[MEMORY:])

@@ -308,10 +308,11 @@ def scales(
     force_limit: float | None,
 ) -> Scales:
     """The scales that `build` finds for each of the loads base + s along, (k, 6) each, or base alone."""
-    at_most = _limits(grasp, torque_limits if along is not None else {}, force_limit)
     commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
     others = np.maximum(_sizes(grasp, base), commands.max(initial=0.0))
-    others = np.where(others > 0, others, max(at_most, default=0.0))
+    if not others.all():
+        at_most = _limits(grasp, torque_limits if along is not None else {}, force_limit)
+        others = np.where(others > 0, others, max(at_most, default=0.0))
     none = np.ones(len(base))
     if along is None:
         return Scales(np.where(others > 0, others, 1.0), none, none * np.inf)
@@ -326,8 +327,8 @@ def scales(
 def _sizes(grasp: Grasp, w: Array) -> Array:
     """(k,) `_size` of each of the disturbances (k, 6)."""
     middle = grasp.positions.mean(axis=0)
-    torque = w[:, 3:] - np.cross(middle, w[:, :3])
-    out: Array = np.maximum(np.linalg.norm(w[:, :3], axis=1), np.linalg.norm(torque, axis=1) / grasp.size)
+    force, torque = w[:, :3], w[:, 3:] - (middle[[1, 2, 0]] * w[:, [2, 0, 1]] - middle[[2, 0, 1]] * w[:, [1, 2, 0]])
+    out: Array = np.sqrt(np.maximum((force * force).sum(axis=1), (torque * torque).sum(axis=1) / grasp.size**2))
     return out
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from handfast.core.arrays import Array, Mask
+from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import table
 from handfast.stability.batch_judge import StateRows
 from handfast.stability.search.arrays import CHILDREN, HARD, HELD, NONE, UNASKED, QuestionRows
@@ -34,7 +32,7 @@ class FoundRows:
     held: Mask
     none: Mask
     hard: Mask
-    nodes: Array
+    nodes: Indices
     states: StateRows
     scalar: Array
     best: Array
@@ -56,6 +54,8 @@ class BatchSearch:
         room = CHILDREN * (BUDGET + SLICE) + SPARE
         self._worker = SearchWorker.of(r, heap=room)
         self._pool, self._pool_table = new_pool(room, 3 * r.sizes[0] + r.sizes[1], len(r.cost))
+        self._tables = self._table, self._worker.table, self._pool_table, *self._worker.workspace.tables
+        self._boxes = [r.beginning(box).box for box in r.boxes[:TRIED]]
         self._gaps = r.goal.gaps(gap * (1 - 2 * INSIDE), r.scale)
 
     def ask(self, loads: LoadRows) -> FoundRows:
@@ -78,12 +78,15 @@ class BatchSearch:
             rows.at_end,
         )
 
-    def run(self, rows: QuestionRows) -> None:
-        """Let the kernel answer the rows that are unasked; those whose programs break down from another box as well."""
-        tables = self._table, self._worker.table, self._pool_table, *self._worker.workspace.tables, table(rows)
+    def run(self, rows: QuestionRows, lines: Indices | None = None) -> None:
+        """Let the kernel answer the rows that are unasked; those whose programs break down from another box as well.
+
+        lines: the table of these rows, if there is one.
+        """
+        tables = *self._tables, table(rows) if lines is None else lines
         refused, last = rows.status == HARD, len(rows.status)
-        for box in self.template.reduced.boxes[:TRIED]:
-            self._question.box[:] = self.template.reduced.beginning(box).box
+        for box in self._boxes:
+            self._question.box[:] = box
             LIBRARY.functions.ask_rows(*tables, *self._gaps, INSIDE * self.gap, BUDGET, 0, last)
             again = (rows.status == HARD) & ~refused & (rows.nodes < BUDGET)
             if not again.any():

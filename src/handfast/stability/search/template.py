@@ -6,8 +6,8 @@ magnitude to be found (`LargestMagnitude`) through one column of E as well. With
 
     null space of E = null space of E0, and (u, 1),
 
-which are at right angles. Programs that begin with the magnitude as an unknown of its own break down, so that all columns
-of the basis have a part of the last one (`mix`), by a reflection: what a row adds to the basis is one column times that.
+which are at right angles. Programs that begin with the magnitude as an unknown of its own break down, so that all
+columns of the basis have a part of the last one (`mix`), by a reflection: what a row adds is one column times that.
 """
 
 from __future__ import annotations
@@ -138,37 +138,13 @@ class Template:
 
     def rows(self, loads: LoadRows) -> QuestionRows:
         """What the kernel asks."""
-        p, r = self.problem, self.reduced
-        k, F, n, nu = len(loads.base), len(r.C), len(r.cost), r.M.shape[1]
-        share = p.force / loads.force  # scaled forces of the template times this are those of the row
-        f_c = loads.grasp.command / (loads.force[:, None] * p.actuator_scale)
-        constants = np.zeros((k, F))
-        if r.goal != SMALLEST_PRELOAD:  # whose commands have the scalar as a factor
-            slack = 3 * len(p.mu) + 2 * np.arange(len(r.active))
-            constants[:, slack] = -f_c[:, r.active]
-        off = np.zeros((k, whole_vectors(F)))
-        off[:, :F] = loads.y0 @ r.values.T + constants
-        lo, hi = (np.broadcast_to(x, (k, len(x))).copy() for x in (r.lo, r.hi))
-        for place, (kind, _) in enumerate(r.names):
-            if kind in ("normal", "force"):
-                lo[:, place] *= share
-                hi[:, place] *= share
-        if r.objective:
-            end = loads.last_magnitude / loads.direction_scale
-            lo[:, 0], hi[:, 0] = (1.0 / end, HIGHEST) if r.goal == SMALLEST_PRELOAD else (-end, 0.0)
-        energy = np.zeros((k, 0, nu))
-        if r.names and r.names[-1][0] == "energy":
-            energy = self._energy(loads, f_c)
+        r, k = self.reduced, len(loads.base)
+        nu, n = r.M.shape[1], len(r.cost)
         column, plain = np.zeros((k, 0)), np.zeros((0, 0))
         if len(self.mix):
             column, plain = np.ascontiguousarray(loads.last_column @ r.values.T), np.ascontiguousarray(r.C[:, nu:])
-        near = np.where(loads.along.any(axis=1)[:, None], loads.along * loads.direction_scale[:, None], loads.base)
         return QuestionRows(
-            load=np.ascontiguousarray(near * p.lengths / loads.force[:, None]),
-            off=off,
-            lo=lo,
-            hi=hi,
-            energy=energy,
+            **self.posed(loads),
             column=column,
             mix=self.mix,
             plain=plain,
@@ -180,6 +156,40 @@ class Template:
             cut=np.zeros(k),
             at_end=np.zeros(k, np.bool_),
         )
+
+    def posed(self, loads: LoadRows) -> dict[str, Array]:
+        """The arrays of `QuestionRows` in which the loads are."""
+        p, r = self.problem, self.reduced
+        k, F = len(loads.base), len(r.C)
+        f_c = loads.grasp.command / (loads.force[:, None] * p.actuator_scale)
+        off = np.zeros((k, whole_vectors(F)))
+        off[:, :F] = loads.y0 @ r.values.T
+        if r.goal != SMALLEST_PRELOAD:  # whose commands have the scalar as a factor
+            off[:, self._slack] -= f_c[:, r.active]
+        lo, hi = (np.repeat(x[None], k, axis=0) for x in (r.lo, r.hi))
+        if len(self._limits):
+            share = (p.force / loads.force)[:, None]  # scaled forces of the template times this are those of the row
+            lo[:, self._limits] *= share
+            hi[:, self._limits] *= share
+        if r.objective:
+            end = loads.last_magnitude / loads.direction_scale
+            lo[:, 0], hi[:, 0] = (1.0 / end, HIGHEST) if r.goal == SMALLEST_PRELOAD else (-end, 0.0)
+        energy = np.zeros((k, 0, r.M.shape[1]))
+        if r.names and r.names[-1][0] == "energy":
+            energy = self._energy(loads, f_c)
+        near = loads.along * loads.direction_scale[:, None] if r.objective else loads.base
+        load = near * p.lengths / loads.force[:, None]
+        return {"load": load, "off": off, "lo": lo, "hi": hi, "energy": energy}
+
+    @cached_property
+    def _slack(self) -> Indices:
+        """Which forces are f - f_c."""
+        return 3 * len(self.problem.mu) + 2 * np.arange(len(self.reduced.active))
+
+    @cached_property
+    def _limits(self) -> Indices:
+        """Which plain bounds are limits of forces."""
+        return np.flatnonzero([kind in ("normal", "force") for kind, _ in self.reduced.names])
 
     def _energy(self, loads: LoadRows, f_c: Array) -> Array:
         """(k, 2, nu) the two parts of the balance of energy over the unknown motions; f_c: (k, a) scaled."""
@@ -219,4 +229,3 @@ class Template:
             force * coupling * p.coupling_scale,
         )
         return state, scalar
-

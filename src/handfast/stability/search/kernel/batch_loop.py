@@ -70,7 +70,6 @@ def ask_rows(question, worker, pool, kept, node, work, room, rows, gap, gap_abso
 @inner
 def pose(question, worker, rows, i):
     """Put a row's load into the question and its bounds into the worker, which knows nothing then."""
-    n = question.cost.shape[0]
     for k in range(rows.off.shape[1]):
         question.off[k] = rows.off[i, k]
     for k in range(rows.lo.shape[1]):
@@ -108,7 +107,7 @@ def pose_column(question, rows, i):
 
 @inner
 def known(question, worker, room, rows, first, i):
-    """Does Newton's method find a state from rest, or from the states of the rows asked before whose loads are nearest?"""
+    """Does Newton's method find a state from rest, or from the states of rows before whose loads are nearest?"""
     n = question.cost.shape[0]
     last = -1
     before = -1.0
