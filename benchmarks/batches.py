@@ -4,10 +4,11 @@
     python -m benchmarks.batches --picture docs/img/latencies.png
 
 For 3 to 6 contacts, on the first random grasps of `grasps.py`: `SIZE` random loads on each in one call of `max_many`
-and of `check_many`, and the first of them one by one by `maximum` and `check` in the same run, once with the replay of
-bounds and once without. `across` asks one direction of many grasps. With --peers, Algorithm 1 on Gurobi is asked a
-maximum of each grasp, as in `engine.py`; one that is stopped counts with its limit. Times are of the processor, all
-threads, since the machine is shared. Results are kept in results/batches.json.
+and of `check_many`; then the first of them in a call of their own, and one by one by `maximum` and `check` in the same
+run, once with the replay of bounds and once without: means over the same questions. `across` asks one direction of many
+grasps. With --peers, Algorithm 1 on Gurobi is asked a maximum of each grasp, as in `engine.py`; one that is stopped
+counts with its limit. Times are of the processor, all threads, since the machine is shared. Results are kept in
+results/batches.json.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ RESULTS = Path(__file__).parent / "results" / "batches.json"
 SIZES = (3, 4, 5, 6)
 SIZE = 1000  # questions of a batch
 GRASPS = 4  # of each number of contacts
-ALONE = 12  # questions that are asked one by one
+ALONE = 40  # questions that are asked one by one
+REPLAYED = 8  # of these with the replay of their bounds
 STEPS = 400  # of a changing load
 QUICK = Settings(verify=False)
 
@@ -53,9 +55,9 @@ def loads(case: Case) -> Array:
 
 
 def alone(ask: Callable[[Array], Any], W: Array) -> tuple[list[Any], float]:
-    """Answers one by one, and the median processor time [s]."""
-    found = [timed(lambda w=w: ask(w)) for w in W[:ALONE]]
-    return [answer for answer, _ in found], statistics.median(seconds for _, seconds in found)
+    """Answers one by one, and the mean processor time [s]."""
+    found = [timed(lambda w=w: ask(w)) for w in W]
+    return [answer for answer, _ in found], statistics.fmean(seconds for _, seconds in found)
 
 
 def row(case: Case) -> dict[str, Any]:
@@ -64,10 +66,13 @@ def row(case: Case) -> dict[str, Any]:
     maxima, together = timed(lambda: max_many(g, W, jobs=1))
     _, checked = timed(lambda: check_many(g, W, jobs=1, settings=QUICK))
     replayed, with_replay = timed(lambda: check_many(g, W[:100], jobs=1))
-    ones, bare = alone(lambda w: maximum(g, w, settings=QUICK), W)
-    whole = alone(lambda w: maximum(g, w), W)[1]
-    bare_check = alone(lambda w: check(g, w, settings=QUICK), W)[1]
-    whole_check = alone(lambda w: check(g, w), W)[1]
+    some = W[:ALONE]
+    same = timed(lambda: max_many(g, some, jobs=1))[1] / ALONE
+    same_check = timed(lambda: check_many(g, some, jobs=1, settings=QUICK))[1] / ALONE
+    ones, bare = alone(lambda w: maximum(g, w, settings=QUICK), some)
+    whole = alone(lambda w: maximum(g, w), W[:REPLAYED])[1]
+    bare_check = alone(lambda w: check(g, w, settings=QUICK), some)[1]
+    whole_check = alone(lambda w: check(g, w), some)[1]
     agree = [
         a.verdict == v and a.lower <= u * (1 + 1e-9) and low <= a.upper * (1 + 1e-9)
         for a, v, low, u in zip(ones, maxima.verdict, maxima.lower, maxima.upper, strict=False)
@@ -76,13 +81,15 @@ def row(case: Case) -> dict[str, Any]:
         "name": case.name,
         "contacts": case.contacts,
         "max_many": together / SIZE,
+        "max_many_same": same,
+        "check_many_same": same_check,
         "maximum": bare,
         "maximum_replayed": whole,
         "check_many": checked / SIZE,
         "check_many_replayed": with_replay / 100,
         "check": bare_check,
         "check_replayed": whole_check,
-        "agree": sum(agree),
+        "agree": int(sum(agree)),
         "asked": len(agree),
         "slips": float((replayed.verdict == "slips").mean()),
     }
@@ -137,6 +144,9 @@ def table(data: dict[str, Any]) -> str:
         def median(key: str, some: list[dict[str, Any]] = some) -> float:
             return statistics.median(r[key] for r in some)
 
+        def ratio(one: str, many: str, some: list[dict[str, Any]] = some) -> float:
+            return statistics.median(r[one] / r[many] for r in some)
+
         batch, checked = median("max_many"), median("check_many")
         asked = [r for r in data.get("peers", []) if r["contacts"] == m and r["seconds"] is not None]
         other = ""
@@ -144,9 +154,9 @@ def table(data: dict[str, Any]) -> str:
             floor = "≥ " if any(r["stop"] == "time" for r in asked) else ""
             other = f"{floor}{statistics.median(r['seconds'] for r in asked) / batch:,.0f}"
         lines.append(
-            f"| {m} | {1e3 * batch:.2f} | {1e3 * median('maximum'):.2f}, {median('maximum') / batch:.1f} "
-            f"| {1e3 * median('maximum_replayed'):.0f}, {median('maximum_replayed') / batch:.0f} | {other} "
-            f"| {1e3 * checked:.3f} | {1e3 * median('check'):.2f}, {median('check') / checked:.1f} |"
+            f"| {m} | {1e3 * batch:.2f} | {1e3 * median('maximum'):.2f}, {ratio('maximum', 'max_many_same'):.1f} "
+            f"| {1e3 * median('maximum_replayed'):.0f}, {ratio('maximum_replayed', 'max_many_same'):.0f} | {other} "
+            f"| {1e3 * checked:.3f} | {1e3 * median('check'):.2f}, {ratio('check', 'check_many_same'):.1f} |"
         )
     return "\n".join(lines)
 
@@ -170,10 +180,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--peers", action="store_true", help="ask Algorithm 1 on Gurobi as well")
     parser.add_argument("--peer-limit", type=float, default=60.0, metavar="S")
+    parser.add_argument("--out", type=Path, default=RESULTS, metavar="JSON")
     parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the histogram of the results there are")
     options = parser.parse_args()
     if options.picture:
-        draw(json.loads(RESULTS.read_text()), options.picture)
+        draw(json.loads(options.out.read_text()), options.picture)
         return
     chosen = [c for m in SIZES for c in [c for c in cases(("random",)) if c.contacts == m][:GRASPS]]
     maximum(chosen[0].grasp, chosen[0].direction)  # loads the machine code
@@ -184,13 +195,13 @@ def main() -> None:
         print(rows[-1], flush=True)
     data["across"] = {m: across([c for c in cases(("random",)) if c.contacts == m]) for m in SIZES}
     data["changing"] = {m: [s for case in chosen if case.contacts == m for s in changing(case)] for m in SIZES}
-    RESULTS.write_text(json.dumps(data, indent=1) + "\n")
+    options.out.write_text(json.dumps(data, indent=1) + "\n")
     if options.peers:
         data["peers"] = []
         for case in chosen:
             data["peers"].append(peer(case, options.peer_limit))
             print(data["peers"][-1], flush=True)
-            RESULTS.write_text(json.dumps(data, indent=1) + "\n")
+            options.out.write_text(json.dumps(data, indent=1) + "\n")
     print(table(data))
 
 

@@ -150,6 +150,16 @@ def test_jobs_do_not_change_answers(monkeypatch: pytest.MonkeyPatch) -> None:
             np.testing.assert_array_equal(getattr(ways[0], name), getattr(other, name))
 
 
+def test_ctrl_c_leaves_what_was_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(batch, "BLOCK", 2)
+    found = check_many(pinch(), [[0, 0.9, 0]] * 5, jobs=1, on_item=stop)
+    assert found.verdict.tolist() == ["holds", "holds", "", "", ""]
+    assert found.error[-1] == batch.INTERRUPTED
+
+
 def test_whole_answers_on_request() -> None:
     found = max_many(bell(), [[0, 1, 0], [0, 0, 0]], answers=True)
     assert found.answers is not None

@@ -14,8 +14,9 @@ What lies between loads with witnesses mostly holds by one step of that method. 
 loads w, w' and the same commands, every contact being open in both, sticking in both or sliding in the same direction
 in both, and every actuator turning in both or in neither. Then (1 - s) x + s x' solves it under (1 - s) w + s w' for
 0 <= s <= 1: (1) to (3) are linear; where a contact is open or closed in both, so is (4), with d_n >= 0 and c_n >= 0
-kept (exact normals); the cone (5) is convex; (7) says c_t = -mu c_n u and d_t = |d_t| u with a fixed u, which is linear, or
-d_t = 0; (8) says f = f_c, t >= 0 or t = 0, f >= f_c. And where nothing is commanded, s x solves it under s w, s >= 0.
+kept (exact normals); the cone (5) is convex; (7) says c_t = -mu c_n u and d_t = |d_t| u with a fixed u, which is
+linear, or d_t = 0; (8) says f = f_c, t >= 0 or t = 0, f >= f_c. And where nothing is commanded and nothing limits
+forces, s x solves it under s w for all s >= 0.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ OnItem = Callable[[int, int], None]  # done, total
 BLOCK = 125  # questions that are answered together: each begins with what those before it showed
 FORK = 500  # questions from which on processes pay
 COLUMNS = ("lower", "upper", "unbounded", "residual", "verified", "nodes", "seconds")
+INTERRUPTED = "was not asked: Ctrl-C came first"
 NUMERIC = {"unbounded": np.bool_, "verified": np.bool_, "nodes": np.int64}
 
 
@@ -74,12 +76,12 @@ class BatchOptions:
 class _Part(dict[str, Any]):
     """The columns of some rows about one grasp, and their whole answers."""
 
-    def __init__(self, wrenches: Array, base: Array) -> None:
+    def __init__(self, wrenches: Array, base: Array, error: str = "") -> None:
         k = len(wrenches)
         super().__init__({name: np.zeros(k, NUMERIC.get(name, np.float64)) for name in COLUMNS})
         self["lower"][:] = self["upper"][:] = self["residual"][:] = np.nan
         self["verdict"], self["error"] = np.zeros(k, "U9"), np.zeros(k, object)
-        self["error"][:] = ""
+        self["error"][:] = error
         self.wrenches, self.base = wrenches, base
         self.answers: list[Answer | None] = [None] * k
 
@@ -122,6 +124,8 @@ def check_many(
 
     Returns:
         Arrays (n,) for one grasp, (g, n) for several. A row whose question is refused has the reason in `error`.
+
+    After Ctrl-C so have those that were not asked.
 
     Raises:
         InputError: wrenches of another shape; no grasps.
@@ -211,11 +215,14 @@ def _ask(
     parts: list[_Part] = []
     jobs = min(jobs or default_jobs(), max(len(_chunks(pieces)), 1))
     with WorkerPool((each, W, B, options), jobs, threads=not forked) as pool:
-        for some in pool.map(_chunk, _chunks(pieces)):
-            parts += some
-            done += sum(len(part.wrenches) for part in some)
-            if on_item:
-                on_item(done, total)
+        try:
+            for some in pool.map(_chunk, _chunks(pieces)):
+                parts += some
+                done += sum(len(part.wrenches) for part in some)
+                if on_item:
+                    on_item(done, total)
+        except KeyboardInterrupt:
+            parts += [_Part(W[i, a:b], B[i, a:b], INTERRUPTED) for i, a, b in pieces[len(parts) :]]
     shape = (n,) if isinstance(grasps, Grasp) else (g, n)
 
     def whole(name: str) -> Any:
