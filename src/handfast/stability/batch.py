@@ -48,6 +48,7 @@ from handfast.stability.witness import VALID
 
 OnItem = Callable[[int, int], None]  # done, total
 BLOCK = 125  # questions that are answered together: each begins with what those before it showed
+FEW = 2  # questions about one grasp from which on it pays to prepare it
 FORK = 500  # questions from which on processes pay
 COLUMNS = ("lower", "upper", "unbounded", "residual", "verified", "nodes", "seconds")
 INTERRUPTED = "was not asked: Ctrl-C came first"
@@ -317,8 +318,8 @@ def _goals(grasp: Grasp, part: _Part, options: BatchOptions) -> Iterator[tuple[A
 
 def _together(grasp: Grasp, part: _Part, rows: Any, goal: Goal, options: BatchOptions) -> Any:
     """Answer these rows by the kernel; returns which of them (bool) it answered."""
-    if not len(rows):
-        return np.zeros(0, bool)
+    if len(rows) < FEW:
+        return np.zeros(len(rows), bool)
     start = time.monotonic()
     W, B = part.wrenches[rows], part.base[rows]
     of_max = goal != ANY_STATE
