@@ -166,7 +166,7 @@ def draw(data: dict[str, Any], file: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7.0, 3.2), layout="constrained")
-    bins = np.geomspace(0.1, 30, 60)
+    bins = np.geomspace(0.1, 1000, 100)
     for m, seconds in data["changing"].items():
         ms = 1e3 * np.array(seconds)
         axes.hist(ms, bins, histtype="step", linewidth=1.5, label=f"{m} contacts, median {np.median(ms):.2f} ms")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -308,8 +309,7 @@ def scales(
     force_limit: float | None,
 ) -> Scales:
     """The scales that `build` finds for each of the loads base + s along, (k, 6) each, or base alone."""
-    commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
-    others = np.maximum(_sizes(grasp, base), commands.max(initial=0.0))
+    others = np.maximum(_sizes(grasp, base), _largest_command(grasp))
     if not others.all():
         at_most = _limits(grasp, torque_limits if along is not None else {}, force_limit)
         others = np.where(others > 0, others, max(at_most, default=0.0))
@@ -322,6 +322,13 @@ def scales(
     force = np.where(others > 0, others, size)
     strongest = np.maximum(force, max(_limits(grasp, torque_limits, force_limit), default=0.0))
     return Scales(force, direction, ENDLESS * strongest / size)
+
+
+@lru_cache(maxsize=8)  # of a grasp that is asked again and again
+def _largest_command(grasp: Grasp) -> float:
+    """[N] the largest command as a force at a contact."""
+    commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
+    return float(commands.max(initial=0.0))
 
 
 def _sizes(grasp: Grasp, w: Array) -> Array:
