@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from handfast import check, check_many, max_many, maximum, torques, torques_many
+from handfast import Loads, check, check_many, max_many, maximum, torques, torques_many
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
@@ -109,6 +109,7 @@ def test_shapes_of_several_grasps() -> None:
     assert same.verdict.tolist() == [["holds", "holds"], ["slips", "holds"], ["holds", "holds"]]
     own = check_many(grasps, np.stack([W, W[::-1], W]))
     assert own.verdict[1].tolist() == ["holds", "slips"]
+    assert check_many(pinch(), Loads.wrench(W[0]) + Loads.wrench(W[1], "less")).verdict.tolist() == ["holds", "holds"]
     forces = max_many(grasps, W[:, :3], base=np.stack([0 * W, 0 * W, 0.1 * W]))
     assert forces.wrenches.shape == (3, 2, 6)
     np.testing.assert_allclose(forces.lower[0], [1 / 0.8, 1 / 0.5], rtol=2e-3)

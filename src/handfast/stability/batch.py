@@ -39,6 +39,7 @@ from handfast.stability.answers import Answer
 from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.batch_judge import Judge, StateRows
 from handfast.stability.goal import ANY_STATE, LARGEST, NEAR_END, SMALLEST_PRELOAD, Effort, Goal
+from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, check, maximum, torques
 from handfast.stability.queries.max_query import MaxAnswer, max_goal
 from handfast.stability.search.batch_search import BatchSearch, FoundRows
@@ -116,7 +117,7 @@ def check_many(
     Args:
         grasps: one, or g of them.
         wrenches: (n, 6) forces [N] and torques [N m], object frame, or (n, 3) forces, asked of every grasp; or
-            (g, n, 6), (g, n, 3), own ones for each.
+            (g, n, 6), (g, n, 3), own ones for each; or `Loads`.
         jobs: cores to use; by default all. Answers do not depend on it.
         answers: keep whole answers, with witness and certificate; each is then asked by itself.
         on_item: called with (done, total).
@@ -241,7 +242,7 @@ def _table(wrenches: Any, g: int, field_: str) -> Array:
     """(g, n, 6) of whatever shape was given; nothing is said of its numbers yet."""
     needed = f"(n, 6) or (n, 3) for all grasps, ({g}, n, 6) or ({g}, n, 3) with own ones for each"
     try:
-        W = np.array(wrenches, dtype=float)
+        W = np.array(wrenches.wrenches if isinstance(wrenches, Loads) else wrenches, dtype=float)
     except (TypeError, ValueError):
         raise InputError(f"must be numbers, {needed}", field=field_) from None
     W = W[None] if W.ndim == 1 else W
