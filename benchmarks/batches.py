@@ -195,13 +195,13 @@ def main() -> None:
         print(rows[-1], flush=True)
     data["across"] = {m: across([c for c in cases(("random",)) if c.contacts == m]) for m in SIZES}
     data["changing"] = {m: [s for case in chosen if case.contacts == m for s in changing(case)] for m in SIZES}
-    options.out.write_text(json.dumps(data, indent=1) + "\n")
+    options.out.write_text(json.dumps(data) + "\n")
     if options.peers:
         data["peers"] = []
         for case in chosen:
             data["peers"].append(peer(case, options.peer_limit))
             print(data["peers"][-1], flush=True)
-            options.out.write_text(json.dumps(data, indent=1) + "\n")
+            options.out.write_text(json.dumps(data) + "\n")
     print(table(data))
 
 
