@@ -20,7 +20,7 @@ from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from handfast.core.parallel import default_jobs
 from handfast.model.grasp_file import load_grasp
-from handfast.stability.many import Case, Options, max_many, maxima
+from handfast.stability.many import Case, Options, max_answers, maxima
 from handfast.stability.queries import maximum
 
 RESULTS = Path(__file__).parent / "results" / "maps.json"
@@ -45,7 +45,7 @@ def main() -> None:
     print("|---|---:|---:|---:|---:|---:|---:|")
     for grasp in grasps:
         alone = timed(lambda g=grasp: [maximum(g, d) for d in circle])
-        one = timed(lambda g=grasp: max_many(g, circle, jobs=1))
+        one = timed(lambda g=grasp: max_answers(g, circle, jobs=1))
         base = np.zeros(6)  # one for all: neighbours are known by it
         cases = [Case(grasp, d, base) for d in circle]
         many = timed(lambda c=cases: maxima(c, Options(proofs=False), jobs))  # as `force_map` asks

@@ -56,14 +56,18 @@ if TYPE_CHECKING:
     from handfast.report.plot import draw_map as draw_map
     from handfast.report.plot import draw_sweep as draw_sweep
     from handfast.saved import verify as verify
+    from handfast.stability.batch import check_many as check_many
+    from handfast.stability.batch import max_many as max_many
+    from handfast.stability.batch import torques_many as torques_many
+    from handfast.stability.batch_answer import BatchAnswer as BatchAnswer
     from handfast.stability.hold import hold as hold
     from handfast.stability.loads import Loads as Loads
     from handfast.stability.loads_file import load_loads as load_loads
-    from handfast.stability.many import max_many as max_many
     from handfast.stability.maps import force_map as force_map
     from handfast.stability.maps import sweep as sweep
     from handfast.stability.margin import Margin as Margin
     from handfast.stability.margin_search import margin as margin
+    from handfast.stability.prepared import prepare as prepare
     from handfast.stability.queries import check as check
     from handfast.stability.queries import maximum as maximum
     from handfast.stability.queries import torques as torques
@@ -126,11 +130,15 @@ _HOME = {
     "hold": "stability.hold",
     "Loads": "stability.loads",
     "load_loads": "stability.loads_file",
-    "max_many": "stability.many",
+    "BatchAnswer": "stability.batch_answer",
+    "check_many": "stability.batch",
+    "max_many": "stability.batch",
+    "torques_many": "stability.batch",
     "force_map": "stability.maps",
     "sweep": "stability.maps",
     "Margin": "stability.margin",
     "margin": "stability.margin_search",
+    "prepare": "stability.prepared",
     "check": "stability.queries",
     "maximum": "stability.queries",
     "torques": "stability.queries",

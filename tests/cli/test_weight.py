@@ -154,7 +154,7 @@ def test_three_numbers_are_a_force_for_every_question(tmp_path: Path, capsys: py
     mine = [maximum(pinch(), d, base=b) for d, b in (([0, 1, 0], [0, 0, 0.1]), (six, [0, 0, 0.1, 0, 0, 0]))]
     assert [a.lower for a in mine] == [largest["lower"]] * 2
     assert torques(pinch(), [0, 1, 0]).upper == torques(pinch(), six).upper
-    assert max_many(pinch(), [[0, 1, 0]])[0].lower == max_many(pinch(), [six])[0].lower  # type: ignore[union-attr]
+    assert max_many(pinch(), [[0, 1, 0]]).lower == max_many(pinch(), [six]).lower
     swept = [sweep(pinch(), "left", [0.1], [d], jobs=1) for d in ([0, 1, 0], six)]
     assert swept[0].directions.tolist() == swept[1].directions.tolist() == [six]
     assert Loads.wrench([0, 1, 0]).wrenches.tolist() == [six]

@@ -13,7 +13,7 @@ from handfast.core.parallel import WorkerPool
 from handfast.model.grasp_file import load_grasp
 from handfast.stability import many
 from handfast.stability.certify.checker import verify
-from handfast.stability.many import FEW, max_many
+from handfast.stability.many import FEW, max_answers
 from handfast.stability.queries import MaxAnswer, maximum
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, table
@@ -26,7 +26,7 @@ CIRCLE = [[np.cos(a), np.sin(a), 0, 0, 0, 0] for a in np.linspace(0, 2 * np.pi, 
 def test_neighbours_help_but_do_not_change_the_answer(make, jobs: int) -> None:
     """Shared reductions and first guesses: the bounds of both ways overlap, verdicts are the same."""
     grasp = make()
-    for direction, answer in zip(CIRCLE, max_many(grasp, CIRCLE, jobs=jobs), strict=True):
+    for direction, answer in zip(CIRCLE, max_answers(grasp, CIRCLE, jobs=jobs), strict=True):
         alone = maximum(grasp, direction)
         assert (answer.verdict, answer.unbounded, answer.stop) == (alone.verdict, alone.unbounded, alone.stop)
         assert answer.lower <= alone.upper * (1 + 1e-9)
@@ -37,7 +37,7 @@ def test_neighbours_help_but_do_not_change_the_answer(make, jobs: int) -> None:
 
 
 def test_every_bound_is_certified() -> None:
-    for answer in max_many(bell(), CIRCLE):
+    for answer in max_answers(bell(), CIRCLE):
         if not answer.unbounded:
             assert verify(answer.certificate).ok
 
@@ -46,10 +46,10 @@ def test_processes_and_threads_give_the_same(monkeypatch: pytest.MonkeyPatch) ->
     grasp, directions = bell(), [x for x in CIRCLE for _ in range(3)]
     assert len(directions) > FEW
     monkeypatch.setattr("handfast.stability.many.BLOCK", 20)  # as many as that know of each other
-    ways = [max_many(grasp, directions, jobs=2)]
+    ways = [max_answers(grasp, directions, jobs=2)]
     monkeypatch.setattr("handfast.core.parallel.START", "spawn")
-    ways.append(max_many(grasp, directions, jobs=2))
-    ways.append(max_many(grasp, directions, jobs=1))
+    ways.append(max_answers(grasp, directions, jobs=2))
+    ways.append(max_answers(grasp, directions, jobs=1))
     for first, *others in zip(*ways, strict=True):
         for answer in others:
             assert (answer.lower, answer.upper, answer.nodes) == (first.lower, first.upper, first.nodes)
@@ -70,8 +70,8 @@ def test_solvers_of_algorithm1_are_not_for_threads(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr("handfast.core.parallel.START", "spawn")
     monkeypatch.setattr(many, "WorkerPool", Pool)
-    max_many(bell(), CIRCLE, settings=Settings(method="algorithm1"), jobs=4)
-    max_many(bell(), CIRCLE, jobs=4)
+    max_answers(bell(), CIRCLE, settings=Settings(method="algorithm1"), jobs=4)
+    max_answers(bell(), CIRCLE, jobs=4)
     assert seen == [(1, True), (4, True)]
 
 
@@ -79,15 +79,15 @@ def test_ctrl_c_leaves_none_in_processes_either() -> None:
     def stop(done: int, total: int) -> None:
         raise KeyboardInterrupt
 
-    answers = max_many(pinch(), CIRCLE * 4, jobs=2, on_item=stop)
+    answers = max_answers(pinch(), CIRCLE * 4, jobs=2, on_item=stop)
     assert answers[0] is not None
     assert answers[-1] is None
 
 
 def test_base_loads_and_limits() -> None:
-    answers = max_many(table(), [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]], base=[0, 0, -10, 0, 0, 0])
+    answers = max_answers(table(), [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]], base=[0, 0, -10, 0, 0, 0])
     assert [a.lower for a in answers] == pytest.approx([4.0, 4.0], rel=1e-3)
-    (pressed,) = max_many(table(), [[0, 0, -1, 0, 0, 0]], force_limit=2.0)
+    (pressed,) = max_answers(table(), [[0, 0, -1, 0, 0, 0]], force_limit=2.0)
     assert pressed.lower == pytest.approx(8.0, rel=1e-3)
 
 
@@ -95,22 +95,22 @@ def test_ctrl_c_leaves_none() -> None:
     def stop(done: int, total: int) -> None:
         raise KeyboardInterrupt
 
-    answers = max_many(pinch(), CIRCLE, jobs=1, on_item=stop)
+    answers = max_answers(pinch(), CIRCLE, jobs=1, on_item=stop)
     assert answers[0] is not None
     assert answers[-1] is None
 
 
 def test_limits_hold_for_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    answers = max_many(bell(), CIRCLE[:3], settings=Settings(node_limit=3))
+    answers = max_answers(bell(), CIRCLE[:3], settings=Settings(node_limit=3))
     assert {a.stop for a in answers} <= {Stop.NODES, Stop.COMPLETE}
     assert Stop.NODES in {a.stop for a in answers}
 
 
 def test_bad_directions() -> None:
     with pytest.raises(InputError, match="direction: has 2 numbers; six are needed"):
-        max_many(pinch(), [[0, 1]])
+        max_answers(pinch(), [[0, 1]])
     with pytest.raises(InputError, match="direction: is zero"):
-        max_many(pinch(), [[0, 1, 0, 0, 0, 0], [0] * 6])
+        max_answers(pinch(), [[0, 1, 0, 0, 0, 0], [0] * 6])
 
 
 @pytest.mark.parametrize("length", [1e-6, 1e-3, 1.0, 1e3, 1e6])
@@ -126,7 +126,7 @@ def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
     assert verify(loaded.certificate).ok
     pressed = maximum(table(), [0, 0, -length, 0, 0, 0], force_limit=2.0)
     assert pressed.lower * length == pytest.approx(8.0, rel=1e-3)
-    (first, second) = max_many(bell(), [[0, length, 0, 0, 0, 0], [0, 1e3 * length, 0, 0, 0, 0]], jobs=1)
+    (first, second) = max_answers(bell(), [[0, length, 0, 0, 0, 0], [0, 1e3 * length, 0, 0, 0, 0]], jobs=1)
     assert first.lower == pytest.approx(1e3 * second.lower, rel=1e-3)
 
 
@@ -134,7 +134,7 @@ def test_a_finished_tree_helps_the_next_direction() -> None:
     """A degree each: most leaves close as they are, and what comes out is proved as ever."""
     grasp, turn = load_grasp("fig7"), np.radians(np.arange(40, 43))
     circle = np.column_stack([np.cos(turn), np.sin(turn), *np.zeros((4, len(turn)))])
-    answers = max_many(grasp, circle, jobs=1)
+    answers = max_answers(grasp, circle, jobs=1)
     alone = [maximum(grasp, w) for w in circle]
     assert answers[0].nodes == alone[0].nodes
     assert sum(a.nodes for a in answers) < 0.8 * sum(a.nodes for a in alone)

@@ -21,7 +21,7 @@ def test_a_scaled_solution_is_a_solution(seed: int) -> None:
     p = scaled_problem.build(s.grasp, s.wrench)
     c, q = s.state.c / p.force, s.state.q * p.joint_scale / p.force
     r = s.state.r * np.r_[1, 1, 1, [p.length] * 3] / p.force
-    f = s.state.f / (p.force * p._actuator_scale)
+    f = s.state.f / (p.force * p.actuator_scale)
     np.testing.assert_allclose(p.G @ c + p.w0, 0, atol=1e-12)
     np.testing.assert_allclose(p.J.T @ c - p.R.T @ f, 0, atol=1e-12)
     d = model.relative_motion(s.grasp, s.state.r, s.state.q).reshape(-1, 3)

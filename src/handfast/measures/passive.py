@@ -9,7 +9,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.measures.wrench_scale import WrenchScale
 from handfast.model.grasp import Grasp
-from handfast.stability.many import max_many
+from handfast.stability.batch import max_many
 from handfast.stability.scaled_problem import beyond_range
 from handfast.stability.settings import Settings
 
@@ -64,8 +64,9 @@ def passive_maxima(
     possible = np.array([beyond_range(G, u) is None for u in chosen.scaled(wrenches.T).T])
     asked = settings or Settings(node_limit=NODES, gap=GAP, verify=False)
     lower, upper = np.zeros(len(names)), np.zeros(len(names))
-    answers = max_many(grasp, wrenches[possible], settings=asked, jobs=jobs) if possible.any() else []
-    for k, a in zip(np.flatnonzero(possible), answers, strict=True):
-        lower[k] = 0.0 if a is None else np.inf if a.unbounded else a.lower
-        upper[k] = np.inf if a is None or a.unbounded else a.upper
+    if possible.any():
+        found = max_many(grasp, wrenches[possible], settings=asked, jobs=jobs)
+        known = found.error == ""  # all of them, unless Ctrl-C came first
+        lower[possible] = np.where(found.unbounded, np.inf, np.where(known, found.lower, 0.0))
+        upper[possible] = np.where(known & ~found.unbounded, found.upper, np.inf)
     return PassiveMaxima(names, lower, upper)

@@ -11,6 +11,7 @@ from handfast.core.errors import InputError
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.planned import Plan
 from handfast.stability.answers import Answer
+from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
 from handfast.stability.queries import MaxAnswer, TorquesAnswer
@@ -22,7 +23,7 @@ WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 Answers = Answer | HoldAnswer | MapAnswer | SweepAnswer | Plan | Grasps
 
 
-def to_frame(what: Answers | Sequence[Answers | None] | Mapping[str, Answers]) -> DataFrame:
+def to_frame(what: Answers | BatchAnswer | Sequence[Answers | None] | Mapping[str, Answers]) -> DataFrame:
     """Answers as a `pandas.DataFrame`, SI units; numbers that are not known are NaN.
 
     - of `check`, `maximum`, `torques`: one row, `grasp`, `query`, `verdict`, `stop`, `seconds`, `nodes`, `verified`;
@@ -35,7 +36,9 @@ def to_frame(what: Answers | Sequence[Answers | None] | Mapping[str, Answers]) -
     - of `plan` and `grasp_for`: one row for each grasp, as their JSON says it.
 
     Of several answers the rows follow each other; a column `answer` counts them, or has their names if they are given
-    by name. None, where Ctrl-C came first in `max_many`, is left out, and its number with it.
+    by name. None is left out, and its number with it.
+
+    Of `check_many` and its like: one row a question, see `BatchAnswer.to_frame`.
 
     Raises:
         InputError: pandas is not installed; something else than answers.
@@ -44,6 +47,8 @@ def to_frame(what: Answers | Sequence[Answers | None] | Mapping[str, Answers]) -
         import pandas
     except ImportError:
         raise InputError("is not installed; pip install 'handfast[pandas]'", source="pandas") from None
+    if isinstance(what, BatchAnswer):
+        return what.to_frame()
     if isinstance(what, Answers):
         return pandas.DataFrame(_rows(what))
     if isinstance(what, str) or not isinstance(what, Mapping | Sequence):

@@ -63,7 +63,7 @@ class Options:
         return scaled_problem.build(case.grasp, case.base, case.direction, eta=self.eta, mdp=self.mdp, **limits)  # type: ignore[arg-type]
 
 
-def max_many(
+def max_answers(
     grasp: Grasp,
     directions: Sequence[Sequence[float]] | Array,
     *,

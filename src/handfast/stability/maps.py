@@ -81,7 +81,7 @@ class _Curves:
     curves: tuple[Curve, ...]
 
     def verify(self) -> Verified:
-        """Nothing of it can be replayed: curves keep neither witnesses nor certificates. `max_many` keeps them."""
+        """Nothing of it can be replayed: curves keep neither witnesses nor certificates. `max_many` can keep them."""
         return Verified.of_parts({}, 0.0, NO_PROOFS, (f"lower, upper, unbounded, verdicts: {NO_PROOFS}",))
 
     @property

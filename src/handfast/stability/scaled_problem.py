@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,7 +57,7 @@ class ScaledProblem:
         cn_max: scaled limit of every normal force; inf for none.
         G, J, R, A, mu: scaled model arrays, (6, 3m), (3m, l), (a, l), (k, l), (m,).
         force: [N] the force scale; length: [m] the length scale.
-        joint_scale: (l,) moment arms [m].
+        joint_scale: (l,) moment arms [m]; actuator_scale (a,), coupling_scale (k,): of their forces, over `force`.
     """
 
     grasp: Grasp
@@ -82,8 +83,8 @@ class ScaledProblem:
     force: float
     length: float
     joint_scale: Array
-    _actuator_scale: Array
-    _coupling_scale: Array
+    actuator_scale: Array
+    coupling_scale: Array
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:
@@ -161,8 +162,8 @@ class ScaledProblem:
             r=self.force * self.lengths * x.r,
             q=self.force * x.q / self.joint_scale,
             c=self.force * x.c,
-            f=self.force * x.f * self._actuator_scale,
-            coupling=self.force * x.coupling * self._coupling_scale,
+            f=self.force * x.f * self.actuator_scale,
+            coupling=self.force * x.coupling * self.coupling_scale,
         )
 
     def scaled(self, state: State, scalar: float = 0.0) -> ScaledPoint:
@@ -171,14 +172,14 @@ class ScaledProblem:
             state.r / (self.force * self.lengths),
             state.q * self.joint_scale / self.force,
             state.c / self.force,
-            state.f / (self.force * self._actuator_scale),
-            state.coupling / (self.force * self._coupling_scale),
+            state.f / (self.force * self.actuator_scale),
+            state.coupling / (self.force * self.coupling_scale),
             scalar,
         )
 
     def command(self, f_c: Array) -> Array:
         """Scaled, mirrored commands back in the grasp's units."""
-        return self.force * f_c * self._actuator_scale
+        return self.force * f_c * self.actuator_scale
 
 
 def build(
@@ -247,8 +248,8 @@ def build(
         force=force,
         length=grasp.size,
         joint_scale=units.joints,
-        _actuator_scale=units.actuators,
-        _coupling_scale=units.couplings,
+        actuator_scale=units.actuators,
+        coupling_scale=units.couplings,
     )
     _check_range(p, direction is not None)
     return p
@@ -290,6 +291,52 @@ def _largest_forces(grasp: Grasp, torque_limits: Mapping[str, float]) -> Array:
             raise InputError(f"is {limit:g}; a limit is positive", field=f"torque limit.{name}")
         f_max[i] = limit
     return f_max
+
+
+class Scales(NamedTuple):
+    """(k,) each, of many loads: as `ScaledProblem.force`, `direction_scale` and `last_magnitude` of each of them."""
+
+    force: Array
+    direction: Array
+    last_magnitude: Array
+
+
+def scales(
+    grasp: Grasp,
+    base: Array,
+    along: Array | None,
+    torque_limits: Mapping[str, float],
+    force_limit: float | None,
+) -> Scales:
+    """The scales that `build` finds for each of the loads base + s along, (k, 6) each, or base alone."""
+    others = np.maximum(_sizes(grasp, base), _largest_command(grasp))
+    if not others.all():
+        at_most = _limits(grasp, torque_limits if along is not None else {}, force_limit)
+        others = np.where(others > 0, others, max(at_most, default=0.0))
+    none = np.ones(len(base))
+    if along is None:
+        return Scales(np.where(others > 0, others, 1.0), none, none * np.inf)
+    size = _sizes(grasp, along)
+    with np.errstate(divide="ignore"):
+        direction = np.where(others > 0, 2.0 ** np.round(np.log2(others / size)), 1.0)
+    force = np.where(others > 0, others, size)
+    strongest = np.maximum(force, max(_limits(grasp, torque_limits, force_limit), default=0.0))
+    return Scales(force, direction, ENDLESS * strongest / size)
+
+
+@lru_cache(maxsize=8)  # of a grasp that is asked again and again
+def _largest_command(grasp: Grasp) -> float:
+    """[N] the largest command as a force at a contact."""
+    commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
+    return float(commands.max(initial=0.0))
+
+
+def _sizes(grasp: Grasp, w: Array) -> Array:
+    """(k,) `_size` of each of the disturbances (k, 6)."""
+    middle = grasp.positions.mean(axis=0)
+    force, torque = w[:, :3], w[:, 3:] - (middle[[1, 2, 0]] * w[:, [2, 0, 1]] - middle[[2, 0, 1]] * w[:, [1, 2, 0]])
+    out: Array = np.sqrt(np.maximum((force * force).sum(axis=1), (torque * torque).sum(axis=1) / grasp.size**2))
+    return out
 
 
 def _others(grasp: Grasp, w0: Array, torque_limits: Mapping[str, float], force_limit: float | None) -> float:

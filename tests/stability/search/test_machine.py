@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from handfast.core.groups import Block, Layout
-from handfast.stability.many import max_many
+from handfast.stability.many import max_answers
 from handfast.stability.queries import maximum
 from handfast.stability.search import arrays
 from handfast.stability.search.arrays import Workspace, WorkspaceLayout
@@ -54,7 +54,7 @@ def answers() -> list[tuple[float, float, int]]:
         s = solved(seed, 3 + seed % 4, 0.05 * (seed % 2))
         if s.wrench.any():
             out.append(maximum(s.grasp, s.wrench, eta=s.eta, settings=Settings(node_limit=3000)))
-    out += max_many(bell(), [[np.cos(x), np.sin(x), 0, 0, 0, 0] for x in np.linspace(0, 1, 6)], force_limit=5.0)
+    out += max_answers(bell(), [[np.cos(x), np.sin(x), 0, 0, 0, 0] for x in np.linspace(0, 1, 6)], force_limit=5.0)
     return [(a.lower, a.upper, a.nodes) for a in out]
 
 

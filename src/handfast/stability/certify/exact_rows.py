@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from flint import fmpq, fmpq_mat
+from flint import fmpq, fmpq_mat, fmpz
 
-from handfast.core.arrays import Array
+from handfast.core.arrays import Array, Mask
 from handfast.core.rational import rational, rational_cross, rounded
 from handfast.stability.certify.certificate import Columns, Integers, Question
 from handfast.stability.certify.leaf_rows import LeafRows, equations
@@ -85,13 +85,7 @@ class ExactRows:
                 y[j] = found[place, 0]
         if any(x < 0 for x, any_sign in zip(y, free, strict=True) if not any_sign):
             return -np.inf
-        opened = ~leaves.closed[k]
-        total: Sparse = {}
-        for x, row in zip(y, exact, strict=True):
-            for i, coefficient in row.items():
-                if not opened[i]:
-                    total[i] = total.get(i, fmpq(0)) + x * coefficient
-        if any(x != 0 for x in total.values()):
+        if not _cancels(y, exact, leaves.closed[k]):
             return -np.inf
         b = [rational(x) * rational(unit) for x, unit in zip(leaves.b[k][used], leaves.unit[k][used], strict=True)]
         terms = [x * right for x, right in zip(y, b, strict=True)]
@@ -119,6 +113,26 @@ class ExactRows:
             for i, x in self.Z[j].items():
                 out[i] = out.get(i, fmpq(0)) + factor * x
         return out
+
+
+def _cancels(y: list[fmpq], rows: list[Sparse], closed: Mask) -> bool:
+    """Do rows weighed by y add up to zero in every unknown that is closed?
+
+    In whole numbers over common denominators: fractions are brought to their lowest terms after every sum.
+    """
+    common, shared = fmpz(1), fmpz(1)
+    for x in y:
+        common = common.lcm(x.q)
+    for row in rows:
+        for coefficient in row.values():
+            shared = shared.lcm(coefficient.q)
+    total: dict[int, fmpz] = {}
+    for x, row in zip(y, rows, strict=True):
+        weight = x.p * (common // x.q)
+        for i, coefficient in row.items():
+            if closed[i]:
+                total[i] = total.get(i, fmpz(0)) + weight * (coefficient.p * (shared // coefficient.q))
+    return all(x == 0 for x in total.values())
 
 
 def _independent(A: Array) -> list[int]:

@@ -33,7 +33,11 @@ ANY, SCALAR, LARGEST_EFFORT, SUM_OF_EFFORTS = 0, 1, 2, 3
 # places in `WorkerState.counts`
 NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = COUNTS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
+# what became of a row that is one of many, see `kernel.batch_loop`
+UNASKED, HELD, NONE, HARD = 0, 1, 2, 3
+
 KEPT = 64  # working sets of nodes that wait, those made last; in one more place, that of the node being split
+PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 CHILDREN = 4  # of a node at most
 
 
@@ -151,6 +155,26 @@ class ClosedLeaves(NamedTuple):
 
     nodes: Wholes  # (k,)
     closed: Flags  # (k,) do their rays hold?
+
+
+class QuestionRows(NamedTuple):
+    """Questions about one grasp that differ in their loads, and what was found."""
+
+    load: RealMatrix  # (k, 6) by which rows are near each other
+    off: RealMatrix  # (k, F filled up) as in `KernelQuestion`,
+    lo: RealMatrix  # (k, P)
+    hi: RealMatrix  # (k, P)
+    energy: RealMatrices  # (k, 2, unknown motions) the last two rows of D where there are such, else (k, 0, .)
+    column: RealMatrix  # (k, F) what a row adds to C, times `mix`, else (k, 0)
+    mix: Reals  # (unknown forces,)
+    plain: RealMatrix  # (F, unknown forces) C without it
+    noise: Reals  # (unknown forces,) what it prefers among equals
+    status: Wholes  # (k,) `UNASKED` to `HARD`
+    nodes: Wholes  # (k,)
+    z: RealMatrix  # (k, n) the solution
+    best: Reals  # (k,) its objective
+    cut: Reals  # (k,) no solution has a smaller one
+    at_end: Flags  # (k,) is the objective at the end of its range?
 
 
 @lru_cache(maxsize=64)

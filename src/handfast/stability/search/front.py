@@ -18,7 +18,7 @@ from handfast.stability.search import arrays, exact
 from handfast.stability.search.capped import FARTHER, FIRST, Capped
 from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.proof import Proof
-from handfast.stability.search.reduced import BOXES, Reduced, reduce
+from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import Search
 from handfast.stability.search.warm_start import WarmStart
 from handfast.stability.settings import OnStep, Progress, Settings
@@ -111,7 +111,7 @@ def _search(
 
     def turns() -> Iterator[tuple[Search, float]]:
         """Searches, and nodes up to which each goes on; inf where it does as long as it is healthy."""
-        for box in BOXES:
+        for box in r.boxes:
             best = [s.z for s in searches if s.z is not None]
             workers = settings.workers or default_jobs()
             s = Search(r.beginning(box), gap=gap, gap_absolute=gap_absolute, workers=workers, guess=best or guess)

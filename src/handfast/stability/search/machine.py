@@ -11,6 +11,7 @@ from handfast.stability.search.arrays import (
     KernelQuestion,
     NodeAtHand,
     Pool,
+    QuestionRows,
     Refinement,
     WorkerState,
     WorkingSet,
@@ -26,6 +27,10 @@ LIBRARY = Library(
     entries={
         "run": EntryPoint(f"{_KERNEL}.tree", (KernelQuestion, WorkerState, Pool, *_WORKSPACE, float, float, int, bool)),
         "refined": EntryPoint(f"{_KERNEL}.newton", (KernelQuestion, WorkerState, Refinement, float, bool)),
+        "ask_rows": EntryPoint(
+            f"{_KERNEL}.batch_loop",
+            (KernelQuestion, WorkerState, Pool, *_WORKSPACE, QuestionRows, float, float, float, int, int, int),
+        ),
         "refuted": EntryPoint(f"{_KERNEL}.refute", (KernelQuestion, WorkerState, Pool, ClosedLeaves, WorkingSet)),
     },
     sources=(HERE / "machine.py", HERE / "rows.py", HERE / "arrays.py", *sorted((HERE / "kernel").glob("*.py"))),

@@ -24,7 +24,6 @@ from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.search import arrays
 from handfast.stability.witness import Witness
 
-PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
 RANK = 1e-10  # relative: singular values below are none
 SOLVED = 1e-9  # (scaled) what (1) and (2) may miss where they can be met
@@ -32,7 +31,19 @@ TURNS = 1e-12  # (scaled) motion from which an actuator turns
 # (scaled) motions and forces of the box where programs begin: far enough for most, near enough for rounding. What is
 # near for one grasp is far for another, so that a search whose programs break down begins again with the next.
 BOXES = (1e4, 1e5), (1e5, 1e3), (1e6, 1e5), (1e4, 1e3), (1e5, 1e5)
+# where a load is sought beside another one, or beside limits: programs break down from (1e4, 1e5) on most grasps
+BOXES_OF_LARGEST = (1e4, 1e3), (1e5, 1e3), (1e4, 1e5), (1e6, 1e5), (1e5, 1e5)
 _NOISE = 1 + np.random.default_rng(0).random(1024)
+
+
+def noise(n: int) -> Array:
+    """(n,) that no two unknowns share, against ties."""
+    return _NOISE[:n]
+
+
+def equilibrium(p: ScaledProblem, goal: Goal) -> Array:
+    """(e, ny) the equations E of y that `reduce` eliminates."""
+    return _balances(p, goal.scaled_load(p), _Forces.of(p, goal), _motions(p))[0]
 
 
 def null_space(A: Array) -> Array:
@@ -126,8 +137,13 @@ class Reduced:
         off = padded(self.values @ y0 + self.constants)
         return replace(self, p=p, load=load, y0=y0, D=D, DT=DT, off=off, lo=lo)
 
+    @property
+    def boxes(self) -> tuple[tuple[float, float], ...]:
+        """Where its programs begin, in the order in which searches try them."""
+        return BOXES_OF_LARGEST if self.goal.maximised else BOXES
+
     def beginning(self, box: tuple[float, float]) -> Reduced:
-        """The same with another of `BOXES`."""
+        """The same with another of its `boxes`."""
         n, nu = len(self.cost), self.M.shape[1]
         return replace(self, box=np.repeat(box, [nu, n - nu]))
 
@@ -430,11 +446,11 @@ def _cost(at: _Forces, active: int, forces: Array, motions: Array) -> Array:
     """(n,) the objective over z, small forces and motions preferred; forces, motions: base values over z."""
     C, nu = at.contacts, motions.shape[1]
     cost = np.empty(nu + forces.shape[1])
-    cost[:nu] = 0.1 * PREFERENCE * motions[C : C + active].sum(axis=0)
-    cost[nu:] = PREFERENCE * forces[0:C:3].sum(axis=0)
+    cost[:nu] = 0.1 * arrays.PREFERENCE * motions[C : C + active].sum(axis=0)
+    cost[nu:] = arrays.PREFERENCE * forces[0:C:3].sum(axis=0)
     if at.objective:
         cost[nu:] += forces[C + 2 * active]
-    cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * _NOISE[: len(cost)]
+    cost += np.where(cost >= 0, 1.0, -1.0) * PERTURBATION * noise(len(cost))
     return cost
 
 

@@ -1,0 +1,189 @@
+"""One grasp asked again and again while its load and its preload change: `prepare`, then `holds` and `maximum`.
+
+What belongs to grasp, limits and the choice of commanded actuators is reduced once. A load is first tried by Newton's
+method from the states of the loads before it, in the compiled kernel; only where that fails is there a search. What
+holds is judged by the equations (`batch_judge.py`). What slips is asked once more by `check`, for its certificate and
+the replay, which takes many times as long.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from handfast.core.answer import Verdict
+from handfast.core.arrays import Array
+from handfast.core.groups import table
+from handfast.model.grasp import Grasp
+from handfast.stability import scaled_problem
+from handfast.stability.batch_judge import Judge
+from handfast.stability.certify.certificate import Certificate
+from handfast.stability.goal import ANY_STATE
+from handfast.stability.model import State
+from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
+from handfast.stability.search.arrays import HARD, HELD, UNASKED, QuestionRows
+from handfast.stability.search.batch_search import BatchSearch
+from handfast.stability.search.template import Template
+from handfast.stability.settings import Settings
+from handfast.stability.witness import VALID, Witness
+
+MEMORY = 8  # states of loads before
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedAnswer:
+    """Does the prepared grasp resist a load? True where it HOLDS.
+
+    Attributes:
+        verdict: HOLDS with a state, SLIPS with a certificate, else UNDECIDED.
+        wrench: (6,) the load [N, N m], object frame.
+        grasp: with the preload in force.
+        state: an exact state of the model; None unless HOLDS. residual: its worst, by the equations alone.
+        certificate: of a load that slips; replayed, unless that was switched off.
+        nodes, seconds: its cost.
+    """
+
+    verdict: Verdict
+    wrench: Array
+    grasp: Grasp = field(repr=False)
+    state: State | None = field(repr=False)
+    residual: float
+    certificate: Certificate | None = field(repr=False)
+    nodes: int
+    seconds: float
+    eta: float = field(repr=False)
+
+    def __bool__(self) -> bool:
+        return self.verdict is Verdict.HOLDS
+
+    @property
+    def witness(self) -> Witness | None:
+        """The state with what it answers for."""
+        return None if self.state is None else Witness(self.grasp, self.wrench, self.state, self.eta, True)
+
+
+class PreparedGrasp:
+    """A grasp whose loads are asked about one after the other, made by `prepare`; not for two threads at a time.
+
+    Attributes:
+        grasp: with the preload in force; see `preload`.
+        settings: of the searches.
+    """
+
+    def __init__(self, grasp: Grasp, limits: Mapping[str, Any], settings: Settings) -> None:
+        self.grasp, self.settings, self._limits = grasp, settings, dict(limits)
+        self._kernels: dict[bytes, _Kernel] = {}
+        self._kernel = self._prepared()
+
+    def preload(self, preload: Mapping[str, float] | Array | None) -> None:
+        """Let other commands be in force: by actuator name, or (a,) [N m or N]; absent ones are locked.
+
+        As long as the same actuators are commanded in the same sense, what was prepared is kept.
+
+        Raises:
+            InputError: an unknown actuator, numbers that are not finite.
+        """
+        self.grasp = self.grasp.with_preload(preload)
+        self._kernel = self._prepared()
+
+    def holds(self, wrench: Sequence[float] | Array) -> PreparedAnswer:
+        """Is this load resisted? (6,) force [N] and torque [N m], object frame, or (3,) a force at its origin.
+
+        Raises:
+            InputError: see `check`.
+        """
+        start = time.perf_counter()
+        w = scaled_problem.as_wrench(wrench)
+        found = self._kernel.ask(self.grasp, w)
+        if found is not None and found[1] <= VALID:
+            return self._said(Verdict.HOLDS, w, start, *found[:2], None, found[2])
+        answer: CheckAnswer = check(self.grasp, w, settings=self.settings, **self._limits)
+        residual = answer.witness.residuals.worst if answer.witness else np.nan
+        state = answer.witness.state if answer.witness else None
+        return self._said(answer.verdict, w, start, state, residual, answer.certificate, answer.nodes)
+
+    def maximum(self, direction: Sequence[float] | Array, **options: Any) -> MaxAnswer:
+        """The largest disturbance along a direction, see `handfast.maximum`; options: `base`, `interval`."""
+        return maximum(self.grasp, direction, settings=self.settings, **self._limits, **options)
+
+    def _said(
+        self,
+        verdict: Verdict,
+        w: Array,
+        start: float,
+        state: State | None,
+        residual: float,
+        certificate: Certificate | None,
+        nodes: int,
+    ) -> PreparedAnswer:
+        seconds = time.perf_counter() - start
+        eta = self._limits["eta"]
+        return PreparedAnswer(verdict, w, self.grasp, state, residual, certificate, nodes, seconds, eta)
+
+    def _prepared(self) -> _Kernel:
+        """What is prepared for the commanded actuators and their senses."""
+        key = np.sign(self.grasp.command).tobytes()
+        if key not in self._kernels:
+            self._kernels[key] = _Kernel(self.grasp, self._limits, self.settings)
+        return self._kernels[key]
+
+
+def prepare(
+    grasp: Grasp,
+    *,
+    preload: Mapping[str, float] | Array | None = None,
+    eta: float = 0.0,
+    torque_limits: Mapping[str, float] | None = None,
+    force_limit: float | None = None,
+    settings: Settings | None = None,
+) -> PreparedGrasp:
+    """A grasp to be asked again and again, as in a controller: `prepared.holds(wrench)`.
+
+    Args:
+        preload: commands in force; those of the grasp by default. `PreparedGrasp.preload` changes them.
+        eta, torque_limits, force_limit, settings: as in `check`.
+
+    Raises:
+        InputError: see `check`.
+    """
+    limits = {"eta": eta, "torque_limits": torque_limits, "force_limit": force_limit}
+    return PreparedGrasp(grasp if preload is None else grasp.with_preload(preload), limits, settings or Settings())
+
+
+class _Kernel:
+    """The kernel's arrays for one choice of commanded actuators, with the states found last."""
+
+    def __init__(self, grasp: Grasp, limits: Mapping[str, Any], settings: Settings) -> None:
+        self.template = Template.of(scaled_problem.build(grasp, np.zeros(6), **limits), ANY_STATE)
+        self._search, self._next = BatchSearch(self.template, settings.gap), 0
+        self._judge = Judge(grasp, eta=limits["eta"])
+        self._rows: QuestionRows | None = None
+
+    def ask(self, grasp: Grasp, w: Array) -> tuple[State, float, int] | None:
+        """A state, its worst residual, and the nodes that it took; None if none was found."""
+        loads = self.template.loads(w[None], None, grasp)
+        if not loads.solvable[0]:
+            return None
+        if self._rows is None:
+            row = self.template.rows(loads)
+            many = {name: np.repeat(x, MEMORY + 1, axis=0) for name, x in row._asdict().items()}
+            many |= {"mix": row.mix, "plain": row.plain, "noise": row.noise}
+            self._rows = QuestionRows(**many)
+            self._rows.status[:] = HARD
+            self._lines = table(self._rows)
+        rows = self._rows
+        for name, values in self.template.posed(loads).items():
+            getattr(rows, name)[MEMORY] = values[0]
+        rows.status[MEMORY] = UNASKED
+        self._search.run(rows, self._lines)
+        if rows.status[MEMORY] != HELD:
+            return None
+        states, _ = self.template.states(loads, rows.z[MEMORY:])
+        residual = float(self._judge.worst(w[None], states, grasp.command[None])[0])
+        rows.load[self._next], rows.z[self._next], rows.status[self._next] = rows.load[MEMORY], rows.z[MEMORY], HELD
+        self._next = (self._next + 1) % MEMORY
+        return states.row(0), residual, int(rows.nodes[MEMORY])

@@ -1,0 +1,186 @@
+"""Many questions at once are the questions one by one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast import Loads, check, check_many, max_many, maximum, torques, torques_many
+from handfast.core.errors import InputError
+from handfast.model.grasp import Grasp
+from handfast.model.mechanism import Mechanism
+from handfast.stability import batch
+from handfast.stability.settings import Settings
+from tests.support.problems import bell, nest, pinch, solved, table
+from tests.support.rounding_edges import hand
+
+QUICK = Settings(verify=False)
+
+
+def tendons(g: Grasp) -> Grasp:
+    """Pulled by tendons, which may go slack."""
+    names = g.mechanism.actuators
+    return Grasp(
+        g.contacts,
+        g.joints,
+        Mechanism(names, np.eye(len(names)), np.zeros((0, len(names))), (True,) * len(names)),
+        g.command,
+    )
+
+
+def loads(g: Grasp, count: int, seed: int = 0) -> np.ndarray:
+    """Loads about as large as what the commands make, that the contacts can balance; one is nothing."""
+    rng = np.random.default_rng(seed)
+    c = rng.normal(size=(count, 3 * g.m))
+    W = c @ g.G.T
+    W /= np.linalg.norm(W[:, :3], axis=1)[:, None]
+    return W * rng.uniform(0.2, 2.0, size=(count, 1))
+
+
+ASKED: dict[str, tuple[Grasp, dict[str, Any]]] = {
+    "pinch": (pinch(), {}),
+    "bell": (bell(), {}),
+    "random": (solved(3, 4).grasp, {}),
+    "normals": (solved(5, 3, eta=0.1).grasp, {"eta": 0.1}),
+    "force limit": (solved(3, 4).grasp, {"force_limit": 3.0}),
+    "torque limit": (bell(), {"torque_limits": {"prox_1": 0.15}}),
+    "coupled": (hand(), {}),
+    "tendons": (tendons(bell()), {}),
+    "fixture": (nest(), {}),
+}
+CASES = pytest.mark.parametrize(("g", "asked"), list(ASKED.values()), ids=list(ASKED))
+
+
+@CASES
+def test_checks_are_those_one_by_one(g: Grasp, asked: dict[str, Any]) -> None:
+    W = loads(g, 12)
+    W[5] = 0.0
+    found = check_many(g, W, settings=QUICK, **asked)
+    assert found.verdict.tolist() == [str(check(g, w, settings=QUICK, **asked).verdict) for w in W]
+    held = found.verdict == "holds"
+    assert (found.residual[held] <= 1e-9).all()
+    assert np.isnan(found.residual[~held]).all()
+    assert found.verified[held].all()
+
+
+@CASES
+@pytest.mark.parametrize("loaded", [False, True])
+def test_maxima_are_those_one_by_one(g: Grasp, asked: dict[str, Any], loaded: bool) -> None:
+    D = loads(g, 5, 1)
+    base = 0.1 * loads(g, 1, 2)[0] if loaded else None
+    found = max_many(g, D, base=base, settings=QUICK, **asked)
+    for i, d in enumerate(D):
+        one = maximum(g, d, base=base, settings=QUICK, **asked)
+        assert (found.verdict[i], found.unbounded[i]) == (one.verdict, one.unbounded)
+        assert found.lower[i] <= one.upper * (1 + 1e-9)
+        assert one.lower <= found.upper[i] * (1 + 1e-9)
+        if 0 < one.gap < 1.1e-3:
+            assert found.upper[i] - found.lower[i] <= 1.1e-3 * found.lower[i]
+
+
+def test_most_rows_need_no_search_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or the kernel would be of no use."""
+    alone: list[int] = []
+    by_itself = batch._alone
+    monkeypatch.setattr(batch, "_alone", lambda *given: alone.append(given[2]) or by_itself(*given))
+    g = solved(3, 4).grasp
+    check_many(g, loads(g, 40), settings=QUICK, jobs=1)
+    max_many(g, loads(g, 20), settings=QUICK, jobs=1)
+    assert len(alone) <= 10
+
+
+def test_what_slips_is_replayed_unless_that_is_switched_off() -> None:
+    W = [[0, 0.9, 0, 0, 0, 0], [0, 1.1, 0, 0, 0, 0]]  # pinch holds 1 N
+    assert check_many(pinch(), W).verified.tolist() == [True, True]
+    assert check_many(pinch(), W, settings=QUICK).verified.tolist() == [True, False]
+    assert not max_many(pinch(), W).verified.any()  # the bound stands on a search
+    assert max_many(pinch(), W, answers=True).verified.all()
+    down = max_many(nest(), [[0, 0, 1, 0, 0, 0]], jobs=1)
+    assert (down.verdict[0], down.upper[0], down.verified[0]) == ("slips", 0.0, True)
+
+
+def test_shapes_of_several_grasps() -> None:
+    grasps = [pinch(), pinch(0.3), bell()]
+    W = np.array([[0, 0.8, 0, 0, 0, 0], [0, 0.5, 0, 0, 0, 0]])
+    same = check_many(grasps, W)
+    assert same.shape == (3, 2)
+    assert same.verdict.tolist() == [["holds", "holds"], ["slips", "holds"], ["holds", "holds"]]
+    own = check_many(grasps, np.stack([W, W[::-1], W]))
+    assert own.verdict[1].tolist() == ["holds", "slips"]
+    assert check_many(pinch(), Loads.wrench(W[0]) + Loads.wrench(W[1], "less")).verdict.tolist() == ["holds", "holds"]
+    forces = max_many(grasps, W[:, :3], base=np.stack([0 * W, 0 * W, 0.1 * W]))
+    assert forces.wrenches.shape == (3, 2, 6)
+    np.testing.assert_allclose(forces.lower[0], [1 / 0.8, 1 / 0.5], rtol=2e-3)
+    table_ = own.to_frame()
+    assert table_["grasp"].tolist() == [0, 0, 1, 1, 2, 2]
+    assert table_["fy"].tolist() == [0.8, 0.5, 0.5, 0.8, 0.8, 0.5]
+    assert "attained" not in table_
+
+
+def test_a_bad_row_has_its_reason_and_others_go_on() -> None:
+    W = np.array([[0, 0.9, 0, 0, 0, 0], [np.nan] * 6, [0, 0, 0, 1, 0, 0], [0, 1.1, 0, 0, 0, 0]])
+    found = check_many(pinch(), W, jobs=1)  # no forces of the pinch balance a torque about x
+    assert found.verdict.tolist() == ["holds", "", "", "slips"]
+    assert "NaN" in found.error[1]
+    assert "rank 5" in found.error[2]
+    assert found.error[0] == found.error[3] == ""
+    found = max_many(pinch(), [[0, 1, 0], [0, 0, 0]])
+    assert "is zero" in found.error[1]
+    assert np.isnan(found.lower[1])
+
+
+@pytest.mark.parametrize("wrong", [[[0, 1]], np.zeros((3, 2, 6)), "up", [[[0, 1, 0]]] * 3])
+def test_another_shape_is_refused(wrong: Any) -> None:
+    with pytest.raises(InputError, match="for all grasps"):
+        check_many([pinch(), bell()], wrong)
+    with pytest.raises(InputError, match="is empty"):
+        check_many([], [[0, 1, 0]])
+
+
+def test_jobs_do_not_change_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(batch, "BLOCK", 8)
+    g = solved(3, 4).grasp
+    ways = []
+    for jobs, fork in ((1, 10**9), (2, 10**9), (2, 0)):
+        monkeypatch.setattr(batch, "FORK", fork)
+        ways.append(max_many(g, loads(g, 20), jobs=jobs))
+    for other in ways[1:]:
+        for name in ("verdict", "lower", "upper", "nodes", "residual"):
+            np.testing.assert_array_equal(getattr(ways[0], name), getattr(other, name))
+
+
+def test_ctrl_c_leaves_what_was_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(batch, "BLOCK", 2)
+    found = check_many(pinch(), [[0, 0.9, 0]] * 5, jobs=1, on_item=stop)
+    assert found.verdict.tolist() == ["holds", "holds", "", "", ""]
+    assert found.error[-1] == batch.INTERRUPTED
+
+
+def test_whole_answers_on_request() -> None:
+    found = max_many(bell(), [[0, 1, 0], [0, 0, 0]], answers=True)
+    assert found.answers is not None
+    (one, none) = found.answers
+    assert none is None
+    assert one.witness.valid  # type: ignore[union-attr]
+    assert one.verify().ok  # type: ignore[union-attr]
+    assert found.to_frame()["attained"].tolist() == [one.attained, False]
+
+
+def test_least_commands() -> None:
+    W = np.array([[0, 0.5, 0], [0, 1.0, 0]])
+    found = torques_many(pinch(), W, settings=QUICK, jobs=1)
+    each = [torques(pinch(), w, settings=QUICK) for w in W]
+    np.testing.assert_allclose(found.upper, [a.upper for a in each], rtol=1e-9)
+    np.testing.assert_allclose(found.upper, [0.05, 0.1], rtol=3e-3)
+
+
+def test_a_table_beside_its_weight() -> None:
+    """Pushed along x it slips at mu W."""
+    pushes = [[1, 0, 0, 0, 0, 0], [-2, 0, 0, 0, 0, 0]]
+    found = max_many(table(), pushes, base=[0, 0, -10, 0, 0, 0])
+    np.testing.assert_allclose(found.lower, [4.0, 2.0], rtol=2e-3)
