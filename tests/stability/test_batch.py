@@ -30,6 +30,19 @@ def tendons(g: Grasp) -> Grasp:
     )
 
 
+def test_a_node_limit_holds_for_every_row() -> None:
+    """What the kernel does not finish within the limit is undecided, and says so; without a limit all are decided."""
+    g = solved(4, 8).grasp
+    W = loads(g, 8, seed=3)
+    free, limited = (max_many(g, W, settings=Settings(verify=False, node_limit=n)) for n in (np.inf, 3.0))
+    assert set(free.stop) == {"complete"}
+    assert (free.upper - free.lower <= 2e-3 * free.upper).all()
+    stopped = limited.stop == "nodes"
+    assert stopped.sum() >= 4
+    assert (limited.nodes[stopped] <= 100).all()  # a search finishes the slice that it has begun
+    assert (limited.upper[stopped] >= free.lower[stopped]).all()
+
+
 def loads(g: Grasp, count: int, seed: int = 0) -> np.ndarray:
     """Loads about as large as what the commands make, that the contacts can balance; one is nothing."""
     rng = np.random.default_rng(seed)

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.stability.answers import Answer
-from handfast.stability.many import Case, Options, maxima
-from handfast.stability.queries import MaxAnswer, check, torques
+from handfast.stability.batch import max_many
+from handfast.stability.prepared import PreparedGrasp, prepare
+from handfast.stability.queries import torques
 from handfast.stability.scaled_problem import beyond_range
 from handfast.stability.settings import Settings
 
@@ -30,6 +31,11 @@ class LargestLoad:
     lower: float
     upper: float
     unbounded: bool
+
+    @property
+    def ends(self) -> bool:
+        """Is it known how much is resisted, however much?"""
+        return self.unbounded or bool(np.isfinite(self.upper))
 
 
 @dataclass
@@ -54,23 +60,27 @@ class Questions:
 
     def largest(self, directions: list[Array]) -> list[LargestLoad]:
         """The largest multiple of each disturbance (6,) that is resisted; each helps the next."""
-        zero, asked = np.zeros(6), [not self._beyond(d) for d in directions]
-        cases = [Case(self.grasp, d, zero) for d, is_asked in zip(directions, asked, strict=True) if is_asked]
-        answers = iter(maxima(cases, Options(settings=self._limited(len(cases)), proofs=self.settings.verify), 1))
-        return [self._largest(next(answers)) if is_asked else LargestLoad(0.0, 0.0, False) for is_asked in asked]
-
-    def _largest(self, answer: MaxAnswer | None) -> LargestLoad:
-        if answer is None:  # Ctrl-C came first
-            raise KeyboardInterrupt
-        self._count(answer, answer.unbounded or answer.verdict is Verdict.SLIPS or np.isfinite(answer.upper))
-        return LargestLoad(answer.lower, answer.upper, answer.unbounded)
+        out = [LargestLoad(0.0, 0.0, False)] * len(directions)
+        asked = [k for k, direction in enumerate(directions) if not self._beyond(direction)]
+        if not asked:
+            return out
+        settings = self._limited(len(asked))
+        found = max_many(self.grasp, [directions[k] for k in asked], settings=settings, jobs=1, answers=settings.verify)
+        for i, k in enumerate(asked):
+            if found.error[i]:  # questions that cannot be asked were left out before: Ctrl-C came first
+                raise KeyboardInterrupt
+            out[k] = LargestLoad(float(found.lower[i]), float(found.upper[i]), bool(found.unbounded[i]))
+            slips = found.verdict[i] == Verdict.SLIPS
+            self._count(Stop(str(found.stop[i])), int(found.nodes[i]), out[k].ends or bool(slips))
+        return out
 
     def held(self, wrench: Array) -> Verdict:
         """Is a disturbance (6,) resisted?"""
         if self._beyond(wrench):
             return Verdict.SLIPS
-        answer = check(self.grasp, wrench, settings=self._limited(1))
-        self._count(answer, answer.verdict is not Verdict.UNDECIDED)
+        self._prepared.settings = self._limited(1)
+        answer = self._prepared.holds(wrench)
+        self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
         return answer.verdict
 
     def commands(self, wrench: Array) -> tuple[dict[str, float] | None, float, float]:
@@ -78,7 +88,7 @@ class Questions:
         if self._beyond(wrench) or not self.grasp.mechanism.a:
             return None, np.inf, np.inf
         answer = torques(self.grasp, wrench, settings=self._limited(1))
-        self._count(answer, answer.verdict is not Verdict.UNDECIDED)
+        self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
         return answer.preload, answer.lower, answer.upper
 
     def _limited(self, count: int) -> Settings:
@@ -87,14 +97,18 @@ class Questions:
         nodes = max((self.budget - self.nodes) / max(count, 1), FEWEST)
         return replace(self.settings, time_limit=max(left, LEAST), node_limit=min(self.settings.node_limit, nodes))
 
-    def _count(self, answer: Answer, closed: bool) -> None:
-        if answer.stop is Stop.INTERRUPTED:  # half a label is none
+    def _count(self, stop: Stop, nodes: int, closed: bool) -> None:
+        if stop is Stop.INTERRUPTED:  # half a label is none
             raise KeyboardInterrupt
-        self.nodes += answer.nodes
-        if answer.stop is not Stop.COMPLETE:
-            self.stop = answer.stop
-        if not closed or answer.stop in (Stop.TIME, Stop.NODES):
+        self.nodes += nodes
+        if stop is not Stop.COMPLETE:
+            self.stop = stop
+        if not closed or stop in (Stop.TIME, Stop.NODES):
             self.open += 1
+
+    @cached_property
+    def _prepared(self) -> PreparedGrasp:
+        return prepare(self.grasp, settings=self.settings)
 
     def _beyond(self, wrench: Array) -> bool:
         """Can no forces whatever at these contacts balance it? Questions would refuse that as input."""

@@ -29,7 +29,7 @@ from typing import Any, Literal
 import numpy as np
 
 from handfast.core import parallel
-from handfast.core.answer import Verdict
+from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool, default_jobs
@@ -82,7 +82,7 @@ class _Part(dict[str, Any]):
         k = len(wrenches)
         super().__init__({name: np.zeros(k, NUMERIC.get(name, np.float64)) for name in COLUMNS})
         self["lower"][:] = self["upper"][:] = self["residual"][:] = np.nan
-        self["verdict"], self["error"] = np.zeros(k, "U9"), np.zeros(k, object)
+        self["verdict"], self["stop"], self["error"] = np.zeros(k, "U9"), np.zeros(k, "U11"), np.zeros(k, object)
         self["error"][:] = error
         self.wrenches, self.base = wrenches, base
         self.answers: list[Answer | None] = [None] * k
@@ -90,7 +90,7 @@ class _Part(dict[str, Any]):
     def put(self, i: int, answer: Answer) -> None:
         """A whole answer."""
         self["verdict"][i], self["nodes"][i], self["verified"][i] = str(answer.verdict), answer.nodes, answer.verified
-        self["seconds"][i] = answer.seconds
+        self["stop"][i], self["seconds"][i] = str(answer.stop), answer.seconds
         if answer.witness:
             self["residual"][i] = answer.witness.residuals.worst
         if not isinstance(answer, CheckAnswer):
@@ -234,7 +234,7 @@ def _ask(
     attained = None
     if answers is not None and options.query == "max":
         attained = np.array([isinstance(a, MaxAnswer) and a.attained for a in answers], bool).reshape(shape)
-    columns = {name: whole(name) for name in (*COLUMNS, "verdict", "error")}
+    columns = {name: whole(name) for name in (*COLUMNS, "verdict", "stop", "error")}
     return BatchAnswer(options.query, W.reshape(*shape, 6), answers=answers, attained=attained, **columns)
 
 
@@ -332,9 +332,10 @@ def _together(grasp: Grasp, part: _Part, rows: Any, goal: Goal, options: BatchOp
     except (InputError, ValueError):  # its first row is asked alone, and says what is wrong
         return np.zeros(len(rows), bool)
     loads = template.loads(B if of_max else W, W if of_max else None)
-    found = BatchSearch(template, options.settings.gap).ask(loads)
+    found = BatchSearch(template, options.settings).ask(loads)
     judge = Judge(grasp, eta=options.eta)
     columns, settled = (_maxima if of_max else _checks)(template, loads, found, judge, part, rows, options)
+    columns["stop"] = np.full(len(rows), str(Stop.COMPLETE))
     columns["seconds"] = np.full(len(rows), (time.monotonic() - start) / len(rows))
     for name, values in columns.items():
         part[name][rows[settled]] = values[settled]

@@ -31,6 +31,7 @@ class BatchAnswer:
             of a check.
         unbounded: of a maximum: resisted as far as the search goes.
         residual: the worst relative residual of the witness by the equations alone; NaN without one.
+        stop: why the search ended, as text, equal to members of `Stop`; "" where `error` says why.
         verified: was everything behind the row replayed? A witness always is; a proof that nothing holds, unless that
             was switched off; the upper bound of a maximum only where whole answers were asked for.
         nodes: programs solved. seconds: wall time; rows that were answered together have equal shares of theirs.
@@ -47,6 +48,7 @@ class BatchAnswer:
     upper: Array
     unbounded: Mask
     residual: Array
+    stop: Any
     verified: Mask
     nodes: Indices
     seconds: Array
@@ -71,7 +73,7 @@ class BatchAnswer:
         place = np.indices(self.shape if len(self.shape) > 1 else (1, *self.shape))
         columns: dict[str, Any] = {"grasp": place[0].ravel(), "load": place[1].ravel()}
         columns |= dict(zip(WRENCH, self.wrenches.reshape(-1, 6).T, strict=True))
-        names = ["verdict", "lower", "upper", "unbounded", "residual", "verified", "nodes", "seconds", "error"]
+        names = ["verdict", "lower", "upper", "unbounded", "residual", "stop", "verified", "nodes", "seconds", "error"]
         for name in names if self.attained is None else [*names, "attained"]:
             columns[name] = getattr(self, name).ravel()
         return pandas.DataFrame(columns)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.core.answer import Verdict
+from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.groups import table
 from handfast.model.grasp import Grasp
@@ -44,7 +44,7 @@ class PreparedAnswer:
         grasp: with the preload in force.
         state: an exact state of the model; None unless HOLDS. residual: its worst, by the equations alone.
         certificate: of a load that slips; replayed, unless that was switched off.
-        nodes, seconds: its cost.
+        stop: why the search ended. nodes, seconds: its cost.
     """
 
     verdict: Verdict
@@ -53,6 +53,7 @@ class PreparedAnswer:
     state: State | None = field(repr=False)
     residual: float
     certificate: Certificate | None = field(repr=False)
+    stop: Stop
     nodes: int
     seconds: float
     eta: float = field(repr=False)
@@ -100,11 +101,11 @@ class PreparedGrasp:
         w = scaled_problem.as_wrench(wrench)
         found = self._kernel.ask(self.grasp, w)
         if found is not None and found[1] <= VALID:
-            return self._said(Verdict.HOLDS, w, start, *found[:2], None, found[2])
+            return self._said(Verdict.HOLDS, w, start, *found[:2], None, Stop.COMPLETE, found[2])
         answer: CheckAnswer = check(self.grasp, w, settings=self.settings, **self._limits)
         residual = answer.witness.residuals.worst if answer.witness else np.nan
         state = answer.witness.state if answer.witness else None
-        return self._said(answer.verdict, w, start, state, residual, answer.certificate, answer.nodes)
+        return self._said(answer.verdict, w, start, state, residual, answer.certificate, answer.stop, answer.nodes)
 
     def maximum(self, direction: Sequence[float] | Array, **options: Any) -> MaxAnswer:
         """The largest disturbance along a direction, see `handfast.maximum`; options: `base`, `interval`."""
@@ -118,11 +119,12 @@ class PreparedGrasp:
         state: State | None,
         residual: float,
         certificate: Certificate | None,
+        stop: Stop,
         nodes: int,
     ) -> PreparedAnswer:
         seconds = time.perf_counter() - start
         eta = self._limits["eta"]
-        return PreparedAnswer(verdict, w, self.grasp, state, residual, certificate, nodes, seconds, eta)
+        return PreparedAnswer(verdict, w, self.grasp, state, residual, certificate, stop, nodes, seconds, eta)
 
     def _prepared(self) -> _Kernel:
         """What is prepared for the commanded actuators and their senses."""
@@ -159,7 +161,7 @@ class _Kernel:
 
     def __init__(self, grasp: Grasp, limits: Mapping[str, Any], settings: Settings) -> None:
         self.template = Template.of(scaled_problem.build(grasp, np.zeros(6), **limits), ANY_STATE)
-        self._search, self._next = BatchSearch(self.template, settings.gap), 0
+        self._search, self._next = BatchSearch(self.template, settings), 0
         self._judge = Judge(grasp, eta=limits["eta"])
         self._rows: QuestionRows | None = None
 

@@ -11,6 +11,7 @@ from handfast.stability.search.arrays import CHILDREN, HARD, HELD, NONE, UNASKED
 from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.search import SLICE, SPARE, SearchWorker, new_pool
 from handfast.stability.search.template import LoadRows, Template
+from handfast.stability.settings import Settings
 
 INSIDE = 1e-3  # of the gap, as in `front`
 BUDGET = 2048  # nodes that are expanded for one question before it is left to a whole search
@@ -43,9 +44,9 @@ class FoundRows:
 class BatchSearch:
     """Room for searches of one template, to be used by one thread at a time."""
 
-    def __init__(self, template: Template, gap: float) -> None:
-        """gap: as in `Settings`."""
-        self.template, self.gap = template, gap
+    def __init__(self, template: Template, settings: Settings) -> None:
+        self.template, self.gap = template, settings.gap
+        self.budget = int(min(BUDGET, settings.node_limit))
         r = template.reduced
         q = r.question
         copies = {name: getattr(q, name).copy() for name in ("C", "CT", "D", "DT", "off", "lo", "cost", "box")}
@@ -56,7 +57,7 @@ class BatchSearch:
         self._pool, self._pool_table = new_pool(room, 3 * r.sizes[0] + r.sizes[1], len(r.cost))
         self._tables = self._table, self._worker.table, self._pool_table, *self._worker.workspace.tables
         self._boxes = [r.beginning(box).box for box in r.boxes[:TRIED]]
-        self._gaps = r.goal.gaps(gap * (1 - 2 * INSIDE), r.scale)
+        self._gaps = r.goal.gaps(settings.gap * (1 - 2 * INSIDE), r.scale)
 
     def ask(self, loads: LoadRows) -> FoundRows:
         """Answers for these loads, each with what those before it showed."""
@@ -87,8 +88,8 @@ class BatchSearch:
         refused, last = rows.status == HARD, len(rows.status)
         for box in self._boxes:
             self._question.box[:] = box
-            LIBRARY.functions.ask_rows(*tables, *self._gaps, INSIDE * self.gap, BUDGET, 0, last)
-            again = (rows.status == HARD) & ~refused & (rows.nodes < BUDGET)
+            LIBRARY.functions.ask_rows(*tables, *self._gaps, INSIDE * self.gap, self.budget, 0, last)
+            again = (rows.status == HARD) & ~refused & (rows.nodes < self.budget)
             if not again.any():
                 return
             rows.status[again] = UNASKED
