@@ -12,6 +12,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from handfast.core.answer import Stop, Verdict
+from handfast.model.grasp import Contact, Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.certify import checker
 from handfast.stability.certify.certificate import Certificate, ContactState
@@ -285,3 +286,25 @@ def test_certificates_pass_and_faults_in_them_do_not(name: str) -> None:
     assert found.margin > 0
     for other in tampered(answer.certificate):
         assert not checker.verify(other).ok
+
+
+def test_a_bound_that_rounding_left_without_a_state_gets_one() -> None:
+    """Flat, beside a base load: the search breaks down near states that a check finds. The planar oracle: 2.978927."""
+
+    def contact(x: float, y: float, normal: tuple[float, float], friction: float) -> Contact:
+        n = np.array([*normal, 0.0])
+        return Contact(np.array([x, y, 0.0]), n / np.linalg.norm(n), friction)
+
+    grasp = Grasp(
+        [
+            contact(-0.0394, -0.0185, (0.558, 0.830), 0.17),
+            contact(0.05, 0.0009, (-0.997, -0.076), 0.83),
+            contact(-0.0463, 0.0113, (0.832, -0.555), 0.57),
+        ]
+    )
+    base, direction = [-2.062, -4.555, 0, 0, 0, 0.141], [-1.341, -1.697, 0, 0, 0, -0.009]
+    answer = maximum(grasp, direction, base=base)
+    assert answer.lower <= 2.978927 * (1 + 1e-6)
+    assert answer.upper >= 2.978927 * (1 - 1e-6)
+    assert answer.gap <= 1e-3
+    assert answer.verify().ok

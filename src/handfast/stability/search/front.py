@@ -82,6 +82,9 @@ def search(
         value, state = r.scale * r.scalar(beside.better), r.witness(r.point(beside.better))
         if state.valid and value < out.value:
             out = replace(out, value=value, witness=state, point=beside.better)
+    if out.stop is Stop.NUMERICAL and goal.maximised and -INF < out.bound < out.value:
+        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
+        out = _below_bound(r, out, replace(settings, time_limit=left))
     return replace(out, seconds=time.monotonic() - start)
 
 
@@ -248,6 +251,24 @@ def _beyond(r: Reduced, value: float, settings: Settings) -> Array | None:
     s = r.goal.magnitude(r.p, value) * (1 + INSIDE * settings.gap)
     found = _resisting(r.p, s, settings)
     return None if found is None else r.at_magnitude(found.state, s)
+
+
+def _below_bound(r: Reduced, out: Outcome, settings: Settings) -> Outcome:
+    """With a state for a magnitude within the gap of the bound, if rounding left the search without and one is found.
+
+    On flat grasps with a base load programs break down near states that Newton's method finds at a given magnitude.
+    """
+    limit = max(settings.node_limit - out.nodes, 1)
+    settings = replace(settings, verify=False, node_limit=limit)
+    s = r.goal.magnitude(r.p, out.bound) * (1 - settings.gap / 2)
+    found = _resisting(r.p, s, settings) if s > 0 else None
+    if found is None:
+        return out
+    point = r.at_magnitude(found.state, s)
+    value, state = r.scale * r.scalar(point), r.witness(r.point(point))
+    if not state.valid or value >= out.value:
+        return out
+    return replace(out, value=value, witness=state, point=point, stop=Stop.COMPLETE)
 
 
 def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, bool]:
