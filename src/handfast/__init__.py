@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from handfast.report.plot import draw_map as draw_map
     from handfast.report.plot import draw_sweep as draw_sweep
     from handfast.saved import verify as verify
+    from handfast.simulation.result import SimulationResult as SimulationResult
+    from handfast.simulation.simulate import simulate as simulate
     from handfast.stability.hold import hold as hold
     from handfast.stability.loads import Loads as Loads
     from handfast.stability.loads_file import load_loads as load_loads
@@ -109,6 +111,8 @@ _HOME = {
     "grasp_for": "planning.grasp_for",
     "Limits": "planning.requirements",
     "verify": "saved",
+    "SimulationResult": "simulation.result",
+    "simulate": "simulation.simulate",
     "hold": "stability.hold",
     "Loads": "stability.loads",
     "load_loads": "stability.loads_file",

@@ -28,6 +28,7 @@ from handfast.cli.options import Command, GraspOptions, is_number
 from handfast.cli.plan import PlanGrasps
 from handfast.cli.propose import Propose
 from handfast.cli.show import Show
+from handfast.cli.simulate import Simulate
 from handfast.cli.sweep import Sweep
 from handfast.cli.synthesize import Synthesize
 from handfast.cli.torques import Torques
@@ -42,6 +43,7 @@ COMMANDS: dict[str, type[Command]] = {
     "torques": Torques,
     "map": Map,
     "sweep": Sweep,
+    "simulate": Simulate,
     "synthesize": Synthesize,
     "grasp": FindGrasps,
     "propose": Propose,
@@ -58,7 +60,7 @@ COMMANDS: dict[str, type[Command]] = {
 }
 
 ALIASES = dict.fromkeys(
-    ("check", "torques", "propose", "plan", "contacts", "close"), ("--com",)
+    ("check", "torques", "simulate", "propose", "plan", "contacts", "close"), ("--com",)
 )  # second names of options
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
