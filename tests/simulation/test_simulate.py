@@ -167,6 +167,13 @@ def test_the_same_question_has_the_same_history() -> None:
     assert np.array_equal(a.motion, b.motion)
 
 
+def test_a_load_too_small_to_be_seen_is_not_said_to_be_held() -> None:
+    """Without friction nothing resists 0.01 N across; beside a command of 1000 N its drift is below what is rest."""
+    found = simulate(pinch(0.0, 1000.0), [0, 0, -0.01], ramp=0.5)
+    assert found.ending is Ending.UNDECIDED
+    assert "below 1 % of the largest force" in found.why
+
+
 def test_endings() -> None:
     quiet = {"fastest": 0.0, "moved": 0.0, "yielded": 1e-5, "broken": False}
     assert judge(REST / 2, **quiet) is Ending.HOLDS
@@ -174,6 +181,7 @@ def test_endings() -> None:
     assert judge(2 * SLIP, **quiet) is Ending.SLIPS
     assert judge(REST / 2, **quiet | {"fastest": 2 * SLIP, "moved": 1e-3}) is Ending.SETTLES
     assert judge(REST / 2, **quiet | {"fastest": 2 * SLIP, "moved": 2e-5}) is Ending.HOLDS
+    assert judge(REST / 2, **quiet, faint=True) is Ending.UNDECIDED
     assert judge(0.0, **quiet | {"moved": 2 * LOST}) is Ending.SLIPS
     assert judge(0.0, **quiet | {"broken": True}) is Ending.ILL_POSED
 

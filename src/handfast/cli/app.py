@@ -68,7 +68,7 @@ ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot
 check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? synthesize looks for \
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
 hold with its torques. propose chooses such regions, plan closes the hand from everywhere. verify replays what backs \
-an answer. show looks at a hand, view at a grasp under your mouse.
+an answer, simulate puts a load on a grasp in a dynamics engine. show looks at a hand, view at a grasp under your mouse.
 
 Start with `handfast demo` or `handfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""

@@ -92,7 +92,7 @@ def show_simulation(found: SimulationResult) -> None:
         Ending.HOLDS: f"at rest after {moved}; contacts that carry: {touching}",
         Ending.SETTLES: f"slipped, and came to rest after {moved}; contacts that carry: {touching}",
         Ending.SLIPS: f"moving at {rate} after {moved}",
-        Ending.UNDECIDED: f"creeping at {rate} after {moved}: neither at rest nor slipping",
+        Ending.UNDECIDED: found.why or f"creeping at {rate} after {moved}: neither at rest nor slipping",
         Ending.ILL_POSED: f"the simulation broke down: {found.why}",
     }
     out.print(f"{str(found.ending).upper()}  {found.grasp.name} under {load_text(found.wrench)}", style="bold")

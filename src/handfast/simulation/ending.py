@@ -9,6 +9,7 @@ from enum import StrEnum
 REST = 3.2e-6  # ten times the fastest that rests
 SLIP = 4.7e-5  # the slowest that slips
 LOST = 0.5  # [grasp sizes] beyond it the contacts are others
+LEAST = 0.01  # [force units] a smaller load that nothing resists would drift hardly faster than SLIP
 FAR = 10.0  # times what the contacts give way: a grasp that jerked and moved less than this has not slipped
 
 
@@ -22,7 +23,7 @@ class Ending(StrEnum):
     ILL_POSED = "ill-posed"
 
 
-def judge(rate: float, fastest: float, moved: float, yielded: float, *, broken: bool) -> Ending:
+def judge(rate: float, fastest: float, moved: float, yielded: float, *, broken: bool, faint: bool = False) -> Ending:
     """The ending of a simulation.
 
     Args:
@@ -31,11 +32,12 @@ def judge(rate: float, fastest: float, moved: float, yielded: float, *, broken: 
         moved: of the contact that moved farthest, since then [grasp sizes].
         yielded: how far the contacts gave way at most [grasp sizes].
         broken: whether the engine's numbers ran away.
+        faint: whether the load is too small beside the commands to be seen.
     """
     if broken:
         return Ending.ILL_POSED
     if moved > LOST or rate > SLIP:
         return Ending.SLIPS
-    if rate > REST:
+    if rate > REST or faint:
         return Ending.UNDECIDED
     return Ending.SETTLES if fastest > SLIP and moved > FAR * yielded else Ending.HOLDS

@@ -36,7 +36,7 @@ class SimulationResult:
         forces: (n, m, 3) contact forces [N]: normal, and two tangential components.
         steps: of the engine.
         seconds: that it took.
-        why: of an ill-posed ending, a sentence.
+        why: of an ill-posed ending, or a load too small to be seen, a sentence.
     """
 
     ending: Ending

@@ -11,7 +11,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.simulation.ending import LOST, SLIP, Ending, judge
+from handfast.simulation.ending import LEAST, LOST, SLIP, Ending, judge
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.stepper import Moment, Stepper
 from handfast.simulation.twin import STEP, STIFFNESS, build_twin
@@ -141,11 +141,15 @@ def _result(
     rate = float(gone / max(time[-1] - time[last], step))
     speed = np.array([h.speed for h in history])
     after = speed[before:] if len(speed) > before else speed
+    sought = max(float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:])) / length)
+    faint = 0 < sought < LEAST * force
     start = min(max(before - 1, 0), len(history) - 1)
     forces = np.array([h.forces for h in history])
     yielded = float(forces[:, :, 0].max()) / stiffness
     travelled = float(np.linalg.norm(places[-1] - places[start], axis=1).max())
-    ending = judge(rate, float(after.max()), travelled, yielded, broken=bool(why))
+    ending = judge(rate, float(after.max()), travelled, yielded, broken=bool(why), faint=faint)
+    if faint and ending is Ending.UNDECIDED:
+        why = f"the load is below {100 * LEAST:g} % of the largest force; the engine could not tell it from none"
     load = np.array([h.load for h in history])
     onset = None
     if loading == "preload-first" and ending is Ending.SLIPS:
