@@ -116,7 +116,8 @@ def ways(seconds: float = 10.0) -> dict[str, Any]:
         twin = build_twin(grasp, 1.0)
         if kind is not Stepper:
             twin.model.tendon_limited[:] = 0
-        stepper = kind(twin, grasp.positions / twin.length, np.array([5.0, 0, 0, 0, 0, 0]))
+        frames = np.array([c.frame for c in grasp.contacts])
+        stepper = kind(twin, grasp.positions / twin.length, frames, np.array([5.0, 0, 0, 0, 0, 0]))
         stepper.run(5000)
         before = stepper.moment()
         stepper.run(500, 1 / 500)

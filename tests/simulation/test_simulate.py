@@ -74,7 +74,8 @@ def test_a_moving_limit_neither_opens_nor_gains_squeeze() -> None:
         twin = build_twin(grasp, 1.0)
         if kind is not Stepper:
             twin.model.tendon_limited[:] = 0
-        stepper = kind(twin, grasp.positions / twin.length, np.array([5.0, 0, 0, 0, 0, 0]))
+        frames = np.array([c.frame for c in grasp.contacts])
+        stepper = kind(twin, grasp.positions / twin.length, frames, np.array([5.0, 0, 0, 0, 0, 0]))
         stepper.run(1500)
         squeeze = float(stepper.moment().forces[0, 0])
         stepper.run(300, 1 / 300)
@@ -139,6 +140,20 @@ def test_contacts_that_share_joints_in_no_tree_get_copies() -> None:
     # joint a carries contacts 0 and 1, b carries 1 and 2: each pair sums to its command
     n = found.forces[-1, :, 0]
     assert (n[0] + n[1], n[1] + n[2]) == pytest.approx((1.0, 1.0), abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["barrett-mallet", "fig9"])
+def test_what_rests_is_an_equilibrium_of_the_grasps_own_matrices(name: str) -> None:
+    """G c + w = 0 with the contact forces in the grasp's frames; no actuator carries less than its command."""
+    grasp = load_grasp(name)
+    w = np.array([0.5, 0.3, -0.4, 0.01, 0, 0])
+    found = simulate(grasp, w, ramp=2.0)
+    c = found.forces[-1].ravel()
+    assert grasp.G @ c == pytest.approx(-w, abs=2e-3 * np.abs(c).max())
+    mech = grasp.mechanism
+    carried = np.linalg.lstsq(np.vstack([mech.R, mech.A]).T, grasp.J.T @ c)[0][: mech.a]
+    assert (carried[grasp.command > 0] > 0.99 * grasp.command[grasp.command > 0]).all()
+    assert (np.linalg.norm(found.forces[-1][:, 1:], axis=1) <= grasp.mu * found.forces[-1][:, 0] + 1e-6).all()
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,8 @@ def simulate(
     unit = force_unit(grasp, w)
     twin = build_twin(grasp, unit, step=step, stiffness=stiffness)
     scaled = np.r_[w[:3], w[3:] / twin.length] / unit
-    stepper = Stepper(twin, grasp.positions / twin.length, scaled)
+    frames = np.array([c.frame for c in grasp.contacts])
+    stepper = Stepper(twin, grasp.positions / twin.length, frames, scaled)
     history: list[Moment] = []
     end = ramp + HOLD + (PRELOAD if loading == "preload-first" else 0.0)
     lost = False

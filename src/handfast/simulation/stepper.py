@@ -21,7 +21,7 @@ class Moment:
         load: share of the wrench that acts.
         shift: (3,) the object's displacement at the contacts' middle, and turn: (3,) its rotation vector [rad].
         joints: (f,) displacement of the free joints.
-        forces: (m, 3) contact forces: normal, and two tangential components.
+        forces: (m, 3) contact forces on the object: normal, and two tangential components, in the contacts' frames.
         places: (m, 3) displacements of the object's points at the contacts.
         speed: largest speed of such a point.
     """
@@ -53,8 +53,14 @@ class Stepper:
     actuator closes: it carries what is more than the command and nothing else. docs/simulation.md compares other ways.
     """
 
-    def __init__(self, twin: Twin, points: Array, wrench: Array) -> None:
-        """points: (m, 3) contacts, wrench: (6,) about the object's origin; both in the twin's units."""
+    def __init__(self, twin: Twin, points: Array, frames: Array, wrench: Array) -> None:
+        """At rest, untouched.
+
+        Args:
+            points: (m, 3) contacts, in the twin's units.
+            frames: (m, 3, 3) of the contacts: columns normal and tangents.
+            wrench: (6,) the full load about the object's origin, in the twin's units.
+        """
         import mujoco
 
         self._mujoco, self._twin, self._model = mujoco, twin, twin.model
@@ -65,6 +71,7 @@ class Stepper:
         self._q, self._v = int(self._model.jnt_qposadr[at]), int(self._model.jnt_dofadr[at])
         self._middle = points.mean(axis=0)
         self._arms = points - self._middle
+        self._frames = frames
         self._wrench = wrench
         self._close = twin.drive @ twin.command
         self._gears = [t for t, winds in zip(twin.gear, twin.winds, strict=True) if winds]
@@ -128,7 +135,9 @@ class Stepper:
         for k in range(d.ncon):
             c = d.contact[k]
             self._mujoco.mj_contactForce(m, d, k, found)
-            forces[self._contact_of[int(c.geom1)]] = found[:3]
+            i = self._contact_of[int(c.geom1)]
+            # mujoco's frame has its normal into the object, too, and tangents of its own
+            forces[i] = self._frames[i].T @ R.T @ c.frame.reshape(3, 3).T @ found[:3]
         turn = np.zeros(3)
         self._mujoco.mju_quat2Vel(turn, d.qpos[self._q + 3 : self._q + 7], 1.0)
         return Moment(
