@@ -17,7 +17,7 @@ from handfast.simulation.simulate import force_unit, simulate
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import DRAG_TIME, STIFFNESS, build_twin
 
-QUICK = {"ramp": 2.0}
+QUICK = {"ramp": 1.0}
 
 
 def ended(grasp: Grasp, wrench: object, **options: object) -> Ending:
@@ -142,7 +142,7 @@ def test_contacts_that_share_joints_in_no_tree_get_copies() -> None:
     assert (n[0] + n[1], n[1] + n[2]) == pytest.approx((1.0, 1.0), abs=0.02)
 
 
-@pytest.mark.parametrize("name", ["barrett-mallet", "fig9"])
+@pytest.mark.parametrize("name", ["barrett-mallet"])
 def test_what_rests_is_an_equilibrium_of_the_grasps_own_matrices(name: str) -> None:
     """G c + w = 0 with the contact forces in the grasp's frames; no actuator carries less than its command."""
     grasp = load_grasp(name)
@@ -170,7 +170,7 @@ def test_bundled_grasps_slip_within_five_per_cent_of_their_certified_maxima(
     name: str, direction: tuple[float, ...], most: float
 ) -> None:
     """Maxima as `handfast max` certifies them; nothing is set for any of them."""
-    found = simulate(load_grasp(name), 1.1 * most * np.array(direction), ramp=4.0)
+    found = simulate(load_grasp(name), 1.1 * most * np.array(direction), ramp=3.0)
     assert found.ending is Ending.SLIPS
     assert found.onset is not None
     assert 1.1 * found.onset == pytest.approx(1.0, abs=0.05)
