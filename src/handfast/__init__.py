@@ -56,6 +56,8 @@ if TYPE_CHECKING:
     from handfast.report.plot import draw_map as draw_map
     from handfast.report.plot import draw_sweep as draw_sweep
     from handfast.saved import verify as verify
+    from handfast.simulation.result import SimulationResult as SimulationResult
+    from handfast.simulation.simulate import simulate as simulate
     from handfast.stability.batch import check_many as check_many
     from handfast.stability.batch import max_many as max_many
     from handfast.stability.batch import torques_many as torques_many
@@ -127,6 +129,8 @@ _HOME = {
     "grasp_for": "planning.grasp_for",
     "Limits": "planning.requirements",
     "verify": "saved",
+    "SimulationResult": "simulation.result",
+    "simulate": "simulation.simulate",
     "hold": "stability.hold",
     "Loads": "stability.loads",
     "load_loads": "stability.loads_file",

@@ -30,6 +30,7 @@ from handfast.cli.options import Command, GraspOptions, is_number
 from handfast.cli.plan import PlanGrasps
 from handfast.cli.propose import Propose
 from handfast.cli.show import Show
+from handfast.cli.simulate import Simulate
 from handfast.cli.sweep import Sweep
 from handfast.cli.synthesize import Synthesize
 from handfast.cli.torques import Torques
@@ -45,6 +46,7 @@ COMMANDS: dict[str, type[Command]] = {
     "map": Map,
     "sweep": Sweep,
     "measures": MeasureGrasp,
+    "simulate": Simulate,
     "synthesize": Synthesize,
     "grasp": FindGrasps,
     "propose": Propose,
@@ -62,7 +64,7 @@ COMMANDS: dict[str, type[Command]] = {
 }
 
 ALIASES = dict.fromkeys(
-    ("check", "torques", "propose", "grasp", "plan", "label", "contacts", "close"), ("--com",)
+    ("check", "torques", "simulate", "propose", "grasp", "plan", "label", "contacts", "close"), ("--com",)
 )  # second names of options
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
@@ -71,7 +73,8 @@ check, max, torques, map and sweep judge a grasp: does it resist a disturbance p
 the literature measures beside it. synthesize looks for \
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
 hold with its torques. propose chooses such regions, plan closes the hand from everywhere. label says of every grasp \
-of a dataset what it holds. verify replays what backs an answer. show looks at a hand, view at a grasp under your mouse.
+of a dataset what it holds. verify replays what backs an answer, simulate puts a load on a grasp in a dynamics engine. \
+show looks at a hand, view at a grasp under your mouse.
 
 Start with `handfast demo` or `handfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""

@@ -1,0 +1,111 @@
+"""What a simulation answers: the ending, where the object is then, and how it got there."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from handfast.core.arrays import Array
+from handfast.core.files import write_text
+from handfast.model.grasp import Grasp
+from handfast.simulation.ending import Ending
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationResult:
+    """A simulated question. Everything is in SI units and the object's frame as it stood at the beginning.
+
+    Attributes:
+        ending: holds, settles, slips, undecided or ill-posed.
+        grasp: as it was asked about.
+        wrench: (6,) the full load [N, N m].
+        loading: "preload-first" or "together".
+        onset: share of the load at which the slip began that lasts to the end, or the first one where it settles;
+            None if there is none, or if loaded together.
+        rate: of the fastest contact point at the end [m/s].
+        time: (n,) [s]; of the twin, whose mass is numerical.
+        load: (n,) share of the wrench that acted.
+        shift, turn: (n, 3) of the object: displacement of the point amid the contacts [m], rotation vector [rad].
+        motion: (n,) displacement of the contact point that moved farthest [m], and speed: (n,) the largest [m/s].
+        joints: (n, f) displacement [rad, m] of the joints `free`, the others stand.
+        free: indices of the joints that could move.
+        forces: (n, m, 3) contact forces [N]: normal, and two tangential components.
+        steps: of the engine.
+        seconds: that it took.
+        why: of an ill-posed ending, or a load too small to be seen, a sentence.
+    """
+
+    ending: Ending
+    grasp: Grasp
+    wrench: Array
+    loading: str
+    onset: float | None
+    rate: float
+    time: Array
+    load: Array
+    shift: Array
+    turn: Array
+    motion: Array
+    speed: Array
+    joints: Array
+    free: tuple[int, ...]
+    forces: Array
+    steps: int
+    seconds: float
+    why: str = ""
+
+    @property
+    def touching(self) -> tuple[int, ...]:
+        """Contacts that carry force at the end."""
+        normal = self.forces[-1, :, 0]
+        return tuple(int(i) for i in (normal > 1e-6 * max(float(normal.max(initial=0.0)), 1e-300)).nonzero()[0])
+
+    def to_json(self) -> dict[str, Any]:
+        """One JSON object; `series` holds the history."""
+        return {
+            "schema": "handfast/simulation/1",
+            "grasp": self.grasp.name,
+            "ending": str(self.ending),
+            "why": self.why,
+            "wrench": self.wrench.tolist(),
+            "loading": self.loading,
+            "onset": self.onset,
+            "rate": self.rate,
+            "moved": float(self.motion[-1]),
+            "shift": self.shift[-1].tolist(),
+            "turn": self.turn[-1].tolist(),
+            "touching": list(self.touching),
+            "steps": self.steps,
+            "seconds": self.seconds,
+            "series": {
+                "time": self.time.tolist(),
+                "load": self.load.tolist(),
+                "shift": self.shift.tolist(),
+                "turn": self.turn.tolist(),
+                "motion": self.motion.tolist(),
+                "speed": self.speed.tolist(),
+                "joints": {self.grasp.joints[j].name: self.joints[:, k].tolist() for k, j in enumerate(self.free)},
+                "forces": self.forces.tolist(),
+            },
+        }
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write `to_json` to a file; raises `InputError` if it exists and `force` is not set."""
+        write_text(path, json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n", force=force)
+
+    def series_csv(self) -> str:
+        """The history as a table: time, load, shift, turn, motion, speed, each joint and each contact's forces."""
+        text = io.StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        head = ["time", "load", *(f"shift_{a}" for a in "xyz"), *(f"turn_{a}" for a in "xyz"), "motion", "speed"]
+        head += [self.grasp.joints[j].name for j in self.free]
+        head += [f"contact_{i}_{part}" for i in range(self.grasp.m) for part in ("normal", "tangent_1", "tangent_2")]
+        table.writerow(head)
+        for k in range(len(self.time)):
+            row = [self.time[k], self.load[k], *self.shift[k], *self.turn[k], self.motion[k], self.speed[k]]
+            table.writerow([f"{x:.9g}" for x in (*row, *self.joints[k], *self.forces[k].ravel())])
+        return text.getvalue()

@@ -1,0 +1,147 @@
+"""The twin in motion: commands, load and gearings, one step of the engine after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.transforms import cross
+from handfast.simulation.twin import DRAG_TIME, Twin
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What is measured at one moment, in the twin's units.
+
+    Attributes:
+        time: [s].
+        load: share of the wrench that acts.
+        shift: (3,) the object's displacement at the contacts' middle, and turn: (3,) its rotation vector [rad].
+        joints: (f,) displacement of the free joints.
+        forces: (m, 3) contact forces on the object: normal, and two tangential components, in the contacts' frames.
+        places: (m, 3) displacements of the object's points at the contacts.
+        speed: largest speed of such a point.
+    """
+
+    time: float
+    load: float
+    shift: Array
+    turn: Array
+    joints: Array
+    forces: Array
+    places: Array
+    speed: float
+
+    @property
+    def moved(self) -> float:
+        return float(np.linalg.norm(self.places, axis=1).max())
+
+    @classmethod
+    def nothing(cls, contacts: int, joints: int) -> Moment:
+        """The beginning."""
+        still = np.zeros((contacts, 3))
+        return cls(0.0, 0.0, np.zeros(3), np.zeros(3), np.zeros(joints), still, still, 0.0)
+
+
+class Stepper:
+    """Steps a twin under a load.
+
+    A gearing that does not turn backwards is the lower limit of its actuator's displacement, moved along as the
+    actuator closes: it carries what is more than the command and nothing else. docs/simulation.md compares other ways.
+    """
+
+    def __init__(self, twin: Twin, points: Array, frames: Array, wrench: Array) -> None:
+        """At rest, untouched.
+
+        Args:
+            points: (m, 3) contacts, in the twin's units.
+            frames: (m, 3, 3) of the contacts: columns normal and tangents.
+            wrench: (6,) the full load about the object's origin, in the twin's units.
+        """
+        import mujoco
+
+        self._mujoco, self._twin, self._model = mujoco, twin, twin.model
+        self.data: Any = mujoco.MjData(twin.model)
+        self._model.tendon_range[list(twin.gear), 0] = 0.0
+        self._object = int(self._model.body("object").id)
+        at = int(self._model.joint("object").id)
+        self._q, self._v = int(self._model.jnt_qposadr[at]), int(self._model.jnt_dofadr[at])
+        self._middle = points.mean(axis=0)
+        self._arms = points - self._middle
+        self._frames = frames
+        self._wrench = wrench
+        self._close = twin.drive @ twin.command
+        self._gears = [t for t, winds in zip(twin.gear, twin.winds, strict=True) if winds]
+        self._contact_of = {int(self._model.geom(f"tip {i}").id): i for i in range(len(points))}
+        self.load = 0.0
+        self.winding = True  # whether gearings follow
+        mujoco.mj_forward(self._model, self.data)
+
+    def command(self, share: float) -> None:
+        """From now on every motor has this share of its command."""
+        self._close = share * (self._twin.drive @ self._twin.command)
+
+    def run(self, steps: int, load_step: float = 0.0) -> None:
+        """Go on by some steps, the load growing by `load_step` in each.
+
+        Raises:
+            FloatingPointError: the engine's numbers have run away.
+        """
+        d, m = self.data, self._model
+        drag = 1.0 / DRAG_TIME
+        inertia = m.body_inertia[self._object]
+        for _ in range(steps):
+            self.load += load_step
+            R = d.xmat[self._object].reshape(3, 3)
+            # the force acts at the object's origin, which moves along with it; its direction stays
+            arm = d.xpos[self._object] - d.xipos[self._object]
+            force = self.load * self._wrench[:3]
+            torque = self.load * self._wrench[3:] + cross(arm, force)
+            velocity = d.qvel[self._v : self._v + 6]
+            turning = R @ velocity[3:]
+            d.xfrc_applied[self._object, :3] = force - drag * self._speed_of_middle(R, velocity)
+            d.xfrc_applied[self._object, 3:] = torque - drag * inertia[0] * turning
+            d.qfrc_applied[:] = self._close
+            self._mujoco.mj_step(m, d)
+            self.hold_gears()
+        warned = d.warning[self._mujoco.mjtWarning.mjWARN_BADQACC].number
+        if warned or not np.isfinite(d.qpos).all():
+            raise FloatingPointError("the engine's numbers have run away")
+
+    def hold_gears(self) -> None:
+        """Let the gearings follow what has closed; called after every step."""
+        if self.winding:
+            for t in self._gears:
+                at = self.data.ten_length[t]
+                if at > self._model.tendon_range[t, 0]:
+                    self._model.tendon_range[t, 0] = at
+
+    def _speed_of_middle(self, R: Array, velocity: Array) -> Array:
+        return velocity[:3] + cross(R @ velocity[3:], R @ self._middle)
+
+    def moment(self) -> Moment:
+        """What is measured now."""
+        d, m = self.data, self._model
+        R = d.xmat[self._object].reshape(3, 3)
+        velocity = d.qvel[self._v : self._v + 6]
+        turning, centre = R @ velocity[3:], self._speed_of_middle(R, velocity)
+        places = d.xipos[self._object] - self._middle + self._arms @ (R.T - np.eye(3))
+        speeds = [np.linalg.norm(centre + cross(turning, R @ arm)) for arm in self._arms]
+        forces = np.zeros((len(self._arms), 3))
+        found = np.zeros(6)
+        for k in range(d.ncon):
+            c = d.contact[k]
+            self._mujoco.mj_contactForce(m, d, k, found)
+            i = self._contact_of[int(c.geom1)]
+            # mujoco's frame has its normal into the object, too, and tangents of its own
+            forces[i] = self._frames[i].T @ R.T @ c.frame.reshape(3, 3).T @ found[:3]
+        turn = np.zeros(3)
+        self._mujoco.mju_quat2Vel(turn, d.qpos[self._q + 3 : self._q + 7], 1.0)
+        return Moment(
+            float(d.time), self.load, d.xipos[self._object] - self._middle, turn,
+            d.qpos[[int(m.jnt_qposadr[m.dof_jntid[a]]) for a in self._twin.address]], forces, places,
+            float(max(speeds)),
+        )  # fmt: skip

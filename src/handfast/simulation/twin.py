@@ -1,0 +1,238 @@
+"""A grasp as a mujoco model: its exact contacts on joints with its axes, nothing else of hand and object.
+
+The twin shares the grasp file's numbers with the rest of Handfast and none of its equations. All of it is scaled: the
+unit of length is the grasp's size, the unit of force the largest in play, so that what was measured on one twin is true
+of all.
+Mass is numerical: the questions are about rest, where it does not matter, and the object weighs one unit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.transforms import matrix_quaternion, normal_frame
+from handfast.model.grasp import Grasp
+
+STEP = 1e-3  # [s]
+STIFFNESS = 1e5  # of a contact [force unit / length unit]: the force unit presses it in by 1e-5 of the grasp's size
+CONTACT_RATE = 100.0  # [1/s] at which a pressed contact comes to rest, critically damped
+FRICTION_RATE = 20.0  # [1/s] at which a sticking contact does; mujoco lifts a sliding contact in proportion to it
+CREEP_RATIO = 1e4  # mujoco's impratio: how much stiffer a contact is against sliding than against pressing
+DRAG_TIME = 0.05  # [s] after which what nothing drives has stopped: motion is slow, as the question is about rest
+TIP = 0.02  # [length unit] radius of the sphere that stands for a finger at a contact
+RIGID = (2 * STEP, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solref and solimp of couplings and gearings: all but rigid
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """The model and what its numbers mean.
+
+    Attributes:
+        model: an `mujoco.MjModel`, in scaled units.
+        length, force: one unit [m], [N].
+        joints: those of the grasp that can move; the others are part of the ground.
+        address: of the first copy of each of them among the model's degrees of freedom.
+        drive: (nv, d) columns: generalised force of a unit force of each driven actuator, mirrored where its
+            command is negative, so that all of them close.
+        command: (d,) forces of driven actuators, 0 or more [force unit].
+        gear: mujoco tendon of each driven actuator; its lower end is where the gearing stands.
+        winds: (d,) whether the gearing follows when the actuator closes; a tendon without command stays where it is.
+    """
+
+    model: Any
+    length: float
+    force: float
+    joints: tuple[int, ...]
+    address: tuple[int, ...]
+    drive: Array
+    command: Array
+    gear: tuple[int, ...]
+    winds: tuple[bool, ...]
+
+
+def build_twin(grasp: Grasp, force: float, *, step: float = STEP, stiffness: float = STIFFNESS) -> Twin:
+    """The twin of a grasp under its commands; `force` [N] is the unit.
+
+    Args:
+        step: [s] of the engine.
+        stiffness: of every contact [force unit / length unit].
+    """
+    import mujoco
+
+    length = grasp.size
+    free = _free_joints(grasp)
+    spec = mujoco.MjSpec()
+    spec.option.timestep = step
+    spec.option.gravity = (0.0, 0.0, 0.0)
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = CREEP_RATIO
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    spec.option.iterations, spec.option.tolerance = 200, 1e-14
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
+    spec.compiler.degree = False
+    names = _add_hand(spec, grasp, free, length)
+    _add_object(spec, grasp, length)
+    for i, contact in enumerate(grasp.contacts):
+        mu = max(contact.friction, 1e-5)  # mujoco's least
+        spec.add_pair(
+            name=f"contact {i}", geomname1=f"tip {i}", geomname2=f"face {i}", condim=3,
+            friction=[mu, mu, 0, 0, 0], solref=[-(CONTACT_RATE**2), -2 * CONTACT_RATE],
+            solreffriction=[0.0, -FRICTION_RATE], solimp=[0.9, 0.9, 0.001, 0.5, 2.0], margin=1.0,
+        )  # fmt: skip
+    unit = np.array([1.0 if grasp.joints[j].type == "revolute" else length for j in free])
+    _add_rows(spec, grasp, free, names, unit)
+    gears = _gears(grasp, free)
+    for name, row, *_ in gears:
+        _add_tendon(spec, f"gear {name}", row * unit, names)
+    model = spec.compile()
+    _equal_stiffness(mujoco, model, stiffness)
+    address = tuple(int(model.jnt_dofadr[model.joint(copies[0]).id]) for copies in names)
+    drive = np.zeros((model.nv, len(gears)))
+    for d, (_, row, *_) in enumerate(gears):
+        drive[list(address), d] = row * unit / length
+    tendons = tuple(int(model.tendon(f"gear {name}").id) for name, *_ in gears)
+    for t in tendons:
+        model.tendon_limited[t], model.tendon_range[t] = 1, (0.0, 1e3)
+        model.tendon_solref_lim[t], model.tendon_solimp_lim[t] = RIGID
+    command = np.array([f / force for _, _, f, _ in gears])
+    return Twin(model, length, force, free, address, drive, command, tendons, tuple(g[3] for g in gears))
+
+
+def _free_joints(grasp: Grasp) -> tuple[int, ...]:
+    """Joints that the locked actuators and the couplings together leave free."""
+    held = _held_rows(grasp)
+    if not len(held):
+        return tuple(range(grasp.l))
+    _, s, Vt = np.linalg.svd(held)
+    rank = int((s > 1e-9 * s.max(initial=1e-300)).sum())
+    return tuple(int(j) for j in np.flatnonzero(np.abs(Vt[rank:]).max(axis=0, initial=0.0) > 1e-9))
+
+
+def _held_rows(grasp: Grasp) -> Array:
+    """Rows of what stands still: locked actuators that are no tendons, and couplings."""
+    mech = grasp.mechanism
+    locked = [row for row, f, slack in zip(mech.R, grasp.command, mech.tendon, strict=True) if f == 0 and not slack]
+    rows = [*locked, *mech.A]
+    return np.array(rows) if rows else np.zeros((0, grasp.l))
+
+
+def _gears(grasp: Grasp, free: tuple[int, ...]) -> list[tuple[str, Array, float, bool]]:
+    """Name, row over the free joints, command and whether it winds: of what is driven, and of idle tendons."""
+    mech = grasp.mechanism
+    out = []
+    for name, row, f, slack in zip(mech.actuators, mech.R, grasp.command, mech.tendon, strict=True):
+        row = row[list(free)]
+        if (f != 0 or slack) and np.abs(row).max(initial=0.0) > 0:
+            out.append((name, row * (-1.0 if f < 0 else 1.0), abs(float(f)), f != 0))
+    return out
+
+
+def _add_hand(spec: Any, grasp: Grasp, free: tuple[int, ...], length: float) -> list[list[str]]:
+    """Chains of joints that end in a sphere at each contact; the names of each free joint's copies.
+
+    Contacts share the joints that they have in common as a hand does, the joint that moves more of them first. Where
+    that is no tree, a joint has copies that are tied to each other.
+    """
+    import mujoco
+
+    order = sorted(range(len(free)), key=lambda k: (-len(grasp.joints[free[k]].moves), k))
+    names: list[list[str]] = [[] for _ in free]
+    bodies: dict[tuple[int, ...], Any] = {(): spec.worldbody}
+    paths = [tuple(k for k in order if i in grasp.joints[free[k]].moves) for i in range(grasp.m)]
+    idle = [(k,) for k in order if not grasp.joints[free[k]].moves]
+    for path in [*paths, *idle]:
+        for end in range(1, len(path) + 1):
+            if path[:end] in bodies:
+                continue
+            k = path[end - 1]
+            joint = grasp.joints[free[k]]
+            arms = [np.linalg.norm(joint.velocity_at(grasp.contacts[i].position)) for i in joint.moves]
+            turns = joint.type == "revolute"
+            arm = max(arms, default=0.0) / (length if turns else 1.0) or 1.0
+            name = f"{joint.name} {len(names[k])}"
+            # mujoco overlooks the armature of what only slides when it estimates inverse masses: there the body has it
+            body = bodies[path[: end - 1]].add_body(
+                mass=1e-6 if turns else 1.0, inertia=[1e-6] * 3, ipos=[0, 0, 0], explicitinertial=1
+            )
+            kind = mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE
+            body.add_joint(
+                name=name, type=kind, axis=joint.axis.tolist(), pos=(joint.origin / length).tolist(),
+                armature=arm**2 if turns else 0.0, damping=[arm**2 / DRAG_TIME, 0, 0],
+            )  # fmt: skip
+            if names[k]:
+                tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=name, name2=names[k][0])
+                tie.objtype = mujoco.mjtObj.mjOBJ_JOINT
+                tie.data[:5], tie.solref, tie.solimp = [0, 1, 0, 0, 0], *RIGID
+            names[k].append(name)
+            bodies[path[:end]] = body
+    for i, (path, contact) in enumerate(zip(paths, grasp.contacts, strict=True)):
+        centre = contact.position / length - TIP * contact.normal
+        bodies[path].add_geom(
+            name=f"tip {i}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[TIP, 0, 0], pos=centre.tolist(),
+            contype=0, conaffinity=0, mass=0,
+        )  # fmt: skip
+    return names
+
+
+def _add_object(spec: Any, grasp: Grasp, length: float) -> None:
+    """A body of unit mass, its centre amid the contacts, with a flat face at each of them."""
+    import mujoco
+
+    middle = grasp.positions.mean(axis=0) / length
+    body = spec.worldbody.add_body(
+        name="object", mass=1.0, inertia=[0.4] * 3, ipos=middle.tolist(), explicitinertial=1,
+    )  # fmt: skip
+    body.add_freejoint(name="object")
+    for i, contact in enumerate(grasp.contacts):
+        n = contact.normal
+        axes = normal_frame(n)[:, [1, 2, 0]]
+        body.add_geom(
+            name=f"face {i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=[3.0, 3.0, 0.5],
+            pos=(contact.position / length + 0.5 * n).tolist(), quat=matrix_quaternion(axes).tolist(),
+            contype=0, conaffinity=0, mass=0,
+        )  # fmt: skip
+
+
+def _add_rows(spec: Any, grasp: Grasp, free: tuple[int, ...], names: list[list[str]], unit: Array) -> None:
+    """Couplings, and locked actuators that move several joints, as equalities."""
+    import mujoco
+
+    for r, row in enumerate(_held_rows(grasp)[:, list(free)]):
+        if np.abs(row).max(initial=0.0) == 0:
+            continue
+        _add_tendon(spec, f"row {r}", row * unit, names)
+        tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_TENDON, name1=f"row {r}")
+        tie.objtype = mujoco.mjtObj.mjOBJ_TENDON
+        tie.data[:5], tie.solref, tie.solimp = [0, 0, 0, 0, 0], *RIGID
+
+
+def _add_tendon(spec: Any, name: str, row: Array, names: list[list[str]]) -> None:
+    tendon = spec.add_tendon(name=name)
+    for copies, weight in zip(names, row, strict=True):
+        if weight != 0:
+            tendon.wrap_joint(copies[0], float(weight))
+
+
+def _equal_stiffness(mujoco: Any, model: Any, stiffness: float) -> None:
+    """Give every contact the same stiffness, which mujoco makes of the masses behind it.
+
+    At rest its force is rate^2 / R times the penetration, with R = (1 - d) / d of the inverse mass that it assumes.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    regular = CONTACT_RATE**2 / stiffness
+    pair_of = {int(g): i for i, g in enumerate(model.pair_geom1)}
+    for c in data.contact:
+        i = pair_of[int(c.geom1)]
+        inverse_mass = float(data.efc_R[c.efc_address]) * 9.0  # d is 0.9 so far
+        d = float(np.clip(inverse_mass / (inverse_mass + regular), 1e-4, 0.9999))
+        model.pair_solimp[i, :2] = d
+        # mujoco divides both by d squared and by d
+        model.pair_solref[i] = (-(CONTACT_RATE**2) * d, -2 * CONTACT_RATE * d)
+        model.pair_solreffriction[i] = (0.0, -FRICTION_RATE * d)
+    model.pair_margin[:] = 0.0

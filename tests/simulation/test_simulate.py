@@ -1,0 +1,227 @@
+"""Simulated grasps whose thresholds are known by hand: a slope, a pinch, a coupling, a tendon."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.simulation_floor import Damped, Rubbing, across, block, on_slope, pinch
+from handfast.core.errors import InputError
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.grasp_file import load_grasp
+from handfast.model.mechanism import Mechanism
+from handfast.simulation.ending import LOST, REST, SLIP, Ending, judge
+from handfast.simulation.simulate import force_unit, simulate
+from handfast.simulation.stepper import Stepper
+from handfast.simulation.twin import DRAG_TIME, STIFFNESS, build_twin
+
+QUICK = {"ramp": 1.0}
+
+
+def ended(grasp: Grasp, wrench: object, **options: object) -> Ending:
+    return simulate(grasp, wrench, **(QUICK | options)).ending  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("mu", [0.2, 1.0])
+def test_a_block_slips_where_the_slope_is_steeper_than_its_friction(mu: float) -> None:
+    """tan alpha = mu; nothing is preloaded."""
+    assert ended(block(mu), on_slope(mu, 0.95), loading="together") is Ending.HOLDS
+    assert ended(block(mu), on_slope(mu, 1.05), loading="together") is Ending.SLIPS
+
+
+def test_a_pinch_carries_twice_mu_times_its_command_across() -> None:
+    """2 mu f: 0.8 N for mu = 0.4, f = 1 N, whatever the unit of force; twice the command carries twice."""
+    found = simulate(pinch(0.4), 1.25 * across(0.4, 1.0), ramp=4.0)
+    assert found.ending is Ending.SLIPS
+    assert found.onset is not None
+    assert 1.25 * found.onset == pytest.approx(1.0, abs=0.04)
+    assert ended(pinch(0.4, 200.0), 200 * across(0.4, 0.95)) is Ending.HOLDS
+    assert ended(pinch(0.4, 200.0), 200 * across(0.4, 1.06)) is Ending.SLIPS
+
+
+def test_forces_balance_the_load_and_belong_to_their_contacts() -> None:
+    """Pushed by 3 N onto the driven finger, which is commanded to 1 N and does not turn back; the other lets go."""
+    found = simulate(pinch(0.5), [3, 0, 0], **QUICK)
+    assert found.ending is Ending.HOLDS
+    assert found.touching == (0,)
+    assert found.forces[-1, :, 0] == pytest.approx([3, 0], abs=1e-3)
+    carried = sum(c.frame @ f for c, f in zip(found.grasp.contacts, found.forces[-1], strict=True))
+    assert carried == pytest.approx([-3, 0, 0], abs=1e-3)
+    assert abs(found.joints[-1, 0] - found.joints[found.load == 0][-1, 0]) < 1e-9
+
+
+def test_pulled_off_its_finger_an_object_has_the_command_and_no_more() -> None:
+    """1 N of command pushes; 0.5 N more from the load: the fixed finger answers 1.5 N, the driven one 1 N."""
+    found = simulate(pinch(0.5), [-0.5, 0, 0], **QUICK)
+    assert found.forces[-1, :, 0] == pytest.approx([1.0, 1.5], abs=2e-3)
+
+
+def test_every_contact_is_as_stiff_as_said() -> None:
+    """The force unit presses a contact in by 1 / STIFFNESS grasp sizes."""
+    found = simulate(pinch(0.5), [3, 0, 0], **QUICK)
+    # from touching at 0 to 3 N, the unit, on the driven side alone
+    expected = found.grasp.size / STIFFNESS
+    assert found.shift[-1, 0] + found.joints[-1, 0] == pytest.approx(expected, rel=0.02)
+
+
+def test_a_moving_limit_neither_opens_nor_gains_squeeze() -> None:
+    """Beside it the ways that were not taken: a damper creeps open, dry friction squeezes with what it can hold."""
+
+    def squeezed(kind: type[Stepper]) -> tuple[float, float]:
+        grasp = pinch(0.5)
+        twin = build_twin(grasp, 1.0)
+        if kind is not Stepper:
+            twin.model.tendon_limited[:] = 0
+        frames = np.array([c.frame for c in grasp.contacts])
+        stepper = kind(twin, grasp.positions / twin.length, frames, np.array([5.0, 0, 0, 0, 0, 0]))
+        stepper.run(1500)
+        squeeze = float(stepper.moment().forces[0, 0])
+        stepper.run(300, 1 / 300)
+        at = float(stepper.moment().joints[0])
+        stepper.run(1000)
+        return squeeze, at - float(stepper.moment().joints[0])
+
+    assert squeezed(Stepper) == pytest.approx((1.0, 0.0), abs=1e-3)
+    assert squeezed(Damped)[1] > 1e-3
+    assert squeezed(Rubbing)[0] > 5
+
+
+def finger(command: float, ratio: float = 1.0, *, tendon: bool = False) -> Grasp:
+    """A pinch whose driven contact hangs on two slides; the second goes `ratio` times as far as the first."""
+    grasp = pinch(0.5)
+    joints = [replace(grasp.joints[0], name="first"), replace(grasp.joints[0], name="second")]
+    mech = Mechanism(("motor",), np.array([[1.0, 0.0]]), np.array([[-ratio, 1.0]]), (tendon,))
+    return Grasp(grasp.contacts, joints, mech, {"motor": command} if command else None, "finger")
+
+
+def test_a_coupling_shares_the_motors_force() -> None:
+    """The contact moves 1 + 2 times as far as the motor: it presses with a third of the command."""
+    found = simulate(finger(3.0, 2.0), [0, 0, -1e-3], **QUICK)
+    assert found.forces[-1, 0, 0] == pytest.approx(1.0, abs=5e-3)
+    assert found.joints[-1, 1] == pytest.approx(2 * found.joints[-1, 0], rel=1e-2)
+
+
+def test_a_negative_command_is_the_mirror_image() -> None:
+    grasp = pinch(0.4)
+    back = replace(grasp.joints[0], axis=-grasp.joints[0].axis)
+    mirrored = Grasp(grasp.contacts, [back], Mechanism.direct(["slide"]), {"slide": -1.0})
+    assert ended(mirrored, across(0.4, 0.95)) is Ending.HOLDS
+    assert ended(mirrored, across(0.4, 1.06)) is Ending.SLIPS
+
+
+def test_a_tendon_without_command_pulls_but_does_not_push() -> None:
+    """Without command the finger is held against opening; nothing presses it against the object."""
+    idle = finger(0.0, tendon=True)
+    assert ended(idle, [1, 0, 0]) is Ending.HOLDS
+    assert ended(idle, [0, 0, -1]) is Ending.SLIPS
+
+
+def test_what_nothing_holds_drifts_as_fast_as_its_drag_lets_it() -> None:
+    """Unit force on unit mass that stops within DRAG_TIME: as many grasp sizes a second."""
+    found = simulate(block(0.5), [0, 0, 1], **QUICK)
+    assert found.ending is Ending.SLIPS
+    assert found.touching == ()
+    assert found.rate == pytest.approx(DRAG_TIME * found.grasp.size, rel=1e-3)
+
+
+def test_contacts_that_share_joints_in_no_tree_get_copies() -> None:
+    """Joints a: contacts 0 and 1, b: contacts 1 and 2; the copies of one joint move together."""
+    contacts = [Contact(np.array([x, 0.0, 0]), np.array([0, 0, -1.0]), 0.5) for x in (-0.05, 0.0, 0.05)]
+    contacts += [
+        Contact(np.array([x, y, -0.02]), np.array([0, 0, 1.0]), 0.5) for x, y in ((-0.05, 0), (0.05, 0), (0, 0.05))
+    ]
+    down = np.array([0.0, 0, -1])
+    joints = [GraspJoint(n, down, np.zeros(3), moves, "prismatic") for n, moves in (("a", (0, 1)), ("b", (1, 2)))]
+    grasp = Grasp(contacts, joints, None, {"a": 1.0, "b": 1.0})
+    found = simulate(grasp, [0, 0, -0.1], **QUICK)
+    assert found.ending is Ending.HOLDS
+    # joint a carries contacts 0 and 1, b carries 1 and 2: each pair sums to its command
+    n = found.forces[-1, :, 0]
+    assert (n[0] + n[1], n[1] + n[2]) == pytest.approx((1.0, 1.0), abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["barrett-mallet"])
+def test_what_rests_is_an_equilibrium_of_the_grasps_own_matrices(name: str) -> None:
+    """G c + w = 0 with the contact forces in the grasp's frames; no actuator carries less than its command."""
+    grasp = load_grasp(name)
+    w = np.array([0.5, 0.3, -0.4, 0.01, 0, 0])
+    found = simulate(grasp, w, ramp=2.0)
+    c = found.forces[-1].ravel()
+    assert grasp.G @ c == pytest.approx(-w, abs=2e-3 * np.abs(c).max())
+    mech = grasp.mechanism
+    carried = np.linalg.lstsq(np.vstack([mech.R, mech.A]).T, grasp.J.T @ c)[0][: mech.a]
+    assert (carried[grasp.command > 0] > 0.99 * grasp.command[grasp.command > 0]).all()
+    assert (np.linalg.norm(found.forces[-1][:, 1:], axis=1) <= grasp.mu * found.forces[-1][:, 0] + 1e-6).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "direction", "most"),
+    [
+        ("fig1", (0, 1, 0), 2.225),
+        ("fig11", (0, 1, 0), 0.9836),
+        ("fig9", (0, -1, 0), 1.469),
+        ("barrett-egg", (0, 0, 1), 1.770),
+        ("barrett-ball", (0, 0, 1), 5.079),
+    ],
+)
+def test_bundled_grasps_slip_within_five_per_cent_of_their_certified_maxima(
+    name: str, direction: tuple[float, ...], most: float
+) -> None:
+    """Maxima as `handfast max` certifies them; nothing is set for any of them."""
+    found = simulate(load_grasp(name), 1.1 * most * np.array(direction), ramp=3.0)
+    assert found.ending is Ending.SLIPS
+    assert found.onset is not None
+    assert 1.1 * found.onset == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_same_question_has_the_same_history() -> None:
+    a, b = (simulate(pinch(0.5), [0, 0, -0.5], ramp=0.5) for _ in range(2))
+    assert np.array_equal(a.forces, b.forces)
+    assert np.array_equal(a.motion, b.motion)
+
+
+def test_a_load_too_small_to_be_seen_is_not_said_to_be_held() -> None:
+    """Without friction nothing resists 0.01 N across; beside a command of 1000 N its drift is below what is rest."""
+    found = simulate(pinch(0.0, 1000.0), [0, 0, -0.01], ramp=0.5)
+    assert found.ending is Ending.UNDECIDED
+    assert "below 1 % of the largest force" in found.why
+
+
+def test_endings() -> None:
+    quiet = {"fastest": 0.0, "moved": 0.0, "yielded": 1e-5, "broken": False}
+    assert judge(REST / 2, **quiet) is Ending.HOLDS
+    assert judge((REST + SLIP) / 2, **quiet) is Ending.UNDECIDED
+    assert judge(2 * SLIP, **quiet) is Ending.SLIPS
+    assert judge(REST / 2, **quiet | {"fastest": 2 * SLIP, "moved": 1e-3}) is Ending.SETTLES
+    assert judge(REST / 2, **quiet | {"fastest": 2 * SLIP, "moved": 2e-5}) is Ending.HOLDS
+    assert judge(REST / 2, **quiet, faint=True) is Ending.UNDECIDED
+    assert judge(0.0, **quiet | {"moved": 2 * LOST}) is Ending.SLIPS
+    assert judge(0.0, **quiet | {"broken": True}) is Ending.ILL_POSED
+
+
+def test_a_simulation_that_breaks_down_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(self: Stepper, steps: int, load_step: float = 0.0) -> None:
+        raise FloatingPointError("the engine's numbers have run away")
+
+    monkeypatch.setattr(Stepper, "run", broken)
+    found = simulate(pinch(0.5), [0, 0, -0.1])
+    assert found.ending is Ending.ILL_POSED
+    assert found.why
+    assert found.to_json()["ending"] == "ill-posed"
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ({"wrench": [1, 2]}, "wrench"),
+        ({"wrench": [0, 0, 1], "ramp": 0}, "ramp: is 0; a number above 0"),
+        ({"wrench": [0, 0, 1], "loading": "both"}, "'preload-first' or 'together'"),
+    ],
+)
+def test_bad_questions(options: dict[str, object], fault: str) -> None:
+    with pytest.raises(InputError, match=fault):
+        simulate(pinch(0.5), **options)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="nothing would happen"):
+        force_unit(pinch(0.5).with_preload(None), np.zeros(6))
