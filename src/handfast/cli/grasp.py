@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class FindGrasps(LoadsOptions, Command):
-    """FoundGrasp grasps for a task: the hand reaches them, nothing collides, they hold, and with these torques.
+    """Find grasps for a task: the hand reaches them, nothing collides, they hold, and with these torques.
 
     Every configuration comes with a proof that it exists, every load with an exact equilibrium under the
     preload. What else was tried is counted by the reason why it was dropped.
