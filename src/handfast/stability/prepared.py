@@ -147,7 +147,10 @@ def prepare(
 
     Args:
         preload: commands in force; those of the grasp by default. `PreparedGrasp.preload` changes them.
-        eta, torque_limits, force_limit, settings: as in `check`.
+        eta: as in `check`.
+        torque_limits: as in `check`.
+        force_limit: as in `check`.
+        settings: as in `check`.
 
     Raises:
         InputError: see `check`.
