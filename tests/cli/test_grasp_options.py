@@ -12,6 +12,7 @@ from handfast import load_task
 from handfast.core.errors import InputError
 from handfast.model.body import Body, load_body
 from handfast.planning import grasp_for
+from handfast.planning.requirements import link_pairs
 from tests.support.program import complains, run
 
 Ask = Callable[..., tuple[Body, dict[str, Any]]]
@@ -77,3 +78,9 @@ def test_a_link_that_the_hand_does_not_have(capsys: pytest.CaptureFixture[str]) 
     with pytest.raises(InputError, match=r"ignored: unknown link 'thumb'; known: palm"):
         grasp_for.grasp_for(load_task(TASK), ignored=[("thumb", "palm")])
     complains(capsys, ["grasp", TASK, "--ignore-pair", "thumb", "palm"], ["unknown link 'thumb'"])
+
+
+def test_a_pair_is_two_links_and_counts_once(capsys: pytest.CaptureFixture[str]) -> None:
+    hand = load_task(TASK).hand
+    assert link_pairs(hand, [("palm", "thumb_base"), ("thumb_base", "palm")]) == (("palm", "thumb_base"),)
+    complains(capsys, ["grasp", TASK, "--ignore-pair", "palm", "palm"], ["palm with itself; two links are needed"])

@@ -54,6 +54,16 @@ def test_what_is_wrong_is_one_line(
     assert not list(folder.glob("b*"))
 
 
+@pytest.mark.parametrize("name", ["b.summary.json", "b.summary.png"])
+def test_a_summary_of_something_else_is_not_written_over(
+    folder: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    (folder / name).write_text("mine")
+    told = f"handfast: {name}: exists already; give --force to write over it\n"
+    assert run(capsys, "label", "a.jsonl", "-o", "b.jsonl") == (2, "", told)
+    assert (folder / name).read_text() == "mine"
+
+
 def test_where_every_row_is_broken_the_table_says_why(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_lines(folder / "c.jsonl", "{", "{")
     status, out, _ = run(capsys, "label", "c.jsonl", "-o", "d.jsonl")

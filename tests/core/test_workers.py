@@ -6,6 +6,7 @@ import os
 import signal
 from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -90,3 +91,15 @@ def test_no_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("handfast.core.workers.PATIENCE", 0.5)
     with pytest.raises(InputError, match=r"tcp://127.0.0.1:1: no Dask scheduler answers \("):
         DaskWorkers("tcp://127.0.0.1:1")
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"), [(None, "no such file"), ("{", "is not valid JSON"), ("{}", "address: is missing")]
+)
+def test_a_scheduler_file_that_says_nothing_is_one_line(tmp_path: Path, text: str | None, fault: str) -> None:
+    pytest.importorskip("distributed")
+    file = tmp_path / "dask.json"
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(InputError, match=fault):
+        DaskWorkers(str(file))

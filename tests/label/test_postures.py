@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,24 @@ def test_changes_take_the_place_of_what_a_table_says(
     label_dataset(tmp_path / "a.npz", tmp_path / "b.jsonl", labelling=LITTLE, scene=scene, changes=changes, jobs=1)
     row = next(load_labels(tmp_path / "b.jsonl"))
     assert (row["mass"], set(row["contact_frictions"]), sum(row["preload"])) == (1.5, {0.3}, 0.2)
+
+
+def test_a_mass_that_is_no_number_is_not_passed_over(
+    tmp_path: Path, arrays: dict[str, Any], scene: SceneSource, asked: list[Any]
+) -> None:
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    table: dict[str, Any] = {key: value[[0, 0, 0]].tolist() for key, value in arrays.items()}
+
+    def label(**changed: Any) -> list[dict[str, Any]]:
+        parquet.write_table(arrow.table(table | changed), tmp_path / "a.parquet")
+        out = tmp_path / "b.jsonl"
+        label_dataset(tmp_path / "a.parquet", out, labelling=LITTLE, scene=scene, jobs=1, force=True)
+        return list(load_labels(out))
+
+    assert [r["mass"] for r in label(mass=[Decimal("0.3"), Decimal("0.4"), None])[:2]] == [0.3, 0.4]
+    reasons = [r["reason"] for r in label(mass=["0.3", "x", None])]
+    assert reasons == ["mass: is '0.3'; a number is needed", "mass: is 'x'; a number is needed", None]
+    assert [r["reason"] for r in label(friction=[True] * 3)] == ["friction: is 'True'; a number is needed"] * 3
 
 
 def test_parquet_of_lists_and_of_single_columns_say_the_same(tmp_path: Path, arrays: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast import Contact, Grasp, GraspJoint, InputError, Mechanism, load_grasp
+from handfast import Contact, Grasp, GraspJoint, InputError, Mechanism, load_grasp, measure
 from handfast.measures import map_conditioning
 from handfast.measures.chosen_forces import largest_wrench, smallest_forces
 from handfast.measures.cone_edges import edge_wrenches
@@ -165,3 +165,9 @@ def test_singular_values():
     assert map_conditioning.isotropy(P) == pytest.approx(0.0, abs=1e-12)
     one = SCALE.grasp_map(Grasp(pair(MU).contacts[:1]))
     assert (map_conditioning.smallest_singular_value(one), map_conditioning.isotropy(one)) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("length", [1e-6, 1.0, 1e6])
+def test_how_many_internal_forces_there_are_does_not_hang_on_the_unit_of_torques(length: float):
+    found = measure(load_grasp("fig11"), only=["internal_dimension", "controllable_dimension"], length=length)
+    assert (found["internal_dimension"], found["controllable_dimension"]) == (3, 3)

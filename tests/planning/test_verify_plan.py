@@ -72,6 +72,26 @@ def test_the_question_has_to_be_the_plans(planned: Plan) -> None:
     assert "do not touch there so" in said(body=moved)
 
 
+def test_joints_have_to_be_within_the_hands_limits(planned: Plan) -> None:
+    (one,) = planned.grasps
+    hand = planned.hand
+    k = hand.joint("finger_1_prox")
+    short = replace(hand.joints[k], upper=float(one.q[k]) - 0.05)
+    joints = (*hand.joints[:k], short, *hand.joints[k + 1 :])
+    asked = replace(planned.asked, hand=replace(hand, joints=joints))
+    assert "finger_1_prox: is" in replace(planned, asked=asked).verify().reason
+    assert "its configuration has 3 joints, the hand 8" in reason(planned, q=one.q[:3])
+
+
+def test_the_object_has_to_be_as_heavy_as_the_plans(planned: Plan) -> None:
+    (one,) = planned.grasps
+    heavy = one.grasp.about(mass=99.0)
+    posed = [c.posed for c in one.answer.checks if c.posed]
+    asked = [p._replace(problem=replace(p.problem, grasp=heavy)) for p in posed]
+    checks = tuple(replace(c, posed=p) for c, p in zip(one.answer.checks, asked, strict=True))
+    assert "another mass" in reason(planned, grasp=heavy, answer=replace(one.answer, checks=checks, grasp=heavy))
+
+
 def test_a_contact_off_the_object_is_found(planned: Plan) -> None:
     (one,) = planned.grasps
     turned = one.pose.copy()

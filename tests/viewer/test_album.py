@@ -44,5 +44,7 @@ def test_nothing_to_look_at(tmp_path: Path) -> None:
         Album.of(tmp_path)
     with pytest.raises(InputError, match="at least one"):
         Album.of([])
+    with pytest.raises(InputError, match=r"grasps\[1\]: is str; a grasp is needed"):
+        Album.of([jaws(), "fig1"])  # type: ignore[list-item]
     with pytest.raises(InputError, match="nowhere"):
         Album.of("nowhere.json")

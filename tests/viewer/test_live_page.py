@@ -111,6 +111,9 @@ def test_ports() -> None:
         free_port("127.0.0.1", 65536)
     with pytest.raises(InputError, match="host: cannot listen at"):
         free_port("192.0.2.1", 0)
+    for name in ("a..b", "x" * 300):
+        with pytest.raises(InputError, match=r"host: '[ax.b]+' is no address"):
+            free_port(name, 0)
 
 
 def test_the_program_serves_until_ctrl_c(tmp_path: Path) -> None:

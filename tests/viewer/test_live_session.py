@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from handfast.core.errors import InputError
 from handfast.model.grasp_file import save_grasp
 from handfast.viewer.album import Album
 from handfast.viewer.live_session import LiveSession
@@ -55,3 +56,16 @@ def test_a_fault_is_shown_and_the_next_change_answered(session: LiveSession) -> 
     until(lambda: canvas.drawn and canvas.drawn[-1][1].headline == "NO ANSWER")
     session.change(lambda x: x.with_normals(0.0))
     until(lambda: canvas.drawn[-1][1].tone == "holds")
+
+
+def test_a_broken_first_file_does_not_hide_the_others(tmp_path: Path) -> None:
+    (tmp_path / "0.grasp.json").write_text("{}")
+    with pytest.raises(InputError, match=r"0.grasp.json"):
+        LiveSession(Album.of(tmp_path))
+    save_grasp(jaws(preload=10.0), tmp_path / "1.grasp.json")
+    session, canvas = LiveSession(Album.of(tmp_path)), KeptCanvas()
+    session.start(canvas)
+    until(lambda: canvas.said and canvas.drawn)
+    session.close()
+    assert session.state.number == 1
+    assert "0.grasp.json" in canvas.said[0]

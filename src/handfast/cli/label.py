@@ -101,6 +101,10 @@ class Label(Command):
         if self.jobs < 0:
             raise InputError(f"is {self.jobs}; 0 or more is needed", field="--jobs")
         beside = [self.output.with_suffix(ending) for ending in (SUMMARY, PICTURE)]
+        if not (self.force or self.resume):
+            for file in beside:
+                if file.exists() and not self.output.exists():
+                    raise InputError("exists already; give --force to write over it", source=str(file))
         last = 0.0
         with console.watch("label") as watch:
 

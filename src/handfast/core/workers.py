@@ -179,6 +179,16 @@ def _ending(code: int | None) -> str:
     return f"its process ended with status {code}"
 
 
+def _address_in(file: str) -> str:
+    """The address in a scheduler file, read here: Dask waits for a file that is not there; raises `InputError`."""
+    from handfast.core.files import read_json
+
+    told = read_json(file, "scheduler file")
+    if not (isinstance(told, dict) and isinstance(told.get("address"), str)):
+        raise InputError("is missing; `dask scheduler --scheduler-file` writes it", source=file, field="address")
+    return str(told["address"])
+
+
 class DaskWorkers(Workers):
     """The workers of a Dask cluster (`dask scheduler`, `dask worker`, dask-jobqueue), however many there are.
 
@@ -197,10 +207,9 @@ class DaskWorkers(Workers):
             from distributed import Client
         except ImportError:
             raise InputError(f"needs Dask: pip install '{COMMAND}'", field="--scheduler") from None
-        where = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
-        self.address = address
+        self.address, where = address, _address_in(address) if address.endswith(".json") else address
         try:
-            self._client = Client(timeout=PATIENCE, set_as_default=False, **where)
+            self._client = Client(where, timeout=PATIENCE, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as fault:
             problem = f"no Dask scheduler answers ({' '.join(str(fault).split())[:100] or type(fault).__name__})"
             raise InputError(problem, source=address) from None

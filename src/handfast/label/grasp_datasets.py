@@ -13,6 +13,8 @@ from handfast.label.rows import DatasetRow, FaultyRow
 
 LONGEST = 16 << 20  # [bytes] of a row: nothing of ours comes near, and memory has an end
 BLOCK = 1 << 20  # [bytes] read at a time
+BESIDE = (".jsonl.about.json", ".summary.json")  # how files of labels end that are no grasp files,
+IN_THE_MAKING = (".jsonl.parts", ".parquet.parts")  # and folders that have such files
 
 
 class GraspFiles(GraspDataset):
@@ -22,6 +24,7 @@ class GraspFiles(GraspDataset):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         found = [str(f.relative_to(path)) for f in path.rglob("*.json") if f.is_file()]
+        found = [f for f in found if not _of_labels(f)]
         named = [f for f in found if f.endswith(".grasp.json") or Path(f).name.startswith("grasp-")]
         self.files = sorted(named or found)
         if not self.files:
@@ -34,24 +37,32 @@ class GraspFiles(GraspDataset):
     def identity(self) -> dict[str, Any]:
         digest = hashlib.sha256()
         for file in self.files:
-            digest.update(f"{file}\0{(self.path / file).stat().st_size}\0".encode("utf-8", "surrogateescape"))
-        return {"kind": "grasp files", "rows": self.count, "sha256 of names and sizes": digest.hexdigest()}
+            digest.update(file.encode("utf-8", "surrogateescape") + b"\0")
+            digest.update(repr(_content(self.path / file)).encode("utf-8", "backslashreplace") + b"\0")
+        return {"kind": "grasp files", "rows": self.count, "sha256 of names and contents": digest.hexdigest()}
 
     def items(self) -> Iterator[str]:
         return iter(self.files)
 
     def row(self, number: int, item: str) -> DatasetRow:
-        return DatasetRow(number, printable(item), self._content(self.path / item))
+        return DatasetRow(number, printable(item), _content(self.path / item))
 
-    def _content(self, file: Path) -> str | FaultyRow:
-        try:
-            if file.stat().st_size > LONGEST:
-                return FaultyRow(f"is larger than {LONGEST >> 20} MiB")
-            return file.read_text("utf-8")
-        except OSError as fault:
-            return FaultyRow(f"cannot be read: {fault.strerror}")
-        except UnicodeDecodeError:
-            return FaultyRow("is no text in UTF-8")
+
+def _content(file: Path) -> str | FaultyRow:
+    try:
+        if file.stat().st_size > LONGEST:
+            return FaultyRow(f"is larger than {LONGEST >> 20} MiB")
+        return file.read_text("utf-8")
+    except OSError as fault:
+        return FaultyRow(f"cannot be read: {fault.strerror}")
+    except UnicodeDecodeError:
+        return FaultyRow("is no text in UTF-8")
+
+
+def _of_labels(file: str) -> bool:
+    """Is it a file that a table of labels has beside it? The table may be in the folder that it is about."""
+    *folders, name = Path(file).parts
+    return name.endswith(BESIDE) or any(folder.endswith(IN_THE_MAKING) for folder in folders)
 
 
 class GraspLines(GraspDataset):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from handfast.core.files import same_json
 from handfast.core.parallel import default_jobs
 from handfast.core.workers import DaskWorkers, Died, ProcessWorkers, Workers
 from handfast.label.label_columns import SCHEMA, broken, complete, described
-from handfast.label.label_files import format_named, format_of
+from handfast.label.label_files import BrokenFile, LabelFormat, format_named, format_of
 from handfast.label.label_summary import KEPT, LabelSummary
 from handfast.label.labeller import Labelling, label
 from handfast.label.open_dataset import open_dataset
@@ -137,9 +138,10 @@ def label_dataset(
     if resume and target.exists() and not folder.begun:  # the last run came to its end
         if not same_json(format.about(target), about):
             raise InputError("is of another dataset or of other questions; give --force", source=str(target))
-        summary.take(row for block in format.read(target, KEPT) for row in block)
+        _count(summary, format, target, rows.count)
         return summary
     with folder:
+        _refuse(target, folder, resume=resume, force=force)  # another run may have ended since
         bad = fresh = 0
         with _workers(jobs, scheduler) as workers:
             have = folder.open(resume=resume)
@@ -150,8 +152,10 @@ def label_dataset(
                 if on_progress:
                     seconds = time.monotonic() - begin
                     on_progress(LabelProgress(done + fresh, rows.count, fresh, seconds, bad))
+        if open_dataset(dataset).identity() != about["dataset"]:
+            raise InputError("changed while it was labelled; give --force to begin anew", source=str(dataset))
         format.write(target, folder.files(), about)
-        summary.take(row for block in format.read(target, KEPT) for row in block)
+        _count(summary, format, target, rows.count)
         if not keep_parts:
             folder.remove()
     summary.fresh, summary.wall = fresh, time.monotonic() - begin
@@ -162,6 +166,8 @@ def _refuse(target: Path, folder: PartFolder, *, resume: bool, force: bool) -> N
     """`InputError` before any work for what would be written over."""
     if target.is_dir():
         raise InputError("is a folder; a file is needed", source=str(target))
+    if folder.foreign:
+        raise InputError("has files that are no parts of labels; move it away", source=str(folder_of(target)))
     if resume or force:
         return
     if target.exists():
@@ -169,6 +175,17 @@ def _refuse(target: Path, folder: PartFolder, *, resume: bool, force: bool) -> N
     if folder.begun:
         problem = "holds parts of labels already; give --resume to go on, or --force to begin anew"
         raise InputError(problem, source=str(folder_of(target)))
+
+
+def _count(summary: LabelSummary, format: LabelFormat, target: Path, rows: int) -> None:
+    """Take all rows of a table into the summary; `InputError` if it has others than it was written with."""
+    try:
+        summary.take(row for block in format.read(target, KEPT) for row in block)
+        whole = summary.rows == rows
+    except BrokenFile:
+        whole = False
+    if not whole:
+        raise InputError("was damaged since it was written; give --force to begin anew", source=str(target))
 
 
 def _workers(jobs: int | None, scheduler: str | None) -> Workers:
@@ -222,7 +239,9 @@ def _label_of(recipe: LabelRecipe, row: DatasetRow) -> dict[str, Any]:
                 said |= _posture(recipe.scene, posed)
         if row.unnamed:
             said["name"] = grasp.name
-        return complete(said | label(grasp, recipe.labelling))
+        found = complete(said | label(grasp, recipe.labelling))
+        json.dumps(found, allow_nan=False)  # what no table can hold is this row's fault alone
+        return found
     except InputError as fault:
         reason = str(fault)
     except Exception as fault:  # a row may be odd in ways that nobody thought of: that is no reason to lose the others

@@ -119,6 +119,15 @@ class ParquetFormat(LabelFormat):
     def write(self, path: Path, parts: Iterable[Path], about: Mapping[str, Any]) -> None:
         schema = self._schema(about)
         target = path.with_name(path.name + ".part")
+        try:
+            self._put_together(target, parts, schema)
+            _take_place(target, path)
+        except OSError as fault:
+            with suppress(OSError):
+                target.unlink()
+            raise InputError(f"cannot be written: {fault.strerror or fault}", source=str(path)) from None
+
+    def _put_together(self, target: Path, parts: Iterable[Path], schema: Any) -> None:
         with open(target, "wb") as stream, self.parquet.ParquetWriter(stream, schema, compression="zstd") as writer:
             held, rows = [], 0
             for part in parts:
@@ -129,7 +138,6 @@ class ParquetFormat(LabelFormat):
                     held, rows = [], 0
             if held:
                 writer.write_table(self.arrow.concat_tables(held).cast(schema), GROUP)
-        _take_place(target, path)
 
     def about(self, path: Path) -> Any:
         try:

@@ -221,7 +221,7 @@ def _key(v: Array) -> tuple[float, ...]:
 
 
 def _bounds(name: str, most: LargestLoad) -> dict[str, Any]:
-    return {name: most.lower, f"{name}_upper": _finite(most.upper)}
+    return {name: _finite(most.lower), f"{name}_upper": _finite(most.upper)}
 
 
 def _finite(x: float) -> float | None:

@@ -6,6 +6,7 @@ cut, goes on with the parts that are missing.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shutil
@@ -17,7 +18,7 @@ from typing import Any
 
 from handfast.core.errors import InputError
 from handfast.core.files import read_json, same_json
-from handfast.label.label_files import BrokenFile, LabelFormat, write_durably
+from handfast.label.label_files import LabelFormat, write_durably
 
 MANIFEST, LOCK = "manifest.json", "lock"
 SCHEMA = "handfast/label-parts/1"
@@ -39,14 +40,25 @@ class PartFolder:
         self.manifest = {"schema": SCHEMA, "rows": rows, "rows_in_a_part": size} | manifest
         self.count = -(-rows // size)
         self._lock: Any = None
+        self._parts: dict[int, Path] = {}
 
     @property
     def begun(self) -> bool:
         return (self.path / MANIFEST).exists()
 
+    @property
+    def foreign(self) -> bool:
+        """Is there something in its place that no run has begun?"""
+        if self.begun or not self.path.exists():
+            return False
+        return not self.path.is_dir() or not {f.name for f in self.path.iterdir()} <= {LOCK, f"{MANIFEST}.part"}
+
     def __enter__(self) -> PartFolder:
-        self.path.mkdir(parents=True, exist_ok=True)
-        self._lock = open(self.path / LOCK, "w")
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._lock = open(self.path / LOCK, "w")
+        except OSError as fault:
+            raise InputError(f"cannot be written: {fault.strerror}", source=str(self.path)) from None
         with suppress(ImportError):
             import fcntl
 
@@ -84,36 +96,38 @@ class PartFolder:
         return set()
 
     def _done(self) -> set[int]:
-        """Parts that are whole; one that was damaged since is removed, to be made again."""
-        done = set()
+        """Parts that are as they were written; one that was damaged since is removed, to be made again."""
+        self._parts = {}
         for file in self.path.glob(f"*/*{self.format.ending}"):
-            if re.fullmatch(r"\d+", file.stem) and (number := int(file.stem)) < self.count:
-                try:
-                    rows = [row["row"] for block in self.format.read(file, ("row",)) for row in block]
-                except BrokenFile:
-                    rows = []
-                if rows == list(self.rows_of(number)):
-                    done.add(number)
-                else:
-                    file.unlink()
-        return done
+            if not re.match(rf"\d{{{DIGITS}}}-", file.name):
+                continue
+            number = int(file.name[:DIGITS])
+            if number < self.count and file == self.file(number, file.read_bytes()):
+                self._parts[number] = file
+            else:
+                file.unlink()
+        return set(self._parts)
 
     def rows_of(self, number: int) -> range:
         """The numbers of a part's rows."""
         return range(number * self.size, min((number + 1) * self.size, self.rows))
 
-    def file(self, number: int) -> Path:
-        return self.path / f"{number // PER_FOLDER:0{DIGITS - 3}}" / f"{number:0{DIGITS}}{self.format.ending}"
+    def file(self, number: int, data: bytes) -> Path:
+        """Where a part belongs: its number and its checksum are its name."""
+        known = hashlib.sha256(b"%d\0" % number + data).hexdigest()[:16]
+        name = f"{number:0{DIGITS}}-{known}{self.format.ending}"
+        return self.path / f"{number // PER_FOLDER:0{DIGITS - 3}}" / name
 
     def write(self, number: int, data: bytes) -> None:
         """A part as it is packed, at once and for good."""
-        file = self.file(number)
+        file = self.file(number, data)
         file.parent.mkdir(exist_ok=True)
         write_durably(file, [data])
+        self._parts[number] = file
 
     def files(self) -> Iterator[Path]:
         """All parts in order."""
-        return (self.file(number) for number in range(self.count))
+        return (self._parts[number] for number in range(self.count))
 
     def remove(self) -> None:
         """All of it, once the table is there."""

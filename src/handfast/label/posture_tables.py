@@ -11,8 +11,10 @@ name               (n,); may be absent
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ HEADER = 10_000  # characters of an .npy header
 PARTS = {"object_position": ("object_pose.position", 3), "object_quaternion": ("object_pose.quaternion", 4)}
 NEEDED = ("joints", *PARTS)
 OPTIONAL = ("preload", "mass", "friction", "name")
+DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError)  # what an archive raises that was changed or cut
 PARQUET = "needs pyarrow: pip install 'handfast[label]'"
 
 
@@ -56,7 +59,7 @@ class PackedPostures(PostureTable):
         super().__init__(path)
         try:
             with zipfile.ZipFile(path) as archive:
-                keys = {Path(n).stem for n in archive.namelist() if n.endswith(".npy")}
+                keys = {n.removesuffix(".npy") for n in archive.namelist() if n.endswith(".npy")}
                 self.keys = [key for key in (*NEEDED, *OPTIONAL) if key in keys]
                 missing = [key for key in NEEDED if key not in keys]
                 if missing:
@@ -69,11 +72,11 @@ class PackedPostures(PostureTable):
             if len(lengths) > 1:
                 said = ", ".join(f"{key} {shape[0] if shape else 'none'}" for key, shape in self.shapes.items())
                 raise InputError(f"its arrays are of different lengths: {said}")
-            if lengths == {0}:
+            if max(lengths) <= 0:
                 raise InputError("has no rows")
         except InputError as fault:
             raise fault.at(str(path)) from None
-        except (zipfile.BadZipFile, ValueError) as fault:
+        except (*DAMAGED, NotImplementedError, RuntimeError, ValueError) as fault:
             raise InputError(f"is no .npz archive ({' '.join(str(fault).split())[:80]})", source=str(path)) from None
 
     @property
@@ -97,7 +100,11 @@ class PackedPostures(PostureTable):
     def _block(self, stream: Any, key: str, kind: tuple[tuple[int, ...], np.dtype[Any]], rows: int) -> Any:
         shape, dtype = kind
         size = rows * int(np.prod(shape[1:])) * dtype.itemsize
-        data = stream.read(size)
+        try:
+            data = stream.read(size)
+        except DAMAGED as fault:
+            problem = f"is damaged ({' '.join(str(fault).split())[:80]})"
+            raise InputError(problem, source=str(self.path), field=key) from None
         if len(data) < size:
             raise InputError("ends too soon", source=str(self.path), field=key)
         return np.frombuffer(data, dtype).reshape(rows, *shape[1:])
@@ -128,7 +135,7 @@ class ParquetPostures(PostureTable):
             raise InputError(PARQUET, source=str(path)) from None
         try:
             file = parquet.ParquetFile(path)
-        except pyarrow.ArrowInvalid as fault:
+        except (pyarrow.ArrowException, OSError) as fault:
             problem = f"is no Parquet file ({' '.join(str(fault).split())[:80]})"
             raise InputError(problem, source=str(path)) from None
         with file:
@@ -149,12 +156,15 @@ class ParquetPostures(PostureTable):
         return {"kind": "Parquet", "rows": self.count} | file_identity(self.path)
 
     def items(self) -> Iterator[dict[str, Any]]:
-        from pyarrow import parquet
+        from pyarrow import ArrowException, parquet
 
         wanted = [name for columns in self._taken.values() for name in columns.values()]
-        with parquet.ParquetFile(self.path) as file:
-            for batch in file.iter_batches(ROWS, columns=wanted):
-                yield from (self._item(row) for row in batch.to_pylist())
+        try:
+            with parquet.ParquetFile(self.path) as file:
+                for batch in file.iter_batches(ROWS, columns=wanted):
+                    yield from (self._item(row) for row in batch.to_pylist())
+        except (ArrowException, OSError) as fault:
+            raise InputError(f"is damaged ({' '.join(str(fault).split())[:80]})", source=str(self.path)) from None
 
     def _item(self, row: dict[str, Any]) -> dict[str, Any]:
         out: dict[str, Any] = {}
@@ -179,8 +189,8 @@ def _columns(key: str, names: list[str]) -> dict[str, str]:
     return {n.removeprefix(f"{key}."): n for n in names if n.startswith(f"{key}.")}
 
 
-def _single(value: Any) -> float | None:
-    """A number, None where there is none."""
-    if value is None or not isinstance(value, int | float | np.number):
-        return None
-    return float(value)
+def _single(value: Any) -> Any:
+    """A number as a float, whatever type it is stored as; all else as it is, for the row to be refused."""
+    if isinstance(value, int | float | np.number | Decimal) and not isinstance(value, bool):
+        return float(value)
+    return value

@@ -85,7 +85,7 @@ class SceneSource:
         preload: Mapping[str, float] | None = None if changes.preload is None else dict(changes.preload)
         if preload is None and row.preload is not None:
             preload = _named(row.preload, hand.mechanism.actuators, "preload")
-        friction = row.friction if changes.friction is None else changes.friction
+        friction = _number(row.friction, "friction") if changes.friction is None else changes.friction
         grasp = contact_grasp(
             hand, q, scene.body, pose, threshold=self.threshold, friction=friction, scene=scene, name=name
         )
@@ -93,7 +93,7 @@ class SceneSource:
             kept = {n: f for n, f in preload.items() if n in grasp.mechanism.actuators}
             _known(preload, hand)
             grasp = grasp.with_preload(kept)
-        mass = row.mass if changes.mass is None else changes.mass
+        mass = _number(row.mass, "mass") if changes.mass is None else changes.mass
         if mass is not None or changes.center_of_mass is not None:
             grasp = grasp.about(mass=mass, center_of_mass=changes.center_of_mass)
         return grasp
@@ -126,6 +126,13 @@ def _numbers(values: Any, count: int, field: str) -> Array:
     if not np.isfinite(found).all():
         raise InputError("has a number that is missing, NaN or infinite", field=field)
     return found
+
+
+def _number(value: Any, field: str) -> float | None:
+    """A number of a row, None where the row says nothing."""
+    if value is None or isinstance(value, float):
+        return value
+    raise InputError(f"is {str(value)[:30]!r}; a number is needed", field=field)
 
 
 def _known(preload: Mapping[str, float], hand: Hand) -> None:

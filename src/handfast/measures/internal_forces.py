@@ -72,6 +72,9 @@ def internal_forces(grasp: Grasp, G: Array, transmitted: Array | None = None) ->
     J, mech = grasp.J, grasp.mechanism
     if transmitted is not None:
         G, J = G[:, transmitted], J[transmitted]
+    size = np.linalg.norm(G, axis=1, keepdims=True)
+    size[size == 0] = 1.0
+    G = G / size  # what is dependent does not hang on the unit of torques
     n = G.shape[1]
     movable = null(mech.A)  # joint motions that the couplings allow
     free = movable @ null(mech.R @ movable) if mech.a else movable
@@ -80,7 +83,7 @@ def internal_forces(grasp: Grasp, G: Array, transmitted: Array | None = None) ->
     compliance = G @ K @ G.T
     sizes = np.linalg.eigvalsh(compliance)
     inverse = K @ G.T @ np.linalg.pinv(compliance, rcond=SINGULAR, hermitian=True)
-    holds = inverse if sizes[0] > SINGULAR * sizes[-1] else None
+    holds = inverse / size.T if sizes[0] > SINGULAR * sizes[-1] else None
     internal = null(G)
     moved = K @ J @ movable
     controllable = span(moved - inverse @ (G @ moved), WEAK)

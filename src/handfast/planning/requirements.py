@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from handfast.core.errors import unknown_name
+from handfast.core.errors import InputError, unknown_name
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.stability.settings import Settings
@@ -60,8 +60,11 @@ class Requirements(Limits):
 
 
 def link_pairs(hand: Hand, ignored: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    """Pairs of links in an order of their own, each known to the hand; `InputError` otherwise."""
+    """Pairs of two links in an order of their own, each once and known to the hand; `InputError` otherwise."""
     for name in (name for pair in ignored for name in pair):
         if name not in hand.link_names:
             raise unknown_name("link", name, hand.link_names, field="ignored")
-    return tuple(sorted((min(pair), max(pair)) for pair in ignored))
+    for one, other in ignored:
+        if one == other:
+            raise InputError(f"has {one} with itself; two links are needed", field="ignored")
+    return tuple(sorted({(min(pair), max(pair)) for pair in ignored}))

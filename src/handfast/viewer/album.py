@@ -51,6 +51,9 @@ class Album:
         grasps = list(source)
         if not grasps:
             raise InputError("is empty; at least one grasp is needed", field="grasps")
+        for k, g in enumerate(grasps):
+            if not isinstance(g, Grasp):
+                raise InputError(f"is {type(g).__name__}; a grasp is needed", field=f"grasps[{k}]")
         return cls(tuple(g.name for g in grasps), tuple(partial(_same, g) for g in grasps))
 
     @classmethod
@@ -61,6 +64,21 @@ class Album:
         if not files:
             raise InputError(f"has no grasp files ({ENDING}, or JSON of {SCHEMA})", source=str(path))
         return cls(tuple(_label(f) for f in files), tuple(partial(load_grasp, f) for f in files))
+
+
+def first_that_reads(album: Album) -> tuple[int, Grasp, list[str]]:
+    """The number of the first grasp that can be read, the grasp, and what is wrong with those before it.
+
+    Raises:
+        InputError: none can be read; it is about the first.
+    """
+    faults: list[InputError] = []
+    for number in range(len(album)):
+        try:
+            return number, album.read(number), [str(fault) for fault in faults]
+        except InputError as fault:
+            faults.append(fault)
+    raise faults[0]
 
 
 def _same(grasp: Grasp) -> Grasp:

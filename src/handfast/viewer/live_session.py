@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from handfast.core.errors import InputError
-from handfast.viewer.album import Album
+from handfast.viewer.album import Album, first_that_reads
 from handfast.viewer.answering import Reply, answer, replay
 from handfast.viewer.latest_request import LatestRequest
 from handfast.viewer.shown_state import LATE, Shown, shown
@@ -44,13 +44,13 @@ class LiveSession:
         album: the grasps.
 
     Raises:
-        InputError: the first grasp cannot be read.
+        InputError: no grasp can be read; it is about the first.
     """
 
     def __init__(self, album: Album) -> None:
         self.album = album
-        grasp = album.read(0)
-        self.state = ViewState.of(grasp)
+        number, grasp, self._messages = first_that_reads(album)
+        self.state = ViewState.of(grasp, number)
         self.stage = stage_of(grasp)
         self.reply: Reply | None = None
         self.moving = True
@@ -58,7 +58,6 @@ class LiveSession:
         self._dirty = True
         self._source = ""
         self._fault = ""
-        self._messages: list[str] = []
         self._over = threading.Event()
         self._painter: threading.Thread | None = None
         self._asked: LatestRequest[ViewState] = LatestRequest(self._answer, self._failed)

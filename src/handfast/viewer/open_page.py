@@ -104,6 +104,8 @@ def free_port(host: str, port: int | None = None) -> int:
         family, *_, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
     except OSError as fault:
         raise InputError(f"'{host}' is no address ({fault.strerror})", field="host") from None
+    except UnicodeError:  # parts of a name that are empty or too long
+        raise InputError(f"'{host[:40]}' is no address", field="host") from None
     for tried in range(PORT, PORT + TRIES) if port is None else (port,):
         with socket.socket(family, socket.SOCK_STREAM) as listener:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

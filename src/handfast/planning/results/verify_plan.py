@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from handfast.core.answer import Verdict
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.geometry.contacts import find_contacts, grasp_of
 from handfast.geometry.scene import Scene
@@ -56,12 +57,22 @@ def _fault(asked: Attempts, scene: Scene, found: PlannedGrasp) -> str:
         return "its answer is about another preload"
     if PreloadSearch(asked.body, asked.loads, asked.limits).strength(grasp) > 1:
         return "its commands are larger than allowed"
+    hand, body = asked.hand, asked.body
+    if len(found.q) != hand.l:
+        return f"its configuration has {len(found.q)} joints, the hand {hand.l}"
+    if grasp.mass not in (None, body.mass) or not _same_point(grasp.center_of_mass, body.center_of_mass):
+        return "its object has another mass or centre of mass"
     try:
-        made = grasp_of(asked.hand, found.q, grasp.contacts, found.pose, name=grasp.name)
+        hand.configuration(dict(zip(hand.joint_names, found.q.tolist(), strict=True)))  # limits and loops
+        made = grasp_of(hand, found.q, grasp.contacts, found.pose, name=grasp.name)
     except InputError as fault:
         return str(fault)
     wrong = difference(_of_hand(made), _of_hand(grasp), "grasp")
     return wrong or _touch_fault(scene, found)
+
+
+def _same_point(stated: Array | None, known: Array | None) -> bool:
+    return stated is None or (known is not None and np.array_equal(stated, known))
 
 
 def _of_hand(grasp: Grasp) -> dict[str, object]:
