@@ -27,7 +27,7 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import load_grasp
 from handfast.simulation.ending import Ending
-from handfast.simulation.simulate import simulate
+from handfast.simulation.loaded_twin import simulate
 from handfast.stability import scaled_problem
 from handfast.stability.least_motion import least_motion
 from handfast.stability.queries import check, maximum

@@ -21,7 +21,7 @@ from benchmarks.machine import describe
 from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.simulation.simulate import Loading, simulate
+from handfast.simulation.loaded_twin import Loading, simulate
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import build_twin
 

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from handfast.geometry.scene import Scene as Scene
     from handfast.geometry.scene_grasps import scene_contacts as scene_contacts
     from handfast.geometry.scene_grasps import scene_grasp as scene_grasp
+    from handfast.label.dataset_rows import GraspChanges as GraspChanges
     from handfast.label.label_dataset import label_dataset as label_dataset
     from handfast.label.label_files import load_labels as load_labels
     from handfast.label.labeller import Labelling as Labelling
-    from handfast.label.rows import GraspChanges as GraspChanges
     from handfast.label.scene_source import SceneSource as SceneSource
     from handfast.measures.measuring import measure as measure
     from handfast.measures.measuring import measure_columns as measure_columns
@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     from handfast.report.plot import draw_map as draw_map
     from handfast.report.plot import draw_sweep as draw_sweep
     from handfast.saved import verify as verify
+    from handfast.simulation.loaded_twin import simulate as simulate
     from handfast.simulation.result import SimulationResult as SimulationResult
-    from handfast.simulation.simulate import simulate as simulate
     from handfast.stability.batch import check_many as check_many
     from handfast.stability.batch import max_many as max_many
     from handfast.stability.batch import torques_many as torques_many
@@ -121,7 +121,7 @@ _HOME = {
     "label_dataset": "label.label_dataset",
     "load_labels": "label.label_files",
     "Labelling": "label.labeller",
-    "GraspChanges": "label.rows",
+    "GraspChanges": "label.dataset_rows",
     "SceneSource": "label.scene_source",
     "close": "planning.closing",
     "plan": "planning.plan_grasps",
@@ -130,7 +130,7 @@ _HOME = {
     "Limits": "planning.requirements",
     "verify": "saved",
     "SimulationResult": "simulation.result",
-    "simulate": "simulation.simulate",
+    "simulate": "simulation.loaded_twin",
     "hold": "stability.hold",
     "Loads": "stability.loads",
     "load_loads": "stability.loads_file",

@@ -13,12 +13,12 @@ import pytest
 from handfast.core import parallel
 from handfast.core.errors import InputError
 from handfast.label import label_dataset as run_module
+from handfast.label.dataset_rows import GraspChanges
 from handfast.label.label_columns import COLUMNS
 from handfast.label.label_dataset import LabelProgress, label_dataset
 from handfast.label.label_files import load_labels
 from handfast.label.labeller import Labelling
 from handfast.label.part_folder import PartFolder, folder_of
-from handfast.label.rows import GraspChanges
 from tests.support.labelled import broken_rows, fixture, heavy, write_lines
 
 LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), node_limit=300)

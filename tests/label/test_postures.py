@@ -13,11 +13,11 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import matrix_quaternion
 from handfast.geometry.contacts import contact_grasp
 from handfast.label import label_dataset as run_module
+from handfast.label.dataset_rows import GraspChanges
 from handfast.label.label_dataset import label_dataset
 from handfast.label.label_files import load_labels
 from handfast.label.labeller import Labelling
 from handfast.label.open_dataset import open_dataset
-from handfast.label.rows import GraspChanges
 from handfast.label.scene_source import SceneSource
 from handfast.model.configuration import load_configuration
 

@@ -13,7 +13,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
 from handfast.simulation.ending import LOST, REST, SLIP, Ending, judge
-from handfast.simulation.simulate import force_unit, simulate
+from handfast.simulation.loaded_twin import force_unit, simulate
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import DRAG_TIME, STIFFNESS, build_twin
 

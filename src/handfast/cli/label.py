@@ -15,10 +15,10 @@ from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, ass
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
+    from handfast.label.dataset_rows import GraspChanges
     from handfast.label.label_dataset import LabelProgress
     from handfast.label.label_summary import LabelSummary
     from handfast.label.labeller import Labelling
-    from handfast.label.rows import GraspChanges
     from handfast.label.scene_source import SceneSource
 
 SUMMARY, PICTURE = ".summary.json", ".summary.png"
@@ -158,7 +158,7 @@ class Label(Command):
         )
 
     def _changes(self) -> GraspChanges:
-        from handfast.label.rows import GraspChanges
+        from handfast.label.dataset_rows import GraspChanges
 
         preload = tuple(assigned(self.preload, "--preload").items()) if self.preload else None
         place: Any = tuple(self.center_of_mass) or None

@@ -42,7 +42,7 @@ class Simulate(GraspOptions, Load, Command):
 
     def run(self) -> int:
         from handfast.simulation.ending import Ending
-        from handfast.simulation.simulate import simulate
+        from handfast.simulation.loaded_twin import simulate
 
         for path, ending in ((self.save, ".json"), (self.series, ".csv"), (self.strip, ".png"), (self.film, ".gif")):
             check_writable(path, self.force, (ending,))

@@ -10,7 +10,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from handfast.label.rows import DatasetRow, LabelPart
+from handfast.label.dataset_rows import DatasetRow, LabelPart
 
 
 class GraspDataset(ABC):

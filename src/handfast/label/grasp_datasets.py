@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
+from handfast.label.dataset_rows import DatasetRow, FaultyRow
 from handfast.label.datasets import GraspDataset, file_identity, printable
-from handfast.label.rows import DatasetRow, FaultyRow
 
 LONGEST = 16 << 20  # [bytes] of a row: nothing of ours comes near, and memory has an end
 BLOCK = 1 << 20  # [bytes] read at a time

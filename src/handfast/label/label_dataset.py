@@ -14,13 +14,13 @@ from handfast.core.errors import InputError
 from handfast.core.files import same_json
 from handfast.core.parallel import default_jobs
 from handfast.core.workers import DaskWorkers, Died, ProcessWorkers, Workers
+from handfast.label.dataset_rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
 from handfast.label.label_columns import SCHEMA, broken, complete, described
 from handfast.label.label_files import BrokenFile, LabelFormat, format_named, format_of
 from handfast.label.label_summary import KEPT, LabelSummary
 from handfast.label.labeller import Labelling, label
 from handfast.label.open_dataset import open_dataset
 from handfast.label.part_folder import PartFolder, folder_of
-from handfast.label.rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
 from handfast.label.scene_source import SceneSource
 
 PART = 64  # rows: what a run that is killed has to do again, for each worker

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.lib import format as npy
 
 from handfast.core.errors import InputError
+from handfast.label.dataset_rows import DatasetRow, PosedRow
 from handfast.label.datasets import GraspDataset, file_identity, printable
-from handfast.label.rows import DatasetRow, PosedRow
 
 ROWS = 1024  # read at a time
 HEADER = 10_000  # characters of an .npy header

@@ -12,7 +12,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.label.rows import GraspChanges, PosedRow
+from handfast.label.dataset_rows import GraspChanges, PosedRow
 from handfast.model.body import load_body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
