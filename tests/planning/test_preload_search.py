@@ -69,18 +69,28 @@ def test_few_contacts_are_asked_as_they_are() -> None:
     assert answer.upper == pytest.approx(0.981)  # 2 mu N holds the weight
 
 
-@pytest.mark.parametrize("of_part", [Verdict.SLIPS, Verdict.UNDECIDED, Verdict.HOLDS])
-def test_where_a_part_gives_nothing_all_are_asked(of_part: Verdict, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("of_part", "command"),
+    [
+        (Verdict.SLIPS, 0.5),
+        (Verdict.UNDECIDED, 0.5),
+        (Verdict.HOLDS, 0.5),  # half of what all contacts need
+        (Verdict.HOLDS, 5.0),  # they hold with it, but it is more than is allowed
+    ],
+)
+def test_where_a_part_gives_nothing_all_are_asked(
+    of_part: Verdict, command: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     grasp, asked = clamped(jaws(TURNED)), []
     known = search().found(clamped(jaws([0.0])), ("slide",))
-    weak = replace(known, verdict=of_part, preload={"slide": 0.5}, upper=0.5)  # half of what all contacts need
+    weak = replace(known, verdict=of_part, preload={"slide": command}, upper=command)
 
     def found(_: PreloadSearch, g: Grasp, actuators: tuple[str, ...]) -> HoldAnswer:
         asked.append(g.m)
         return weak if len(asked) == 1 else known
 
     monkeypatch.setattr(PreloadSearch, "found", found)
-    answer, how = search().run(grasp, 8, clamped, ("slide",))
+    answer, how = search(command_limit=2.0).run(grasp, 8, clamped, ("slide",))
     assert asked == [4, 8]
     assert (how.searched, how.error) == (8, 0.0)
     assert answer is known

@@ -64,7 +64,7 @@ class PreloadSearch:
     ) -> tuple[HoldAnswer, SearchedContacts]:
         """Whether all contacts of a grasp hold the loads under one preload, and how that was looked for.
 
-        They are asked themselves in the end where that of a part came to nothing.
+        They are asked themselves in the end where a part came to nothing, or to commands that are too large.
 
         Args:
             touching: how many contacts there were before any was left out.
@@ -79,7 +79,7 @@ class PreloadSearch:
         answer = self.found(rebuilt(part.contacts), actuators)
         if answer.verdict is Verdict.HOLDS:
             answer = self.of_all(grasp, answer)
-            if answer.verdict is Verdict.HOLDS:
+            if answer.verdict is Verdict.HOLDS and self.strength(grasp.with_preload(answer.preload)) <= 1:
                 return answer, told
         return self.found(grasp, actuators), replace(told, searched=grasp.m, error=0.0)  # the part has shown nothing
 
