@@ -17,7 +17,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability.batch import max_many
 from handfast.stability.prepared import PreparedGrasp, prepare
 from handfast.stability.queries import torques
-from handfast.stability.scaled_problem import beyond_range
+from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import Settings
 
 LEAST = 1e-3  # [s] that a question has where no time is left,
@@ -61,7 +61,7 @@ class Questions:
     def largest(self, directions: list[Array]) -> list[LargestLoad]:
         """The largest multiple of each disturbance (6,) that is resisted; each helps the next."""
         out = [LargestLoad(0.0, 0.0, False)] * len(directions)
-        asked = [k for k, direction in enumerate(directions) if not self._beyond(direction)]
+        asked = [k for k, direction in enumerate(directions) if not unbalanced(self.grasp, direction)]
         if not asked:
             return out
         settings = self._limited(len(asked))
@@ -76,7 +76,7 @@ class Questions:
 
     def held(self, wrench: Array) -> Verdict:
         """Is a disturbance (6,) resisted?"""
-        if self._beyond(wrench):
+        if unbalanced(self.grasp, wrench):
             return Verdict.SLIPS
         self._prepared.settings = self._limited(1)
         answer = self._prepared.holds(wrench)
@@ -85,7 +85,7 @@ class Questions:
 
     def commands(self, wrench: Array) -> tuple[dict[str, float] | None, float, float]:
         """Smallest commands that resist a disturbance (6,), by actuator; bounds of the largest, inf for none."""
-        if self._beyond(wrench) or not self.grasp.mechanism.a:
+        if unbalanced(self.grasp, wrench) or not self.grasp.mechanism.a:
             return None, np.inf, np.inf
         answer = torques(self.grasp, wrench, settings=self._limited(1))
         self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
@@ -109,8 +109,3 @@ class Questions:
     @cached_property
     def _prepared(self) -> PreparedGrasp:
         return prepare(self.grasp, settings=self.settings)
-
-    def _beyond(self, wrench: Array) -> bool:
-        """Can no forces whatever at these contacts balance it? Questions would refuse that as input."""
-        size = np.array([1.0] * 3 + [1 / self.grasp.size] * 3)
-        return beyond_range(size[:, None] * self.grasp.G, size * wrench) is not None

@@ -75,7 +75,7 @@ class BatchOptions:
         return {"eta": self.eta, "torque_limits": self.torque_limits, "force_limit": self.force_limit}
 
 
-class _Part(dict[str, Any]):
+class _RowBlock(dict[str, Any]):
     """The columns of some rows about one grasp, and their whole answers."""
 
     def __init__(self, wrenches: Array, base: Array, error: str = "") -> None:
@@ -214,7 +214,7 @@ def _ask(
     total, done = g * n, 0
     options = replace(options, settings=replace(options.settings, workers=1))  # cores are for rows
     forked = parallel.START == "fork" and (total > FORK or options.query == "torques" or options.answers)
-    parts: list[_Part] = []
+    parts: list[_RowBlock] = []
     jobs = min(jobs or default_jobs(), max(len(_chunks(pieces)), 1))
     with WorkerPool((each, W, B, options), jobs, threads=not forked) as pool:
         try:
@@ -224,7 +224,7 @@ def _ask(
                 if on_item:
                     on_item(done, total)
         except KeyboardInterrupt:
-            parts += [_Part(W[i, a:b], B[i, a:b], INTERRUPTED) for i, a, b in pieces[len(parts) :]]
+            parts += [_RowBlock(W[i, a:b], B[i, a:b], INTERRUPTED) for i, a, b in pieces[len(parts) :]]
     shape = (n,) if isinstance(grasps, Grasp) else (g, n)
 
     def whole(name: str) -> Any:
@@ -272,7 +272,7 @@ def _chunks(pieces: list[tuple[int, int, int]]) -> list[list[tuple[int, int, int
 
 def _chunk(
     shared: tuple[tuple[Grasp, ...], Array, Array, BatchOptions], pieces: Sequence[tuple[int, int, int]]
-) -> list[_Part]:
+) -> list[_RowBlock]:
     grasps, W, B, options = shared
     return [_part(grasps[i], W[i, a:b], B[i, a:b], options) for i, a, b in pieces]
 
@@ -280,9 +280,9 @@ def _chunk(
 # --- the rows of one grasp ----------------------------------------------------------------------
 
 
-def _part(grasp: Grasp, wrenches: Array, base: Array, options: BatchOptions) -> _Part:
+def _part(grasp: Grasp, wrenches: Array, base: Array, options: BatchOptions) -> _RowBlock:
     """Some rows about one grasp: together where that may be, the rest one by one."""
-    part = _Part(wrenches, base)
+    part = _RowBlock(wrenches, base)
     left = np.ones(len(wrenches), bool)
     if not options.answers and options.query != "torques" and options.mdp and options.settings.method == "engine":
         for rows, goal in _goals(grasp, part, options):
@@ -300,7 +300,7 @@ def _part(grasp: Grasp, wrenches: Array, base: Array, options: BatchOptions) -> 
     return part
 
 
-def _goals(grasp: Grasp, part: _Part, options: BatchOptions) -> Iterator[tuple[Any, Goal]]:
+def _goals(grasp: Grasp, part: _RowBlock, options: BatchOptions) -> Iterator[tuple[Any, Goal]]:
     """Rows that are asked in the same way, and how; those that are none of these are refused, or special."""
     W, B = part.wrenches, part.base
     with np.errstate(invalid="ignore"):
@@ -317,7 +317,7 @@ def _goals(grasp: Grasp, part: _Part, options: BatchOptions) -> Iterator[tuple[A
     yield np.flatnonzero(sound & ~homogeneous & (beside | commanded)), LARGEST
 
 
-def _together(grasp: Grasp, part: _Part, rows: Any, goal: Goal, options: BatchOptions) -> Any:
+def _together(grasp: Grasp, part: _RowBlock, rows: Any, goal: Goal, options: BatchOptions) -> Any:
     """Answer these rows by the kernel; returns which of them (bool) it answered."""
     if len(rows) < FEW:
         return np.zeros(len(rows), bool)
@@ -347,7 +347,7 @@ def _checks(
     loads: LoadRows,
     found: FoundRows,
     judge: Judge,
-    part: _Part,
+    part: _RowBlock,
     rows: Any,
     options: BatchOptions,
 ) -> tuple[dict[str, Any], Any]:
@@ -365,7 +365,7 @@ def _maxima(
     loads: LoadRows,
     found: FoundRows,
     judge: Judge,
-    part: _Part,
+    part: _RowBlock,
     rows: Any,
     options: BatchOptions,
 ) -> tuple[dict[str, Any], Any]:
@@ -392,7 +392,7 @@ def _times(x: StateRows, s: Array) -> StateRows:
     return StateRows(*(s[:, None] * y for y in (x.r, x.q, x.c, x.f, x.coupling)))
 
 
-def _alone(grasp: Grasp, part: _Part, i: int, options: BatchOptions) -> Answer:
+def _alone(grasp: Grasp, part: _RowBlock, i: int, options: BatchOptions) -> Answer:
     """A row by itself; bounds are replayed where whole answers are wanted, verdicts that nothing holds in any case."""
     settings, limits = options.settings, options.limits
     w = part.wrenches[i]

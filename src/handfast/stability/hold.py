@@ -18,13 +18,12 @@ from typing import Any
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
-from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import to_dict
 from handfast.stability.answers import Answer, finite
 from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, TorquesAnswer, check, maximum, torques
-from handfast.stability.scaled_problem import beyond_range
+from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import Settings
 from handfast.stability.verification import Verified
 
@@ -124,7 +123,7 @@ class HoldAnswer:
         name, answer = self.refuted
         if answer is None:
             wrench = self.loads.wrenches[self.loads.names.index(name)]
-            cannot = self.grasp is not None and _beyond(self.grasp, wrench)
+            cannot = self.grasp is not None and unbalanced(self.grasp, wrench)
             return "" if cannot else f"{name}: forces can balance it"
         if not self._is_load(name, answer):
             return f"{name}: the answer is about another load"
@@ -233,7 +232,7 @@ class _HoldSearch:
     def run(self, least: bool) -> HoldAnswer:
         """Nothing commanded, then the best for each load, then shapes that mix them."""
         for k, w in enumerate(self.loads.wrenches):
-            if _beyond(self.grasp, w):
+            if unbalanced(self.grasp, w):
                 self.first(k, Stop.COMPLETE)
                 return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=(self.loads.names[k], None))
         locked = self.checked({})
@@ -372,9 +371,3 @@ class _HoldSearch:
             actuators=self.names,
             limits=self.limits,
         )
-
-
-def _beyond(grasp: Grasp, wrench: Array) -> bool:
-    """Is there no force at the contacts whatever that balances a wrench (6,)?"""
-    size = np.array([1.0] * 3 + [1 / grasp.size] * 3)
-    return beyond_range(size[:, None] * grasp.G, size * wrench) is not None

@@ -425,6 +425,12 @@ def beyond_range(G: Array, w: Array) -> int | None:
     return 6 - out.shape[1] if beyond else None
 
 
+def unbalanced(grasp: Grasp, wrench: Array) -> bool:
+    """Is there no force at the contacts whatever, friction aside, that balances a wrench (6,)? Queries refuse it."""
+    alike = np.r_[np.ones(3), np.full(3, 1 / grasp.size)]
+    return beyond_range(alike[:, None] * grasp.G, alike * wrench) is not None
+
+
 def _check_range(p: ScaledProblem, with_direction: bool) -> None:
     """Refuse a disturbance that is beyond the range of G."""
     for w, field in ((p.w0, "wrench"), (p.direction, "direction")):

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.model.grasp import Grasp
 from handfast.stability.maps import Curve
 from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
-from handfast.stability.scaled_problem import beyond_range
+from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import OnStep, Progress, Settings
 from handfast.viewer.view_state import ViewState
 
@@ -98,14 +97,14 @@ def answer(state: ViewState, before: Reply | None, outdated: Callable[[], bool],
             raise OutdatedError
 
     try:
-        possible = balanced(state.grasp, state.wrench)
+        possible = not unbalanced(state.grasp, state.wrench)
         found = check(state.asked, state.wrench, eta=state.eta, settings=QUICK, on_step=late) if possible else None
         kept = before.map if before and before.map and before.map.key == state.map_key else None
         reply = Reply(state, found, map=kept)
         tell(reply)
         if outdated():
             return
-        if balanced(state.grasp, state.direction):
+        if not unbalanced(state.grasp, state.direction):
             most = maximum(state.asked, state.direction, eta=state.eta, settings=QUICK, on_step=leave)
             reply = replace(reply, most=most)
             tell(reply)
@@ -120,15 +119,6 @@ def replay(reply: Reply) -> bool:
     """Do verdict and maximum stand up to the independent checkers? It may take seconds."""
     check, most = reply.check, reply.most
     return check is not None and most is not None and check.verify().ok and most.verify().ok
-
-
-def balanced(grasp: Grasp, wrench: Array) -> bool:
-    """Do any forces at the contacts balance a wrench, friction aside? Two contacts bear no moment about their line.
-
-    The engine refuses to be asked about such a wrench; that it is not resisted needs no search.
-    """
-    alike = np.r_[np.ones(3), np.full(3, 1 / grasp.size)]
-    return not wrench.any() or beyond_range(alike[:, None] * grasp.G, alike * wrench) is None
 
 
 def _pieces(state: ViewState, known: PlaneMap | None, leave: OnStep) -> Iterator[PlaneMap]:
@@ -148,7 +138,7 @@ def _pieces(state: ViewState, known: PlaneMap | None, leave: OnStep) -> Iterator
     indices, curve = (known.known, known.curve) if known else (np.zeros(0, dtype=int), Curve.of([]))
     for begin in ROUNDS[len(indices) * step // DIRECTIONS :]:
         asked = np.arange(begin, DIRECTIONS, step)
-        possible = np.array([balanced(state.grasp, wrenches[i]) for i in asked])
+        possible = np.array([not unbalanced(state.grasp, wrenches[i]) for i in asked])
         answers = []
         for w in wrenches[asked[possible]]:
             answers.append(maximum(state.asked, w, eta=state.eta, settings=OF_MAP, on_step=leave))
