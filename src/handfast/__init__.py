@@ -69,10 +69,13 @@ if TYPE_CHECKING:
     from handfast.stability.maps import sweep as sweep
     from handfast.stability.margin import Margin as Margin
     from handfast.stability.margin_search import margin as margin
+    from handfast.stability.perturbation import Perturbation as Perturbation
     from handfast.stability.prepared import prepare as prepare
     from handfast.stability.queries import check as check
     from handfast.stability.queries import maximum as maximum
     from handfast.stability.queries import torques as torques
+    from handfast.stability.sampled_maximum import SampledMaximum as SampledMaximum
+    from handfast.stability.sampled_maximum import sampled_maximum as sampled_maximum
     from handfast.stability.settings import Settings as Settings
     from handfast.synthesis.query import synthesize as synthesize
     from handfast.synthesis.task import ContactPair as ContactPair
@@ -142,7 +145,10 @@ _HOME = {
     "sweep": "stability.maps",
     "Margin": "stability.margin",
     "margin": "stability.margin_search",
+    "Perturbation": "stability.perturbation",
     "prepare": "stability.prepared",
+    "SampledMaximum": "stability.sampled_maximum",
+    "sampled_maximum": "stability.sampled_maximum",
     "check": "stability.queries",
     "maximum": "stability.queries",
     "torques": "stability.queries",
