@@ -58,6 +58,9 @@ if TYPE_CHECKING:
     from handfast.saved import verify as verify
     from handfast.simulation.loaded_twin import simulate as simulate
     from handfast.simulation.result import SimulationResult as SimulationResult
+    from handfast.simulation.settled import Settled as Settled
+    from handfast.simulation.settling import GraspInScene as GraspInScene
+    from handfast.simulation.settling import settle as settle
     from handfast.stability.batch import check_many as check_many
     from handfast.stability.batch import max_many as max_many
     from handfast.stability.batch import torques_many as torques_many
@@ -134,6 +137,9 @@ _HOME = {
     "verify": "saved",
     "SimulationResult": "simulation.result",
     "simulate": "simulation.loaded_twin",
+    "Settled": "simulation.settled",
+    "GraspInScene": "simulation.settling",
+    "settle": "simulation.settling",
     "hold": "stability.hold",
     "Loads": "stability.loads",
     "load_loads": "stability.loads_file",
