@@ -25,6 +25,7 @@ from handfast.core.arrays import Array
 STICK = 3e-7  # [grasp sizes] motion over which a contact that sticks takes up its friction
 ROUNDS, SETTLED = 12, 1e-4  # repetitions of the normal forces in friction; their change [force units] that is none
 MOST, EXACT = 60, 1e-9  # Newton steps; forces [force units] that are taken for balanced
+SHORTEST = 1e-14  # share of a Newton step that still may help
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,52 +82,53 @@ def drag_step(p: StepProblem, h: float, start: Array, pressure: Array) -> tuple[
 
 def _least(p: StepProblem, h: float, x: Array, bound: Array) -> Array:
     """The x of least energy for given bounds (m,) of friction: Newton's method, its steps halved until they help."""
-    value, slope, curve = _energy(p, h, x, bound)
+    rubs = bound > 0
+    flat, b = p.tangent[rubs].reshape(-1, len(x)), bound[rubs]
+    value = _energy(p, h, x, flat, b)
     for _ in range(MOST):
+        slope, curve = _slope(p, h, x, flat, b)
         if np.abs(slope).max() < EXACT:
             break
         step = np.linalg.solve(curve, -slope)
-        gain = float(slope @ step)
+        gain = 1e-4 * float(slope @ step)
         share = 1.0
-        while True:
-            tried = x + share * step
-            new, new_slope, new_curve = _energy(p, h, tried, bound)
-            if new <= value + 1e-4 * share * gain or share < 1e-14:
-                break
+        new = _energy(p, h, x + step, flat, b)
+        while new > value + share * gain and share > SHORTEST:
             share /= 2
-        if share < 1e-14:
+            new = _energy(p, h, x + share * step, flat, b)
+        if share <= SHORTEST:
             break
-        x, value, slope, curve = tried, new, new_slope, new_curve
+        x, value = x + share * step, new
     return x
 
 
-def _energy(p: StepProblem, h: float, x: Array, bound: Array) -> tuple[float, Array, Array]:
-    """The energy, its slope (n,) and its curvature (n, n)."""
-    dragged = p.drag / h * x
-    value = float(x @ dragged) / 2 - float(p.push @ x)
-    slope, curve = dragged - p.push, np.diag(p.drag / h)
+def _energy(p: StepProblem, h: float, x: Array, flat: Array, bound: Array) -> float:
+    """What is minimised. flat: (2 k, n) tangents of the k contacts that rub, with these bounds (k,) of friction."""
     pressed = np.maximum(0.0, p.depth - p.normal @ x)
-    N = p.normal[pressed > 0]
-    value += p.stiffness / 2 * float(pressed @ pressed)
-    slope = slope - p.stiffness * (p.normal.T @ pressed)
-    curve = curve + p.stiffness * N.T @ N
     beyond = np.maximum(0.0, p.stops @ x - p.room)
-    S = p.stops[beyond > 0]
-    value += p.stop_stiffness / 2 * float(beyond @ beyond)
-    slope = slope + p.stop_stiffness * (p.stops.T @ beyond)
-    curve = curve + p.stop_stiffness * S.T @ S
-    rubs = bound > 0
-    if rubs.any():
-        T, b = p.tangent[rubs], bound[rubs]
-        slid = T @ x
-        far = np.sqrt((slid * slid).sum(axis=1))
-        sliding = far > STICK
-        length = np.where(sliding, far, STICK)
-        value += float((b * np.where(sliding, far - STICK / 2, far**2 / (2 * STICK))).sum())
-        along = slid / length[:, None]
-        flat = T.reshape(-1, T.shape[2])
-        slope = slope + flat.T @ (b[:, None] * along).ravel()
-        across = np.eye(2) - np.where(sliding[:, None, None], along[:, :, None] * along[:, None, :], 0.0)
-        weighted = np.einsum("i,ijk,ikn->ijn", b / length, across, T).reshape(-1, T.shape[2])
-        curve = curve + flat.T @ weighted
-    return value, slope, curve
+    springs = p.stiffness / 2 * (pressed @ pressed) + p.stop_stiffness / 2 * (beyond @ beyond)
+    slid = (flat @ x).reshape(-1, 2)
+    far = np.sqrt((slid * slid).sum(axis=1))
+    rubbed = bound @ np.where(far > STICK, far - STICK / 2, far * far / (2 * STICK))
+    return float((p.drag / (2 * h) * x - p.push) @ x + springs + rubbed)
+
+
+def _slope(p: StepProblem, h: float, x: Array, flat: Array, bound: Array) -> tuple[Array, Array]:
+    """Slope (n,) and curvature (n, n) of the energy."""
+    slope, curve = p.drag / h * x - p.push, np.diag(p.drag / h)
+    for rows, over, stiffness in (
+        (-p.normal, p.depth - p.normal @ x, p.stiffness),
+        (p.stops, p.stops @ x - p.room, p.stop_stiffness),
+    ):
+        A = rows[over > 0]
+        slope = slope + stiffness * (over[over > 0] @ A)
+        curve = curve + stiffness * A.T @ A
+    slid = (flat @ x).reshape(-1, 2)
+    far = np.sqrt((slid * slid).sum(axis=1))
+    length = np.maximum(far, STICK)
+    along = slid / length[:, None]
+    slope = slope + flat.T @ (bound[:, None] * along).ravel()
+    slides = (far > STICK)[:, None, None]
+    across = np.eye(2) - np.where(slides, along[:, :, None] * along[:, None, :], 0.0)
+    weighted = (across * (bound / length)[:, None, None]) @ flat.reshape(len(bound), 2, len(x))
+    return slope, curve + flat.T @ weighted.reshape(flat.shape)
