@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.settling_step import outcome
+from benchmarks.simulation_floor import across, block, on_slope, pinch
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
@@ -72,6 +74,13 @@ def test_a_stop_carries_what_is_pushed_against_it() -> None:
     p = replace(floor(1.0, 0.0), stops=np.array([[0.0, 1, 0]]), room=np.array([0.25]))
     x, _ = drag_step(p, 100.0, np.zeros(3), np.zeros(1))
     assert x[1] == pytest.approx(0.25 + 1 / 1e5, rel=1e-3)
+
+
+def test_a_step_without_drag_is_the_stability_model() -> None:
+    """2 mu f of a pinch, and a block on a slope: balanced below the threshold, dragged above."""
+    for share, expected in ((0.95, "balanced"), (1.05, "dragged")):
+        assert outcome(pinch(0.4), across(0.4, share)) == expected
+        assert outcome(block(0.4), on_slope(0.4, share)) == expected
 
 
 # --- points -------------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ def headline(found: Settled) -> str:
         case Rest.RESTS if found.last is None:
             return f"comes to rest after {far}{turned}, and touches nothing there"
         case Rest.RESTS:
-            said = "does not certify" if verdict_of(found.after) is Verdict.UNDECIDED else "says that it slips from"
+            said = "does not decide it" if verdict_of(found.after) is Verdict.UNDECIDED else "says that it slips from"
             return f"comes to rest under {load} after {far}{turned}, but check {said} there"
         case Rest.LEAVES:
             return f"leaves under {load}: still moving after {far}{turned}"
@@ -139,6 +139,7 @@ def report_settled(path: str | Path, found: Settled, *, force: bool = False) -> 
         InputError: the file exists and `force` is not set, or cannot be written.
     """
     from handfast.report import Entry, write_report
+    from handfast.report.sources import source_meshes
 
     load = load_text(found.wrench)
     rests = found.last is not None and bool(found.path)
@@ -151,7 +152,9 @@ def report_settled(path: str | Path, found: Settled, *, force: bool = False) -> 
     if not rests and found.before is not None:
         entries.append(Entry(f"Does it hold {load} as it stands?", found.before))
     at = found.path[-1 if rests else 0] if found.path else None
-    meshes = scene_meshes(found.scene.hand, at.q, found.scene.body, at.pose) if at is not None else []
+    meshes = source_meshes(grasp)[0]
+    if at is not None:
+        meshes = scene_meshes(found.scene.hand, at.q, found.scene.body, at.pose)
     notes = [f"{headline(found)[0].upper()}{headline(found)[1:]}.", " ".join(details(found))]
     facts = [
         ("ending", str(found.rest)),

@@ -22,15 +22,14 @@ from handfast.model.hand.load import load_hand
 from handfast.model.provenance import Provenance
 from handfast.simulation.loaded_twin import force_unit, simulate
 from handfast.simulation.settled import PathPoint, Rest, Settled
-from handfast.simulation.slow_motion import CARRIES, FARTHEST, MotorDrive, Moved, PointLoad, SlowMotion
+from handfast.simulation.slow_motion import CARRIES, FARTHEST, STILL, MotorDrive, Moved, PointLoad, SlowMotion
 from handfast.stability import scaled_problem
 from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
 from handfast.stability.settings import Settings
 
 MOST_STEPS = 2000
 COMMANDS, LOADS = 4, 20  # equal parts in which commands and load come
-QUIET = 1e-5  # [grasp sizes, rad] a whole step in which nothing moves farther is rest
-RESTING = 3  # such steps in a row at the full load
+RESTING = 3  # whole steps in a row at the full load that move nothing
 SLID = 2.0  # steps' worth of the longest step: a part of the load that moves it farther made it slip
 LIMIT = Settings(time_limit=20.0)
 OFF = 1e-3  # [m] a contact of the file with none of the shapes' so near is told of
@@ -237,7 +236,7 @@ def _followed(
             onset = (motion.share, "load") if loading else (motion.driven, "commands")
         if moved > bound:
             return path, onset, Rest.LEAVES
-        quiet = quiet + 1 if done.whole and done.far <= QUIET else 0
+        quiet = quiet + 1 if done.whole and done.far <= STILL else 0
         if quiet == 0:
             continue
         if motion.share >= 1 and quiet >= RESTING:

@@ -21,6 +21,7 @@ HARDER = 100.0  # times as stiff are gearings and joint stops
 LONGEST = 100.0  # duration of a step in which the force unit would drive a free object by as many grasp sizes
 FARTHEST = 7.5e-3  # [grasp sizes, rad] that anything moves in a step; beyond it the step is made shorter
 TRIES = 8  # of shorter steps
+STILL = 1e-5  # [grasp sizes, rad] a step in which nothing moves farther moves nothing
 CARRIES = 1e-4  # [force units] a contact with less carries nothing
 
 
@@ -126,7 +127,8 @@ class SlowMotion:
         self._gear = self._sense * (drive.rows @ self.q)
         lower, upper = self.hand.limits.T
         self._limits = np.minimum(lower, self.q), np.maximum(upper, self.q)
-        self._duration = LONGEST
+        self._duration, self._farthest = LONGEST, FARTHEST
+        self._last = np.zeros(0)
         self._pressure: dict[Pair, list[float]] = {}
 
     def step(self) -> Moved:
@@ -140,17 +142,26 @@ class SlowMotion:
         for _ in range(TRIES):
             x, c = drag_step(problem, h, x, c)
             far = self._far(x, basis, motions)
-            if far <= FARTHEST:
+            if far <= self._farthest:
                 break
-            h *= max(0.02, 0.7 * FARTHEST / far)
+            h *= max(0.02, 0.7 * self._farthest / far)
             x = np.zeros(len(x))
-        if far > 2 * FARTHEST:
-            x *= FARTHEST / far
+        if far > 2 * self._farthest:
+            x *= self._farthest / far
         self._duration = h
+        self._damp(x, far)
         self._apply(x, basis)
         pressure = problem.pressure(x)
         self._keep(points, pressure)
         return Moved(points, self.force * pressure, far, h >= LONGEST)
+
+    def _damp(self, x: Array, far: float) -> None:
+        """Let steps that undo each other, as about an axis that little turns the object about, be ever shorter."""
+        last, self._last = self._last, x
+        if len(last) == len(x) and far > STILL and x @ last < -0.5 * np.linalg.norm(x) * np.linalg.norm(last):
+            self._farthest = min(self._farthest, far) / 2
+        else:
+            self._farthest = min(FARTHEST, 1.5 * self._farthest)
 
     @property
     def middle(self) -> Array:
