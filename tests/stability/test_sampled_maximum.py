@@ -82,6 +82,15 @@ def test_eta_is_no_bound_of_the_papers_first_grasp() -> None:
     assert draw_sampled(found).axes[0].get_xlabel() == "largest force along +y that is resisted [N]"
 
 
+def test_two_contacts_that_are_off_balance_nothing_beside_the_line_through_them() -> None:
+    """Then a force at the origin turns the object about that line, which no forces at its contacts prevent."""
+    found = sampled_maximum(pinch(0.5), ACROSS, Perturbation(positions=1e-3), samples=5)
+    assert found.nominal.lower > 0.99
+    assert found.values.tolist() == [0.0] * 5
+    assert found.stop is Stop.COMPLETE
+    assert "100 % resist nothing along this direction." in conclusion(found)
+
+
 def test_what_is_not_decided_is_left_out() -> None:
     whole = sampled_maximum(pinch(0.5), ACROSS, Perturbation(friction=0.3), samples=4)
     part = replace(whole, decided=np.array([True, False, True, False]), stop=Stop.INTERRUPTED)

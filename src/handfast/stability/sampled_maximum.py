@@ -19,7 +19,7 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import finite
-from handfast.stability.batch import max_many
+from handfast.stability.batch import INTERRUPTED, max_many
 from handfast.stability.many import OnItem
 from handfast.stability.perturbation import Perturbation
 from handfast.stability.queries import MaxAnswer, maximum
@@ -40,7 +40,8 @@ class SampledMaximum:
         seed: of the samples.
         nominal: of the grasp itself.
         uncertain: of the grasp with normals that may be off by the bound, equation (17); None if they may not be.
-        lower: (n,) of each sample: shown to be resisted; inf if as far as the search goes.
+        lower: (n,) of each sample: shown to be resisted; inf if as far as the search goes. 0, like `upper`, where no
+            forces whatever at its contacts balance the direction.
         upper: (n,) nothing above is resisted, by a search that ended; inf if unbounded or not decided.
         decided: (n,) bool: did the search end with an answer?
         stop: `INTERRUPTED` if Ctrl-C left samples out, else `COMPLETE`.
@@ -163,11 +164,13 @@ def sampled_maximum(
     drawn = [bounds.sample(grasp, seed, i) for i in range(samples)]
     found = max_many(drawn, [towards], base=beside, settings=settings, jobs=jobs, on_item=on_item)
     verdict, error = found.verdict[:, 0], found.error[:, 0]
-    interrupted = np.array([bool(e) for e in error])
+    interrupted = error == INTERRUPTED
+    unbalanced = np.array([bool(e) for e in error]) & ~interrupted  # by any forces at its contacts: refused
     lower = np.where(found.unbounded[:, 0], np.inf, np.nan_to_num(found.lower[:, 0]))
     upper = np.where(np.isnan(found.upper[:, 0]), np.inf, found.upper[:, 0])
     closed = (verdict == str(Verdict.SLIPS)) | found.unbounded[:, 0] | np.isfinite(upper)
-    decided = closed & (verdict != str(Verdict.UNDECIDED)) & ~interrupted
+    lower, upper = np.where(unbalanced, 0.0, lower), np.where(unbalanced, 0.0, upper)
+    decided = unbalanced | (closed & (verdict != str(Verdict.UNDECIDED)) & ~interrupted)
     stop = Stop.INTERRUPTED if interrupted.any() else Stop.COMPLETE
     seconds = nominal.seconds + (uncertain.seconds if uncertain else 0.0) + float(found.seconds.sum())
     return SampledMaximum(
