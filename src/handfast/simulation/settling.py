@@ -143,37 +143,40 @@ def settle(
         raise InputError(f"is {steps}; at least 1 is needed", field="steps")
     load = _point_load(w, frozen(at, (3,), "at"), placed.pose)
     before = certified(grasp, w, settings)
-    names = placed.hand.joint_names
-    notes = _notes(placed)
-    if before is not None and before.verdict is Verdict.HOLDS and not follow:
-        return Settled(
-            Rest.HOLDS, grasp, before, w, (), names, None, "load", grasp, before, w, None, None, "",
-            placed.scene, time.perf_counter() - begun, notes,
-        )  # fmt: skip
-    motion = _motion(placed, load, (force_unit(grasp, w), length))
-    path, onset, ending = _followed(motion, placed, bound, steps, on_path)
-    last, after, last_wrench, most, simulated = None, None, None, None, ""
-    if ending is Rest.RESTS:
-        last = _last(placed, motion)
-        if last is None:
-            notes = (*notes, "at rest it touches nothing")
-        else:
-            last_wrench = load.wrench(motion.pose)
-            after = certified(last, last_wrench, settings)
-            if after is None:
-                notes = (*notes, "no forces whatever at the contacts found at rest balance the load exactly")
-            elif after.verdict is Verdict.HOLDS:
-                ending = Rest.SETTLES
-            if judge:
-                most, simulated = _judged(last, last_wrench, settings)
+    found = Settled(
+        Rest.HOLDS, grasp, before, w, (), placed.hand.joint_names, None, "load", grasp, before, w, None, None, "",
+        placed.scene, 0.0, _notes(placed),
+    )  # fmt: skip
+    if follow or before is None or before.verdict is not Verdict.HOLDS:
+        motion = _motion(placed, load, (force_unit(grasp, w), length))
+        path, onset, ending = _followed(motion, placed, bound, steps, on_path)
+        found = replace(found, rest=ending, path=tuple(path), onset=onset[0], onset_of=onset[1])
+        found = replace(found, last=None, after=None, last_wrench=None)
+        if ending is Rest.RESTS:
+            found = _asked_again(found, placed, motion, load.wrench(motion.pose), settings, judge)
+    return replace(found, seconds=time.perf_counter() - begun)
+
+
+def _asked_again(
+    found: Settled, placed: GraspInScene, motion: SlowMotion, wrench: Array, settings: Settings, judge: bool
+) -> Settled:
+    """What is at rest, with the grasp that is there and what is said of it under the load (6,) as it acts there."""
+    last = _last(placed, motion)
+    if last is None:
+        return replace(found, notes=(*found.notes, "at rest it touches nothing"))
+    after = certified(last, wrench, settings)
+    notes = found.notes
+    if after is None:
+        notes = (*notes, "no forces whatever at the contacts found at rest balance the load exactly")
+    most, simulated = _judged(last, wrench, settings) if judge else (None, "")
     configuration = Configuration.of(
         placed.hand, motion.q, motion.pose, hand=placed.names[0], object=placed.names[1],
-        closing=_closing(placed.hand), preload=grasp.preload or None,
+        closing=_closing(placed.hand), preload=last.preload or None,
     )  # fmt: skip
-    return Settled(
-        ending, grasp, before, w, tuple(path), names, onset[0], onset[1], last, after, last_wrench, most,
-        configuration if last is not None else None, simulated, placed.scene,
-        time.perf_counter() - begun, notes,
+    rest = Rest.SETTLES if after is not None and after.verdict is Verdict.HOLDS else Rest.RESTS
+    return replace(
+        found, rest=rest, last=last, after=after, last_wrench=wrench, most=most, simulated=simulated,
+        placed=configuration, notes=notes,
     )  # fmt: skip
 
 
