@@ -20,8 +20,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -63,24 +65,23 @@ def beyond(grasp: Grasp, direction: Array, factor: float) -> Array | None:
     return w if check(grasp, w, settings=LIMIT).verdict is Verdict.SLIPS else None
 
 
-def by_axis() -> Iterator[Question | None]:
+def by_axis(first: int) -> Iterator[Question | None]:
     """Bundled grasps, axis by axis."""
-    for axis, direction in axes().items():
-        for name in bundled.names("grasps"):
-            grasp = load_grasp(name)
-            w = beyond(grasp, direction, 1.15)
-            yield None if w is None else ("axis", f"{name} {axis}", GraspInScene.of(grasp), w)
+    pairs = [(name, axis) for axis in axes() for name in bundled.names("grasps")]
+    for name, axis in pairs[first:]:
+        grasp = load_grasp(name)
+        w = beyond(grasp, axes()[axis], 1.15)
+        yield None if w is None else ("axis", f"{name} {axis}", GraspInScene.of(grasp), w)
 
 
-def displaced() -> Iterator[Question | None]:
+def displaced(first_seed: int) -> Iterator[Question | None]:
     """Bundled grasps whose object stands elsewhere."""
     from scipy.spatial.transform import Rotation
 
     names = [n for n in bundled.names("grasps") if n.startswith("barrett") or n.endswith("coupled")]
-    placed = {n: GraspInScene.of(load_grasp(n)) for n in names}
-    for seed in range(2000):
+    for seed in range(first_seed, 2000):
         name = names[seed % len(names)]
-        first, rng = placed[name], np.random.default_rng([1, seed])
+        first, rng = GraspInScene.of(load_grasp(name)), np.random.default_rng([1, seed])
         middle = first.pose[:3, :3] @ first.grasp.positions.mean(axis=0) + first.pose[:3, 3]
         turn = Rotation.from_rotvec(np.radians(10) * ball(rng)).as_matrix()
         pose = transform(middle + 4e-3 * ball(rng), np.eye(3)) @ transform([0, 0, 0], turn)
@@ -103,14 +104,14 @@ def displaced() -> Iterator[Question | None]:
         yield None if w is None else ("displaced", grasp.name, GraspInScene(grasp, first.scene, q, pose), w)
 
 
-def closed_anywhere(shared: Path) -> Iterator[Question | None]:
+def closed_anywhere(shared: Path, first_seed: int) -> Iterator[Question | None]:
     """Real hands closed on objects in random poses."""
     if not (shared / "hands").is_dir():
         return
     choices: list[Rig] = [rig for some in rigs(shared).values() for rig in some]
     things = bodies(shared)
     scenes: dict[tuple[int, int], Scene] = {}
-    for seed in range(4000):
+    for seed in range(first_seed, 4000):
         rng = np.random.default_rng([2, seed])
         k, thing = seed % len(choices), int(rng.integers(len(things)))
         found = closing(choices[k], things[thing], rng, scenes, (k, thing))
@@ -177,15 +178,22 @@ def summary(rows: dict[str, dict[str, Any]]) -> dict[str, Any]:
         ended = [r for r in of if r["rest"] in ("settles", "rests")]
         sure = [r for r in ended if r["rest"] == "settles"]
         slid = [r for r in ended if r["onset"] is not None]
-        moved = sorted(1e3 * r["moved"] for r in sure if r["onset"] is not None)
+        sure_slid = [r for r in slid if r["rest"] == "settles"]
+        moved = sorted(1e3 * r["moved"] for r in sure_slid)
         out[kind] = {
             "followed": len(of),
             "endings": dict(Counter(r["rest"] for r in of)),
             "at rest": len(ended),
             "at rest, confirmed": len(sure),
             "at rest after a slip": len(slid),
-            "at rest after a slip, confirmed": sum(r["rest"] == "settles" for r in slid),
+            "at rest after a slip, confirmed": len(sure_slid),
             "confirmed, and the simulation holds": sum(r["simulated"] == "holds" for r in sure),
+            "confirmed after a slip, and holds a hundred times the load": sum(
+                bool(r["most"]) and r["most"][0] > 100 for r in sure_slid
+            ),
+            "confirmed after a slip, and holds 5 % more at most": sum(
+                bool(r["most"]) and r["most"][1] is not None and r["most"][1] < 1.05 for r in sure_slid
+            ),
             "not confirmed, by check": dict(Counter(r["after"] for r in ended if r["rest"] == "rests")),
             "not confirmed, in the simulation": dict(Counter(r["simulated"] for r in ended if r["rest"] == "rests")),
             "moved [mm], confirmed after a slip: least, median, most": [
@@ -202,11 +210,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--shared", type=Path, default=Path(__file__).parents[2] / "shared")
     parser.add_argument("--count", type=int, default=100)
+    parser.add_argument(
+        "--seconds", type=float, default=np.inf, help="begin no further round of the three kinds after these"
+    )
     options = parser.parse_args()
-    data = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"rows": {}}
-    sources = dict(zip(KINDS, (by_axis(), displaced(), closed_anywhere(options.shared)), strict=True))
-    drawn: Counter[str] = Counter()
-    while sources and len(data["rows"]) < options.count:
+    begun = time.monotonic()
+    data = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"drawn": dict.fromkeys(KINDS, 0), "rows": {}}
+    drawn = data["drawn"]
+    makers = (by_axis, displaced, partial(closed_anywhere, options.shared))
+    sources = {kind: make(drawn[kind]) for kind, make in zip(KINDS, makers, strict=True)}
+    while sources and len(data["rows"]) < options.count and time.monotonic() - begun < options.seconds:
         for kind, source in list(sources.items()):
             question = None
             for question in source:
@@ -217,16 +230,16 @@ def main() -> None:
                 del sources[kind]
                 continue
             _, name, placed, w = question
-            if f"{kind}: {name}" in data["rows"]:
-                continue
             data["rows"][f"{kind}: {name}"] = row_of(kind, placed, w) | {"wrench": w.tolist()}
-            data |= {"machine": describe(), "drawn": dict(drawn), "summary": summary(data["rows"])}
+            data |= {"machine": describe(), "summary": summary(data["rows"])}
             RESULTS.write_text(json.dumps(data, indent=1) + "\n")
             last = data["rows"][f"{kind}: {name}"]
             print(kind, name, last["rest"], last["after"], last["simulated"], last["seconds"], flush=True)
             if len(data["rows"]) >= options.count:
                 break
-    print(json.dumps(data.get("summary", {}), indent=1))
+    data["summary"] = summary(data["rows"])
+    RESULTS.write_text(json.dumps(data, indent=1) + "\n")
+    print(json.dumps(data["summary"], indent=1))
 
 
 if __name__ == "__main__":
