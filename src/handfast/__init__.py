@@ -58,6 +58,9 @@ if TYPE_CHECKING:
     from handfast.saved import verify as verify
     from handfast.simulation.loaded_twin import simulate as simulate
     from handfast.simulation.result import SimulationResult as SimulationResult
+    from handfast.simulation.settled import Settled as Settled
+    from handfast.simulation.settling import GraspInScene as GraspInScene
+    from handfast.simulation.settling import settle as settle
     from handfast.stability.batch import check_many as check_many
     from handfast.stability.batch import max_many as max_many
     from handfast.stability.batch import torques_many as torques_many
@@ -69,10 +72,13 @@ if TYPE_CHECKING:
     from handfast.stability.maps import sweep as sweep
     from handfast.stability.margin import Margin as Margin
     from handfast.stability.margin_search import margin as margin
+    from handfast.stability.perturbation import Perturbation as Perturbation
     from handfast.stability.prepared import prepare as prepare
     from handfast.stability.queries import check as check
     from handfast.stability.queries import maximum as maximum
     from handfast.stability.queries import torques as torques
+    from handfast.stability.sampled_maximum import SampledMaximum as SampledMaximum
+    from handfast.stability.sampled_maximum import sampled_maximum as sampled_maximum
     from handfast.stability.settings import Settings as Settings
     from handfast.synthesis.query import synthesize as synthesize
     from handfast.synthesis.task import ContactPair as ContactPair
@@ -131,6 +137,9 @@ _HOME = {
     "verify": "saved",
     "SimulationResult": "simulation.result",
     "simulate": "simulation.loaded_twin",
+    "Settled": "simulation.settled",
+    "GraspInScene": "simulation.settling",
+    "settle": "simulation.settling",
     "hold": "stability.hold",
     "Loads": "stability.loads",
     "load_loads": "stability.loads_file",
@@ -142,7 +151,10 @@ _HOME = {
     "sweep": "stability.maps",
     "Margin": "stability.margin",
     "margin": "stability.margin_search",
+    "Perturbation": "stability.perturbation",
     "prepare": "stability.prepared",
+    "SampledMaximum": "stability.sampled_maximum",
+    "sampled_maximum": "stability.sampled_maximum",
     "check": "stability.queries",
     "maximum": "stability.queries",
     "torques": "stability.queries",

@@ -29,6 +29,8 @@ from handfast.cli.measures import MeasureGrasp
 from handfast.cli.options import Command, GraspOptions, is_number
 from handfast.cli.plan import PlanGrasps
 from handfast.cli.propose import Propose
+from handfast.cli.robust import Robust
+from handfast.cli.settle import Settle
 from handfast.cli.show import Show
 from handfast.cli.simulate import Simulate
 from handfast.cli.sweep import Sweep
@@ -45,8 +47,10 @@ COMMANDS: dict[str, type[Command]] = {
     "torques": Torques,
     "map": Map,
     "sweep": Sweep,
+    "robust": Robust,
     "measures": MeasureGrasp,
     "simulate": Simulate,
+    "settle": Settle,
     "synthesize": Synthesize,
     "grasp": FindGrasps,
     "propose": Propose,
@@ -64,17 +68,17 @@ COMMANDS: dict[str, type[Command]] = {
 }
 
 ALIASES = dict.fromkeys(
-    ("check", "torques", "simulate", "propose", "grasp", "plan", "label", "contacts", "close"), ("--com",)
+    ("check", "torques", "simulate", "settle", "propose", "grasp", "plan", "label", "contacts", "close"), ("--com",)
 )  # second names of options
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
 
-check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? measures sets what \
-the literature measures beside it. synthesize looks for \
+check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? robust asks grasps that are \
+a little off, measures sets what the literature measures beside it. synthesize looks for \
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
 hold with its torques. propose chooses such regions, plan closes the hand from everywhere. label says of every grasp \
-of a dataset what it holds. verify replays what backs an answer, simulate puts a load on a grasp in a dynamics engine. \
-show looks at a hand, view at a grasp under your mouse.
+of a dataset what it holds. verify replays what backs an answer, simulate puts a load on a grasp in a dynamics engine, \
+settle follows one that slips to where it rests. show looks at a hand, view at a grasp under your mouse.
 
 Start with `handfast demo` or `handfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""

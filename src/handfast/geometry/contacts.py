@@ -77,7 +77,9 @@ def find_contacts(
             corners = patch(solids[n.shape], body.pieces[n.piece], normal, middle)
             on_object = corners + n.distance / 2 * normal
             on_hand = corners - n.distance / 2 * normal
-            out = _hidden(on_object, -normal, body.pieces, n.piece) | _hidden(on_hand, normal, solids, n.shape)
+            out = hidden_points(on_object, -normal, body.pieces, n.piece) | hidden_points(
+                on_hand, normal, solids, n.shape
+            )
             for p, inside in zip(corners, out, strict=True):
                 (hidden if inside else seen).append(Contact(p, normal, mu, hand.links[link].name, -n.distance))
         if not seen:  # pressed in so far that every nearest point is inside something
@@ -221,7 +223,7 @@ def _check(threshold: float) -> None:
         raise InputError(f"is {threshold}; a distance above 0 [m] is needed", field="threshold")
 
 
-def _hidden(points: Array, outwards: Array, solids: Sequence[Shape], own: int) -> NDArray[np.bool_]:
+def hidden_points(points: Array, outwards: Array, solids: Sequence[Shape], own: int) -> NDArray[np.bool_]:
     """(k,) whether points on the surface of one solid of a body lie on no real surface of that body.
 
     A point does not if it is inside another of the body's solids; none of the points does if just above

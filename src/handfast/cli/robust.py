@@ -1,0 +1,127 @@
+"""`handfast robust`: how the largest disturbance is spread over grasps that are a little off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from handfast.cli import console
+from handfast.cli.options import Command, GraspOptions, Wrench, check_writable
+from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from handfast.stability.perturbation import Perturbation
+    from handfast.stability.sampled_maximum import SampledMaximum
+
+
+@dataclass(kw_only=True)
+class Robust(GraspOptions, Command):
+    """How large a disturbance do grasps resist that are off by no more than stated bounds?
+
+    Contacts, normals, friction and commands are drawn at random within them, each by itself. Beside the spread stands
+    what equation (17) promises for normals that are off: the maximum with --eta.
+    """
+
+    direction: Wrench
+    """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
+    base: Wrench = ()
+    """a constant load beside it, such as the weight"""
+    positions: Annotated[float, arg(metavar="MM")] = 0.0
+    """how far each contact may be off [mm], uniform in a ball"""
+    normals: Annotated[float, arg(metavar="DEG")] = 0.0
+    """how far each normal may be off [degrees], uniform in a cone"""
+    frictions: Annotated[float, arg(metavar="SHARE")] = 0.0
+    """share by which each contact's friction may be larger or smaller; 0.1 is ten per cent"""
+    commands: Annotated[float, arg(metavar="SHARE")] = 0.0
+    """share by which each command may be larger or smaller"""
+    samples: Annotated[int, arg(metavar="N")] = 200
+    """how many grasps are drawn"""
+    seed: Annotated[int, arg(metavar="S")] = 0
+    """of the samples: the same seed gives the same grasps"""
+    time_limit: Annotated[float, arg(metavar="S")] = 10.0
+    """seconds for each grasp"""
+    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    """picture (.png, .svg) or numbers (.json)"""
+    json: bool = False
+    """print one JSON object instead of a table"""
+    force: bool = False
+    """write over files that exist"""
+
+    def run(self) -> int:
+        from handfast.stability.sampled_maximum import sampled_maximum
+        from handfast.stability.settings import Settings
+
+        check_writable(self.output, self.force, (".png", ".svg", ".json"))
+        grasp, bounds = self.load(), self._bounds()
+        with console.watch("robust") as watch:
+            found = sampled_maximum(
+                grasp, self.direction, bounds, samples=self.samples, seed=self.seed, base=self.base or None,
+                settings=Settings(time_limit=self.time_limit), on_item=watch.item,
+            )  # fmt: skip
+        if self.output:
+            save(found, self.output, force=self.force)
+        if self.json:
+            console.print_json(found.to_json())
+        else:
+            show_sampled(found)
+            if self.output:
+                console.out().print(f"Written: {self.output}", soft_wrap=True)
+        return console.status(found.nominal.verdict, found.stop)
+
+    def _bounds(self) -> Perturbation:
+        import numpy as np
+
+        from handfast.stability.perturbation import Perturbation
+
+        for name in ("positions", "normals", "frictions", "commands"):
+            value = getattr(self, name)
+            most = {"positions": np.inf, "normals": 90.0}.get(name, 1.0)
+            if not (np.isfinite(value) and 0 <= value <= most and not (name == "commands" and value == most)):
+                right = {"positions": "0 mm or more", "normals": "0 to 90 degrees", "frictions": "a share from 0 to 1"}
+                text = right.get(name, "a share from 0 to below 1")
+                raise InputError(f"is {value:g}; {text} is needed", field=f"--{name}")
+        if not (self.positions or self.normals or self.frictions or self.commands):
+            raise InputError("nothing is off: give at least one of --positions, --normals, --frictions and --commands")
+        return Perturbation(1e-3 * self.positions, float(np.radians(self.normals)), self.frictions, self.commands)
+
+
+def save(found: SampledMaximum, path: Path, *, force: bool = False) -> None:
+    """Write the picture or the numbers, by the file's ending."""
+    import json
+
+    from handfast.core.files import write_bytes, write_text
+
+    if path.suffix.lower() == ".json":
+        write_text(path, json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n", force=force)
+        return
+    from handfast.report.plot import picture
+    from handfast.report.sampled_drawing import draw_sampled
+
+    write_bytes(path, picture(draw_sampled(found), path.suffix.lower().removeprefix(".")), force=force)
+
+
+def show_sampled(found: SampledMaximum) -> None:
+    """The spread in words and a table."""
+    from handfast.cli.table import table
+    from handfast.report.sampled_drawing import bound_text, bounds_text, conclusion
+    from handfast.report.words import direction_text, magnitude, num
+
+    out = console.out()
+    factor, unit = magnitude(found.direction)
+    name, what = found.grasp.name, direction_text(found.direction)
+    out.print(f"{name}: largest {what} of {len(found.lower)} grasps that are off", style="bold")
+    out.print(f"  {bounds_text(found)}")
+    grid = table("", f"resisted [{unit}]")
+    grid.add_row("the grasp as it stands", bound_text(found.nominal, factor))
+    if found.uncertain is not None:
+        eta = num(float(found.bounds.normals) * 57.29577951308232)
+        grid.add_row(f"with eta = {eta}°, equation (17)", bound_text(found.uncertain, factor))
+    for share, value in found.quantiles.items():
+        word = "the worst sample" if share == 0 else f"{num(100 * share)} % of the samples at most"
+        grid.add_row(word, num(factor * value))
+    out.print(grid)
+    for line in conclusion(found):
+        out.print(f"  {line}")

@@ -1,0 +1,189 @@
+"""Where a grasp ended up: the path, the last grasp, and what is proved of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from handfast.core.answer import Verdict
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.core.files import write_text
+from handfast.core.transforms import matrix_quaternion
+from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import save_grasp, to_dict
+from handfast.stability.answers import finite
+from handfast.stability.queries import CheckAnswer, MaxAnswer
+
+if TYPE_CHECKING:
+    from handfast.geometry.scene import Scene
+    from handfast.model.configuration import Configuration
+
+
+class Rest(StrEnum):
+    """What became of a grasp under its load."""
+
+    HOLDS = "holds"  # it does not slip in the first place: `check` certifies it
+    SETTLES = "settles"  # it moved, came to rest, and `check` certifies the grasp that it is then
+    RESTS = "rests"  # it moved and came to rest, and `check` does not certify what it is then
+    LEAVES = "leaves"  # it moved farther than it was to be followed, or nothing touches any more
+    UNDECIDED = "undecided"  # it still moved when the steps were spent
+
+
+@dataclass(frozen=True, eq=False)
+class PathPoint:
+    """One step of the motion.
+
+    Attributes:
+        share: of the load that acts.
+        moved: [m] of the first contacts' points on the object, the farthest of them.
+        pose: (4, 4) of the object in the hand's base frame.
+        q: (l,) joints of the hand [rad, m].
+        links: of the contacts that carry, by name;
+        positions: (n, 3) [m], object frame; forces: (n,) [N] normal.
+    """
+
+    share: float
+    moved: float
+    pose: Array
+    q: Array
+    links: tuple[str, ...]
+    positions: Array
+    forces: Array
+
+    def to_json(self) -> dict[str, Any]:
+        contacts = zip(self.links, self.positions.tolist(), self.forces.tolist(), strict=True)
+        return {
+            "share": self.share,
+            "moved": self.moved,
+            "position": self.pose[:3, 3].tolist(),
+            "quaternion": matrix_quaternion(self.pose[:3, :3]).tolist(),
+            "joints": self.q.tolist(),
+            "contacts": [{"link": l, "position": p, "force": f} for l, p, f in contacts],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """What became of a grasp under a load.
+
+    Attributes:
+        rest: holds, settles, rests, leaves or undecided.
+        first: the grasp as it was asked about. before: what `check` says of it under the load; None where no forces
+            whatever at its contacts balance the load.
+        wrench: (6,) the load, in the object's frame as it stood [N, N m].
+        path: the start and each step; empty if it was not followed. joints: names of q.
+        onset: share of the load, or of the commands, at which it first moved on; None if it never did.
+        onset_of: "commands" or "load".
+        last: the grasp at rest, its contacts found anew; None if it is not at rest or touches nothing.
+        after: what `check` says of it, as `before`. last_wrench: (6,) the load in the object's frame as it stands then.
+        most: how much of that load `last` resists; None if it was not asked.
+        placed: its configuration, where it was followed.
+        simulated: how `simulate` ends with `last`; "" if it was not asked.
+        scene: hand and object.
+        seconds: wall time.
+        notes: what there is to know beside it, a sentence each.
+    """
+
+    rest: Rest
+    first: Grasp
+    before: CheckAnswer | None
+    wrench: Array
+    path: tuple[PathPoint, ...] = field(repr=False)
+    joints: tuple[str, ...] = field(repr=False)
+    onset: float | None
+    onset_of: str
+    last: Grasp | None
+    after: CheckAnswer | None
+    last_wrench: Array | None
+    most: MaxAnswer | None
+    placed: Configuration | None = field(repr=False)
+    simulated: str
+    scene: Scene = field(repr=False)
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def moved(self) -> float:
+        """[m] how far the first contacts' points on the object are from where they were, the farthest of them."""
+        return self.path[-1].moved if self.path else 0.0
+
+    @property
+    def turned(self) -> float:
+        """[rad] by how much the object has turned."""
+        if not self.path:
+            return 0.0
+        R = self.path[-1].pose[:3, :3] @ self.path[0].pose[:3, :3].T
+        return float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
+
+    @property
+    def confirmed(self) -> bool:
+        """Does `check` certify the grasp at rest?"""
+        return self.after is not None and self.after.verdict is Verdict.HOLDS
+
+    def to_json(self) -> dict[str, Any]:
+        """One JSON object; `first` and `last` are grasp files."""
+        most = None if self.most is None else [self.most.lower, finite(self.most.upper)]
+        return {
+            "schema": "handfast/settled/1",
+            "rest": str(self.rest),
+            "grasp": self.first.name,
+            "wrench": self.wrench.tolist(),
+            "before": str(verdict_of(self.before)),
+            "onset": self.onset,
+            "onset_of": self.onset_of,
+            "moved": self.moved,
+            "turned": self.turned,
+            "confirmed": self.confirmed,
+            "after": None if self.last is None else str(verdict_of(self.after)),
+            "last_wrench": None if self.last_wrench is None else self.last_wrench.tolist(),
+            "most": most,
+            "simulated": self.simulated or None,
+            "notes": list(self.notes),
+            "seconds": round(self.seconds, 6),
+            "joints": list(self.joints),
+            "path": [p.to_json() for p in self.path],
+            "first": to_dict(self.first),
+            "last": None if self.last is None else to_dict(self.last),
+        }
+
+    def save(self, folder: str | Path, *, force: bool = False) -> list[Path]:
+        """Write what there is into a folder, which is made: the path and all else as `settled.json`, the grasps as
+        `first.grasp.json` and `last.grasp.json`, where the last one stands as `last.configuration.json`.
+
+        Returns:
+            The files.
+
+        Raises:
+            InputError: one of them exists and `force` is not set, or cannot be written; then none is.
+        """
+        from handfast.model.configuration import save_configuration
+
+        there = Path(folder)
+        names = ["settled.json", "first.grasp.json"]
+        names += ["last.configuration.json", "last.grasp.json"] if self.moved_on else []
+        files = [there / name for name in names]
+        for file in files:
+            if file.exists() and not force:
+                raise InputError("exists already; give --force to write over it", source=str(file))
+        write_text(files[0], json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n", force=force)
+        save_grasp(self.first, files[1], force=force)
+        if self.moved_on and self.last is not None and self.placed is not None:
+            save_configuration(self.placed, files[2], force=force)
+            save_grasp(self.last.from_configuration(files[2]), files[3], force=force)
+        return files
+
+    @property
+    def moved_on(self) -> bool:
+        """Is there a grasp at rest that was followed to where it is?"""
+        return self.last is not None and self.placed is not None
+
+
+def verdict_of(answer: CheckAnswer | None) -> Verdict:
+    """SLIPS where no forces whatever balance the load."""
+    return Verdict.SLIPS if answer is None else answer.verdict

@@ -1,0 +1,318 @@
+"""Where a grasp ends up that slips: followed in slow steps until nothing moves, and asked about again there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from handfast.core.answer import Verdict
+from handfast.core.arrays import Array, frozen
+from handfast.core.errors import InputError
+from handfast.geometry.contacts import THRESHOLD, contact_grasp
+from handfast.geometry.scene import Scene
+from handfast.model.body import Body, load_body
+from handfast.model.configuration import Configuration, load_configuration
+from handfast.model.grasp import Contact, Grasp
+from handfast.model.hand.hand import Hand
+from handfast.model.hand.load import load_hand
+from handfast.model.provenance import Provenance
+from handfast.simulation.loaded_twin import force_unit, simulate
+from handfast.simulation.settled import PathPoint, Rest, Settled
+from handfast.simulation.slow_motion import CARRIES, FARTHEST, STILL, MotorDrive, Moved, PointLoad, SlowMotion
+from handfast.stability import scaled_problem
+from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
+from handfast.stability.settings import Settings
+
+MOST_STEPS = 2000
+COMMANDS, LOADS = 4, 20  # equal parts in which commands and load come
+RESTING = 3  # whole steps in a row at the full load that move nothing
+SLID = 2.0  # steps' worth of the longest step: a part of the load that moves it farther made it slip
+LIMIT = Settings(time_limit=20.0)
+OFF = 1e-3  # [m] a contact of the file with none of the shapes' so near is told of
+
+OnPath = Callable[[float, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class GraspInScene:
+    """A grasp with the solids that it is between.
+
+    Attributes:
+        grasp: commands, friction and contacts as asked about.
+        scene: hand and object.
+        q, pose: joints (l,) and object (4, 4), hand's base frame.
+        names: of hand and object, for the configuration file.
+    """
+
+    grasp: Grasp
+    scene: Scene
+    q: Array
+    pose: Array
+    names: tuple[str | None, str | None] = (None, None)
+
+    @classmethod
+    def of(cls, grasp: Grasp) -> GraspInScene:
+        """From the files that the grasp's provenance names.
+
+        Raises:
+            InputError: it names none, they are gone or have changed, or cannot be read.
+        """
+        came = grasp.provenance or Provenance()
+        faults = came.faults()
+        if faults or not (came.hand and came.object and came.configuration):
+            right = "settle needs the shapes of hand and object; make the grasp with contacts, close or plan"
+            raise InputError(f"{'; '.join(faults)}: {right}", source=grasp.name, field="provenance")
+        placed = load_configuration(came.configuration.path)
+        hand, q = placed.applied(load_hand(came.hand.path))
+        body = load_body(came.object.path, scale=came.object.scale)
+        return cls(grasp, Scene(hand, body), q, placed.pose, (came.hand.path, came.object.path))
+
+    @property
+    def hand(self) -> Hand:
+        return self.scene.hand
+
+    @property
+    def body(self) -> Body:
+        return self.scene.body
+
+    @property
+    def mechanism(self) -> Literal["hand", "direct"]:
+        """Whose motors the grasp has: the hand's own, or one for each joint.
+
+        Raises `InputError` if its actuators are neither.
+        """
+        names = self.grasp.mechanism.actuators
+        own = set(names) <= set(self.hand.mechanism.actuators)
+        coupled = len(self.grasp.mechanism.A) > 0 or not (self.hand.couplings or self.hand.loops)
+        if own and (coupled or not set(names) <= set(self.hand.joint_names)):
+            return "hand"
+        if set(names) <= set(self.hand.joint_names):
+            return "direct"
+        raise InputError("has actuators that its hand does not have", source=self.grasp.name, field="mechanism")
+
+
+def settle(
+    grasp: Grasp | GraspInScene,
+    wrench: Sequence[float] | Array,
+    *,
+    at: Sequence[float] | Array = (0.0, 0.0, 0.0),
+    follow: bool = False,
+    distance: float | None = None,
+    steps: int = MOST_STEPS,
+    judge: bool = True,
+    settings: Settings | None = None,
+    on_path: OnPath | None = None,
+) -> Settled:
+    """Where does the grasp end up under a load that it does not resist?
+
+    If `check` does not certify the grasp as it stands, it is followed in steps of a slow motion (`drag_step`): first
+    the commands come, then the load, in parts, each when nothing moves any more. Contacts are found anew in the real
+    shapes before each step. The grasp at rest is asked about by `check`: it alone decides between settles and rests.
+    Deterministic.
+
+    Args:
+        grasp: whose provenance names hand, object and configuration, or with its scene.
+        wrench: (6,) force [N] and torque [N m] on the object at its origin, object frame, or (3,) a force.
+        at: (3,) [m] the point of the object, object frame, at which the force acts: it moves along, and the force keeps
+            its direction in the hand. A weight acts at the centre of mass. What torque is left keeps its direction.
+        follow: also a grasp that `check` certifies.
+        distance: [m] beyond which it has left; the grasp's size, or the object's if that is smaller, unless given.
+        steps: the most there may be.
+        judge: ask how much of the load the last grasp resists, and what `simulate` says of it.
+        settings: of `check` and `maximum`, 20 s each unless given.
+        on_path: called after each step with the share of the load and the distance moved [m].
+
+    Raises:
+        InputError: no files or changed ones, a wrench of another length, nothing that acts.
+    """
+    begun = time.perf_counter()
+    settings = settings or LIMIT
+    placed = grasp if isinstance(grasp, GraspInScene) else GraspInScene.of(grasp)
+    grasp = placed.grasp
+    w = np.asarray(wrench, dtype=float).ravel()
+    w = frozen(np.r_[w, 0, 0, 0] if len(w) == 3 else w, (6,), "wrench")
+    length = _length(placed)
+    bound = length if distance is None else distance
+    if not (np.isfinite(bound) and bound > 0):
+        raise InputError(f"is {bound}; a length above 0 [m] is needed", field="distance")
+    if steps < 1:
+        raise InputError(f"is {steps}; at least 1 is needed", field="steps")
+    load = _point_load(w, frozen(at, (3,), "at"), placed.pose)
+    before = certified(grasp, w, settings)
+    found = Settled(
+        Rest.HOLDS, grasp, before, w, (), placed.hand.joint_names, None, "load", grasp, before, w, None, None, "",
+        placed.scene, 0.0, _notes(placed),
+    )  # fmt: skip
+    if follow or before is None or before.verdict is not Verdict.HOLDS:
+        motion = _motion(placed, load, (force_unit(grasp, w), length))
+        path, onset, ending = _followed(motion, placed, bound, steps, on_path)
+        found = replace(found, rest=ending, path=tuple(path), onset=onset[0], onset_of=onset[1])
+        found = replace(found, last=None, after=None, last_wrench=None)
+        if ending is Rest.RESTS:
+            found = _asked_again(found, placed, motion, load.wrench(motion.pose), settings, judge)
+    return replace(found, seconds=time.perf_counter() - begun)
+
+
+def _asked_again(
+    found: Settled, placed: GraspInScene, motion: SlowMotion, wrench: Array, settings: Settings, judge: bool
+) -> Settled:
+    """What is at rest, with the grasp that is there and what is said of it under the load (6,) as it acts there."""
+    last = _last(placed, motion)
+    if last is None:
+        return replace(found, notes=(*found.notes, "at rest it touches nothing"))
+    after = certified(last, wrench, settings)
+    notes = found.notes
+    if after is None:
+        notes = (*notes, "no forces whatever at the contacts found at rest balance the load exactly")
+    most, simulated = _judged(last, wrench, settings) if judge else (None, "")
+    configuration = Configuration.of(
+        placed.hand, motion.q, motion.pose, hand=placed.names[0], object=placed.names[1],
+        closing=_closing(placed.hand), preload=last.preload or None,
+    )  # fmt: skip
+    rest = Rest.SETTLES if after is not None and after.verdict is Verdict.HOLDS else Rest.RESTS
+    return replace(
+        found, rest=rest, last=last, after=after, last_wrench=wrench, most=most, simulated=simulated,
+        placed=configuration, notes=notes,
+    )  # fmt: skip
+
+
+def certified(grasp: Grasp, wrench: Array, settings: Settings) -> CheckAnswer | None:
+    """What `check` says; None where no forces whatever at the contacts balance the load, which it refuses."""
+    scaled_problem.as_wrench(wrench, "wrench")
+    return None if scaled_problem.unbalanced(grasp, wrench) else check(grasp, wrench, settings=settings)
+
+
+def _point_load(w: Array, at: Array, pose: Array) -> PointLoad:
+    R = pose[:3, :3]
+    return PointLoad(R @ w[:3], at, R @ (w[3:] - np.cross(at, w[:3])))
+
+
+def _length(placed: GraspInScene) -> float:
+    """[m] the grasp's size; where its contacts are nearly one point, or the object is smaller, of the object's."""
+    radius = float(np.linalg.norm(np.ptp(placed.body.vertices, axis=0))) / 2
+    return float(np.clip(placed.grasp.size, radius / 4, radius))
+
+
+def _motion(placed: GraspInScene, load: PointLoad, units: tuple[float, float]) -> SlowMotion:
+    """The scene at the beginning: what is near enough to be a contact touches without pressing."""
+    grasp = placed.grasp
+    drive = MotorDrive.of(placed.hand, grasp.preload, placed.mechanism)
+    near = placed.scene.nearest(placed.q, placed.pose, THRESHOLD)
+    rest = {(p.link, p.shape, p.piece): -p.distance for p in near}
+    return SlowMotion(
+        placed.scene, placed.q, placed.pose, drive, load, units, _friction(grasp), grasp.positions.mean(axis=0), rest,
+    )  # fmt: skip
+
+
+def _friction(grasp: Grasp) -> dict[str, float]:
+    """By link; the least of a link's contacts, and of all for links without one."""
+    found: dict[str, float] = {"": float(grasp.mu.min())}
+    for c in grasp.contacts:
+        if c.link:
+            found[c.link] = min(found.get(c.link, np.inf), c.friction)
+    return found
+
+
+def _followed(
+    motion: SlowMotion, placed: GraspInScene, bound: float, steps: int, on_path: OnPath | None
+) -> tuple[list[PathPoint], tuple[float | None, str], Rest]:
+    """The path, at which share of what it first slipped, and whether it is at rest, has left or still moves."""
+    start, points = motion.pose, placed.grasp.positions
+    nothing = np.zeros((0, 3)), np.zeros(0)
+    path = [PathPoint(0.0, 0.0, motion.pose, motion.q, (), *nothing)]
+    onset: tuple[float | None, str] = (None, "load")
+    loading = not placed.grasp.preload  # nothing to command: the load begins at once
+    motion.driven, motion.share = (1.0, 1.0 / LOADS) if loading else (1.0 / COMMANDS, 0.0)
+    quiet, since = 0, 0.0
+    for _ in range(steps):
+        done = motion.step()
+        moved = _distance(points, start, motion.pose)
+        path.append(_path_point(motion, done, moved))
+        if on_path:
+            on_path(motion.share, moved)
+        since += done.far
+        if onset[0] is None and since > SLID * FARTHEST:
+            onset = (motion.share, "load") if loading else (motion.driven, "commands")
+        if moved > bound:
+            return path, onset, Rest.LEAVES
+        quiet = quiet + 1 if done.whole and done.far <= STILL else 0
+        if quiet == 0:
+            continue
+        if motion.share >= 1 and quiet >= RESTING:
+            return path, onset, Rest.RESTS
+        if motion.share < 1:
+            quiet, since = 0, 0.0
+            if motion.driven < 1:
+                motion.driven = min(1.0, motion.driven + 1 / COMMANDS)
+            else:
+                loading, motion.winding = True, True
+                motion.share = min(1.0, round(motion.share + 1 / LOADS, 9))
+    return path, onset, Rest.UNDECIDED
+
+
+def _distance(points: Array, start: Array, pose: Array) -> float:
+    """[m] the farthest that any of the object's points has gone."""
+    first = points @ start[:3, :3].T + start[:3, 3]
+    now = points @ pose[:3, :3].T + pose[:3, 3]
+    return float(np.linalg.norm(now - first, axis=1).max())
+
+
+def _path_point(motion: SlowMotion, done: Moved, moved: float) -> PathPoint:
+    carries = done.pressure > CARRIES * motion.force
+    R, t = motion.pose[:3, :3], motion.pose[:3, 3]
+    links = tuple(motion.hand.links[int(i)].name for i in done.points.links[carries])
+    return PathPoint(
+        motion.share, moved, motion.pose, motion.q, links, (done.points.positions[carries] - t) @ R,
+        done.pressure[carries],
+    )  # fmt: skip
+
+
+def _last(placed: GraspInScene, motion: SlowMotion) -> Grasp | None:
+    """The grasp where the motion stands, with the commands of those actuators that move a contact."""
+    try:
+        bare = contact_grasp(
+            placed.hand, motion.q, placed.body, motion.pose, mechanism=placed.mechanism, scene=placed.scene,
+            name=f"{placed.grasp.name} settled",
+        )  # fmt: skip
+    except InputError:
+        return None
+    mu = _friction(placed.grasp)
+    contacts = [_rubbing(c, mu) for c in bare.contacts]
+    kept = {n: f for n, f in placed.grasp.preload.items() if n in bare.mechanism.actuators}
+    last = Grasp(contacts, bare.joints, bare.mechanism, kept, bare.name)
+    mass = placed.grasp.mass if placed.grasp.mass is not None else bare.mass
+    centre = placed.grasp.center_of_mass if placed.grasp.center_of_mass is not None else bare.center_of_mass
+    return last.about(mass=mass, center_of_mass=centre, provenance=bare.provenance)
+
+
+def _rubbing(contact: Contact, mu: Mapping[str, float]) -> Contact:
+    return replace(contact, friction=mu.get(contact.link, mu[""]))
+
+
+def _judged(last: Grasp, wrench: Array, settings: Settings) -> tuple[MaxAnswer | None, str]:
+    """How much of the load the last grasp resists, and how a simulation of it ends."""
+    asked = wrench.any() and not scaled_problem.unbalanced(last, wrench)
+    most = maximum(last, wrench, settings=settings) if asked else None
+    return most, str(simulate(last, wrench, ramp=4.0).ending)
+
+
+def _closing(hand: Hand) -> dict[str, int]:
+    return {j.name: int(s) for j, s in zip(hand.joints, hand.closing, strict=True)}
+
+
+def _notes(placed: GraspInScene) -> tuple[str, ...]:
+    """What of the grasp is not what its shapes say."""
+    try:
+        found = contact_grasp(placed.hand, placed.q, placed.body, placed.pose, scene=placed.scene).positions
+    except InputError as fault:
+        raise InputError(f"its hand does not touch the object: {fault}", source=placed.grasp.name) from None
+    apart = np.linalg.norm(placed.grasp.positions[:, None] - found[None], axis=2)
+    off = int((apart.min(axis=1) > OFF).sum())
+    more = int((apart.min(axis=0) > OFF).sum())
+    notes = [f"{off} of the file's contacts are more than 1 mm from any contact of the shapes"] if off else []
+    notes += [f"{more} contacts of the shapes are none of the file's"] if more else []
+    return tuple(notes)

@@ -1,0 +1,269 @@
+"""A hand and an object that move slowly: one step after the other, contacts found anew in the real shapes each time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from handfast.core.arrays import Array, Mask
+from handfast.core.transforms import cross, transform
+from handfast.geometry.scene import Scene
+from handfast.model.hand.hand import Hand
+from handfast.model.mechanism import Mechanism
+from handfast.simulation.drag_step import StepProblem, drag_step
+from handfast.simulation.touch_points import Pair, TouchPoints, touch_points
+
+STIFFNESS = 3e3  # of a contact [force units / grasp sizes]: the force unit presses it in by 3e-4 of the grasp's size
+HARDER = 100.0  # times as stiff are gearings and joint stops
+LONGEST = 100.0  # duration of a step in which the force unit would drive a free object by as many grasp sizes
+FARTHEST = 7.5e-3  # [grasp sizes, rad] that anything moves in a step; beyond it the step is made shorter
+TRIES = 8  # of shorter steps
+STILL = 1e-5  # [grasp sizes, rad] a step in which nothing moves farther moves nothing
+CARRIES = 1e-4  # [force units] a contact with less carries nothing
+
+
+@dataclass(frozen=True, eq=False)
+class PointLoad:
+    """A force that keeps its direction in the hand's frame while its point moves along with the object.
+
+    Attributes:
+        force: (3,) [N], hand's base frame.
+        at: (3,) [m] where on the object it acts, object frame.
+        torque: (3,) [N m] beside it, hand's base frame; keeps its direction, too.
+    """
+
+    force: Array
+    at: Array
+    torque: Array
+
+    def wrench(self, pose: Array) -> Array:
+        """(6,) in the object's frame, about its origin, with the object at a pose (4, 4)."""
+        R = pose[:3, :3]
+        force = R.T @ self.force
+        return np.r_[force, R.T @ self.torque + cross(self.at, force)]
+
+
+@dataclass(frozen=True, eq=False)
+class MotorDrive:
+    """What motors do, over all joints of a hand, in the senses in which commands close.
+
+    Attributes:
+        rows: (a, l) displacement of each actuator by joint values; closing is positive.
+        command: (a,) [N m, N].
+        moves: (a,) bool: commanded, or a tendon that may go slack; the others are locked.
+        direct: is there a motor for each joint, named like it, in place of the hand's own?
+    """
+
+    names: tuple[str, ...]
+    rows: Array
+    command: Array
+    moves: Mask
+    direct: bool
+
+    @classmethod
+    def of(cls, hand: Hand, preload: Mapping[str, float], mechanism: Literal["hand", "direct"]) -> MotorDrive:
+        """The hand's motors with commands as a grasp has them: positive ones close.
+
+        Raises `InputError` for an unknown actuator.
+        """
+        direct = mechanism == "direct"
+        whole = Mechanism.direct(hand.joint_names) if direct else hand.mechanism
+        command = whole.commands(dict(preload))
+        tendon = np.array(whole.tendon, dtype=bool)
+        sense = np.where((whole.R @ hand.closing < 0) & ~tendon, -1.0, 1.0)
+        rows = sense[:, None] * whole.R
+        return cls(whole.actuators, rows, command, (command != 0) | tendon, direct)
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """What a step did.
+
+    Attributes:
+        points: that were near at its beginning.
+        pressure: (n,) [N] normal forces at its end.
+        far: largest motion [grasp sizes, rad].
+        whole: was the step of the full duration, with next to no drag?
+    """
+
+    points: TouchPoints
+    pressure: Array
+    far: float
+    whole: bool
+
+
+class SlowMotion:
+    """A scene on the move; `step` changes it.
+
+    Attributes:
+        q, pose: joints (l,) and object (4, 4), hand's base frame.
+        share: of the load that acts; driven: of the commands.
+        winding: do gearings follow what closes?
+    """
+
+    def __init__(
+        self, scene: Scene, q: Array, pose: Array, drive: MotorDrive, load: PointLoad, units: tuple[float, float],
+        friction: Mapping[str, float], middle: Array, rest: dict[Pair, float],
+    ) -> None:  # fmt: skip
+        """At rest, untouched.
+
+        Args:
+            units: force [N] and length [m].
+            friction: coefficient by link; "" for all others.
+            middle: (3,) [m] of the contacts, object frame: the point at which the object is dragged.
+            rest: depths at which pairs of solids touch.
+        """
+        self.scene, self.hand, self.drive, self.load = scene, scene.hand, drive, load
+        self.q, self.pose = np.array(q, dtype=float), np.array(pose, dtype=float)
+        self.force, self.length = units
+        self.share, self.driven, self.winding = 0.0, 0.0, False
+        self._mu = [friction.get(link.name, friction[""]) for link in self.hand.links]
+        self._middle, self._rest = middle, rest
+        self._unit = np.array([1.0 if j.type == "revolute" else self.length for j in self.hand.joints])
+        self._sense = np.where(drive.command < 0, -1.0, 1.0)
+        self._gear = self._sense * (drive.rows @ self.q)
+        lower, upper = self.hand.limits.T
+        self._limits = np.minimum(lower, self.q), np.maximum(upper, self.q)
+        self._duration, self._farthest = LONGEST, FARTHEST
+        self._last = np.zeros(0)
+        self._pressure: dict[Pair, list[float]] = {}
+
+    def step(self) -> Moved:
+        """One step, as far as nothing moves farther than `FARTHEST`."""
+        reach = 2 * FARTHEST * self.length
+        points = touch_points(self.scene, self.q, self.pose, reach, self._rest)
+        basis = self._basis()
+        problem, motions = self._problem(points, basis)
+        x, c = np.zeros(len(problem.drag)), self._guess(points)
+        h = min(LONGEST, 8 * self._duration)
+        for _ in range(TRIES):
+            x, c = drag_step(problem, h, x, c)
+            far = self._far(x, basis, motions)
+            if far <= self._farthest:
+                break
+            h *= max(0.02, 0.7 * self._farthest / far)
+            x = np.zeros(len(x))
+        if far > 2 * self._farthest:
+            x *= self._farthest / far
+        self._duration = h
+        self._damp(x, far)
+        self._apply(x, basis)
+        pressure = problem.pressure(x)
+        self._keep(points, pressure)
+        return Moved(points, self.force * pressure, far, h >= LONGEST)
+
+    def _damp(self, x: Array, far: float) -> None:
+        """Let steps that undo each other, as about an axis that little turns the object about, be ever shorter."""
+        last, self._last = self._last, x
+        if len(last) == len(x) and far > STILL and x @ last < -0.5 * np.linalg.norm(x) * np.linalg.norm(last):
+            self._farthest = min(self._farthest, far) / 2
+        else:
+            self._farthest = min(FARTHEST, 1.5 * self._farthest)
+
+    @property
+    def middle(self) -> Array:
+        """(3,) [m] where the middle of the first contacts is now."""
+        out: Array = self.pose[:3, :3] @ self._middle + self.pose[:3, 3]
+        return out
+
+    def _basis(self) -> Array:
+        """(l, k) orthonormal scaled motions of the joints that couplings, loops and locked actuators allow."""
+        hand = self.hand
+        coupled = hand.mechanism_at(self.q).A
+        if self.drive.direct:  # a motor for each joint takes the couplings' place; loops stay
+            coupled = coupled[len(hand.couplings) :]
+        rows = np.vstack([coupled, self.drive.rows[~self.drive.moves]]) * self._unit
+        if not len(rows):
+            return np.eye(hand.l)
+        _, s, V = np.linalg.svd(rows)
+        rank = int((s > 1e-9 * s.max(initial=1e-300)).sum())
+        return V[rank:].T
+
+    def _problem(self, points: TouchPoints, basis: Array) -> tuple[StepProblem, Array]:
+        """The step's problem, and (n, 6, x) motions of the object and of the finger at each point."""
+        L, F, hand = self.length, self.force, self.hand
+        k = basis.shape[1]
+        middle = self.middle
+        axes, origins = hand.joint_axes(self.q)
+        turns = np.array([j.type == "revolute" for j in hand.joints])
+        motions = np.zeros((len(points), 6, 6 + k))
+        for i, (P, link) in enumerate(zip(points.positions, points.links, strict=True)):
+            motions[i, :3, :3] = np.eye(3)
+            motions[i, :3, 3:6] = -_skew((P - middle) / L)
+            chain = list(hand.moved_by(int(link)))
+            J = np.zeros((3, hand.l))
+            for j in chain:
+                J[:, j] = cross(axes[j], P - origins[j]) / L if turns[j] else axes[j]
+            motions[i, 3:, 6:] = J @ basis
+        parting = motions[:, :3] - motions[:, 3:]
+        local = np.einsum("ijk,ijn->ikn", points.frames, parting)
+        acts = self._acting(middle)
+        torque = self._unit * (self.drive.rows.T @ (self.driven * self.drive.command)) / (F * L)
+        push = np.r_[self.share * acts, basis.T @ torque]
+        stops, room = self._stops(basis)
+        mu = np.array([self._mu[i] for i in points.links])
+        drag = np.r_[np.ones(3), np.full(3, 0.4), np.ones(k)]
+        problem = StepProblem(
+            drag, push, local[:, 0], local[:, 1:], points.depths / L, STIFFNESS, mu, stops, room, HARDER * STIFFNESS
+        )
+        return problem, motions
+
+    def _acting(self, middle: Array) -> Array:
+        """(6,) the full load about the middle, scaled, hand's axes."""
+        at = self.pose[:3, :3] @ self.load.at + self.pose[:3, 3]
+        torque = self.load.torque + cross(at - middle, self.load.force)
+        return np.r_[self.load.force / self.force, torque / (self.force * self.length)]
+
+    def _stops(self, basis: Array) -> tuple[Array, Array]:
+        """Rows and rooms of gearings that do not turn back, and of the ends of joints."""
+        gear = self._sense * (self.drive.rows @ self.q)
+        towards = -(self._sense[:, None] * self.drive.rows * self._unit)[self.drive.moves]
+        ends = np.vstack([np.eye(len(basis)), -np.eye(len(basis))])
+        lower, upper = self._limits
+        rooms = np.r_[
+            (gear - self._gear)[self.drive.moves], (upper - self.q) / self._unit, (self.q - lower) / self._unit
+        ]
+        rows = np.vstack([towards, ends]) @ basis
+        size = np.linalg.norm(rows, axis=1)
+        kept = (size > 1e-9) & np.isfinite(rooms)
+        rows, rooms, size = rows[kept], rooms[kept], size[kept]
+        near = rooms / size <= 4 * FARTHEST
+        return np.hstack([np.zeros((int(near.sum()), 6)), rows[near] / size[near, None]]), (rooms / size)[near]
+
+    def _far(self, x: Array, basis: Array, motions: Array) -> float:
+        """The largest motion of anything: object, joints, points."""
+        parts = [
+            float(np.linalg.norm(x[:3])),
+            float(np.linalg.norm(x[3:6])),
+            float(np.abs(basis @ x[6:]).max(initial=0)),
+        ]
+        moved = (motions @ x).reshape(-1, 3)
+        return max([*parts, float(np.linalg.norm(moved, axis=1).max(initial=0.0))])
+
+    def _apply(self, x: Array, basis: Array) -> None:
+        from scipy.spatial.transform import Rotation
+
+        middle, R = self.middle, self.pose[:3, :3]
+        turned = Rotation.from_rotvec(x[3:6]).as_matrix() @ R
+        q = self.q + self._unit * (basis @ x[6:])
+        self.q = self.hand.closed(q, self.q, as_far_as_possible=True)
+        self.pose = transform(middle + self.length * x[:3] - turned @ self._middle, turned)
+        if self.winding:
+            self._gear = np.maximum(self._gear, self._sense * (self.drive.rows @ self.q))
+
+    def _guess(self, points: TouchPoints) -> Array:
+        """(n,) forces that pairs of solids had in the last step."""
+        left = {pair: list(values) for pair, values in self._pressure.items()}
+        return np.array([left[p].pop(0) if left.get(p) else 0.0 for p in points.pairs])
+
+    def _keep(self, points: TouchPoints, pressure: Array) -> None:
+        self._pressure = {}
+        for pair, value in zip(points.pairs, pressure.tolist(), strict=True):
+            self._pressure.setdefault(pair, []).append(value)
+
+
+def _skew(v: Array) -> Array:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
