@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
+from handfast.cli.joint_options import JointLawOptions
 from handfast.cli.options import Command
 from handfast.core import bundled
 from handfast.core.errors import InputError
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class ImportGrasps(Command):
+class ImportGrasps(JointLawOptions, Command):
     """Published grasps as configurations and grasp files: DexGraspNet, BODex, DexGraspBench, Dexonomy, GraspQP, \
 MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
 
@@ -84,7 +85,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
             raise InputError("missing: --hand HAND, the model of the hand that the grasps are of", source="import")
         self._check()
         refuse_target(self.output, self.force)
-        hand = load_hand(self.hand)
+        hand = self.lawful(load_hand(self.hand))
         found = list(islice(sources(published_files(self.files), self.layout), self.count))
         if not found:
             raise InputError("no grasps", source=", ".join(map(str, self.files)))
