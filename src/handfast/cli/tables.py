@@ -13,6 +13,7 @@ from handfast.cli.question_tables import show_question
 from handfast.cli.table import table
 from handfast.core.answer import Verdict
 from handfast.report import words
+from handfast.report.law_words import joint_text, laws_text
 from handfast.report.words import num, vector
 from handfast.stability.certify.certificate import Certificate
 
@@ -220,9 +221,10 @@ def show_grasp(out: Console, grasp: Grasp) -> None:
     """A grasp's contacts and joints."""
     show_contacts(out, grasp.contacts)
     if grasp.joints:
-        grid = table("joint", "type", "moves contacts")
-        for j in grasp.joints:
-            grid.add_row(j.name, j.type, ", ".join(map(str, j.moves)) or "none")
+        laws = [joint_text(grasp, i) for i in range(grasp.l)]
+        grid = table("joint", "type", "moves contacts", *(["besides its motor"] if any(laws) else []))
+        for j, law in zip(grasp.joints, laws, strict=True):
+            grid.add_row(j.name, j.type, ", ".join(map(str, j.moves)) or "none", *([law] if any(laws) else []))
         out.print()
         out.print(grid)
 
@@ -253,6 +255,8 @@ def _head(
     eta = f"; normals off by up to {num(asked.eta)}°" if asked.eta else ""
     facts = f"{words.grasp_text(grasp)}; preload {words.preload_text(grasp)}{eta}"
     out.print(f"{grasp.name}: {facts}", style="dim")
+    if laws := laws_text(grasp):
+        out.print(laws, style="dim", soft_wrap=True)
 
 
 def _written(out: Console, asked: QueryOptions) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from handfast.report import words
+from handfast.report.law_words import joint_text
 from handfast.report.words import num, vector
 from handfast.stability import model
 from handfast.stability.queries import MaxAnswer
@@ -248,7 +249,11 @@ def grasp_table(grasp: Grasp) -> str:
         [j.name, j.type, vector(j.axis), vector(1e3 * j.origin, 4), ", ".join(map(str, j.moves)) or "none"]
         for j in grasp.joints
     ]
-    out += table(["joint", "type", "#axis", "#through [mm]", "#moves contacts"], rows, "Joints")
+    laws = [joint_text(grasp, i) for i in range(grasp.l)]
+    heads = ["joint", "type", "#axis", "#through [mm]", "#moves contacts"]
+    if any(laws):
+        heads, rows = [*heads, "#besides its motor"], [[*row, law] for row, law in zip(rows, laws, strict=True)]
+    out += table(heads, rows, "Joints")
     mech = grasp.mechanism
     rows = []
     for i, name in enumerate(mech.actuators):
@@ -256,8 +261,10 @@ def grasp_table(grasp: Grasp) -> str:
             j.name if r == 1 else f"{num(r)} × {j.name}" for j, r in zip(grasp.joints, mech.R[i], strict=True) if r
         ]
         unit = words.actuator_unit(grasp, name)
-        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else "locked"
-        rows.append([name + (" (tendon)" if mech.tendon[i] else ""), " + ".join(drives), command])
+        still = "no torque" if mech.backdrivable[i] else "locked"
+        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else still
+        kind = " (tendon)" if mech.tendon[i] else " (backdrivable)" if mech.backdrivable[i] else ""
+        rows.append([name + kind, " + ".join(drives), command])
     out += table(["actuator", "#moves", "#commanded"], rows, "Actuators")
     rows = [
         [" + ".join(f"{num(a)} × {j.name}" for j, a in zip(grasp.joints, row, strict=True) if a) + " = 0"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -79,6 +79,11 @@ class JointLaw:
         law = self if "stops" in kept else replace(self, stops=FREE)
         law = law if "friction" in kept else replace(law, friction=0.0)
         return law if "springs" in kept else replace(law, stiffness=0.0, rest=(0.0, 0.0))
+
+    def to_json(self) -> dict[str, Any]:
+        """The fields by name; null where nothing stops it."""
+        stops = [end if np.isfinite(end) else None for end in self.stops]
+        return {"friction": self.friction, "stiffness": self.stiffness, "rest": list(self.rest), "stops": stops}
 
 
 NO_LAW = JointLaw()

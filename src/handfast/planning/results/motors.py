@@ -89,8 +89,8 @@ def motors_to_dict(hand: Hand) -> dict[str, Any]:
     """What drives a hand, and the sense in which its joints close."""
     m, names = hand.mechanism, hand.joint_names
     laws = {
-        "laws": {j.name: _law(j.law) for j in hand.joints if j.law.any},
-        "tendons": {t.name: _law(t.law) | {"joints": _named(t.row, names)} for t in hand.tendons},
+        "laws": {j.name: j.law.to_json() for j in hand.joints if j.law.any},
+        "tendons": {t.name: t.law.to_json() | {"joints": _named(t.row, names)} for t in hand.tendons},
     }
     return {
         "actuators": [
@@ -103,8 +103,3 @@ def motors_to_dict(hand: Hand) -> dict[str, Any]:
 
 def _named(row: Array, joints: Sequence[str]) -> dict[str, float]:
     return {j: float(v) for j, v in zip(joints, row, strict=True) if v}
-
-
-def _law(law: JointLaw) -> dict[str, Any]:
-    ends = [None if np.isinf(end) else end for end in law.stops]
-    return {"friction": law.friction, "stiffness": law.stiffness, "rest": list(law.rest), "stops": ends}
