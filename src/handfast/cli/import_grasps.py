@@ -59,6 +59,8 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     """mass of the objects [kg]"""
     friction: Annotated[float | None, arg(metavar="MU")] = None
     """friction coefficient between hand and object; 0.5 unless given"""
+    gain: Annotated[float | None, arg(metavar="KP")] = None
+    """of servos that pull towards the files' squeeze [N m/rad or N/m]: their forces become the preload"""
     count: Annotated[int | None, arg(metavar="N")] = None
     """the first N grasps only"""
     jobs: Annotated[int, arg(metavar="N")] = 0
@@ -92,7 +94,16 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         name, mapping = self._mapping(hand, found)
         treatment = Treatment(self.contacts, self.separate, self.close_gaps, self.threshold, self.tolerance)
         importer = Importer(
-            hand, mapping, treatment, self.hand, self.objects, self.object, self.mass, self.friction, self.scale
+            hand,
+            mapping,
+            treatment,
+            self.hand,
+            self.objects,
+            self.object,
+            self.mass,
+            self.friction,
+            self.scale,
+            self.gain,
         )
         rows: list[ImportedGrasp] = []
         with console.watch("import") as watch:
@@ -115,7 +126,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         from handfast.core.files import LARGEST
 
         for field, value in (
-            *(("--threshold", self.threshold), ("--scale", self.scale)),
+            *(("--threshold", self.threshold), ("--scale", self.scale), ("--gain", self.gain)),
             *(("--mass", self.mass), ("--count", self.count), ("--jobs", self.jobs or None)),
         ):
             if value is not None and not 0 < value <= LARGEST:
