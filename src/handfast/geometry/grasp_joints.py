@@ -15,6 +15,7 @@ from handfast.model.hand.hand import Hand, Joint
 from handfast.model.hand.joint_law import STOP_ANGLE, STOP_TRAVEL, PassiveTendon
 from handfast.model.mechanism import Mechanism
 
+TENDON = "tendon "  # begins the name of a joint that stands for the length of one
 TURNED = {"lower": "upper", "upper": "lower"}
 NEGLIGIBLE = 1e-9  # [N m, N] of a spring that stands at its rest but for rounding
 
@@ -51,7 +52,7 @@ def joints_and_mechanism(
     for j in kept:
         if j >= hand.l:
             tendon, law = acting[j - hand.l]
-            joints.append(GraspJoint(f"tendon {tendon.name}", np.eye(3)[0], np.zeros(3), (), "prismatic", *law))
+            joints.append(GraspJoint(TENDON + tendon.name, np.eye(3)[0], np.zeros(3), (), "prismatic", *law))
             continue
         joint = hand.joints[j]
         axis, origin = sign[j] * to_object[:3, :3] @ axes[j], to_object[:3, :3] @ origins[j] + to_object[:3, 3]
