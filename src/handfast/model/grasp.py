@@ -307,10 +307,56 @@ class Grasp:
         r = float(np.linalg.norm(p - p.mean(axis=0), axis=1).max())
         return r if r > 1e-9 else 1.0
 
+    @cached_property
+    def given_torques(self) -> Array:
+        """(l,) [N m or N] what acts on each joint whatever it does, see `GraspJoint.torque`."""
+        return frozen([joint.torque for joint in self.joints], (self.l,), "torque")
+
+    @cached_property
+    def joint_friction(self) -> Array:
+        """(l,) [N m or N] dry friction of each joint."""
+        return frozen([joint.friction for joint in self.joints], (self.l,), "friction")
+
+    @cached_property
+    def has_laws(self) -> bool:
+        """Has any joint friction, a given torque or a stop, or is a motor backdrivable?"""
+        return any(joint.friction or joint.torque or joint.stop for joint in self.joints) or any(
+            self.mechanism.backdrivable
+        )
+
+    def refuse_laws(self, what: str) -> None:
+        """`InputError` if it has laws of joints, for what knows none: `what` in words."""
+        if self.has_laws:
+            problem = f"{what} knows no friction, springs and stops of joints, and no backdrivable motors"
+            raise InputError(f"{problem}; leave them out", source=self.name, field="joints")
+
     @property
     def preload(self) -> dict[str, float]:
         """Commanded actuator forces by name, those that are not locked."""
         return {n: float(f) for n, f in zip(self.mechanism.actuators, self.command, strict=True) if f != 0}
+
+    @property
+    def sought_actuators(self) -> tuple[str, ...]:
+        """Whose commands are sought unless others are named: those commanded now, or all; backdrivable ones never."""
+        flags = zip(self.mechanism.actuators, self.command, self.mechanism.backdrivable, strict=True)
+        own = [(name, f) for name, f, back in flags if not back]
+        return tuple(name for name, f in own if f != 0) or tuple(name for name, _ in own)
+
+    def with_commands(self, preload: Mapping[str, float]) -> Grasp:
+        """As `with_preload`, but backdrivable motors that are not named stay as they are commanded."""
+        back = dict(zip(self.mechanism.actuators, self.mechanism.backdrivable, strict=True))
+        kept = {name: f for name, f in self.preload.items() if back[name]}
+        return self.with_preload(kept | dict(preload))
+
+    def with_laws_times(self, s: float) -> Grasp:
+        """The same grasp with the friction and the given torques of its joints times s; as it is without any."""
+        if not self.has_laws or s == 1.0:
+            return self
+        joints = [replace(joint, friction=s * joint.friction, torque=s * joint.torque) for joint in self.joints]
+        out = object.__new__(Grasp)  # all else has been checked
+        kept = {name: x for name, x in self.__dict__.items() if name not in ("given_torques", "joint_friction")}
+        out.__dict__.update(kept, joints=tuple(joints))
+        return out
 
     def with_preload(self, preload: Mapping[str, float] | Array | None) -> Grasp:
         """The same grasp with other commanded forces (absent actuators are locked)."""
