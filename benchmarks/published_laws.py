@@ -2,9 +2,10 @@
 
 The set is DexGraspBench's example, 400 Shadow grasps by BODex; neither it nor the hand is here. The Shadow's outer two
 joints hang on one tendon, which leaves their difference free: without a law of the joints nothing holds it. Every
-grasp is imported as `handfast import` does it, once with every motor locked and once with servos of the set's own
-gain that pull to its squeeze. Of each there are four: with no laws, with stops, with friction, with both. Each is asked
-whether it holds no load at all, and its weight from six sides: 1 N for the set's own mass of 0.1 kg.
+grasp is imported as `handfast import` does it, with every motor locked, and with servos that pull to its squeeze: of
+the set's own gain, and of less. Of each there are five: with no laws, with stops, with friction, with both, and with no
+laws but the last joint on each such tendon locked, as if it stood at two stops. Each is asked whether
+it holds no load at all, and its weight from six sides: 1 N for the set's own mass of 0.1 kg.
 
     python -m benchmarks.published_laws --bench ../DexGraspBench --results benchmarks/results/published_laws.json
 """
@@ -33,8 +34,8 @@ from handfast.published.importing import Importer, imported, sources
 from handfast.published.mapping_file import mapping_for
 from handfast.stability.loads import Loads
 
-VARIANTS = ("none", "stops", "friction", "stops,friction")
-GAIN = 5.0  # [N m/rad] of the set's own servos
+VARIANTS = ("none", "stops", "friction", "stops,friction", "locked")
+GAINS = (5.0, 0.5, 0.05, 0.0)  # [N m/rad] of servos: the set's own, less, and none, with all motors locked
 MASS = 0.1  # [kg] of its objects
 SECONDS = 5.0  # for a question
 
@@ -52,15 +53,16 @@ def main() -> None:
     found = list(sources(sorted((options.bench / GRASPS).rglob("*.npy"))))
     chosen = [found[i] for i in np.linspace(0, len(found) - 1, min(options.count, len(found))).astype(int)]
     _, mapping = mapping_for(chosen[0].layout, hand)
-    about = {"mass": MASS, "friction": options.friction, "gain": GAIN}
+    about = {"mass": MASS, "friction": options.friction, "gain": 1.0}
     rows = imported(Importer(hand, mapping, hand_name="shadow", **about), chosen, options.jobs)
     grasps = [row.grasp for row in rows if row.grasp is not None]
     results: dict[str, Any] = {"grasps": len(grasps), **about, "seconds_a_question": SECONDS, "machine": describe()}
-    for name, some in (("locked", [g.with_preload(None) for g in grasps]), ("servos", grasps)):
+    for gain in GAINS:
+        some = [g.with_preload({n: gain * f for n, f in g.preload.items()}) for g in grasps]
         for laws in VARIANTS:
-            start = time.process_time()
-            results[f"{name}, {laws}"] = held([with_laws(g, laws) for g in some], options.jobs)
-            print(name, laws, results[f"{name}, {laws}"], f"{time.process_time() - start:.0f} s", flush=True)
+            start = time.monotonic()
+            results[f"{gain:g} N m/rad, {laws}"] = found = held([with_laws(g, laws) for g in some], options.jobs)
+            print(gain, laws, found, f"{time.monotonic() - start:.0f} s", flush=True)
             options.results.write_text(json.dumps(results, indent=1) + "\n")
 
 
@@ -71,7 +73,11 @@ def with_laws(grasp: Grasp, laws: str) -> Grasp:
         replace(j, friction=j.friction if "friction" in kept else 0.0, stop=j.stop if "stops" in kept else "")
         for j in grasp.joints
     ]
-    changed = Grasp(grasp.contacts, joints, grasp.mechanism, grasp.preload, grasp.name)
+    mechanism = grasp.mechanism
+    if laws == "locked":
+        last = [int(np.flatnonzero(row)[-1]) for row in mechanism.R if np.count_nonzero(row) > 1]
+        mechanism = replace(mechanism, A=np.vstack([mechanism.A, np.eye(grasp.l)[last]]))
+    changed = Grasp(grasp.contacts, joints, mechanism, grasp.preload, grasp.name)
     return changed.about(mass=grasp.mass, center_of_mass=grasp.center_of_mass)
 
 
