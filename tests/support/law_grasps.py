@@ -12,7 +12,7 @@ from handfast.model.mechanism import Mechanism
 
 FREE = Mechanism((), np.zeros((0, 1)), np.zeros((0, 1)), ())
 BACKDRIVABLE = Mechanism(("motor",), np.eye(1), np.zeros((0, 1)), (False,), (True,))
-DOWN, OPENS, CLOSES = [0, 0, -1, 0, 0, 0], [1, 0, 0, 0, 0, 0], [-1, 0, 0, 0, 0, 0]
+DOWN, OPENS = [0, 0, -1, 0, 0, 0], [1, 0, 0, 0, 0, 0]
 
 
 def jaw(mechanism: Mechanism | None = FREE, preload: Mapping[str, float] | None = None, **laws: Any) -> Grasp:

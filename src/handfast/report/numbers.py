@@ -105,8 +105,9 @@ def actuator_table(witness: Witness) -> str:
     rows = []
     for i, name in enumerate(mech.actuators):
         unit = words.actuator_unit(grasp, name)
-        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else "locked"
-        moves = "turns" if turns[i] else "held by its gearing"
+        free = mech.backdrivable[i]
+        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else "no torque" if free else "locked"
+        moves = "turns" if turns[i] else "rests" if free else "held by its gearing"
         rows.append([name, command, f"{num(witness.state.f[i])} {unit}", moves])
     out = table(["actuator", "#commanded", "#carries", "#state"], rows, "Actuators")
     tau = model.joint_torques(grasp, witness.state.c)
@@ -114,7 +115,14 @@ def actuator_table(witness: Witness) -> str:
         [j.name, f"{num(tau[k])} {words.joint_unit(grasp, k)}", num(witness.state.q[k])]
         for k, j in enumerate(grasp.joints)
     ]
-    return out + table(["joint", "#torque of the contacts", "virtual motion"], rows, "Joints")
+    heads = ["joint", "#torque of the contacts", "virtual motion"]
+    if grasp.has_laws:
+        heads = [*heads[:2], "#carried by friction and stops", "#given torque", heads[2]]
+        units = [words.joint_unit(grasp, k) for k in range(grasp.l)]
+        own = [f"{num(x)} {unit}" for x, unit in zip(witness.state.reaction, units, strict=True)]
+        given = [f"{num(j.torque)} {unit}" for j, unit in zip(grasp.joints, units, strict=True)]
+        rows = [[*row[:2], *more, row[2]] for row, *more in zip(rows, own, given, strict=True)]
+    return out + table(heads, rows, "Joints")
 
 
 def energy_table(witness: Witness) -> str:
