@@ -147,7 +147,7 @@ def main() -> int:
     parser.add_argument("--results", type=Path, default=HERE / "results" / "plan_hands.json")
     parser.add_argument("--only", default="", metavar="TEXT", help="pairs whose name contains this")
     parser.add_argument("--timeout", type=float, default=TIMEOUT, metavar="S", help="of a pair")
-    parser.add_argument("--joint-laws", default="all", help="all, none, or some of stops,friction,springs")
+    parser.add_argument("--joint-laws", default="stops,springs", help="all, none, or some of stops,friction,springs")
     parser.add_argument("--starts", type=int, default=100_000, metavar="N", help="of a pair, at most")
     parser.add_argument("--jobs", type=int, default=None, metavar="N", help="processes; one a core")
     parser.add_argument("--also", nargs=2, action="append", default=[], metavar=("NAME", "PATH"), help="one more hand")

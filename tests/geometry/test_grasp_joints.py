@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handfast import InputError
+from handfast import InputError, load_hand
 from handfast.core.transforms import transform
 from handfast.geometry.contacts import contact_grasp, grasp_of
 from handfast.model.body import Body
@@ -68,6 +68,16 @@ def test_what_is_asked_for() -> None:
     assert {j.friction for j in direct.joints} == {0.01}
     with pytest.raises(InputError, match=r"is backdrivable, and with one motor per joint there is no 'left_pull'"):
         held(mechanism="direct", backdrivable=["left_pull"])
+
+
+def test_a_follower_at_its_limit_stops_its_driver() -> None:
+    """The Barrett's distal joint at the end of its range: through the worm gear, the proximal one cannot close either."""
+    hand = load_hand("barrett-bh8-280")
+    q = hand.configuration({"finger_3_dist": hand.joints[hand.joint("finger_3_dist")].upper})
+    contact = Contact([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.5, "finger_3_dist")
+    grasp = grasp_of(hand, q, [contact], np.eye(4))
+    assert [(j.name, j.stop) for j in grasp.joints] == [("finger_3_prox", ""), ("finger_3_dist", "upper")]
+    np.testing.assert_allclose(grasp.mechanism.A, [[-1 / 3, 1]])
 
 
 def test_a_stop_is_one_within_a_milliradian() -> None:

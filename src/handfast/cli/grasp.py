@@ -10,7 +10,7 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.joint_options import JointLawOptions
+from handfast.cli.joint_options import SOLID, JointLawOptions
 from handfast.cli.load_options import LoadsOptions
 from handfast.cli.options import Assignments, Command, Triple, assigned, check_writable, load_solvable
 from handfast.cli.scene_options import LinkPairs, load_object
@@ -30,6 +30,8 @@ class FindGrasps(LoadsOptions, JointLawOptions, Command):
 
     task: Annotated[Positional[str], arg(metavar="TASK")]
     """a handfast/task/1 file or the name of a bundled task"""
+    joint_laws: Annotated[str, arg(metavar="LAWS")] = SOLID
+    """what counts of the joints' stops, friction and springs in the hand's file: all, none, or names with commas"""
     count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 3
     """grasps that differ from each other"""
     object: Annotated[str | None, arg(metavar="OBJECT")] = None

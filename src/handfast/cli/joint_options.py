@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from handfast.model.hand import Hand
 
 
+# What a search for grasps counts unless asked: the friction in models of hands is often there to calm a simulator, and
+# no grasp is to be found, or missed, for such a number.
+SOLID = "stops,springs"
+
+
 @dataclass(kw_only=True)
 class JointLawOptions:
     """Laws of the joints."""
