@@ -71,13 +71,19 @@ def test_what_is_asked_for() -> None:
 
 
 def test_a_follower_at_its_limit_stops_its_driver() -> None:
-    """The Barrett's distal joint at the end of its range: through the worm gear, the proximal one cannot close either."""
+    """The Schunk's two outer joints are coupled rigidly and end together; a Barrett's clutch lets the driver go on."""
+    contact = Contact([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.5, "index_distal")
+    hand = load_hand("schunk-sah")
+    q = hand.configuration({"index_distal": hand.joints[hand.joint("index_distal")].upper})
+    stops = {j.name: j.stop for j in grasp_of(hand, q, [contact], np.eye(4)).joints}
+    assert (stops["index_middle"], stops["index_distal"]) == ("upper", "upper")
     hand = load_hand("barrett-bh8-280")
-    q = hand.configuration({"finger_3_dist": hand.joints[hand.joint("finger_3_dist")].upper})
-    contact = Contact([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.5, "finger_3_dist")
-    grasp = grasp_of(hand, q, [contact], np.eye(4))
-    assert [(j.name, j.stop) for j in grasp.joints] == [("finger_3_prox", ""), ("finger_3_dist", "upper")]
-    np.testing.assert_allclose(grasp.mechanism.A, [[-1 / 3, 1]])
+    end = hand.joints[hand.joint("finger_3_dist")].upper
+    contact = replace(contact, link="finger_3_dist")
+    for clutch, stop in ((True, ""), (False, "upper")):
+        q = hand.configuration({"finger_3_prox": 1.0, "finger_3_dist": end})
+        made = grasp_of(replace(hand, breakaway=clutch), q, [contact], np.eye(4))
+        assert [(j.name, j.stop) for j in made.joints] == [("finger_3_prox", ""), ("finger_3_dist", stop)]
 
 
 def test_a_stop_is_one_within_a_milliradian() -> None:

@@ -17,6 +17,7 @@ from handfast.model.mechanism import Mechanism
 
 TENDON = "tendon "  # begins the name of a joint that stands for the length of one
 TURNED = {"lower": "upper", "upper": "lower"}
+PARTED = 1e-4  # [rad, m] by which a joint is off its coupling where the clutch has opened
 NEGLIGIBLE = 1e-9  # [N m, N] of a spring that stands at its rest but for rounding
 
 
@@ -33,7 +34,8 @@ def joints_and_mechanism(
 
     Joints and actuators are turned so that they close positively, and so are what a spring gives and the stop at which
     a joint stands. A tendon that has friction, a spring or a stop that acts at q is one more joint, "tendon NAME",
-    which moves no contact and is coupled to the joints that it runs over: its value is the tendon's length.
+    which moves no contact and is coupled to the joints that it runs over: its value is the tendon's length. A joint
+    whose clutch has opened stands at no stop: it would hold its driver, which goes on without it.
 
     Args:
         q: (l,) configuration; object_pose: (4, 4) in the hand's base frame.
@@ -46,6 +48,7 @@ def joints_and_mechanism(
     whole = _with_tendons(_driving(hand, q, mechanism), [t for t, _ in acting])
     kept = _connected({j for chain in moving for j in chain}, whole)
     sign = np.where(hand.closing < 0, -1.0, 1.0)
+    loose = _loose(hand, q)
     axes, origins = hand.joint_axes(q)
     to_object = np.linalg.inv(object_pose)
     joints = []
@@ -58,6 +61,7 @@ def joints_and_mechanism(
         axis, origin = sign[j] * to_object[:3, :3] @ axes[j], to_object[:3, :3] @ origins[j] + to_object[:3, 3]
         contacts = tuple(i for i, chain in enumerate(moving) if j in chain)
         friction, torque, stop = _laws(joint, float(q[j]))
+        stop = "" if j in loose else stop
         if sign[j] < 0:
             torque, stop = -torque, TURNED.get(stop, stop)  # type: ignore[assignment]
         joints.append(GraspJoint(joint.name, axis, origin, contacts, joint.type, friction, torque, stop))
@@ -70,6 +74,14 @@ def _laws(of: Joint | PassiveTendon, value: float) -> tuple[float, float, Litera
     near = STOP_ANGLE if isinstance(of, Joint) and of.type == "revolute" else STOP_TRAVEL
     torque = of.law.torque(value)
     return of.law.friction, torque if abs(torque) > NEGLIGIBLE else 0.0, of.law.stop(value, near)
+
+
+def _loose(hand: Hand, q: Array) -> set[int]:
+    """The joints that a clutch has parted from their drivers."""
+    if not hand.breakaway:
+        return set()
+    led = [c for c in hand.couplings if c.driver >= 0]
+    return {c.joint for c in led if abs(q[c.joint] - c.ratio * q[c.driver] - c.offset) > PARTED}
 
 
 def _driving(hand: Hand, q: Array, mechanism: Literal["hand", "direct"]) -> Mechanism:
