@@ -108,6 +108,16 @@ def test_a_base_load_is_beside_what_is_given() -> None:
     assert found.verify().ok
 
 
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6])
+def test_answers_of_any_precision_are_replayed(gap: float) -> None:
+    """The magnitude is that of the state, whose commands and friction are the grasp's to the last digits."""
+    grasp = jaw(BACKDRIVABLE, {"motor": 0.3}, friction=0.07)
+    found = maximum(grasp, DOWN, settings=Settings(gap=gap))
+    assert found.verify().ok
+    assert found.lower == pytest.approx(2.3, rel=gap)
+    assert found.lower <= 2.3 * (1 + 1e-9) <= found.upper * (1 + 2e-9)
+
+
 def test_what_is_limited_is_beside_friction() -> None:
     """A limit is of motor and gears together: friction carries 0.2 N m beside them, 0.3 / 0.1 N in all."""
     found = maximum(jaw(MOTOR, friction=0.2), OPENS, torque_limits={"hinge": 0.1})

@@ -20,6 +20,7 @@ from handfast.stability.certify import arc, checker
 from handfast.stability.certify.certificate_file import question_to_dict
 from handfast.stability.certify.ranges import Known, known
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.idle_joints import runs_away
 from handfast.stability.json_match import is_number
 from handfast.stability.posed import Posed
 from handfast.stability.query import (
@@ -352,6 +353,8 @@ def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None,
         if goal.has_scalar:
             lower, upper = goal.bounds(p, found.value, found.bound)
             unbounded = bool(lower >= end * (1 - NEAR_END))
+            if goal.homogeneous and p.is_given:  # of the state itself, whose preload is the grasp's to the last digits
+                lower = min(p.direction_scale / _preload_share(w, p.grasp), upper)
             w = _scaled(w, lower / p.direction_scale, p.grasp) if goal.homogeneous else w
         else:
             lower, unbounded, w = end, True, _scaled(w, end, p.grasp)
@@ -381,7 +384,10 @@ def _search(
         if alone.bound == INF:
             return Posed(free, ANY_STATE), alone
     found = solve(p, goal, settings, on_step, **hints)
-    if found.bound == INF and goal.has_scalar and settings.method == "engine":
+    if found.bound == INF and goal.has_scalar and settings.method == "engine" and runs_away(p.grasp):
+        if goal.homogeneous:  # by the same rows with any preload
+            found = solve(p, goal, settings, on_step, within=(goal.search_range(p)[0], INF)).after(found)
+    elif found.bound == INF and goal.has_scalar and settings.method == "engine":
         found = without_end(p, goal, settings, on_step, found)
     interrupted = found.stop is Stop.INTERRUPTED
     if found.witness is None and found.bound < INF and goal.maximised and not interrupted:
@@ -390,6 +396,13 @@ def _search(
         if alone.witness is not None:
             found = replace(found, witness=alone.witness, value=0.0, point=None)
     return Posed(p, goal), found
+
+
+def _preload_share(w: Witness, grasp: Grasp) -> float:
+    """The lambda of a homogeneous witness: what it has of the grasp's largest command, given torque or friction."""
+    own, given = (np.concatenate([g.command, g.given_torques, g.joint_friction]) for g in (w.grasp, grasp))
+    k = int(np.argmax(np.abs(given)))
+    return float(own[k] / given[k])
 
 
 def _scaled(w: Witness, s: float, grasp: Grasp) -> Witness:
