@@ -8,9 +8,14 @@ from pathlib import Path
 import pytest
 
 from handfast import load_grasp
+from handfast.cli.contacts import Contacts
+from handfast.cli.grasp import FindGrasps
+from handfast.cli.import_grasps import ImportGrasps
+from handfast.cli.joint_options import JointLawOptions
+from handfast.cli.plan import PlanGrasps
 from tests.support.program import ask, complains, run
 from tests.support.published import LEFT, RIGHT, samples, tiny
-from tests.support.tendon_hand import write_tendon_hand
+from tests.support.tendon_hand import tendon_hand, write_tendon_hand
 
 NAMES = [f"{finger}_{part}" for finger in ("left", "right") for part in ("proximal", "middle", "distal")]
 
@@ -75,3 +80,11 @@ def test_servos_that_pull_to_a_squeeze(here: Path, capsys: pytest.CaptureFixture
     ask(capsys, *make, *bare)
     assert load_grasp("out/00000.grasp.json").preload == {}
     complains(capsys, [*make, *bare, "--gain", "0"], ["--gain: is 0; a number above 0"])
+
+
+def test_a_search_leaves_friction_out_unless_asked() -> None:
+    hand = tendon_hand()
+    for command, friction in ((PlanGrasps, 0.0), (FindGrasps, 0.0), (Contacts, 0.01), (ImportGrasps, 0.01)):
+        options = JointLawOptions(joint_laws=command.joint_laws)
+        law = options.lawful(hand).joints[1].law
+        assert (law.friction, law.stops) == (friction, (0.0, 1.5))
