@@ -80,10 +80,10 @@ def contradicted(planned: Plan, folder: Path) -> int:
     return wrong
 
 
-def run(hand: Hand, body: Body, timeout: float) -> dict[str, Any]:
-    """One pair."""
+def run(hand: Hand, body: Body, timeout: float, **others: Any) -> dict[str, Any]:
+    """One pair; `others` are options of `plan`."""
     before = processor()
-    planned = plan(hand, body, count=COUNT, seed=SEED, timeout=timeout)
+    planned = plan(hand, body, count=COUNT, seed=SEED, timeout=timeout, **others)
     used = processor() - before
     with tempfile.TemporaryDirectory() as folder:
         wrong = contradicted(planned, Path(folder))
@@ -117,8 +117,10 @@ def row(pair: str, options: argparse.Namespace) -> dict[str, Any]:
     name, thing = pair.split("_", 1)
     try:
         hand = load_hand(located(options.also.get(name) or HANDS[name], options.hands, options.shared))
+        hand = hand.with_laws(options.joint_laws)
         body = load_body(options.shared / "objects" / "ycb" / f"{thing}.obj", mass=MASSES[thing], friction=FRICTION)
-        return {"pair": pair} | run(hand, body, options.timeout)
+        more = {"attempts": options.starts, "jobs": options.jobs}
+        return {"pair": pair, "joint_laws": options.joint_laws} | run(hand, body, options.timeout, **more)
     except InputError as fault:
         return {"pair": pair, "refused": fault.problem}
 
@@ -145,6 +147,9 @@ def main() -> int:
     parser.add_argument("--results", type=Path, default=HERE / "results" / "plan_hands.json")
     parser.add_argument("--only", default="", metavar="TEXT", help="pairs whose name contains this")
     parser.add_argument("--timeout", type=float, default=TIMEOUT, metavar="S", help="of a pair")
+    parser.add_argument("--joint-laws", default="stops,springs", help="all, none, or some of stops,friction,springs")
+    parser.add_argument("--starts", type=int, default=100_000, metavar="N", help="of a pair, at most")
+    parser.add_argument("--jobs", type=int, default=None, metavar="N", help="processes; one a core")
     parser.add_argument("--also", nargs=2, action="append", default=[], metavar=("NAME", "PATH"), help="one more hand")
     parser.add_argument("--again", action="store_true", help="do pairs again that the results hold already")
     options = parser.parse_args()

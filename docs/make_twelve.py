@@ -96,7 +96,7 @@ def made(name: str, contacts: int) -> tuple[PlannedGrasp, Configuration]:
     Raises:
         LookupError: none suits.
     """
-    hand, body = load_hand(HAND), load_body(name)
+    hand, body = load_hand(HAND).with_laws("none"), load_body(name)  # as in the paper: motors alone
     effort = {"count": ATTEMPTS, "attempts": ATTEMPTS, "timeout": 3600}
     sampling = replace(SAMPLING, approach=tuple(from_palm_to_fingertips(hand)))
     planned = plan(hand, body, seed=SEED, limits=Limits(settings=SETTINGS), sampling=sampling, **effort)

@@ -214,6 +214,7 @@ def main(check: bool) -> int:
                 configuration.pose,
                 preload=preload,
                 mechanism=mechanism,  # type: ignore[arg-type]
+                laws="none",  # the paper's joints have motors alone
                 name=name + suffix,
             )
             grasp = grasp.from_configuration(name)

@@ -203,7 +203,7 @@ def test_accepted_mutants_claim_the_same(saved: Data) -> None:
             assert other or meaning(data) == meaning(saved), place
         else:
             assert not other, (place, other)
-    assert accepted >= 20
+    assert accepted >= 15
     assert refused >= MUTANTS // 2
 
 

@@ -114,8 +114,8 @@ def test_masses_that_the_file_states(tmp_path: Path, facts: HandFacts) -> None:
 def test_rows_say_limits_senses_and_what_follows_what(facts: HandFacts) -> None:
     rows = {row[0]: row[1:] for row in hand_rows.joint_rows(facts)}
     assert rows["lift"][:3] == ["prismatic", "−10 mm to 20 mm", "−0.01 to 0.02 m"]
-    assert rows["turn"][1:5] == ["−28.6° to 28.6°", "−0.5 to 0.5 rad", "no", "turn"]
-    assert rows["l2"][3:5] == ["+", "follows 0.5 × l1 + 0.1"]
+    assert rows["turn"][1:6] == ["−28.6° to 28.6°", "−0.5 to 0.5 rad", "–", "no", "turn"]
+    assert rows["l2"][3:6] == ["–", "+", "follows 0.5 × l1 + 0.1"]
     assert hand_rows.counts(facts) == "7 links, 5 joints, 4 actuators, 1 coupling, 2 fingers"
     assert hand_rows.actuator_rows(facts)[0] == ["lift", "lift", "motor", "N"]
 
@@ -127,6 +127,8 @@ def test_json_names_everything(facts: HandFacts) -> None:
     assert joints["l2"]["value"] == pytest.approx(0.1)
     assert {link["name"]: link["parent"] for link in data["links"]}["left_tip"] == "left"
     assert data["not_checked"]["as_one"] == [["arm", "tower"], ["right", "right_tip"]]
+    assert joints["turn"]["stops"] == [-0.5, 0.5]
+    assert joints["turn"]["friction"] == joints["turn"]["stiffness"] == 0
     assert data["guessed"] is True
     assert len(data["fingers"]) == 2
 

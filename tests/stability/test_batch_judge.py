@@ -17,7 +17,7 @@ K = 24
 def states(g: Grasp, seed: int) -> tuple[np.ndarray, StateRows]:
     """Loads and states out of every balance; some carry nothing, some are as large or small as numbers get."""
     rng, mech = np.random.default_rng(seed), g.mechanism
-    sizes = 6, g.l, 3 * g.m, mech.a, len(mech.A)
+    sizes = 6, g.l, 3 * g.m, mech.a, len(mech.A), g.l
     x = [rng.normal(size=(K, n)) for n in sizes]
     x[2][1] = x[2][2, :3] = 0.0
     w = rng.normal(size=(K, 6))
@@ -44,11 +44,11 @@ def test_rows_are_judged_as_one_by_one(g: Grasp, eta: float, mdp: bool) -> None:
         np.testing.assert_allclose(found, each, rtol=1e-9)
 
 
-@pytest.mark.parametrize("part", ["r", "q", "c", "f", "coupling"])
+@pytest.mark.parametrize("part", ["r", "q", "c", "f", "coupling", "reaction"])
 def test_each_unknown_counts(part: str) -> None:
     """At rest nothing is missed; whatever is changed is seen."""
     g = hand().with_preload(None)
-    rest = StateRows(*(np.zeros((1, n)) for n in (6, g.l, 3 * g.m, g.mechanism.a, len(g.mechanism.A))))
+    rest = StateRows(*(np.zeros((1, n)) for n in (6, g.l, 3 * g.m, g.mechanism.a, len(g.mechanism.A), g.l)))
     judge, nothing = Judge(g), np.zeros((1, 6))
     assert judge.worst(nothing, rest)[0] == 0.0
     getattr(rest, part)[0, 0] = 0.1

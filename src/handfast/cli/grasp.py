@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
+from handfast.cli.joint_options import SOLID, JointLawOptions
 from handfast.cli.load_options import LoadsOptions
 from handfast.cli.options import Assignments, Command, Triple, assigned, check_writable, load_solvable
 from handfast.cli.scene_options import LinkPairs, load_object
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class FindGrasps(LoadsOptions, Command):
+class FindGrasps(LoadsOptions, JointLawOptions, Command):
     """Find grasps for a task: the hand reaches them, nothing collides, they hold, and with these torques.
 
     Every configuration comes with a proof that it exists, every load with an exact equilibrium under the
@@ -29,6 +30,8 @@ class FindGrasps(LoadsOptions, Command):
 
     task: Annotated[Positional[str], arg(metavar="TASK")]
     """a handfast/task/1 file or the name of a bundled task"""
+    joint_laws: Annotated[str, arg(metavar="LAWS")] = SOLID
+    """what counts of the joints' stops, friction and springs in the hand's file: all, none, or names with commas"""
     count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 3
     """grasps that differ from each other"""
     object: Annotated[str | None, arg(metavar="OBJECT")] = None
@@ -78,6 +81,7 @@ class FindGrasps(LoadsOptions, Command):
         from handfast.planning.sizes import compared
 
         task = load_solvable(self.task)
+        task = replace(task, hand=self.lawful(task.hand))
         if self.count < 1:
             raise InputError(f"is {self.count}; at least 1 is needed", field="--count")
         name = self.object or task.object

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
+from handfast.cli.joint_options import JointLawOptions
 from handfast.cli.options import Command
 from handfast.core import bundled
 from handfast.core.errors import InputError
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class ImportGrasps(Command):
+class ImportGrasps(JointLawOptions, Command):
     """Published grasps as configurations and grasp files: DexGraspNet, BODex, DexGraspBench, Dexonomy, GraspQP, \
 MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
 
@@ -58,6 +59,8 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     """mass of the objects [kg]"""
     friction: Annotated[float | None, arg(metavar="MU")] = None
     """friction coefficient between hand and object; 0.5 unless given"""
+    gain: Annotated[float | None, arg(metavar="KP")] = None
+    """of servos that pull towards the files' squeeze [N m/rad or N/m]: their forces become the preload"""
     count: Annotated[int | None, arg(metavar="N")] = None
     """the first N grasps only"""
     jobs: Annotated[int, arg(metavar="N")] = 0
@@ -84,14 +87,23 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
             raise InputError("missing: --hand HAND, the model of the hand that the grasps are of", source="import")
         self._check()
         refuse_target(self.output, self.force)
-        hand = load_hand(self.hand)
+        hand = self.lawful(load_hand(self.hand))
         found = list(islice(sources(published_files(self.files), self.layout), self.count))
         if not found:
             raise InputError("no grasps", source=", ".join(map(str, self.files)))
         name, mapping = self._mapping(hand, found)
         treatment = Treatment(self.contacts, self.separate, self.close_gaps, self.threshold, self.tolerance)
         importer = Importer(
-            hand, mapping, treatment, self.hand, self.objects, self.object, self.mass, self.friction, self.scale
+            hand,
+            mapping,
+            treatment,
+            self.hand,
+            self.objects,
+            self.object,
+            self.mass,
+            self.friction,
+            self.scale,
+            self.gain,
         )
         rows: list[ImportedGrasp] = []
         with console.watch("import") as watch:
@@ -114,7 +126,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         from handfast.core.files import LARGEST
 
         for field, value in (
-            *(("--threshold", self.threshold), ("--scale", self.scale)),
+            *(("--threshold", self.threshold), ("--scale", self.scale), ("--gain", self.gain)),
             *(("--mass", self.mass), ("--count", self.count), ("--jobs", self.jobs or None)),
         ):
             if value is not None and not 0 < value <= LARGEST:

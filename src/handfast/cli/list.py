@@ -94,6 +94,9 @@ def _grasp(data: dict[str, Any]) -> str:
     parts = [f"{len(data.get('contacts', []))} contacts", f"{len(data.get('joints', []))} joints"]
     parts += [f"friction {mu[0]:g}"] if len(mu) == 1 else []
     parts.append(f"preload {' and '.join(f'{v:g}' for v in preload)}" if preload else "no preload")
+    joints = data.get("joints", [])
+    words = {"friction": "joint friction", "stop": "stops", "torque": "springs"}
+    parts += [word for name, word in words.items() if any(joint.get(name) for joint in joints)]
     return ", ".join(parts)
 
 

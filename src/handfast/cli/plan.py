@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from handfast.cli import console
+from handfast.cli.joint_options import SOLID
 from handfast.cli.load_options import LoadsOptions
 from handfast.cli.options import Assignments, Command, Triple, assigned, check_writable
 from handfast.cli.scene_options import LinkPairs, SceneOptions
@@ -30,6 +31,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     gives the same grasps.
     """
 
+    joint_laws: Annotated[str, arg(metavar="LAWS")] = SOLID
+    """what counts of the joints' stops, friction and springs in the hand's file: all, none, or names with commas"""
     count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 20
     """grasps to look for"""
     seed: int = 0

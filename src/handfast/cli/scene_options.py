@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, UseAppendAction, arg
 
+from handfast.cli.joint_options import JointLawOptions
 from handfast.cli.options import Numbers, Triple
 from handfast.core import bundled
 from handfast.core.errors import InputError
@@ -21,7 +22,7 @@ LinkPairs = UseAppendAction[tuple[Annotated[tuple[str, str], arg(metavar="LINK")
 
 
 @dataclass(kw_only=True)
-class SceneOptions:
+class SceneOptions(JointLawOptions):
     """A hand and an object."""
 
     hand: Annotated[Positional[str], arg(metavar="HAND")]
@@ -50,7 +51,7 @@ class SceneOptions:
             file, _, link = hand.source.rpartition("#")
             self.hand = f"{Path(file).resolve()}#{link}"
         about: dict[str, Any] = {"mass": self.mass, "friction": self.friction, "center_of_mass": self.center_of_mass}
-        return hand, load_object(self.object, scale=self.scale, **about)
+        return self.lawful(hand), load_object(self.object, scale=self.scale, **about)
 
 
 def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **about: Any) -> Body:

@@ -88,6 +88,7 @@ class Show(Command):
     def _tables(self, shown: ShownHand) -> None:
         from handfast.cli.table import table
         from handfast.report import hand_rows
+        from handfast.report.law_words import USUAL
 
         out, facts = console.out(), shown.facts
         grid = table("", "")
@@ -95,10 +96,13 @@ class Show(Command):
         for row in hand_rows.overview(facts) + hand_rows.object_facts(shown):
             grid.add_row(*row)
         out.print(grid)
-        senses = table("joint", "limits", "closes", "driven by", "part of", "shown at")
+        rows = hand_rows.joint_rows(facts)
+        laws = any(row[4] != USUAL for row in rows)
+        heads = ["joint", "limits", *(["besides its motor"] if laws else []), "closes", "driven by", "part of"]
+        senses = table(*heads, "shown at")
         values = [hand_rows.value_text(facts.hand, j, float(v)) for j, v in enumerate(shown.q)]
-        for (name, _, limits, _, *others), value in zip(hand_rows.joint_rows(facts), values, strict=True):
-            senses.add_row(name, limits, *others, value)
+        for (name, _, limits, _, law, *others), value in zip(rows, values, strict=True):
+            senses.add_row(name, limits, *([law] if laws else []), *others, value)
         if shown.q.size:
             out.print(senses)
         if facts.regions is not None:

@@ -13,6 +13,7 @@ from handfast.cli.question_tables import show_question
 from handfast.cli.table import table
 from handfast.core.answer import Verdict
 from handfast.report import words
+from handfast.report.law_words import joint_text, laws_text
 from handfast.report.words import num, vector
 from handfast.stability.certify.certificate import Certificate
 
@@ -196,13 +197,33 @@ def show_witness(out: Console, witness: Witness) -> None:
         for i, name in enumerate(mech.actuators):
             unit = words.actuator_unit(witness.grasp, name)
             command = witness.grasp.command[i]
-            moved = "turns" if turns[i] else "held by its gearing"
-            commanded = f"{num(command)} {unit}" if command else "locked"
+            held = "rests" if mech.backdrivable[i] else "held by its gearing"
+            moved = "turns" if turns[i] else held
+            commanded = f"{num(command)} {unit}" if command else "free" if mech.backdrivable[i] else "locked"
             grid.add_row(name, commanded, f"{num(witness.state.f[i])} {unit}", moved)
         out.print()
         out.print(grid)
+    if witness.grasp.has_laws:
+        _show_joints(out, witness)
     out.print()
     out.print(f"Checked against equations (1) to (8): residual {witness.residuals.worst:.1e}.", style="dim")
+
+
+def _show_joints(out: Console, witness: Witness) -> None:
+    """What joints carry themselves, by friction, springs and stops."""
+    grid = table("joint", "friction, stop", "spring", "")
+    for j, joint in enumerate(witness.grasp.joints):
+        unit, reaction = words.joint_unit(witness.grasp, j), float(witness.state.reaction[j])
+        if not (joint.friction or joint.torque or joint.stop):
+            continue
+        rubs = f"friction up to {num(joint.friction)} {unit}" if joint.friction else ""
+        stop = f"at its {joint.stop} stop" if joint.stop and joint.stop != "both" else "between two stops"
+        how = ", ".join(text for text in (rubs, stop if joint.stop else "") if text)
+        spring = f"{num(joint.torque)} {unit}" if joint.torque else "–"
+        grid.add_row(joint.name, f"{num(reaction)} {unit}", spring, how)
+    if grid.rows:
+        out.print()
+        out.print(grid)
 
 
 def show_contacts(out: Console, contacts: Sequence[Contact]) -> None:
@@ -220,9 +241,10 @@ def show_grasp(out: Console, grasp: Grasp) -> None:
     """A grasp's contacts and joints."""
     show_contacts(out, grasp.contacts)
     if grasp.joints:
-        grid = table("joint", "type", "moves contacts")
-        for j in grasp.joints:
-            grid.add_row(j.name, j.type, ", ".join(map(str, j.moves)) or "none")
+        laws = [joint_text(grasp, i) for i in range(grasp.l)]
+        grid = table("joint", "type", "moves contacts", *(["besides its motor"] if any(laws) else []))
+        for j, law in zip(grasp.joints, laws, strict=True):
+            grid.add_row(j.name, j.type, ", ".join(map(str, j.moves)) or "none", *([law] if any(laws) else []))
         out.print()
         out.print(grid)
 
@@ -253,6 +275,8 @@ def _head(
     eta = f"; normals off by up to {num(asked.eta)}°" if asked.eta else ""
     facts = f"{words.grasp_text(grasp)}; preload {words.preload_text(grasp)}{eta}"
     out.print(f"{grasp.name}: {facts}", style="dim")
+    if laws := laws_text(grasp):
+        out.print(laws, style="dim", soft_wrap=True)
 
 
 def _written(out: Console, asked: QueryOptions) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -11,12 +10,12 @@ from numpy.typing import NDArray
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.geometry.grasp_joints import joints_and_mechanism
 from handfast.geometry.patch import patch
 from handfast.geometry.scene import PoseLike, Scene, checked_joints, checked_pose
 from handfast.model.body import Body
-from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.hand import Hand
-from handfast.model.mechanism import Mechanism
 from handfast.model.provenance import Provenance, SourceFile
 from handfast.model.shape import Shape
 
@@ -99,6 +98,8 @@ def contact_grasp(
     friction: float | None = None,
     lock: Sequence[str] = (),
     mechanism: Literal["hand", "direct"] = "hand",
+    laws: str = "all",
+    backdrivable: Collection[str] = (),
     scene: Scene | None = None,
     name: str | None = None,
 ) -> Grasp:
@@ -107,7 +108,9 @@ def contact_grasp(
     The grasp has the joints that move a contact and those coupled to them or driven by the same
     actuators. A joint whose closing sense is negative is turned round, and an actuator that would open
     its joints under positive force is too, so that positive preloads close; tendons keep their sense.
-    The grasp knows the object's mass and centre of mass, and the files of hand and object.
+    The grasp knows the object's mass and centre of mass, and the files of hand and object. Its joints have the
+    friction of the hand's, what their springs give at q, and the stops at which they stand, to within 0.001 rad or
+    0.1 mm: `Joint.law`.
 
     Args:
         q: and object_pose as in `find_contacts`.
@@ -115,6 +118,8 @@ def contact_grasp(
         threshold: as in `find_contacts`, like friction and scene.
         lock: joints held rigidly whatever the actuators do.
         mechanism: "hand" for the hand's own, "direct" for one motor per joint, named like the joint.
+        laws: which of the hand's joint laws count, see `Hand.with_laws`.
+        backdrivable: names of motors that give what they are commanded and no more, beside those of the hand.
 
     Raises:
         InputError: nothing within the threshold (the nearest link is named), an unknown joint to lock,
@@ -128,7 +133,7 @@ def contact_grasp(
     if not contacts:
         raise nothing_near(scene, q, pose, threshold)
     grasp = grasp_of(
-        hand,
+        hand.with_laws(laws).with_backdrivable(backdrivable),
         q,
         contacts,
         pose,
@@ -159,7 +164,8 @@ def grasp_of(
 ) -> Grasp:
     """The grasp of a hand at q with contacts that are known already: `contact_grasp` without the detection.
 
-    Loops of the hand count to first order at q, as couplings (`Hand.mechanism_at`).
+    Loops of the hand count to first order at q, as couplings (`Hand.mechanism_at`). What the hand's joints have besides
+    their motors, the grasp's have at q: `handfast.geometry.grasp_joints`.
 
     Args:
         contacts: object frame; `link` names the hand link of each.
@@ -168,31 +174,9 @@ def grasp_of(
         InputError: no contacts, an unknown link, joint or actuator.
     """
     moving = [hand.moved_by(hand.link(c.link)) for c in contacts]
-    whole = hand.mechanism_at(q)
-    if mechanism == "direct":
-        whole = replace(Mechanism.direct(hand.joint_names), A=whole.A[len(hand.couplings) :])  # loops are no motor's
-    kept = _connected({j for chain in moving for j in chain}, whole)
-    held = {hand.joint(joint, field="lock") for joint in lock}
-    sign = np.where(hand.closing < 0, -1.0, 1.0)
-    axes, origins = hand.joint_axes(q)
-    to_object = np.linalg.inv(object_pose)
-    joints = [
-        GraspJoint(
-            hand.joints[j].name,
-            sign[j] * to_object[:3, :3] @ axes[j],
-            to_object[:3, :3] @ origins[j] + to_object[:3, 3],
-            tuple(i for i, chain in enumerate(moving) if j in chain),
-            hand.joints[j].type,
-        )
-        for j in kept
-    ]
-    return Grasp(
-        contacts,
-        joints,
-        _restricted(whole, kept, sign, hand.closing != 0, held),
-        preload,
-        name or hand.name,
-    )
+    held = frozenset(hand.joint(joint, field="lock") for joint in lock)
+    joints, drives = joints_and_mechanism(hand, q, object_pose, moving, held=held, mechanism=mechanism)
+    return Grasp(contacts, joints, drives, preload, name or hand.name)
 
 
 def nothing_near(scene: Scene, q: Array, pose: Array, threshold: float) -> InputError:
@@ -273,28 +257,3 @@ def _mean(group: list[Contact]) -> Contact:
     normal = np.mean([c.normal for c in group], axis=0)
     position = np.mean([c.position for c in group], axis=0)
     return Contact(position, normal / np.linalg.norm(normal), lead.friction, lead.link, lead.depth)
-
-
-def _connected(joints: set[int], mechanism: Mechanism) -> list[int]:
-    """The joints and all that share an actuator or a coupling with them, directly or not, in order."""
-    rows = np.vstack([mechanism.R, mechanism.A]) != 0
-    while True:
-        touched = rows[rows[:, sorted(joints)].any(axis=1)].any(axis=0) if joints else np.zeros(0, bool)
-        more = joints | {int(j) for j in np.flatnonzero(touched)}
-        if more == joints:
-            return sorted(joints)
-        joints = more
-
-
-def _restricted(whole: Mechanism, kept: list[int], sign: Array, closes: Array, held: set[int]) -> Mechanism:
-    """The mechanism of the kept joints, turned so that they and the actuators close positively."""
-    R, A = (whole.R * sign)[:, kept], (whole.A * sign)[:, kept]
-    rows = np.flatnonzero(R.any(axis=1))
-    R = R[rows]
-    tendon = tuple(whole.tendon[i] for i in rows)
-    for i, row in enumerate(R):
-        if not tendon[i] and row @ closes[kept] < 0:
-            R[i] = -row
-    locks = [np.eye(len(kept))[kept.index(j)] for j in sorted(held) if j in kept]
-    A = np.vstack([A[A.any(axis=1)], *locks]) if locks else A[A.any(axis=1)]
-    return Mechanism(tuple(whole.actuators[i] for i in rows), R, A, tendon)

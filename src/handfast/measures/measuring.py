@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
-from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, Asked, Measure
+from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Asked, Measure
 from handfast.measures.chosen_forces import check_limits
 from handfast.measures.cone_edges import EDGES, edge_forces
 from handfast.measures.energies import benchmark_scale
@@ -169,6 +169,8 @@ def _note(m: Measure, value: float | bool, asked: Asked) -> str:
             return "any wrench is resisted"
         more = f", at most {upper:.4g}" if np.isfinite(upper) else ", or more"
         return asked.passive.worst_direction + (more if lower < (1 - OPEN) * upper else "")
+    if m.assumes == RIGID and asked.grasp.has_laws:
+        return "friction, springs and stops of its joints are left out"
     if m.key == "smallest_forces" and not np.isfinite(value):
         return "some wrench is not balanced by any"
     if m.key == "pgr" and value > 0:

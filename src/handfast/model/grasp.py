@@ -78,6 +78,10 @@ class GraspJoint:
         origin: (3,) [m], a point on the axis, object frame.
         moves: indices of the contacts whose finger side this joint moves.
         type: "revolute" or "prismatic".
+        friction: dry friction of the joint, the largest torque or force that it takes [N m, N]; 0 or more.
+        torque: what acts on the joint besides, whatever it does, as of a spring [N m, N]; positive closes.
+        stop: the limits at which the joint stands, beyond which it does not move: "lower" (it cannot open further),
+            "upper" (it cannot close further), "both", or "" for none.
     """
 
     name: str
@@ -85,6 +89,9 @@ class GraspJoint:
     origin: Array
     moves: tuple[int, ...]
     type: Literal["revolute", "prismatic"] = "revolute"
+    friction: float = 0.0
+    torque: float = 0.0
+    stop: Literal["", "lower", "upper", "both"] = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", unit(self.axis, "axis"))
@@ -92,6 +99,15 @@ class GraspJoint:
         object.__setattr__(self, "moves", tuple(int(i) for i in self.moves))
         if self.type not in ("revolute", "prismatic"):
             raise InputError(f"is '{self.type}'; 'revolute' or 'prismatic' is needed", field="type")
+        for name in ("friction", "torque"):
+            value = float(getattr(self, name))
+            if not np.isfinite(value):
+                raise InputError(f"is {value}; a finite number is needed", field=name)
+            object.__setattr__(self, name, value)
+        if self.friction < 0:
+            raise InputError(f"is {self.friction:g}; the friction of a joint is 0 or more [N m, N]", field="friction")
+        if self.stop not in ("", "lower", "upper", "both"):
+            raise InputError(f"is '{self.stop}'; 'lower', 'upper', 'both' or '' is needed", field="stop")
 
     def velocity_at(self, point: Array) -> Array:
         """(3,) velocity of a point of the moved finger per unit joint speed, object frame."""
@@ -291,10 +307,56 @@ class Grasp:
         r = float(np.linalg.norm(p - p.mean(axis=0), axis=1).max())
         return r if r > 1e-9 else 1.0
 
+    @cached_property
+    def given_torques(self) -> Array:
+        """(l,) [N m or N] what acts on each joint whatever it does, see `GraspJoint.torque`."""
+        return frozen([joint.torque for joint in self.joints], (self.l,), "torque")
+
+    @cached_property
+    def joint_friction(self) -> Array:
+        """(l,) [N m or N] dry friction of each joint."""
+        return frozen([joint.friction for joint in self.joints], (self.l,), "friction")
+
+    @cached_property
+    def has_laws(self) -> bool:
+        """Has any joint friction, a given torque or a stop, or is a motor backdrivable?"""
+        return any(joint.friction or joint.torque or joint.stop for joint in self.joints) or any(
+            self.mechanism.backdrivable
+        )
+
+    def refuse_laws(self, what: str) -> None:
+        """`InputError` if it has laws of joints, for what knows none: `what` in words."""
+        if self.has_laws:
+            problem = f"{what} knows no friction, springs and stops of joints, and no backdrivable motors"
+            raise InputError(f"{problem}; leave them out", source=self.name, field="joints")
+
     @property
     def preload(self) -> dict[str, float]:
         """Commanded actuator forces by name, those that are not locked."""
         return {n: float(f) for n, f in zip(self.mechanism.actuators, self.command, strict=True) if f != 0}
+
+    @property
+    def sought_actuators(self) -> tuple[str, ...]:
+        """Whose commands are sought unless others are named: those commanded now, or all; backdrivable ones never."""
+        flags = zip(self.mechanism.actuators, self.command, self.mechanism.backdrivable, strict=True)
+        own = [(name, f) for name, f, back in flags if not back]
+        return tuple(name for name, f in own if f != 0) or tuple(name for name, _ in own)
+
+    def with_commands(self, preload: Mapping[str, float]) -> Grasp:
+        """As `with_preload`, but backdrivable motors that are not named stay as they are commanded."""
+        back = dict(zip(self.mechanism.actuators, self.mechanism.backdrivable, strict=True))
+        kept = {name: f for name, f in self.preload.items() if back[name]}
+        return self.with_preload(kept | dict(preload))
+
+    def with_laws_times(self, s: float) -> Grasp:
+        """The same grasp with the friction and the given torques of its joints times s; as it is without any."""
+        if not self.has_laws or s == 1.0:
+            return self
+        joints = [replace(joint, friction=s * joint.friction, torque=s * joint.torque) for joint in self.joints]
+        out = object.__new__(Grasp)  # all else has been checked
+        kept = {name: x for name, x in self.__dict__.items() if name not in ("given_torques", "joint_friction")}
+        out.__dict__.update(kept, joints=tuple(joints))
+        return out
 
     def with_preload(self, preload: Mapping[str, float] | Array | None) -> Grasp:
         """The same grasp with other commanded forces (absent actuators are locked)."""

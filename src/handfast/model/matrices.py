@@ -86,7 +86,7 @@ def _mechanism(asked: Mechanism, made: Sequence[Sequence[UnitJoint]]) -> Mechani
             row[k], row[k + n] = 1 / parts[0].rate, -1 / parts[n].rate
             ties.append(row)
         k += len(parts)
-    return Mechanism(asked.actuators, R, np.vstack([A, *ties]) if ties else A, asked.tendon)
+    return Mechanism(asked.actuators, R, np.vstack([A, *ties]) if ties else A, asked.tendon, asked.backdrivable)
 
 
 def _grasp_map(G: Any, normal: int) -> tuple[Array, Array]:

@@ -33,7 +33,11 @@ def servo_commands(
     mechanism.
 
     Two things are assumed, as everywhere here: nothing moves (no damping, no integral part), and actuators do not turn
-    backwards. A servo that stands at its target pushes with nothing, and its actuator counts as locked.
+    backwards, unless the hand has them backdrivable. A servo that stands at its target pushes with nothing, and its
+    actuator counts as locked, or, if it is backdrivable, swings freely.
+
+    What the joints have besides is no part of a command: dry friction takes from the torque that reaches the contacts
+    while a finger closes, and adds to what holds it; a spring adds its own. The grasp knows both (`Joint.law`).
 
     Args:
         q: (l,) where the hand stands, or values by joint name; the others follow `Hand.configuration`.

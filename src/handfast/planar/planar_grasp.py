@@ -81,7 +81,7 @@ class PlanarGrasp:
                 raise InputError("is not in the plane z = 0; a planar grasp is needed", field=f"contacts[{i}]")
         mech = grasp.mechanism
         fixed = np.linalg.matrix_rank(np.vstack([mech.R, mech.A])) == grasp.l if grasp.l else True
-        if grasp.command.any() or any(mech.tendon) or not fixed:
+        if grasp.command.any() or any(mech.tendon) or any(mech.backdrivable) or not fixed:
             raise InputError("may move; every joint has to be locked, without a command", field="joints")
         return cls([PlanarContact(c.position[:2], c.normal[:2], c.friction) for c in grasp.contacts])
 

@@ -14,6 +14,7 @@ from handfast.geometry.scene import Indices, PoseLike, Scene, checked_joints, ch
 from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.hand.hand import Hand
+from handfast.planning.waiting import stands_open, waiting
 
 GAP = 2e-5  # [m] a link nearer than this touches; bisection stops between 0 and this
 OVERLAP = 1e-4  # [m] a start deeper than this is refused
@@ -67,7 +68,9 @@ def close(
     moves at its ratio with its driver. If the driver is stopped by a contact of a link between the two,
     the mimic joint goes on alone if `breakaway`, and stops if not. Fingers that meet each other or the
     palm stop too; links that are neighbours or that overlap at the start are allowed to. Joints that follow
-    from loops go where the others take them, and stop these where they are stopped themselves. Deterministic:
+    from loops go where the others take them, and stop these where they are stopped themselves. Where one motor
+    pulls at several joints of a finger, those that start at the stop to which they open wait there until the joints
+    further out are stopped (`handfast.planning.waiting`). Deterministic:
     links end between 0 and 0.02 mm from what they touch, up to what the start already had.
 
     Args:
@@ -119,6 +122,7 @@ class _Motion:
         self.closes = [j for j in range(hand.l) if hand.closing[j] and j not in hand.idle]
         if not self.closes:
             raise InputError("no joint of the hand closes; give a closing sense", field="closing")
+        self.waits = {j: inner for j, inner in waiting(hand).items() if stands_open(hand, j, q[j])}
         self.rate = self._rates()
 
     def arrive(self, links: Array, between: Array, pairs: list[tuple[int, int]], watched: Indices) -> None:
@@ -233,7 +237,8 @@ class _Motion:
         rate = np.zeros(self.hand.l)
         for j in self.closes:
             led = j in self.hand.dependent or (j in self.couplings and j not in self._clutched)
-            if j not in self._still and not led:
+            waits = any(i not in self._still for i in self.waits.get(j, ()))
+            if j not in self._still and not led and not waits:
                 rate[j] = self.hand.closing[j] * self.speed[j]
         for _ in self.couplings:
             for j, c in self.couplings.items():

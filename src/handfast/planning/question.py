@@ -16,8 +16,17 @@ from handfast.synthesis.embedded import digest
 
 def fingerprint(hand: Hand, body: Body, loads: Loads, seed: int, **others: object) -> str:
     """What tells two questions apart: every number of hand, object and loads, the seed, and `others` as text."""
+    m = hand.mechanism
+    laws = [[j.law.friction, j.law.stiffness, *j.law.rest, *map(str, j.law.stops)] for j in hand.joints]
+    tendons = [[*t.row.tolist(), str(t.law)] for t in hand.tendons]
     loops = [[o.first, o.second, o.on_first.tolist(), o.on_second.tolist()] for o in hand.loops]
-    more = {"loops": loops, "non_colliding": sorted(map(sorted, hand.non_colliding))}
+    more: dict[str, list[Any]] = {
+        "loops": loops,
+        "non_colliding": sorted(map(sorted, hand.non_colliding)),
+        "tendons": tendons,
+    }
+    more |= {"laws": laws if any(j.law.any for j in hand.joints) else []}
+    more |= {"backdrivable": [n for n, yes in zip(m.actuators, m.backdrivable, strict=True) if yes]}
     return digest(
         {key: value for key, value in more.items() if value}
         | {
@@ -28,7 +37,7 @@ def fingerprint(hand: Hand, body: Body, loads: Loads, seed: int, **others: objec
                 [j.name, j.type, j.axis.tolist(), j.anchor.tolist(), j.lower, j.upper, j.ref] for j in hand.joints
             ],
             "couplings": [[c.joint, c.driver, c.ratio, c.offset] for c in hand.couplings],
-            "mechanism": [list(hand.mechanism.actuators), hand.mechanism.R.tolist(), list(hand.mechanism.tendon)],
+            "mechanism": [list(m.actuators), m.R.tolist(), list(m.tendon)],
             "closing": [hand.closing.tolist(), hand.breakaway],
             "pieces": [_shape(s) for s in body.pieces],
             "body": [body.mass, np.asarray(body.center_of_mass).tolist(), body.friction],

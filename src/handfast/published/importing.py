@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core import bundled
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool
 from handfast.geometry.contact_reduction import TOLERANCE, reduced_contacts
@@ -17,6 +18,7 @@ from handfast.model.body import Body, load_body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
+from handfast.model.servo import servo_commands
 from handfast.published.gap_closing import gaps_closed, pushed_on
 from handfast.published.mapping_file import HandMapping
 from handfast.published.object_finder import FoundObject, find_object, meshes_of
@@ -105,6 +107,8 @@ class Importer:
         roots: folders in which objects are; object: a mesh, a body file or a bundled object for all grasps, in place
             of what files name.
         mass, friction: of the objects; scale: a factor on their meshes, beside the files'.
+        gain: of position servos that pull towards the squeeze [N m/rad, N/m]: what they do is the preload of a grasp
+            that has one. None locks every actuator.
     """
 
     hand: Hand
@@ -116,6 +120,7 @@ class Importer:
     mass: float | None = None
     friction: float | None = None
     scale: float = 1.0
+    gain: float | None = None
     _found: dict[tuple[str, str], FoundObject] = field(default_factory=dict)
     _scenes: dict[tuple[tuple[Path, ...], float], Separator] = field(default_factory=dict)
 
@@ -151,8 +156,20 @@ class Importer:
         said |= {"contacts_before": few.before, "contacts": len(few.contacts), "reduction_error": few.error}
         name = f"{Path(source.file).stem} {row.index}"
         grasp = of_body(grasp_of(self.hand, at.q, few.contacts, at.pose, name=name), self.hand, scene.body)
-        place = Configuration.of(self.hand, at.q, at.pose, hand=self.hand_name or None)
+        if self.gain is not None and at.squeeze is not None:
+            grasp = grasp.with_preload(self._pulls(grasp, at.q, at.squeeze, self.gain))
+        named = {"hand": self.hand_name or None, "preload": grasp.preload or None}
+        place = Configuration.of(self.hand, at.q, at.pose, **named)
         return ImportedGrasp(source, "", place, grasp, found, scale, clipped | said, **targets)
+
+    def _pulls(self, grasp: Grasp, q: Array, squeeze: Array, gain: float) -> dict[str, float]:
+        """What servos do whose targets are the squeeze; a tendon that would have to push is left locked."""
+        m, out = self.hand.mechanism, dict[str, float]()
+        for name, row, tendon in zip(m.actuators, m.R, m.tendon, strict=True):
+            target = float(row @ squeeze)
+            if name in grasp.mechanism.actuators and not (tendon and target < row @ q):
+                out |= servo_commands(self.hand, q, {name: target}, gain)
+        return {name: force for name, force in out.items() if force}
 
     def _treated(self, separator: Separator, at: PlacedGrasp, *, grips: bool) -> tuple[PlacedGrasp, dict[str, Any]]:
         """Hand and object taken apart, fingers closed onto the object, and what that was.

@@ -19,11 +19,12 @@ from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
 
 from handfast.core.transforms import normal_frame
+from handfast.geometry.grasp_joints import TENDON
 
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
     from handfast.model.body import Body
-    from handfast.model.grasp import Grasp
+    from handfast.model.grasp import Grasp, GraspJoint
     from handfast.model.hand import Hand
     from handfast.model.shape import Faces
     from handfast.stability.witness import Witness
@@ -85,6 +86,11 @@ def views(grasp: Grasp, count: int = 2) -> list[View]:
     flat = sorted("xyz", key=lambda a: float(np.var(p[:, "xyz".index(a)])))
     order = [ALONG[flat[0]], View.of(-55.0, 28.0, "at an angle"), *(ALONG[a] for a in flat[1:])]
     return order[:count]
+
+
+def placed_joints(grasp: Grasp) -> list[GraspJoint]:
+    """The joints that are somewhere: not those that stand for the length of a tendon."""
+    return [j for j in grasp.joints if j.moves or not j.name.startswith(TENDON)]
 
 
 def draw_grasp(grasp: Grasp, witness: Witness | None = None, meshes: Sequence[Mesh] = (), count: int = 2) -> Figure:
@@ -267,7 +273,7 @@ def _arrow(
 def _joints(ax: Any, grasp: Grasp, V: Array) -> Array:
     """Joint axes as dashed lines, or as rings where they point at the viewer; returns their lower ends."""
     ends = []
-    for j in grasp.joints:
+    for j in placed_joints(grasp):
         at, step = V[:2] @ j.origin, JOINT * grasp.size * V[:2] @ j.axis
         if np.linalg.norm(step) < 0.1 * JOINT * grasp.size:
             ax.plot(*at, "o", ms=10, mfc="white", mec=GREEN, mew=1.5, zorder=4)
@@ -284,7 +290,7 @@ def _joint_labels(ax: Any, grasp: Grasp, V: Array) -> None:
     inches = ax.get_position().width * ax.figure.get_size_inches()[0]
     wide, high = (x1 - x0) * 0.058 / inches, (x1 - x0) * 0.15 / inches  # of a letter, of a line
     put: list[tuple[float, float, float]] = []
-    for j in sorted(grasp.joints, key=lambda j: -float(V[1] @ j.origin)):
+    for j in sorted(placed_joints(grasp), key=lambda j: -float(V[1] @ j.origin)):
         half = 0.5 * wide * len(j.name)
         x = min(max(float(V[0] @ j.origin), x0 + half), x1 - half)
         y = float(V[1] @ j.origin) - abs(JOINT * grasp.size * float(V[1] @ j.axis)) - 1.1 * high

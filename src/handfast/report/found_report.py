@@ -14,6 +14,7 @@ from handfast.model.grasp import Contact
 from handfast.model.shape import Shape
 from handfast.report import Entry, words, write_report
 from handfast.report.drawing import draw_scene, scene_meshes
+from handfast.report.law_words import laws_text
 
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
@@ -47,6 +48,7 @@ def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None
     for g in planned.grasps:
         preload = f"preload {words.preload_text(g.grasp)}"
         about = f"Grasp {planned.number(g)}, of start {g.index}: {words.grasp_text(g.grasp)}; {preload}."
+        about += f" {laws_text(g.grasp)}"
         items.append(FoundItem(g.grasp, solids(planned.hand, g.q, planned.body, g.pose), about))
     entries = []
     if planned.grasps:

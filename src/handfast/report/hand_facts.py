@@ -197,7 +197,7 @@ def _depths(scene: Scene, pairs: tuple[Pair, ...]) -> tuple[float, ...]:
 def to_json(shown: ShownHand) -> dict[str, Any]:
     """All of it as JSON: SI units, links and joints by name."""
     facts, hand, palm = shown.facts, shown.facts.hand, shown.facts.palm
-    follow = drivers(hand)
+    follow, mech = drivers(hand), hand.mechanism
     joints = [
         {
             "name": joint.name,
@@ -206,6 +206,7 @@ def to_json(shown: ShownHand) -> dict[str, Any]:
             "upper": joint.upper,
             "value": float(shown.q[j]),
             "closing": int(hand.closing[j]),
+            **joint.law.to_json(),
             "follows": None
             if follow[j][0] == j
             else {
@@ -221,8 +222,14 @@ def to_json(shown: ShownHand) -> dict[str, Any]:
             "name": name,
             "moves": {j: float(r) for j, r in zip(hand.joint_names, row, strict=True) if r},
             "tendon": tendon,
+            "backdrivable": free,
         }
-        for name, row, tendon in zip(hand.mechanism.actuators, hand.mechanism.R, hand.mechanism.tendon, strict=True)
+        for name, row, tendon, free in zip(mech.actuators, mech.R, mech.tendon, mech.backdrivable, strict=True)
+    ]
+    tendons = [
+        {"name": t.name, "length": {j: float(r) for j, r in zip(hand.joint_names, t.row, strict=True) if r}}
+        | t.law.to_json()
+        for t in hand.tendons
     ]
     links = [
         {
@@ -243,6 +250,7 @@ def to_json(shown: ShownHand) -> dict[str, Any]:
         "links": links,
         "joints": joints,
         "actuators": actuators,
+        "tendons": tendons,
         "breakaway": hand.breakaway,
         "fingers": list(facts.fingers),
         "regions": regions,

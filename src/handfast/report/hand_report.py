@@ -18,6 +18,7 @@ from handfast.report import hand_rows as rows_of
 from handfast.report.hand_drawing import draw_hand
 from handfast.report.hand_facts import HandFacts, ShownHand, facts_of, shown_hand
 from handfast.report.hand_scene import PALM, hand_scene, tint
+from handfast.report.law_words import tendon_rows
 from handfast.report.numbers import table
 from handfast.report.plot import picture
 from handfast.report.task_drawing import DENSE
@@ -206,19 +207,21 @@ def _caption(shown: ShownHand) -> str:
 
 def _sections(shown: ShownHand) -> list[str]:
     facts = shown.facts
-    heads = ["joint", "#type", "#limits", "#in SI units", "#closes", "#driven by", "#part of"]
+    heads = ["joint", "#type", "#limits", "#in SI units", "#besides its motor", "#closes", "#driven by", "#part of"]
     joints = table(heads, rows_of.joint_rows(facts), "Joints")
     actuators = table(["actuator", "#moves", "#kind", "#command in"], rows_of.actuator_rows(facts), "Actuators")
     heads = ["region", "#finger", "#role", "#link", "#surface", "off the shapes"]
     regions = table(heads, rows_of.region_rows(facts), "Regions")
     note = (
-        "A joint closes towards + or − of its range; the others spread. Senses, palm and regions that are guessed "
+        "A joint stops at its limits unless said otherwise. It closes towards + or − of its range; the others spread. "
+        "Senses, palm and regions that are guessed "
         "follow from limits and shapes alone, and can be stated where they are wrong."
     )
+    tendons = table(["tendon", "#length", "#besides its motor"], tendon_rows(facts.hand), "Tendons")
     parts = [
         table(["", "#"], rows_of.overview(facts)),
         table(["", "#"], rows_of.object_facts(shown), "The object"),
-        joints + f'<p class="note">{note}</p>' + actuators,
+        f'{joints}<p class="note">{note}</p>{tendons}{actuators}',
         regions,
         _folded("Pairs of links that are not checked", ["#link", "#and", "#because"], rows_of.pair_rows(facts)),
         _folded("Links", ["#link", "#on", "#joints", "#part of", "#shapes", "mass"], rows_of.link_rows(facts)),

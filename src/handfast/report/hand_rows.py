@@ -9,6 +9,7 @@ from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Hand
 from handfast.model.region import Cap
 from handfast.report.hand_facts import HandFacts, ShownHand
+from handfast.report.law_words import hand_joint_text, hand_laws_text
 from handfast.report.words import along, num
 
 Rows = list[list[str]]
@@ -58,24 +59,27 @@ def driven_by(hand: Hand, joint: int) -> str:
 
 
 def joint_rows(facts: HandFacts) -> Rows:
-    """Per joint: name, type, limits, limits in SI units, closing sense, actuators or driver, the links' finger."""
+    """Per joint: name, type, limits, limits in SI units, what it has besides its motor, closing sense, actuators or
+    driver, the links' finger."""
     hand, rows = facts.hand, []
     carrier = {j: i for i, link in enumerate(hand.links) for j in link.joints}
     for j, joint in enumerate(hand.joints):
         limits = [range_text(hand, j), si_range_text(hand, j)]
         finger = facts.finger[carrier[j]] if j in carrier else "–"
-        rows.append([joint.name, joint.type, *limits, closes_text(hand, j), driven_by(hand, j), finger])
+        about = [hand_joint_text(hand, j), closes_text(hand, j), driven_by(hand, j), finger]
+        rows.append([joint.name, joint.type, *limits, *about])
     return rows
 
 
 def actuator_rows(facts: HandFacts) -> Rows:
     """Per actuator: name, what it moves, kind, its command's unit."""
     hand, mech, rows = facts.hand, facts.hand.mechanism, []
-    for name, row, tendon in zip(mech.actuators, mech.R, mech.tendon, strict=True):
+    for name, row, tendon, free in zip(mech.actuators, mech.R, mech.tendon, mech.backdrivable, strict=True):
+        kind = "tendon, pulls only" if tendon else "motor, backdrivable" if free else "motor"
         moves = [(j.name, r, j.type) for j, r in zip(hand.joints, row, strict=True) if r]
         text = " + ".join(n if r == 1 else f"{num(float(r))} × {n}" for n, r, _ in moves)
         turns = not tendon and any(kind == "revolute" for _, _, kind in moves)
-        rows.append([name, text, "tendon, pulls only" if tendon else "motor", "N·m" if turns else "N"])
+        rows.append([name, text, kind, "N·m" if turns else "N"])
     return rows
 
 
@@ -143,6 +147,7 @@ def overview(facts: HandFacts) -> list[tuple[str, str]]:
     if hand.couplings:
         way = "a stopped driver lets them go on (a clutch)" if hand.breakaway else "rigid"
         rows.append(("couplings", f"{len(hand.couplings)}, {way}"))
+    rows.append(("joint laws", hand_laws_text(hand)))
     bare = [link.name for link in hand.links if not link.shapes]
     if bare:
         rows.append(("links without shapes", _listed(bare)))

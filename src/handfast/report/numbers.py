@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from handfast.report import words
+from handfast.report.law_words import joint_text
 from handfast.report.words import num, vector
 from handfast.stability import model
 from handfast.stability.queries import MaxAnswer
@@ -104,8 +105,9 @@ def actuator_table(witness: Witness) -> str:
     rows = []
     for i, name in enumerate(mech.actuators):
         unit = words.actuator_unit(grasp, name)
-        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else "locked"
-        moves = "turns" if turns[i] else "held by its gearing"
+        free = mech.backdrivable[i]
+        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else "no torque" if free else "locked"
+        moves = "turns" if turns[i] else "rests" if free else "held by its gearing"
         rows.append([name, command, f"{num(witness.state.f[i])} {unit}", moves])
     out = table(["actuator", "#commanded", "#carries", "#state"], rows, "Actuators")
     tau = model.joint_torques(grasp, witness.state.c)
@@ -113,7 +115,14 @@ def actuator_table(witness: Witness) -> str:
         [j.name, f"{num(tau[k])} {words.joint_unit(grasp, k)}", num(witness.state.q[k])]
         for k, j in enumerate(grasp.joints)
     ]
-    return out + table(["joint", "#torque of the contacts", "virtual motion"], rows, "Joints")
+    heads = ["joint", "#torque of the contacts", "virtual motion"]
+    if grasp.has_laws:
+        heads = [*heads[:2], "#carried by friction and stops", "#given torque", heads[2]]
+        units = [words.joint_unit(grasp, k) for k in range(grasp.l)]
+        own = [f"{num(x)} {unit}" for x, unit in zip(witness.state.reaction, units, strict=True)]
+        given = [f"{num(j.torque)} {unit}" for j, unit in zip(grasp.joints, units, strict=True)]
+        rows = [[*row[:2], *more, row[2]] for row, *more in zip(rows, own, given, strict=True)]
+    return out + table(heads, rows, "Joints")
 
 
 def energy_table(witness: Witness) -> str:
@@ -248,7 +257,11 @@ def grasp_table(grasp: Grasp) -> str:
         [j.name, j.type, vector(j.axis), vector(1e3 * j.origin, 4), ", ".join(map(str, j.moves)) or "none"]
         for j in grasp.joints
     ]
-    out += table(["joint", "type", "#axis", "#through [mm]", "#moves contacts"], rows, "Joints")
+    laws = [joint_text(grasp, i) for i in range(grasp.l)]
+    heads = ["joint", "type", "#axis", "#through [mm]", "#moves contacts"]
+    if any(laws):
+        heads, rows = [*heads, "#besides its motor"], [[*row, law] for row, law in zip(rows, laws, strict=True)]
+    out += table(heads, rows, "Joints")
     mech = grasp.mechanism
     rows = []
     for i, name in enumerate(mech.actuators):
@@ -256,8 +269,10 @@ def grasp_table(grasp: Grasp) -> str:
             j.name if r == 1 else f"{num(r)} × {j.name}" for j, r in zip(grasp.joints, mech.R[i], strict=True) if r
         ]
         unit = words.actuator_unit(grasp, name)
-        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else "locked"
-        rows.append([name + (" (tendon)" if mech.tendon[i] else ""), " + ".join(drives), command])
+        still = "no torque" if mech.backdrivable[i] else "locked"
+        command = f"{num(grasp.command[i])} {unit}" if grasp.command[i] else still
+        kind = " (tendon)" if mech.tendon[i] else " (backdrivable)" if mech.backdrivable[i] else ""
+        rows.append([name + kind, " + ".join(drives), command])
     out += table(["actuator", "#moves", "#commanded"], rows, "Actuators")
     rows = [
         [" + ".join(f"{num(a)} × {j.name}" for j, a in zip(grasp.joints, row, strict=True) if a) + " = 0"]

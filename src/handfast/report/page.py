@@ -14,6 +14,7 @@ import numpy as np
 from handfast.core.answer import Verdict
 from handfast.report import numbers, view3d, words
 from handfast.report.drawing import draw_grasp, draw_scene
+from handfast.report.law_words import laws_text
 from handfast.report.numbers import table
 from handfast.report.plot import draw_map, draw_sweep, picture
 from handfast.report.words import num
@@ -68,6 +69,7 @@ def render(
             f"<title>{escape(grasp.name)} – Handfast</title>",
             f"<style>\n{css}</style></head><body><main>",
             f'<h1>{escape(grasp.name)}</h1><p class="facts">{escape(about)}</p>',
+            *(f'<p class="facts">{escape(laws)}</p>' for laws in [laws_text(grasp)] if laws),
             *(f"<p>{escape(note)}</p>" for note in notes),
             _overview(facts, checks if len(checks) > MANY else []),
             view3d.view(grasp, [_load(e, e.answer) for e in entries if isinstance(e.answer, Answer)], meshes),

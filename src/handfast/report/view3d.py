@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
-from handfast.report.drawing import AMBER, BLUE, GREEN, GREY, INK, SOLID, VIOLET, View, applied, views
+from handfast.report.drawing import AMBER, BLUE, GREEN, GREY, INK, SOLID, VIOLET, View, applied, placed_joints, views
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -120,7 +120,7 @@ def scene(grasp: Grasp, loads: Sequence[ShownLoad] = (), meshes: Sequence[Mesh] 
             {"position": _short(c.position), "normal": _short(c.normal), "friction": c.friction, "link": c.link}
             for c in grasp.contacts
         ],
-        "joints": [{"name": j.name, "origin": _short(j.origin), "axis": _short(j.axis)} for j in grasp.joints],
+        "joints": [{"name": j.name, "origin": _short(j.origin), "axis": _short(j.axis)} for j in placed_joints(grasp)],
         "fingers": [] if "hand" in solids else _fingers(grasp),
         "loads": [_load(load, grasp) for load in loads],
         "sides": [{"title": v.title, "matrix": _short(v.matrix)} for v in sides],

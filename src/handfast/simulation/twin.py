@@ -63,6 +63,7 @@ def build_twin(grasp: Grasp, force: float, *, step: float = STEP, stiffness: flo
     """
     import mujoco
 
+    grasp.refuse_laws("the simulation")
     length = grasp.size
     free = _free_joints(grasp)
     spec = mujoco.MjSpec()

@@ -38,6 +38,7 @@ from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer
 from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.batch_judge import Judge, StateRows
+from handfast.stability.equivalent_grasp import equivalent_of
 from handfast.stability.goal import ANY_STATE, LARGEST, NEAR_END, SMALLEST_PRELOAD, Effort, Goal
 from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, check, maximum, torques
@@ -312,9 +313,10 @@ def _goals(grasp: Grasp, part: _RowBlock, options: BatchOptions) -> Iterator[tup
     beside = B.any(axis=1)
     limited = bool(options.torque_limits) or options.force_limit is not None
     commanded = bool(grasp.command.any())
-    homogeneous = sound & ~beside if commanded and not limited else np.zeros(len(W), bool)
+    given = equivalent_of(grasp).is_given
+    homogeneous = sound & ~beside if (commanded or given) and not limited else np.zeros(len(W), bool)
     yield np.flatnonzero(homogeneous), SMALLEST_PRELOAD
-    yield np.flatnonzero(sound & ~homogeneous & (beside | commanded)), LARGEST
+    yield np.flatnonzero(sound & ~homogeneous & (beside | commanded | given)), LARGEST
 
 
 def _together(grasp: Grasp, part: _RowBlock, rows: Any, goal: Goal, options: BatchOptions) -> Any:
@@ -389,7 +391,7 @@ def _maxima(
 
 def _times(x: StateRows, s: Array) -> StateRows:
     """States times (k,) numbers: with load and commands times these they solve the model again."""
-    return StateRows(*(s[:, None] * y for y in (x.r, x.q, x.c, x.f, x.coupling)))
+    return StateRows(*(s[:, None] * y for y in (x.r, x.q, x.c, x.f, x.coupling, x.reaction)))
 
 
 def _alone(grasp: Grasp, part: _RowBlock, i: int, options: BatchOptions) -> Answer:

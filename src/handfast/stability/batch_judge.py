@@ -19,17 +19,18 @@ from handfast.stability.model import LARGE, VANISHING, State
 
 @dataclass(frozen=True, eq=False)
 class StateRows:
-    """k states of one grasp, see `model.State`: (k, 6), (k, l), (k, 3m), (k, a), (k, couplings)."""
+    """k states of one grasp, see `model.State`: (k, 6), (k, l), (k, 3m), (k, a), (k, couplings), (k, l)."""
 
     r: Array
     q: Array
     c: Array
     f: Array
     coupling: Array
+    reaction: Array
 
     def row(self, i: int) -> State:
         """One of them."""
-        return State(self.r[i], self.q[i], self.c[i], self.f[i], self.coupling[i])
+        return State(self.r[i], self.q[i], self.c[i], self.f[i], self.coupling[i], self.reaction[i])
 
 
 class Judge:
@@ -46,7 +47,10 @@ class Judge:
         self.turns = np.array([joint.type == "revolute" for joint in grasp.joints], dtype=bool)
         self.reach = float(np.abs(grasp.positions).max(initial=0.0))
         self.contact_forces = grasp.G[:3].reshape(3, grasp.m, 3).transpose(1, 2, 0)  # (m, 3 of the frame, 3)
-        self.tendon = np.array(mech.tendon, dtype=bool)
+        self.moves = model.commanded(grasp, np.zeros(mech.a))
+        self.backdrivable = np.array(mech.backdrivable, dtype=bool)
+        lo, hi = model.reaction_range(grasp)
+        self.reaction_range = lo / self.arms, hi / self.arms
         self.J_size, self.J_squares = np.abs(grasp.J), (grasp.J * grasp.J).reshape(grasp.m, 3, -1).sum(axis=1)
         self.slip = np.divide(self.arms, np.abs(mech.A), out=np.zeros(mech.A.shape), where=mech.A != 0)
 
@@ -64,7 +68,7 @@ class Judge:
         if plain.all():
             return out
         numbers = np.isfinite(
-            np.concatenate([wrenches, states.r, states.q, states.c, states.f, states.coupling], axis=1)
+            np.concatenate([wrenches, states.r, states.q, states.c, states.f, states.coupling, states.reaction], axis=1)
         )
         for i in np.flatnonzero(~plain & numbers.all(axis=1)):
             options: dict[str, Any] = {"eta": self.eta, "mdp": self.mdp, "command": f_c[i]}
@@ -81,7 +85,7 @@ class Judge:
         F = np.where(F > 0, F, 1.0)
         at_rest = largest <= 0
         if at_rest.any():
-            least = np.where(f_c != 0, np.abs(f_c) / self.moment_arm, np.inf).min(axis=1, initial=np.inf)
+            least = np.array([model.least_drive(g, x, self.moment_arm, self.arms) for x in f_c])
             F = np.where(at_rest, np.where(np.isfinite(least), least, 1.0), F)
         plain = (largest == 0) | (largest >= VANISHING)
         plain &= self._moderate(x, F)
@@ -90,6 +94,8 @@ class Judge:
         torques = x.c @ g.J
         missing_force = x.c @ g.G.T + w
         missing_torque = torques - x.f @ mech.R - x.coupling @ mech.A
+        if g.has_laws:
+            missing_torque = missing_torque - g.given_torques - x.reaction
         t = x.q @ mech.R.T
         weight = size.sum(axis=1)
         middle = np.where((weight > 0)[:, None], (size @ g.positions) / weight[:, None], g.positions.mean(axis=0))
@@ -98,7 +104,7 @@ class Judge:
         balance = np.maximum(_norm(missing_force[:, :3]) / F, _norm(moment) / moments)
 
         loaded = c.any(axis=2)
-        terms = np.abs(x.c) @ self.J_size + np.abs(f_c) @ np.abs(mech.R)
+        terms = np.abs(x.c) @ self.J_size + np.abs(f_c) @ np.abs(mech.R) + np.abs(g.given_torques)
         reach = F[:, None] * np.sqrt(loaded.astype(float) @ self.J_squares)
         idle = np.where(self.turns, np.minimum(F[:, None] * self.arms, moments[:, None]), F[:, None])
         torque = np.maximum(np.maximum(terms, reach), idle)
@@ -109,7 +115,8 @@ class Judge:
         dt = np.sqrt((d3[:, :, 1:] ** 2).sum(axis=2))
         normal = np.abs(c[:, :, 0] - np.maximum(0.0, -(d3[:, :, 0] * np.cos(self.eta) + dt * np.sin(self.eta))))
         cone = np.sqrt((c[:, :, 1:] ** 2).sum(axis=2)) - g.mu * c[:, :, 0]
-        parts = [normal, cone, self._actuators(x.f, t, f_c)]
+        reaction = model.reaction_defect(x.q * self.arms, x.reaction / self.arms, *self.reaction_range)
+        parts = [normal, cone, self._actuators(x.f, t, f_c), reaction]
         if self.mdp:
             defect = c[:, :, 1:] * dt[:, :, None] + (g.mu * c[:, :, 0])[:, :, None] * d3[:, :, 1:]
             parts.append((np.abs(defect) / np.maximum(dt, F[:, None])[:, :, None]).reshape(k, -1))
@@ -124,6 +131,7 @@ class Judge:
         r = np.abs(x.r)
         largest = np.maximum(r[:, :3].max(axis=1), r[:, 3:].max(axis=1) * (self.reach + g.size))
         largest = np.maximum(largest, (np.abs(x.q) * self.arms).max(axis=1, initial=0.0))
+        largest = np.maximum(largest, (np.abs(x.reaction) / self.arms).max(axis=1, initial=0.0))
         largest = np.maximum(largest, (np.abs(x.f) / self.moment_arm).max(axis=1, initial=0.0))
         if len(mech.A):
             carried = np.abs(mech.A) * np.abs(x.coupling)[:, :, None] / self.arms
@@ -144,9 +152,9 @@ class Judge:
         sense = np.where(f_c < 0, -1.0, 1.0)
         t = sense * t * self.moment_arm
         slack = sense * (f - f_c) / self.moment_arm
-        moves = (f_c != 0) | self.tendon
+        moves = (f_c != 0) | self.moves
         missed = np.maximum(np.maximum(-t, -slack), np.minimum(np.abs(t), np.abs(slack)))
-        return np.where(moves, missed, np.abs(t))
+        return np.where(self.backdrivable, np.abs(slack), np.where(moves, missed, np.abs(t)))
 
 
 def _norm(x: Array) -> Array:

@@ -20,7 +20,7 @@ class Sums:
     """The linear equations at a state.
 
     Attributes:
-        object: (6,) G c + w of (1). joints: (l,) of (2), with actuators and couplings. couplings: (k,) A q.
+        object: (6,) G c + w of (1). joints: (l,) of (2), with all that carries. couplings: (k,) A q.
         d: (3m,) of (3). t: (a,) R q of (8).
     """
 
@@ -52,7 +52,9 @@ def exact_contacts(grasp: Grasp) -> Iterator[tuple[list[fmpq], list[list[fmpq]],
         yield p, frame, speeds
 
 
-def exact_sums(grasp: Grasp, w: Array, r: Array, q: Array, c: Array, f: Array, coupling: Array) -> Sums:
+def exact_sums(
+    grasp: Grasp, w: Array, r: Array, q: Array, c: Array, f: Array, coupling: Array, reaction: Array | None = None
+) -> Sums:
     """Rational; each sum is rounded once, at its end.
 
     The state as `model.State` has it.
@@ -76,6 +78,9 @@ def exact_sums(grasp: Grasp, w: Array, r: Array, q: Array, c: Array, f: Array, c
     for rows, values in ((R, f_), (A, lambda_)):
         for row, value in zip(rows, values, strict=True):
             torques = [x - a * value for x, a in zip(torques, row, strict=True)]
+    if grasp.has_laws:
+        for own in (grasp.given_torques, np.zeros(l) if reaction is None else reaction):
+            torques = [x - rational(y) for x, y in zip(torques, own, strict=True)]
     t = [sum((a * x for a, x in zip(row, q_, strict=True)), zero) for row in R]
     tied = [sum((a * x for a, x in zip(row, q_, strict=True)), zero) for row in A]
     return Sums(*(np.array([rounded(x) for x in v], dtype=float) for v in (balance, torques, tied, d, t)))

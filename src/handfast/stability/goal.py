@@ -5,8 +5,9 @@ which it is sought, its units, and what a certificate about a range of it claims
 small: the scalar, or its negative where it is to be large.
 
 The maximum (23) is posed as its homogeneous twin where nothing breaks homogeneity: minimise lambda with
-w = d and commands lambda f_c, s = 1 / lambda. In the limit lambda = 0 grasps can resist what they resist at
-no finite magnitude, so the search ends at `ScaledProblem.search_end`, and a maximum there counts as unbounded.
+w = d and commands lambda f_c, s = 1 / lambda; springs and friction of joints are lambda times as large, too. In the
+limit lambda = 0 grasps can resist what they resist at no finite magnitude, so the search ends at
+`ScaledProblem.search_end`, and a maximum there counts as unbounded.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.model.grasp import Grasp
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.witness import Witness
 
@@ -35,12 +37,17 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class AffineLoad:
-    """The right-hand side, affine in the scalar sigma: w = w_a + sigma w_b (6,), f_c = f_a + sigma f_b (a,)."""
+    """The right-hand side, affine in the scalar sigma.
+
+    w = w_a + sigma w_b (6,), f_c = f_a + sigma f_b (a,), torques that are given to joints g_a + sigma g_b (l,).
+    """
 
     w_a: Array
     w_b: Array
     f_a: Array
     f_b: Array
+    g_a: Array
+    g_b: Array
 
 
 @dataclass(frozen=True)
@@ -70,8 +77,8 @@ class Goal(ABC):
     # --- the question as certificates put it, in any units
 
     @abstractmethod
-    def load(self, base: Array, direction: Array, command: Array) -> AffineLoad:
-        """The load, from base load and direction (6,) and the magnitudes of the grasp's commands (a,)."""
+    def load(self, base: Array, direction: Array, command: Array, given: Array) -> AffineLoad:
+        """The load, from base load and direction (6,), magnitudes of commands (a,) and torques given to joints (l,)."""
 
     @abstractmethod
     def claim(self, scalar: Range | None) -> str:
@@ -94,7 +101,7 @@ class Goal(ABC):
 
     def scaled_load(self, p: ScaledProblem) -> AffineLoad:
         """The load in the scales of a problem."""
-        return self.load(p.w0, p.direction, p.f_c)
+        return self.load(p.w0, p.direction, p.f_c, p.torque)
 
     def objective(self, scalar: float) -> float:
         """What is made small, or the scalar of an objective."""
@@ -124,6 +131,10 @@ class Goal(ABC):
         """(lower, upper) of what was asked, from an objective achieved and a bound on it, inf without."""
         return bound, value
 
+    def given_share(self, scalar: float) -> float:
+        """What is given to joints, in multiples of what the grasp says, at a scalar."""
+        return scalar if self.homogeneous else 1.0
+
     def achieved(self, witness: Witness, scalar: float) -> float:
         """The objective of an exact state with its scaled scalar."""
         return self.objective(scalar)
@@ -145,8 +156,8 @@ class AnyState(Goal):
     has_scalar = False
     bounds_energy = True
 
-    def load(self, base: Array, direction: Array, command: Array) -> AffineLoad:
-        return AffineLoad(base, np.zeros(6), command, np.zeros(len(command)))
+    def load(self, base: Array, direction: Array, command: Array, given: Array) -> AffineLoad:
+        return AffineLoad(base, np.zeros(6), command, np.zeros(len(command)), given, np.zeros(len(given)))
 
     def claim(self, scalar: Range | None) -> str:
         return "the disturbance is not resisted"
@@ -163,15 +174,18 @@ class AnyState(Goal):
 
 @dataclass(frozen=True)
 class SmallestPreload(Goal):
-    """lambda, the homogeneous form of (23): the disturbance is the direction, the commands are lambda f_c."""
+    """lambda, the homogeneous form of (23): the disturbance is the direction, the commands are lambda f_c.
+
+    So is what is given to joints: lambda times as large.
+    """
 
     word = "smallest preload"
     has_direction = True
     homogeneous = True
     bounds_energy = True
 
-    def load(self, base: Array, direction: Array, command: Array) -> AffineLoad:
-        return AffineLoad(direction, np.zeros(6), np.zeros(len(command)), command)
+    def load(self, base: Array, direction: Array, command: Array, given: Array) -> AffineLoad:
+        return AffineLoad(direction, np.zeros(6), np.zeros(len(command)), command, np.zeros(len(given)), given)
 
     def claim(self, scalar: Range | None) -> str:
         return f"the direction is not resisted with {_range(scalar)} times the preload"
@@ -214,8 +228,8 @@ class LargestMagnitude(Goal):
     has_direction = True
     maximised = True
 
-    def load(self, base: Array, direction: Array, command: Array) -> AffineLoad:
-        return AffineLoad(base, direction, command, np.zeros(len(command)))
+    def load(self, base: Array, direction: Array, command: Array, given: Array) -> AffineLoad:
+        return AffineLoad(base, direction, command, np.zeros(len(command)), given, np.zeros(len(given)))
 
     def claim(self, scalar: Range | None) -> str:
         return f"{_range(scalar)} times the direction is not resisted"
@@ -247,8 +261,9 @@ class SmallestCommands(Goal):
     word = "torques"
     seeks_commands = True
 
-    def load(self, base: Array, direction: Array, command: Array) -> AffineLoad:
-        return AffineLoad(base, np.zeros(6), np.zeros(len(command)), np.zeros(len(command)))
+    def load(self, base: Array, direction: Array, command: Array, given: Array) -> AffineLoad:
+        none = np.zeros(len(command))
+        return AffineLoad(base, np.zeros(6), none, none, given, np.zeros(len(given)))
 
     def claim(self, scalar: Range | None) -> str:
         return f"no commands of {_range(scalar)} suffice"
@@ -260,10 +275,11 @@ class SmallestCommands(Goal):
         return p.command_unit
 
     def achieved(self, witness: Witness, scalar: float) -> float:
-        return self.cost(witness.grasp.command)
+        return self.cost(witness.grasp)
 
-    def cost(self, command: Array) -> float:
-        """[N m or N] of commands (a,)."""
+    def cost(self, grasp: Grasp) -> float:
+        """[N m or N] of the commands of a grasp that were sought: those of backdrivable motors are given."""
+        command = grasp.command[~np.array(grasp.mechanism.backdrivable, dtype=bool)]
         return float(np.abs(command).max(initial=0.0) if self.effort == "max" else np.abs(command).sum())
 
 

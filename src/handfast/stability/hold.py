@@ -21,6 +21,7 @@ from handfast.core.answer import Stop, Verdict, header
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import to_dict
 from handfast.stability.answers import Answer, finite
+from handfast.stability.equivalent_grasp import equivalent_of
 from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, TorquesAnswer, check, maximum, torques
 from handfast.stability.scaled_problem import unbalanced
@@ -97,7 +98,8 @@ class HoldAnswer:
                 return f"{name} is not resisted"
             if not self._is_load(name, answer):
                 return f"{name}: the answer is about another load"
-            if {n: f for n, f in self.preload.items() if f} != answer.question.grasp.preload:
+            asked = answer.question.grasp
+            if asked.with_commands({}).preload | {n: f for n, f in self.preload.items() if f} != asked.preload:
                 return f"{name}: the answer is about another preload"
         if max(map(abs, self.preload.values()), default=0.0) != self.upper:
             return f"the largest command is not {self.upper:.6g}"
@@ -141,7 +143,7 @@ class HoldAnswer:
         limits = q.eta, q.torque_limits, q.force_limit
         if limits != tuple(self.limits.get(name) or none for name, none in NO_LIMITS.items()):
             return False
-        bare, asked = (g and to_dict(g.with_preload(None)) for g in (q.grasp, self.grasp))
+        bare, asked = (g and to_dict(g.with_commands({})) for g in (q.grasp, self.grasp))
         return asked is None or bare == asked
 
     def _is_of_all_commands(self, answer: TorquesAnswer) -> bool:
@@ -178,7 +180,7 @@ def hold(
 
     Args:
         actuators: whose commands are sought; by default those that the grasp commands now, or all. The
-            others stay locked.
+            others stay locked; backdrivable motors stay as the grasp commands them.
         least: try every shape of the preload and bound its largest command from below; False is content with
             the first that holds.
         command_limit: largest command allowed [N m or N]; see `moderate`.
@@ -188,7 +190,7 @@ def hold(
 
     The other arguments and errors are those of `check` and `torques`.
     """
-    names = tuple(actuators or grasp.preload or grasp.mechanism.actuators)
+    names = tuple(actuators or grasp.sought_actuators)
     search = _HoldSearch(grasp, loads, names, settings or Settings(), timeout)
     search.bounds = bounding or search.settings
     search.most = np.inf if command_limit is None else command_limit
@@ -286,30 +288,58 @@ class _HoldSearch:
         if key in self.tried:  # as every shape is, of a single actuator
             return False
         self.tried.add(key)
-        grasp, need = self.grasp.with_preload(unit), 0.0
-        for k in self.order[:]:  # homogeneous: s loads are resisted at level 1, so one at level 1/s
+        as_it_is = False
+        if equivalent_of(self.grasp).is_given and size < self.upper:  # more of it need not do better
+            checks = self.checked(shape)
+            if checks:
+                as_it_is, self.best = True, (dict(shape), checks)
+        need = 0.0
+        for k in self.order[:]:
             if self.late():
                 return False
-            eta = self.limits["eta"]
-            a = maximum(grasp, self.loads.wrenches[k], eta=eta, settings=replace(self.settings, gap=1e-2, verify=False))
-            self.nodes += a.nodes
-            if not a.lower > 0:
-                self.first(k, a.stop if a.verdict is Verdict.UNDECIDED else Stop.COMPLETE)
-                return False
-            need = max(need, 1 / a.lower)
+            enough = self.enough(unit, k)
+            if enough is None:
+                return as_it_is
+            need = max(need, enough)
         for factor in FACTORS:
             if self.late() or need * factor >= self.upper:
-                return False
+                return as_it_is
             preload = {n: need * factor * v for n, v in unit.items()}
             checks = self.checked(preload)
             if checks:
                 self.best = preload, checks
                 return True
-        return False
+        return as_it_is
+
+    def enough(self, unit: Mapping[str, float], k: int) -> float | None:
+        """The level from which on a shape may resist a load; None if it does not, as far as is seen.
+
+        Homogeneous: s loads are resisted at level 1, so one at level 1/s. Where springs and friction of joints do not
+        grow with the level, s is taken to be linear in it.
+        """
+        first = self.resisted(unit, k)
+        if not equivalent_of(self.grasp).is_given:
+            return 1 / first if first > 0 else None
+        other = 1 / first if 0 < first < 1 or first > 1 else STRONG
+        second = self.resisted({n: other * v for n, v in unit.items()}, k)
+        if second == first:
+            return other if second > 0 else None
+        between = 1.0 + (1.0 - first) * (other - 1.0) / (second - first)
+        return between if between > 0 else other
+
+    def resisted(self, preload: Mapping[str, float], k: int) -> float:
+        """How many times a load is resisted under a preload."""
+        settings = replace(self.settings, gap=1e-2, verify=False)
+        grasp, eta = self.grasp.with_commands(preload), self.limits["eta"]
+        a = maximum(grasp, self.loads.wrenches[k], eta=eta, settings=settings)
+        self.nodes += a.nodes
+        if not a.lower > 0:
+            self.first(k, a.stop if a.verdict is Verdict.UNDECIDED else Stop.COMPLETE)
+        return a.lower
 
     def checked(self, preload: Mapping[str, float]) -> tuple[CheckAnswer, ...]:
         """The answers to all loads under a preload, in order; () as soon as one is not resisted."""
-        grasp = self.grasp.with_preload(preload)
+        grasp = self.grasp.with_commands(preload)
         found: dict[int, CheckAnswer] = {}
         for k in self.order[:]:
             # what slips is tried differently, so that its proof is not needed

@@ -107,7 +107,7 @@ class _ContactModes:
         v = np.where(np.array([s == "stick" for s in states])[:, None], c, d)
         length = np.linalg.norm(v, axis=1)[:, None]
         along = np.where(length > 0, v / np.where(length > 0, length, 1.0), np.array([1.0, 0.0]))
-        t = p.R @ (w.state.q * p.joint_scale) / p.force
+        t = p.R @ p.scaled(w.state).q
         tiny = VALID * model.force_scale(w.wrench, w.state.c) / p.force
         return cls(states, along, p.moves & (t > tiny))
 
@@ -170,7 +170,7 @@ def _equations(p: ScaledProblem, states: _ContactModes) -> tuple[Array, Array, A
     D, C, F, T = block(3 * m, r=p.G.T, q=-p.J), I[c], I[f], block(a, q=p.R)
     balance = [
         (block(6, c=p.G), -p.w0),  # (1)
-        (block(l, c=p.J.T, f=-p.R.T, coupling=-p.A.T), np.zeros(l)),  # (2)
+        (block(l, c=p.J.T, f=-p.R.T, coupling=-p.A.T), p.torque),  # (2)
         (block(k, q=p.A), np.zeros(k)),
     ]
     equal = [row for rows, values in balance for row in zip(rows, values, strict=True)]

@@ -8,11 +8,14 @@ frame whose n points into the object. Motions are virtual: the contact springs h
 so a motion is measured by the force it causes (d in N, r in N and N/m, q in N/m per joint unit).
 
 Errata applied: (2) is tau = +J^T c (printed with the other sign); (17) unloads the contact.
+
+Beyond the paper a joint may have dry friction, a stop and a given torque, and a motor may be backdrivable: the laws of
+joints, see `joint_balance`, `reaction_range` and docs/joint-laws.md.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -23,6 +26,7 @@ from handfast.stability.exact_sums import Sums, exact_sums
 
 LARGE = 1e4  # times the largest force: motions and forces from which on sums are taken without rounding
 VANISHING = 1e-100  # numbers below are scaled up before anything is squared
+NO_REACTION: Array = np.zeros(0)  # of a state that was given none: its joints carry nothing themselves
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,7 @@ class State:
         c: (3m,) contact forces (n, t1, t2 each) [N].
         f: (a,) actuator forces [N m or N].
         coupling: (k,) multipliers lambda of the rigid couplings A q = 0.
+        reaction: (l,) rho, what the joints themselves carry by dry friction and at stops [N m or N]; 0 unless given.
     """
 
     r: Array
@@ -42,8 +47,11 @@ class State:
     c: Array
     f: Array
     coupling: Array
+    reaction: Array = field(default_factory=lambda: NO_REACTION)
 
     def __post_init__(self) -> None:
+        if self.reaction is NO_REACTION:
+            object.__setattr__(self, "reaction", np.zeros(np.shape(self.q)))
         for f in fields(self):
             value = np.asarray(getattr(self, f.name), dtype=float)
             object.__setattr__(self, f.name, frozen(value, value.shape, f.name))
@@ -72,9 +80,15 @@ def joint_torques(grasp: Grasp, c: Array) -> Array:
     return grasp.J.T @ c
 
 
-def joint_balance(grasp: Grasp, c: Array, f: Array, coupling: Array) -> Array:
-    """(l,) J^T c - R^T f - A^T lambda, zero when actuators and couplings carry the joint torques."""
-    return joint_torques(grasp, c) - grasp.mechanism.R.T @ f - grasp.mechanism.A.T @ coupling
+def joint_balance(grasp: Grasp, c: Array, f: Array, coupling: Array, reaction: Array | None = None) -> Array:
+    """(l,) J^T c - R^T f - A^T lambda - given - rho, zero when all of these together carry the joint torques.
+
+    rho: (l,) the joints' reactions, none by default; given: the torques that springs and the like exert whatever moves.
+    """
+    out = joint_torques(grasp, c) - grasp.mechanism.R.T @ f - grasp.mechanism.A.T @ coupling
+    if not grasp.has_laws:
+        return out
+    return out - grasp.given_torques - (0.0 if reaction is None else reaction)
 
 
 def relative_motion(grasp: Grasp, r: Array, q: Array) -> Array:
@@ -118,9 +132,31 @@ def actuator_motion(grasp: Grasp, q: Array) -> Array:
 
 
 def commanded(grasp: Grasp, command: Array | None = None) -> Mask:
-    """(a,) bool: which actuators may move (commanded, or a tendon that may go slack); the rest is locked."""
+    """(a,) bool: which actuators may move; the rest is locked.
+
+    Those that are commanded, a tendon that may go slack, a motor that can be driven back.
+    """
     f_c = grasp.command if command is None else command
-    return (f_c != 0) | np.array(grasp.mechanism.tendon, dtype=bool)
+    mech = grasp.mechanism
+    return (f_c != 0) | np.array(mech.tendon, dtype=bool) | np.array(mech.backdrivable, dtype=bool)
+
+
+def reaction_range(grasp: Grasp) -> tuple[Array, Array]:
+    """(l,) each: lo <= rho <= hi of the joints' reactions, infinite where a stop carries.
+
+    rho = lo where q_j > 0 and hi where q_j < 0: dry friction takes all that it can (maximum dissipation in one
+    dimension), and no joint moves into a stop, since nothing equals an infinite reaction. A positive reaction closes.
+    """
+    friction = grasp.joint_friction
+    upper = np.array([joint.stop in ("upper", "both") for joint in grasp.joints], dtype=bool)
+    lower = np.array([joint.stop in ("lower", "both") for joint in grasp.joints], dtype=bool)
+    return np.where(upper, -np.inf, -friction), np.where(lower, np.inf, friction)
+
+
+def reaction_defect(q: Array, reaction: Array, lo: Array, hi: Array) -> Array:
+    """(..., l) how far motions and reactions, in the same unit, are from the law of the joints' reactions."""
+    outside = np.maximum(lo - reaction, reaction - hi)
+    return np.maximum.reduce([outside, np.minimum(q, reaction - lo), np.minimum(-q, hi - reaction)])
 
 
 # --- scales: what a residual is measured against ------------------------------------------------
@@ -146,6 +182,18 @@ def force_scale(w: Array, c: Array) -> float:
     """[N] the largest force that acts: of the disturbance w (6,), or a contact force of c (3m,); 1 if none does."""
     scale = max(float(np.linalg.norm(w[:3])), float(_norms(c.reshape(-1, 3)).max(initial=0.0)))
     return scale if scale > 0 else 1.0
+
+
+def least_drive(grasp: Grasp, f_c: Array, moment_arm: Array, arms: Array) -> float:
+    """[N] the smallest command, given torque or friction of a joint, as a force at a contact; inf if there is none.
+
+    moment_arm: `actuator_arms`. arms: `joint_arms`.
+    """
+    drives = (np.abs(f_c) / moment_arm)[f_c != 0]
+    if grasp.has_laws:
+        given = np.concatenate([np.abs(grasp.given_torques) / arms, grasp.joint_friction / arms])
+        drives = np.concatenate([drives, given[given != 0]])
+    return float(drives.min(initial=np.inf))
 
 
 def _equilibrium_residual(missing: Array, middle: Array) -> tuple[float, float]:
@@ -198,16 +246,16 @@ def linear_sums(grasp: Grasp, w: Array, state: State, force: float, arms: Array,
     r = np.abs(state.r)
     largest = max(r[:3].max(), r[3:].max() * (reach + grasp.size))
     if len(arms):
-        largest = max(largest, (np.abs(state.q) * arms).max())
+        largest = max(largest, (np.abs(state.q) * arms).max(), (np.abs(state.reaction) / arms).max())
     if mech.a:
         largest = max(largest, (np.abs(state.f) / moment_arm).max())
     if len(mech.A):
         largest = max(largest, (np.abs(mech.A * state.coupling[:, None]) / arms).max())
     if max(largest / force, reach / grasp.spacing) > LARGE:
-        return exact_sums(grasp, w, state.r, state.q, state.c, state.f, state.coupling)
+        return exact_sums(grasp, w, state.r, state.q, state.c, state.f, state.coupling, state.reaction)
     return Sums(
         object_balance(grasp, state.c, w),
-        joint_balance(grasp, state.c, state.f, state.coupling),
+        joint_balance(grasp, state.c, state.f, state.coupling, state.reaction),
         mech.A @ state.q,
         relative_motion(grasp, state.r, state.q),
         actuator_motion(grasp, state.q),
@@ -232,6 +280,7 @@ class Residuals:
     cone: float  # (5)
     dissipation: float  # (6), (7); 0 by definition if the maximum dissipation principle is left out
     actuators: float  # (8)
+    reactions: float = 0.0  # the joints' own, see `reaction_range`
 
     @property
     def worst(self) -> float:
@@ -257,11 +306,11 @@ def residuals(
     largest = max(np.abs(w).max(), np.abs(state.c).max(initial=0.0))
     if 0 < largest < VANISHING:  # homogeneous: numbers whose squares vanish are judged as well as any
         s = 2.0 ** min(-np.round(np.log2(largest)), 1000.0)
-        return residuals(grasp, s * w, state.scaled(s), eta=eta, command=s * f_c, mdp=mdp)
+        return residuals(grasp.with_laws_times(s), s * w, state.scaled(s), eta=eta, command=s * f_c, mdp=mdp)
     R, A = grasp.mechanism.R, grasp.mechanism.A
     arms = joint_arms(grasp)
     moment_arm = _actuator_arms(np.abs(R), arms)
-    F = force_scale(w, state.c) if largest > 0 else float((np.abs(f_c) / moment_arm)[f_c != 0].min(initial=np.inf))
+    F = force_scale(w, state.c) if largest > 0 else least_drive(grasp, f_c, moment_arm, arms)
     F = F if np.isfinite(F) else 1.0
     sums = linear_sums(grasp, w, state, F, arms, moment_arm)
     d, dt = sums.d, _norms(sums.d.reshape(-1, 3)[:, 1:])
@@ -271,7 +320,7 @@ def residuals(
 
     loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
     # what locked gearings and couplings pass on has no part in it: where they depend on each other, it is arbitrary
-    terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(f_c)
+    terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(f_c) + np.abs(grasp.given_torques)
     moments = _moment_scale(grasp, state.c, w, F, middle)
     torque = np.maximum.reduce(
         [terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, arms, F, moments)]
@@ -284,6 +333,9 @@ def residuals(
     slack = sense * (state.f - f_c) / moment_arm
     moves = commanded(grasp, f_c)
     actuator = np.where(moves, np.maximum.reduce([-t, -slack, np.minimum(np.abs(t), np.abs(slack))]), np.abs(t))
+    actuator = np.where(grasp.mechanism.backdrivable, np.abs(slack), actuator)
+    lo, hi = reaction_range(grasp)
+    reaction = reaction_defect(state.q * arms, state.reaction / arms, lo / arms, hi / arms)
     dissipation = dissipation_defect(state.c, d, grasp.mu) / np.maximum(dt, F)[:, None]
     slip = np.abs(sums.couplings)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
@@ -298,6 +350,7 @@ def residuals(
         cone=worst(cone_excess(state.c, grasp.mu)),
         dissipation=worst(np.abs(dissipation)) if mdp else 0.0,
         actuators=worst(actuator),
+        reactions=worst(reaction),
     )
 
 
@@ -314,6 +367,8 @@ class Energy:
         stored: sum of -c_n d_n, in the contact springs (sum of c_n^2 if eta = 0).
         friction: (m,) -c_t . d_t per contact. Negative: friction pushes along the motion, energy out of nothing.
         maximum: (m,) mu c_n |d_t| per contact, what the maximum dissipation principle (6) demands.
+        given: torque . q of what acts on the joints whatever moves, as springs.
+        joints: (l,) -rho q per joint, what its dry friction takes: friction_j |q_j|. Stops do no work.
     """
 
     disturbance: float
@@ -321,11 +376,17 @@ class Energy:
     stored: float
     friction: Array
     maximum: Array
+    given: float
+    joints: Array
 
     @property
     def residual(self) -> float:
-        """w . r + f_c . t - stored - sum of friction: zero in every state that satisfies (1)-(3) and (8)."""
-        return self.disturbance + self.preload - self.stored - float(self.friction.sum())
+        """w . r + f_c . t + torque . q - stored - sums of friction, at contacts and in joints.
+
+        Zero in every state that satisfies (1)-(3), (8) and the laws of joints.
+        """
+        put_in = self.disturbance + self.preload + self.given
+        return put_in - self.stored - float(self.friction.sum()) - float(self.joints.sum())
 
     @property
     def created(self) -> float:
@@ -334,7 +395,10 @@ class Energy:
 
 
 def energy(grasp: Grasp, w: Array, state: State, *, command: Array | None = None) -> Energy:
-    """The energy balance w.r + f_c.t = sum c_n^2 + sum mu c_n |d_t| of a state, term by term."""
+    """The energy balance of a state, term by term.
+
+    w.r + f_c.t + torque.q = sum c_n^2 + sum mu c_n |d_t| + sum friction_j |q_j|.
+    """
     f_c = grasp.command if command is None else command
     d, c = relative_motion(grasp, state.r, state.q).reshape(-1, 3), state.c.reshape(-1, 3)
     return Energy(
@@ -343,4 +407,6 @@ def energy(grasp: Grasp, w: Array, state: State, *, command: Array | None = None
         stored=float(-(c[:, 0] * d[:, 0]).sum()),
         friction=-(c[:, 1:] * d[:, 1:]).sum(axis=1),
         maximum=grasp.mu * c[:, 0] * _norms(d[:, 1:]),
+        given=float(grasp.given_torques @ state.q),
+        joints=-state.reaction * state.q,
     )

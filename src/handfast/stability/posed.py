@@ -22,7 +22,7 @@ class Posed(NamedTuple):
     def question(self) -> Question:
         """The same in the grasp's own units."""
         p, goal = self
-        driven = zip(p.grasp.mechanism.actuators, p.driven, strict=True)
+        driven = zip(p.equivalent.plain.mechanism.actuators, p.driven, strict=True)
         return Question(
             grasp=p.grasp,
             goal=goal,
@@ -39,6 +39,6 @@ class Posed(NamedTuple):
     def of(cls, q: Question) -> Posed:
         """The other way round."""
         limits = {"torque_limits": q.torque_limits, "force_limit": q.force_limit}
-        driven = q.is_driven if q.goal.seeks_commands else None
+        driven = q.sought if q.goal.seeks_commands else None
         p = scaled_problem.build(q.grasp, q.wrench, q.direction, eta=q.eta, mdp=q.mdp, driven=driven, **limits)  # type: ignore[arg-type]
         return cls(p, q.goal)

@@ -34,6 +34,7 @@ class ResultStateEntry(Strict):
     c: list[float]
     f: list[float]
     coupling: list[float]
+    reaction: list[float] = Field(default_factory=list)
 
 
 class ResultWitnessEntry(ResultStateEntry):
@@ -69,6 +70,8 @@ def file_model(entries: tuple[type[ResultAnswerEntry], ...]) -> type[ResultFile]
 
 def _state(s: State) -> dict[str, Any]:
     arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
+    if s.reaction.any():
+        arrays["reaction"] = s.reaction
     return {name: value.tolist() for name, value in arrays.items()}
 
 
@@ -131,7 +134,10 @@ def _read_state(entry: ResultStateEntry, question: Question, place: str) -> Stat
     for name, size in sizes.items():
         if len(getattr(entry, name)) != size:
             raise InputError(f"has {len(getattr(entry, name))} numbers, needs {size}", field=f"{place}.{name}")
-    return State(**{name: np.array(getattr(entry, name), dtype=float) for name in ("r", *sizes)})
+    if entry.reaction and len(entry.reaction) != g.l:
+        raise InputError(f"has {len(entry.reaction)} numbers, needs {g.l}", field=f"{place}.reaction")
+    reaction = np.array(entry.reaction or np.zeros(g.l), dtype=float)
+    return State(**{name: np.array(getattr(entry, name), dtype=float) for name in ("r", *sizes)}, reaction=reaction)
 
 
 def _witness(entry: ResultWitnessEntry, question: Question) -> Witness:

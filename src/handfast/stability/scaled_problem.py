@@ -15,11 +15,13 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import cross
 from handfast.model.grasp import Grasp
 from handfast.stability import model
+from handfast.stability.equivalent_grasp import EquivalentGrasp, equivalent_of
 from handfast.stability.model import State
 
 MAX_ETA = np.radians(45.0)
 BALANCED = 1e-9  # relative: forces that miss a disturbance by less balance it
 ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
+RUBS = 0.1  # share of a joint's dry friction that is a force in play: it is the most that may act, not what acts
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +43,10 @@ class ScaledProblem:
     Actuators commanded in the negative direction are mirrored here (rows of R and f change sign), so
     that (8) reads t >= 0, f >= f_c everywhere.
 
+    Joints and actuators are those of the equivalent grasp, which are those of the grasp where it has no laws of joints.
+
     Attributes:
-        grasp: the question's grasp.
+        grasp: the question's grasp; equivalent: what stands for it.
         wrench, along: (6,) the disturbance wrench + s along [N, N m], as asked.
         torque_limits, force_limit: as asked.
         eta: uncertainty of contact normals [rad].
@@ -56,11 +60,13 @@ class ScaledProblem:
         f_max: (a,) scaled limits of |f|; inf where there is none.
         cn_max: scaled limit of every normal force; inf for none.
         G, J, R, A, mu: scaled model arrays, (6, 3m), (3m, l), (a, l), (k, l), (m,).
+        torque: (l,) scaled torques that are given.
         force: [N] the force scale; length: [m] the length scale.
         joint_scale: (l,) moment arms [m]; actuator_scale (a,), coupling_scale (k,): of their forces, over `force`.
     """
 
     grasp: Grasp
+    equivalent: EquivalentGrasp
     wrench: Array
     along: Array
     torque_limits: Mapping[str, float]
@@ -79,6 +85,7 @@ class ScaledProblem:
     J: Array
     R: Array
     A: Array
+    torque: Array
     mu: Array
     force: float
     length: float
@@ -100,7 +107,12 @@ class ScaledProblem:
     def strongest(self) -> float:
         """[N] the largest of the forces in play beside a disturbance that is sought, limits included."""
         limits = _limits(self.grasp, self.torque_limits, self.force_limit)
-        return max([self.force, *limits])
+        return max([self.force, *limits, self.equivalent.largest_friction])
+
+    @property
+    def is_given(self) -> bool:
+        """Does anything act whose size is given, beside loads and commands, so that states are no multiples?"""
+        return self.equivalent.is_given
 
     def size_of(self, w: Array) -> float:
         """[N] a disturbance (6,), wherever the object's frame is and however it is turned."""
@@ -129,7 +141,7 @@ class ScaledProblem:
     @property
     def command_units(self) -> Array:
         """(a,) [N m or N] of a scaled unit of each actuator's force."""
-        return np.abs(self.command(np.ones(len(self.R))))
+        return np.abs(self.force * self.actuator_scale)
 
     @property
     def limits(self) -> dict[str, Any]:
@@ -148,7 +160,7 @@ class ScaledProblem:
     def towards(self, direction: Sequence[float] | Array) -> ScaledProblem:
         """The same question with another direction (6,), in the same scales; raises as `build`."""
         d = _direction(direction)
-        others = _others(self.grasp, self.wrench, self.torque_limits, self.force_limit)
+        others = _others(self.grasp, self.equivalent, self.wrench, self.torque_limits, self.force_limit)
         if not others:  # nothing else gives the scale
             return build(self.grasp, self.wrench, d, **self.limits)
         scale = _direction_scale(self.grasp, d, others)
@@ -156,30 +168,41 @@ class ScaledProblem:
         _check_range(p, True)
         return p
 
-    def unscale(self, x: ScaledPoint) -> State:
-        """A solution of the scaled equations as a `State` in the grasp's own units."""
+    def unscale(self, x: ScaledPoint, share: float = 1.0) -> State:
+        """A solution of the scaled equations as a `State` of the grasp in its own units.
+
+        share: what is given to joints, in multiples of what the grasp says.
+        """
+        q, f, coupling, reaction = self.equivalent.parts_of(
+            self.force * x.q / self.joint_scale,
+            self.force * x.f * self.actuator_scale,
+            self.force * x.coupling * self.coupling_scale,
+            share=share,
+        )
         return State(
             r=self.force * self.lengths * x.r,
-            q=self.force * x.q / self.joint_scale,
+            q=q,
             c=self.force * x.c,
-            f=self.force * x.f * self.actuator_scale,
-            coupling=self.force * x.coupling * self.coupling_scale,
+            f=f,
+            coupling=coupling,
+            reaction=reaction,
         )
 
-    def scaled(self, state: State, scalar: float = 0.0) -> ScaledPoint:
-        """The other way round: a state as scaled unknowns, with the scalar that belongs to it."""
+    def scaled(self, state: State, scalar: float = 0.0, share: float = 1.0) -> ScaledPoint:
+        """The other way round: a state as scaled unknowns, with the scalar that belongs to it; share: of `unscale`."""
+        q, f, coupling = self.equivalent.plain_parts(state, share)
         return ScaledPoint(
             state.r / (self.force * self.lengths),
-            state.q * self.joint_scale / self.force,
+            q * self.joint_scale / self.force,
             state.c / self.force,
-            state.f / (self.force * self.actuator_scale),
-            state.coupling / (self.force * self.coupling_scale),
+            f / (self.force * self.actuator_scale),
+            coupling / (self.force * self.coupling_scale),
             scalar,
         )
 
-    def command(self, f_c: Array) -> Array:
-        """Scaled, mirrored commands back in the grasp's units."""
-        return self.force * f_c * self.actuator_scale
+    def command(self, f_c: Array, share: float = 1.0) -> Array:
+        """(a,) scaled, mirrored commands back in the grasp's units, of its own actuators; share: of `unscale`."""
+        return self.equivalent.command_of(self.force * f_c * self.actuator_scale, share)
 
 
 def build(
@@ -212,20 +235,25 @@ def build(
     w0 = as_wrench(w0, "wrench")
     d = np.zeros(6) if direction is None else _direction(direction)
     _check_terms(eta, mdp, force_limit)
-    mech = grasp.mechanism
+    same = equivalent_of(grasp, driven, torque_limits or {})
+    plain, back = same.plain, np.array(grasp.mechanism.backdrivable, dtype=bool)
+    _check_backdrivable(grasp, back, torque_limits or {})
     row = _lengths(grasp.size)
-    units = _joint_units(grasp)
+    units = _joint_units(same)
     # the force scale is what is asked about: it must not depend on an answer that is not known yet, nor, where
     # other forces are in play, on the direction, of which a map has many, or on the size of commands that are sought
-    posed = grasp if driven is None else grasp.with_preload(None)
-    others = _others(posed, w0, torque_limits or {} if direction is not None else {}, force_limit)
+    posed = grasp if driven is None else grasp.with_preload(np.where(back, grasp.command, 0.0))
+    others = _others(posed, same, w0, torque_limits or {} if direction is not None else {}, force_limit)
     direction_scale = _direction_scale(grasp, d, others) if direction is not None else 1.0
     force = others or (_size(grasp, d) if direction is not None else 0.0) or 1.0
 
-    drive = np.zeros(mech.a, dtype=bool) if driven is None else driven
-    f_c = grasp.command if driven is None else np.zeros(mech.a)
+    drive, f_c, f_max = np.zeros(plain.mechanism.a, dtype=bool), plain.command, np.full(plain.mechanism.a, np.inf)
+    f_max[: len(same.kept)] = _largest_forces(grasp, torque_limits or {})[same.kept]
+    if driven is not None:
+        drive[: len(same.kept)], f_c = driven[same.kept], np.zeros(plain.mechanism.a)
     p = ScaledProblem(
         grasp=grasp,
+        equivalent=same,
         wrench=w0,
         along=d,
         torque_limits=dict(torque_limits or {}),
@@ -236,14 +264,15 @@ def build(
         direction=row * (direction_scale * d) / force,
         direction_scale=direction_scale,
         f_c=f_c / (force * units.actuators),
-        moves=model.commanded(grasp, f_c) | drive,
+        moves=model.commanded(plain, f_c) | drive,
         driven=drive,
-        f_max=_largest_forces(grasp, torque_limits or {}) / np.abs(force * units.actuators),
+        f_max=f_max / np.abs(force * units.actuators),
         cn_max=np.inf if force_limit is None else force_limit / force,
         G=row[:, None] * grasp.G,
-        J=grasp.J / units.joints,
+        J=plain.J / units.joints,
         R=units.actuators[:, None] * units.R,
         A=units.couplings[:, None] * units.A,
+        torque=plain.given_torques / (force * units.joints),
         mu=grasp.mu,
         force=force,
         length=grasp.size,
@@ -265,10 +294,10 @@ class _JointUnits(NamedTuple):
     A: Array
 
 
-def _joint_units(grasp: Grasp) -> _JointUnits:
-    mech, joints = grasp.mechanism, model.joint_arms(grasp)
+def _joint_units(same: EquivalentGrasp) -> _JointUnits:
+    mech, joints = same.plain.mechanism, same.arms
     R, A = mech.R / joints, mech.A / joints
-    sense = np.where(grasp.command < 0, -1.0, 1.0)
+    sense = np.where(same.plain.command < 0, -1.0, 1.0)
     return _JointUnits(joints, sense / np.sqrt((R * R).sum(axis=1)), 1.0 / np.sqrt((A * A).sum(axis=1)), R, A)
 
 
@@ -280,6 +309,15 @@ def _check_terms(eta: float, mdp: bool, force_limit: float | None) -> None:
         raise InputError("needs the maximum dissipation principle; leave one of the two out", field="eta")
     if force_limit is not None and not force_limit > 0:
         raise InputError(f"is {force_limit:g}; a largest normal force is positive", field="force limit")
+
+
+def _check_backdrivable(grasp: Grasp, back: Mask, torque_limits: Mapping[str, float]) -> None:
+    """Refuse a limit that a backdrivable motor's command is beyond: such a motor has nothing but its command."""
+    for i in np.flatnonzero(back):
+        name, command = grasp.mechanism.actuators[i], abs(grasp.command[i])
+        if command > torque_limits.get(name, np.inf):
+            problem = f"is {torque_limits[name]:g}; '{name}' is backdrivable and gives its command, {command:g}"
+            raise InputError(problem, field=f"torque limit.{name}")
 
 
 def _largest_forces(grasp: Grasp, torque_limits: Mapping[str, float]) -> Array:
@@ -303,13 +341,14 @@ class Scales(NamedTuple):
 
 def scales(
     grasp: Grasp,
+    same: EquivalentGrasp,
     base: Array,
     along: Array | None,
     torque_limits: Mapping[str, float],
     force_limit: float | None,
 ) -> Scales:
     """The scales that `build` finds for each of the loads base + s along, (k, 6) each, or base alone."""
-    others = np.maximum(_sizes(grasp, base), _largest_command(grasp))
+    others = np.maximum(_sizes(grasp, base), max(_largest_command(grasp), _given(same)))
     if not others.all():
         at_most = _limits(grasp, torque_limits if along is not None else {}, force_limit)
         others = np.where(others > 0, others, max(at_most, default=0.0))
@@ -320,7 +359,7 @@ def scales(
     with np.errstate(divide="ignore"):
         direction = np.where(others > 0, 2.0 ** np.round(np.log2(others / size)), 1.0)
     force = np.where(others > 0, others, size)
-    strongest = np.maximum(force, max(_limits(grasp, torque_limits, force_limit), default=0.0))
+    strongest = np.maximum(force, max([*_limits(grasp, torque_limits, force_limit), same.largest_friction]))
     return Scales(force, direction, ENDLESS * strongest / size)
 
 
@@ -331,6 +370,11 @@ def _largest_command(grasp: Grasp) -> float:
     return float(commands.max(initial=0.0))
 
 
+def _given(same: EquivalentGrasp) -> float:
+    """[N] the largest force at a contact of what is given to joints."""
+    return max(same.largest_given, RUBS * same.largest_friction)
+
+
 def _sizes(grasp: Grasp, w: Array) -> Array:
     """(k,) `_size` of each of the disturbances (k, 6)."""
     middle = grasp.positions.mean(axis=0)
@@ -339,10 +383,12 @@ def _sizes(grasp: Grasp, w: Array) -> Array:
     return out
 
 
-def _others(grasp: Grasp, w0: Array, torque_limits: Mapping[str, float], force_limit: float | None) -> float:
-    """[N] the forces in play beside a disturbance that is sought: commands and base load, else limits; 0 for none."""
+def _others(
+    grasp: Grasp, same: EquivalentGrasp, w0: Array, torque_limits: Mapping[str, float], force_limit: float | None
+) -> float:
+    """[N] the forces in play beside a disturbance that is sought: base load and drives, else limits; 0 for none."""
     commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
-    scale = max(_size(grasp, w0), float(commands.max(initial=0.0)))
+    scale = max(_size(grasp, w0), float(commands.max(initial=0.0)), _given(same))
     return scale or max(_limits(grasp, torque_limits, force_limit), default=0.0)
 
 

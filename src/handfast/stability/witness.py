@@ -81,11 +81,13 @@ class Witness:
         ]
 
     def to_json(self) -> dict[str, Any]:
-        """The keys of a `check` answer."""
+        """The keys of a `check` answer; `joint_reactions` besides where joints have laws of their own."""
         forces, motions = self.forces, self.motions
         c = self.state.c.reshape(-1, 3)
         tau = model.joint_torques(self.grasp, self.state.c)
-        return {
+        own = zip(self.grasp.joints, self.state.reaction, strict=True)
+        reactions = {"joint_reactions": {j.name: float(x) for j, x in own}} if self.grasp.has_laws else {}
+        return reactions | {
             "residual": self.residuals.worst,
             "contacts": [
                 {

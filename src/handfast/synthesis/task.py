@@ -110,7 +110,8 @@ class Task:
         """A task from a hand as it is and what the task says beside it.
 
         Args:
-            limits: by joint name [rad, m]; they replace the hand's, also where they are wider.
+            limits: by joint name [rad, m]; they replace the hand's, also where they are wider: then nothing stops
+                the joint there. A narrower one is no stop.
             couplings: (joint, driver, ratio): q[joint] = ratio * q[driver], on the angle itself; they
                 come beside the hand's own and replace those of the same joint.
 
@@ -126,7 +127,8 @@ class Task:
             j = hand.joint(joint, field="limits")
             if not lo <= hi:
                 raise InputError(f"is [{lo:g}, {hi:g}]; the lower one comes first", field=f"limits.{joint}")
-            joints[j] = replace(joints[j], lower=float(lo), upper=float(hi))
+            law = joints[j].law.within(float(lo), float(hi))
+            joints[j] = replace(joints[j], lower=float(lo), upper=float(hi), law=law)
         changed = replace(hand, joints=tuple(joints))
         for n, (joint, driver, ratio) in enumerate(couplings):
             changed = _coupled(changed, joint, driver, ratio, f"couplings[{n}]")

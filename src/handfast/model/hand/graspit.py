@@ -18,12 +18,14 @@ from handfast.core.transforms import transform
 from handfast.model.graspit_body import GraspitBody
 from handfast.model.graspit_xml import MILLI, numbers_in, pose_of, text_of, turned
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
+from handfast.model.hand.joint_law import JointLaw
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 VALUE = re.compile(rf"d(\d+)(?:\*({NUMBER}))?(?:([+-])({NUMBER}))?")  # of a joint: d0, d0*2, d0+30, d0*-.5+-30
 JOINTS_OF = {"Fixed": 0, "Revolute": 1, "Prismatic": 1, "Universal": 2, "Ball": 3}  # that move a link
+MICRO = 1e-6  # GraspIt! counts forces in millionths of a newton, torques in millionths of a newton millimetre
 OFF, PAIR = "Off", "OverlappingPair"  # rules by which a link does not collide
 LOG = logging.getLogger("handfast")
 
@@ -45,7 +47,10 @@ class Dof:
 
 @dataclass(frozen=True, eq=False)
 class ChainJoint:
-    """A joint of a chain, [rad] or [m]: `before` takes its parent's frame to its axis, z; `after` to the next frame."""
+    """A joint of a chain, [rad] or [m]: `before` takes its parent's frame to its axis, z; `after` to the next frame.
+
+    `friction` is dry friction [N m, N].
+    """
 
     name: str
     type: Literal["revolute", "prismatic"]
@@ -54,6 +59,7 @@ class ChainJoint:
     after: Array
     dof: int
     ratio: float
+    friction: float
 
 
 def read_graspit(root: Element, path: Path) -> Hand:
@@ -62,8 +68,9 @@ def read_graspit(root: Element, path: Path) -> Hand:
     Links are `palm` and `chain0_link0`, ...; joints `chain0_joint0`, ...; actuators `d0`, ... for the DOFs that move
     a joint. A link's mesh counts as its convex hull, a mesh without triangles as none. Joints of one rigid or
     breakaway DOF are coupled to its first; the joints of a compliant DOF share its torque by their ratios and
-    are not coupled. `Hand.closing` has the signs of the default velocities. Left out: breakaway torques,
-    springs and friction of joints, virtual contacts, eigengrasps, the approach direction. A link whose collision
+    are not coupled. `Hand.closing` has the signs of the default velocities. Ranges of joints are stops, too, and
+    CoulombFriction is dry friction; viscous friction has no part at rest. Left out: breakaway torques, springs of
+    joints, virtual contacts, eigengrasps, the approach direction. A link whose collision
     rule is Off has no solid; one that is an OverlappingPair with another, or the base, is not checked against it.
 
     Raises:
@@ -143,7 +150,11 @@ def _joint(e: Element, name: str, dofs: int) -> ChainJoint:
     before = transform(np.array([0, 0, MILLI * still["d"]]), turned(2, still["theta"]))
     after = transform(np.array([MILLI * still["a"], 0, 0]), turned(0, still["alpha"]))
     limits = sorted(unit * numbers_in(text_of(e, k), 1, f"{where}.{k}")[0] for k in ("minValue", "maxValue"))
-    return ChainJoint(name, moves, (limits[0], limits[1]), before, after, int(number), float(ratio or 1))
+    rubs = numbers_in((e.findtext("CoulombFriction") or "0").strip(), 1, f"{where}.CoulombFriction")[0]
+    if rubs < 0:
+        raise InputError(f"is {rubs:g}; 0 or more is needed", field=f"{where}.CoulombFriction")
+    friction = rubs * MICRO * (1.0 if slides else MILLI)
+    return ChainJoint(name, moves, (limits[0], limits[1]), before, after, int(number), float(ratio or 1), friction)
 
 
 def _add_chain(
@@ -182,7 +193,8 @@ def _add_link(
     for part in reversed(parts):
         beyond = part.after @ beyond  # the link's frame in that of this joint, whose axis is z
         R, p = beyond[:3, :3], beyond[:3, 3]
-        own.append(Joint(part.name, part.type, R.T @ [0, 0, 1], -R.T @ p, *part.limits))
+        law = JointLaw(part.friction, stops=part.limits)
+        own.append(Joint(part.name, part.type, R.T @ [0, 0, 1], -R.T @ p, *part.limits, law=law))
         beyond = part.before @ beyond
     links.append(Link(name, parent, pose, tuple(range(len(joints), len(joints) + len(parts))), shapes))
     joints += reversed(own)

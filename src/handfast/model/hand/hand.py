@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -13,6 +13,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import FARTHEST, rigid
+from handfast.model.hand.joint_law import LAWS, NO_LAW, JointLaw, PassiveTendon, laws_named
 from handfast.model.hand.loop import Loop, LoopClosure
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
@@ -32,6 +33,7 @@ class Joint:
         anchor: (3,) [m], a point on the axis, same frame.
         lower, upper: limits.
         ref: the value at which the link stands at its `pose` (0 in a URDF).
+        law: dry friction, spring and stops of the joint itself; none unless given.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Joint:
     lower: float
     upper: float
     ref: float = 0.0
+    law: JointLaw = NO_LAW
 
     def __post_init__(self) -> None:
         if self.type not in ("revolute", "prismatic"):
@@ -132,6 +135,7 @@ class Hand:
         non_colliding: pairs of link names that are not checked against each other, in either order.
         loops: pins that close loops of the linkage. Some joints follow from the others then (`dependent`), and
             how they do changes with the configuration: `mechanism_at` says it.
+        tendons: those with friction, a spring or stops of their own.
     """
 
     name: str
@@ -144,6 +148,7 @@ class Hand:
     source: str = ""
     non_colliding: frozenset[tuple[str, str]] = frozenset()
     loops: tuple[Loop, ...] = ()
+    tendons: tuple[PassiveTendon, ...] = ()
 
     def __post_init__(self) -> None:
         for kind, names in (("link", self.link_names), ("joint", self.joint_names)):
@@ -159,6 +164,9 @@ class Hand:
         if self.mechanism.R.shape[1] != self.l:
             columns = self.mechanism.R.shape[1]
             raise InputError(f"has {columns} columns for {self.l} joints", field="mechanism")
+        for tendon in self.tendons:
+            if tendon.row.shape != (self.l,):
+                raise InputError(f"has {tendon.row.size} numbers for {self.l} joints", field=f"tendon {tendon.name}")
         for pair in self.non_colliding:
             for name in pair:
                 if name not in self.link_names:
@@ -260,6 +268,34 @@ class Hand:
             if self.joints[c.joint].name not in closing:
                 signs[c.joint] = np.sign(c.ratio) * signs[c.driver] if c.driver >= 0 else 0
         return replace(self, closing=signs)
+
+    def with_laws(self, laws: str) -> Hand:
+        """The same hand with some laws of its joints and tendons, of what it has, and no others.
+
+        Args:
+            laws: "all", "none", or some of "stops", "friction", "springs" with commas.
+        """
+        kept = laws_named(laws)
+        if len(kept) == len(LAWS):
+            return self
+        tendons = tuple(replace(t, law=t.law.only(kept)) for t in self.tendons)
+        joints = tuple(replace(j, law=j.law.only(kept)) for j in self.joints)
+        return replace(self, joints=joints, tendons=tuple(t for t in tendons if t.law.any))
+
+    def with_backdrivable(self, actuators: Collection[str]) -> Hand:
+        """The same hand with some motors that give what they are commanded, whichever way they are turned.
+
+        A tendon among them is then no more than its command. `InputError` for an unknown actuator.
+        """
+        if not actuators:
+            return self
+        known, m = self.mechanism.actuators, self.mechanism
+        for name in actuators:
+            if name not in known:
+                raise unknown_name("actuator", name, known, field="backdrivable")
+        free = tuple(n in actuators or b for n, b in zip(known, m.backdrivable, strict=True))
+        tendon = tuple(t and not b for t, b in zip(m.tendon, free, strict=True))
+        return replace(self, mechanism=replace(m, tendon=tendon, backdrivable=free))
 
     def configuration(self, values: Mapping[str, float] | None = None) -> Array:
         """(l,) full configuration from some joint values by name [rad, m].

@@ -14,6 +14,7 @@ from handfast.core.errors import InputError, unknown_name
 from handfast.core.quiet import quiet
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.hand.hand import Hand, Joint, Link, coupling_rows, guess_closing
+from handfast.model.hand.mjcf_laws import joint_law, passive_tendons, say_what_is_left_out
 from handfast.model.hand.mjcf_ties import ModelPart, mechanism, non_colliding, ties
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
@@ -79,7 +80,9 @@ def hand_of_model(m: Any, base: str | None = None, *, name: str = "hand", source
     can collide become shapes, meshes as their convex hulls; geoms of a fixed world (floors) are left out. Active
     equalities become couplings (joint, or fixed tendons of two joints, linear) and loops (connect, weld). Actuators
     on joints and fixed tendons become the rows of R, scaled by their gear; a tendon whose force can have one sign
-    only can only pull. Without actuators every joint that follows from no other is its own actuator. Pairs of links
+    only can only pull. frictionloss is dry friction, stiffness with springref a spring, a limited range stops, of
+    joints and of fixed tendons alike; what of these is not understood is named in a warning. Damping and armature
+    have no part at rest. Without actuators every joint that follows from no other is its own actuator. Pairs of links
     that an exclude names, or whose contype and conaffinity never meet, are not checked against each other.
 
     Args:
@@ -93,6 +96,7 @@ def hand_of_model(m: Any, base: str | None = None, *, name: str = "hand", source
     """
     part = _part(m, base)
     joints = tuple(_joint(m, j) for j in part.joints)
+    say_what_is_left_out(part, source or name)
     links = []
     for b in part.bodies:
         first = b == part.bodies[0]
@@ -115,6 +119,7 @@ def hand_of_model(m: Any, base: str | None = None, *, name: str = "hand", source
         source=source,
         non_colliding=non_colliding(part),
         loops=loops,
+        tendons=passive_tendons(part),
     )
     if loops and m.nu == 0:
         follow = {joints[j].name for j in hand.dependent}
@@ -182,8 +187,8 @@ def _joint(m: Any, j: int) -> Joint:
     lower, upper = m.jnt_range[j] if m.jnt_limited[j] else (-2 * np.pi, 2 * np.pi)
     ref = float(m.qpos0[m.jnt_qposadr[j]])
     hinge = kind == mujoco.mjtJoint.mjJNT_HINGE
-    axis, anchor = m.jnt_axis[j], m.jnt_pos[j]
-    return Joint(name, "revolute" if hinge else "prismatic", axis, anchor, float(lower), float(upper), ref)
+    axis, anchor, law = m.jnt_axis[j], m.jnt_pos[j], joint_law(m, j)
+    return Joint(name, "revolute" if hinge else "prismatic", axis, anchor, float(lower), float(upper), ref, law)
 
 
 LARGEST = 1e50  # [m] twice as much is a number, too, and refused with its own name

@@ -15,6 +15,7 @@ from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import transform
 from handfast.core.xml_tree import read_tree
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
+from handfast.model.hand.joint_law import NO_LAW, JointLaw
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape, read_mesh
 
@@ -25,7 +26,8 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
     """A hand from a parsed URDF file.
 
     Fixed joints make links without joints, so the palm and every frame keep their names; the order of
-    links and joints is depth first, as in the file. `mimic` becomes a coupling; every other joint is its
+    links and joints is depth first, as in the file. Limits are stops, too, and <dynamics friction> is dry friction;
+    damping has no part at rest. `mimic` becomes a coupling; every other joint is its
     own actuator. Collision elements become shapes; a mesh is taken as its convex hull.
 
     Args:
@@ -97,14 +99,19 @@ def _joint(e: Element) -> Joint:
         )
     axis = e.find("axis")
     direction = [1.0, 0.0, 0.0] if axis is None else numbers(axis, "xyz", 3, f"joint {name}")
+    dynamics = e.find("dynamics")
+    rubs = 0.0 if dynamics is None else numbers(dynamics, "friction", 1, f"joint {name}", "0")[0]
+    if rubs < 0:
+        raise InputError(f"<dynamics> friction is {rubs:g}; 0 or more is needed", field=f"joint {name}")
     if kind == "continuous":
-        return Joint(name, "revolute", np.array(direction), np.zeros(3), -TURN, TURN)
+        return Joint(name, "revolute", np.array(direction), np.zeros(3), -TURN, TURN, law=JointLaw(rubs))
     limit = e.find("limit")
     if limit is None:
         raise InputError("has no <limit>; lower and upper are needed", field=f"joint {name}")
     lower, upper = (numbers(limit, key, 1, f"joint {name}", "0")[0] for key in ("lower", "upper"))
     moves: Literal["revolute", "prismatic"] = "prismatic" if kind == "prismatic" else "revolute"
-    return Joint(name, moves, np.array(direction), np.zeros(3), lower, upper)
+    law = JointLaw(rubs, stops=(lower, upper)) if lower <= upper else NO_LAW  # else the joint says what is wrong
+    return Joint(name, moves, np.array(direction), np.zeros(3), lower, upper, law=law)
 
 
 def _mimic(e: Element, order: dict[str, int]) -> Coupling | None:

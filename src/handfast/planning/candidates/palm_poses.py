@@ -19,6 +19,7 @@ from handfast.model.hand.anatomy import MIDWAY, Anatomy
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates.jaw_poses import Pads, antipodal, squeezed
 from handfast.planning.candidates.surface import SurfaceSampler, near, turned
+from handfast.planning.waiting import waiting
 
 JAWS = 2  # fingers of a gripper
 CHOICES = 3  # places for its jaws, of which that nearest to the centre of mass may be taken
@@ -214,6 +215,7 @@ def _preshape(rng: np.random.Generator, hand: Hand, palm: Palm, how: Sampling) -
     """
     share = np.clip(how.opening * rng.random() + how.jitter * rng.standard_normal(hand.l), 0.0, 1.0)
     share *= not palm.jaws
+    share[list(waiting(hand))] = 0.0  # straight until the finger touches
     q = palm.opened + share * (palm.closed - palm.opened)
     lower, upper = hand.limits.T
     rest, drawn = palm.anatomy.neutral, rng.random(hand.l)

@@ -12,7 +12,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -23,10 +23,8 @@ from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, Vector, validate, write_text
 from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import ActuatorEntry
-from handfast.model.hand.hand import Hand, coupling_rows
-from handfast.model.mechanism import Mechanism
 from handfast.planning.requirements import Requirements
+from handfast.planning.results.motors import MotorsEntry, driven, motors_to_dict
 from handfast.stability.certify.certificate_file import Six
 from handfast.stability.loads import Loads, Weight
 from handfast.stability.model import State
@@ -37,14 +35,6 @@ from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task
 
 SCHEMA, FIRST = "handfast/grasps/2", "handfast/grasps/1"
-Sense = Annotated[int, Field(ge=-1, le=1)]
-
-
-class MotorsEntry(Strict):
-    """What the task's hand does not say: the rows of R, and the sense in which each joint closes."""
-
-    actuators: list[ActuatorEntry]
-    closing: dict[str, Sense]
 
 
 class WeightEntry(Strict):
@@ -231,18 +221,6 @@ def asked_digest(data: dict[str, Any]) -> str:
     return digest({key: data[key] for key in ("task", "motors", "question")})
 
 
-def motors_to_dict(hand: Hand) -> dict[str, Any]:
-    """What drives a hand, and the sense in which its joints close."""
-    m, names = hand.mechanism, hand.joint_names
-    return {
-        "actuators": [
-            {"name": n, "joints": {j: float(v) for j, v in zip(names, row, strict=True) if v}, "tendon": t}
-            for n, row, t in zip(m.actuators, m.R, m.tendon, strict=True)
-        ],
-        "closing": {n: int(s) for n, s in zip(names, hand.closing, strict=True)},
-    }
-
-
 def loads_to_dict(loads: Loads) -> dict[str, Any]:
     """Each load by its name: the wrench, or what makes it of the object's weight."""
     return {
@@ -282,7 +260,7 @@ def from_dict(data: Any) -> SavedGrasps:
         task = task_from_dict(entry.task)
     except InputError as fault:
         raise fault.within("task") from None
-    task = replace(task, hand=_driven(task.hand, entry.motors))
+    task = replace(task, hand=driven(task.hand, entry.motors))
     q, said = entry.question, entry.answer
     if len(said.grasps) != len(entry.grasps):
         raise InputError(f"has {len(said.grasps)} entries for {len(entry.grasps)} grasps", field="answer.grasps")
@@ -299,26 +277,6 @@ def from_dict(data: Any) -> SavedGrasps:
         for i, (e, answer) in enumerate(zip(entry.grasps, said.grasps, strict=True))
     )
     return SavedGrasps(task, q.object, _loads(q), requirements, grasps, said, entry.record, asked_digest(data))
-
-
-def _driven(hand: Hand, motors: MotorsEntry) -> Hand:
-    """The task's hand with what drives it."""
-    names = hand.joint_names
-    for i, a in enumerate(motors.actuators):
-        for j in a.joints:
-            hand.joint(j, field=f"motors.actuators[{i}].joints")
-    if set(motors.closing) != set(names):
-        raise InputError(f"is not of the hand's joints: {', '.join(names)}", field="motors.closing")
-    try:
-        mechanism = Mechanism(
-            tuple(a.name for a in motors.actuators),
-            np.array([[a.joints.get(j, 0.0) for j in names] for a in motors.actuators]).reshape(-1, hand.l),
-            coupling_rows(hand.couplings, hand.l),
-            tuple(a.tendon for a in motors.actuators),
-        )
-    except InputError as fault:
-        raise fault.within("motors") from None
-    return replace(hand, mechanism=mechanism, closing=np.array([motors.closing[j] for j in names]))
 
 
 def _loads(q: GraspsQuestionEntry) -> Loads:

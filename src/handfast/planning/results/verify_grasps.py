@@ -20,7 +20,8 @@ from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.derived import Derived, contacts_at, grasp_at
 from handfast.planning.requirements import Requirements
-from handfast.planning.results.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict, motors_to_dict
+from handfast.planning.results.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict
+from handfast.planning.results.motors import motors_to_dict
 from handfast.stability.certify.certificate import Question
 from handfast.stability.loads import Loads
 from handfast.stability.model import State

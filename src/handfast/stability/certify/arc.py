@@ -16,6 +16,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.model.grasp import Grasp
 from handfast.stability import model
 from handfast.stability.certify.certificate import Question
 from handfast.stability.exact_sums import Sums
@@ -50,7 +51,7 @@ class Arc:
     def state(self, s: float) -> State:
         """The state at a magnitude."""
         weights = bernstein(len(self.controls) - 1, np.array([(s - self.first) / (self.last - self.first)]))[0]
-        return State(*(weights @ self.table(name) for name in ("r", "q", "c", "f", "coupling")))
+        return State(*(weights @ self.table(f.name) for f in fields(State)))
 
     def table(self, name: str) -> Array:
         """(k+1, n) one of the unknowns, control by control."""
@@ -93,11 +94,12 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     arc; the middle of the contact forces, which moments are about, moves along it by a bounded distance.
     """
     g, f_c, k = q.grasp, q.grasp.command, len(arc.controls) - 1
-    r, joints, c, f, coupling = (arc.table(name) for name in ("r", "q", "c", "f", "coupling"))
+    r, joints, c, f, coupling, reaction = (arc.table(field.name) for field in fields(State))
     s = arc.first + (arc.last - arc.first) * np.arange(k + 1)[:, None] / k
     direction = np.zeros(6) if q.direction is None else q.direction
     w = q.wrench + s * direction
-    if k == 1 and not any(a[0].any() for a in (w, f_c[None], r, joints, c, f, coupling)):
+    given = f_c[None], g.given_torques[None], g.joint_friction[None]
+    if k == 1 and not any(a[0].any() for a in (w, *given, r, joints, c, f, coupling, reaction)):
         # multiples of one state under multiples of one disturbance: relative residuals are those of the last
         return model.residuals(g, w[1], arc.controls[1], eta=q.eta, mdp=q.mdp)
 
@@ -143,6 +145,7 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     resting = np.minimum(np.abs(t).max(axis=0), np.abs(e).max(axis=0))
     moving = np.maximum.reduce([-t.min(axis=0), -e.min(axis=0), resting])
     actuators = np.where(model.commanded(g), moving, np.abs(t).max(axis=0))
+    actuators = np.where(g.mechanism.backdrivable, np.abs(e).max(axis=0), actuators)
 
     A = g.mechanism.A
     tied = np.abs(np.stack([x.couplings for x in sums])).max(axis=0)
@@ -157,7 +160,21 @@ def residuals(q: Question, arc: Arc) -> Residuals:
         cone=float(cone.max(initial=0.0)) / F,
         dissipation=float(defect.max(initial=0.0)) / F if q.mdp else 0.0,
         actuators=float(actuators.max(initial=0.0)) / F,
+        reactions=float(_reactions(g, joints * joint_arms, reaction / joint_arms, joint_arms).max(initial=0.0)) / F,
     )
+
+
+def _reactions(g: Grasp, q: Array, reaction: Array, arms: Array) -> Array:
+    """(l,) how far motions and reactions (k+1, l), both in newtons, are from the law of the joints' reactions.
+
+    The whole arc rests, closes or opens, whichever is nearest.
+    """
+    lo, hi = (bound / arms for bound in model.reaction_range(g))
+    outside = np.maximum(lo - reaction, reaction - hi).max(axis=0)
+    rests = np.abs(q).max(axis=0)
+    closes = np.maximum(-q.min(axis=0), (reaction - lo).max(axis=0))
+    opens = np.maximum(q.max(axis=0), (hi - reaction).max(axis=0))
+    return np.maximum(outside, np.minimum.reduce([rests, closes, opens]))
 
 
 def _balances(q: Question, w: Array, c: Array, sums: list[Sums], F: float) -> tuple[float, float]:
@@ -177,7 +194,7 @@ def _balances(q: Question, w: Array, c: Array, sums: list[Sums], F: float) -> tu
     loaded = C.any(axis=(0, 2))
     J, R = np.where(np.repeat(loaded, 3)[:, None], g.J, 0.0), g.mechanism.R
     unbalanced = np.abs(np.stack([x.joints for x in sums])).max(axis=0)
-    terms = np.abs(J.T) @ _least(c) + np.abs(R.T) @ np.abs(g.command)
+    terms = np.abs(J.T) @ _least(c) + np.abs(R.T) @ np.abs(g.command) + np.abs(g.given_torques)
     torque = np.maximum.reduce(
         [terms, F * np.sqrt((J * J).sum(axis=0)), model.idle_torque(g, model.joint_arms(g), F, scale)]
     )

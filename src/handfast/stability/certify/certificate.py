@@ -25,6 +25,7 @@ from handfast.core.arrays import Array, Mask, frozen
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.stability import model
+from handfast.stability.equivalent_grasp import EquivalentGrasp, equivalent_of
 from handfast.stability.goal import ANY_STATE, AffineLoad, Goal, Range
 
 Integers = NDArray[np.int64]
@@ -147,25 +148,40 @@ class Question:
             raise InputError(f"have no meaning where the goal is '{self.goal.word}'", field="driven")
 
     @cached_property
-    def is_driven(self) -> Mask:
-        """(a,) bool: actuators whose command is sought."""
+    def sought(self) -> Mask:
+        """(a,) bool: the grasp's actuators whose command is sought."""
         return np.array([name in self.driven for name in self.grasp.mechanism.actuators], dtype=bool)
+
+    @cached_property
+    def equivalent(self) -> EquivalentGrasp:
+        """What stands for the grasp, whose laws of joints are tendons and given torques there."""
+        return equivalent_of(self.grasp, self.sought if self.goal.seeks_commands else None, self.torque_limits)
+
+    @property
+    def plain(self) -> Grasp:
+        """The equivalent grasp, with all joints and actuators that proofs are about."""
+        return self.equivalent.plain
+
+    @cached_property
+    def is_driven(self) -> Mask:
+        """(a,) bool: actuators of the equivalent whose command is sought."""
+        return np.array([name in self.driven for name in self.plain.mechanism.actuators], dtype=bool)
 
     @cached_property
     def load(self) -> AffineLoad:
         """Disturbance and magnitudes of the commands, affine in the scalar; no commands where they are sought."""
         direction = np.zeros(6) if self.direction is None else self.direction
-        return self.goal.load(self.wrench, direction, np.abs(self.grasp.command))
+        return self.goal.load(self.wrench, direction, np.abs(self.plain.command), self.plain.given_torques)
 
     @cached_property
     def may_move(self) -> Mask:
         """(a,) bool: actuators that are commanded or driven, or a tendon; for the others t = 0."""
-        return model.commanded(self.grasp, self.load.f_a + self.load.f_b) | self.is_driven
+        return model.commanded(self.plain, self.load.f_a + self.load.f_b) | self.is_driven
 
     @property
     def sense(self) -> Array:
         """(a,) -1 for actuators mirrored into the sense of their command, else +1."""
-        turned = (self.grasp.command < 0) & (self.is_driven | (not self.goal.seeks_commands))
+        turned = (self.plain.command < 0) & (self.is_driven | (not self.goal.seeks_commands))
         return np.where(turned, -1.0, 1.0)
 
 
@@ -185,7 +201,7 @@ class Columns:
     @classmethod
     def of(cls, question: Question) -> Columns:
         """The columns of a question."""
-        g, goal = question.grasp, question.goal
+        g, goal = question.plain, question.goal
         a, scalar = g.mechanism.a, int(goal.has_scalar)
         efforts = a if goal.sums_commands else 0
         ends = np.cumsum([0, 6, g.l, 3 * g.m, a, len(g.mechanism.A), scalar, efforts]).tolist()
@@ -243,7 +259,7 @@ class Certificate:
         put(self, "references", frozen(self.references, shape, "references"))
         if (self.cap_r is None) != (self.cap_q is None):
             raise InputError("caps are of all motions, or of none", field="cap_r, cap_q")
-        for name, size in (("cap_r", 6), ("cap_q", self.question.grasp.l)) if self.capped else ():
+        for name, size in (("cap_r", 6), ("cap_q", self.question.plain.l)) if self.capped else ():
             put(self, name, frozen(getattr(self, name), (size,), name))
             if (getattr(self, name) < 0).any():
                 raise InputError("is negative; a cap is 0 or more", field=name)

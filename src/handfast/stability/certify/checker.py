@@ -27,7 +27,7 @@ from handfast.stability.certify.certificate import (
 )
 from handfast.stability.certify.claim import Claim, caps, leaf_margins
 from handfast.stability.certify.leaf_rows import bounds
-from handfast.stability.model import actuator_arms
+from handfast.stability.model import actuator_arms, joint_arms
 
 CAPS = (1e12, 1e11, 1e10, 1e9, 1e8, 1e7, 1e6, 1e5, 1e4, 3e3, 1e3)  # force scales
 WIDEST = HALF - TURN // 128  # of a sector whose chord is used: nearly half a turn, it would say nothing
@@ -112,7 +112,7 @@ def _largest_cap(certificate: Certificate, leaves: Integers) -> tuple[float | No
     force = _force(q)
     for factor in CAPS:
         cap = factor * force
-        cap_r, cap_q = caps(q.grasp, cap)
+        cap_r, cap_q = caps(q.plain, cap)
         capped = replace(some, cap_r=cap_r, cap_q=cap_q)
         with np.errstate(all="ignore"):
             margins = leaf_margins(capped, Claim.of(capped))
@@ -123,9 +123,10 @@ def _largest_cap(certificate: Certificate, leaves: Integers) -> tuple[float | No
 
 def _force(q: Question) -> float:
     """[N] the largest force of a question: its loads and its commands at a contact."""
-    commands = np.abs(q.grasp.command) / actuator_arms(q.grasp)
+    commands = np.abs(q.plain.command) / actuator_arms(q.plain)
+    given = np.abs(q.plain.given_torques) / joint_arms(q.plain)
     loads = [max(np.linalg.norm(w[:3]), np.linalg.norm(w[3:]) / q.grasp.size) for w in (q.load.w_a, q.load.w_b)]
-    return float(max([*loads, *commands])) or 1.0
+    return float(max([*loads, *commands, *given])) or 1.0
 
 
 # --- the tree -----------------------------------------------------------------------------------
@@ -136,7 +137,7 @@ def leaf_cases(certificate: Certificate) -> Integers:
     c, m = certificate, certificate.question.grasp.m
     parent, part = c.parent.tolist(), c.part.tolist()
     change = list(zip(c.state.tolist(), c.left.tolist(), c.right.tolist(), strict=True))
-    parts = m + certificate.question.grasp.mechanism.a
+    parts = m + certificate.question.plain.mechanism.a
     cases = np.zeros((len(parent), parts, 3), dtype=np.int64)  # the root: UNDECIDED and FREE everywhere
     children = defaultdict(list)
     for node in range(len(parent)):
@@ -218,7 +219,7 @@ def check_rows(certificate: Certificate, cases: Integers, lo: Array, hi: Array) 
 
     refuse((c.kind < 0) | (c.kind >= len(Row)), "no such kind")
     of = [c.kind <= Row.STILL_2_DOWN, c.kind <= Row.S_UP, c.kind <= Row.BOUND_DOWN]
-    ends = np.select(of, [q.grasp.m, q.grasp.mechanism.a, len(lo)], len(c.references))
+    ends = np.select(of, [q.grasp.m, q.plain.mechanism.a, len(lo)], len(c.references))
     refuse((c.index < 0) | (c.index >= ends), "no such contact, actuator, column or reference")
     refuse(~(np.isfinite(c.multiplier) & (c.multiplier >= 0)), "the multiplier is negative or not finite")
     refuse(~legal(certificate, cases[leaf], lo, hi), "does not hold in this case")
@@ -245,7 +246,8 @@ def legal(certificate: Certificate, cases: Integers, lo: Array, hi: Array) -> Ma
     moves, commanded = state == MOVES, may_move & ~driven
     always = np.ones(len(part), dtype=bool)
     # friction takes energy by (6), (7) alone; larger commands put in more, as t >= 0
-    balanced = np.full(len(part), q.mdp and q.goal.bounds_energy)
+    drives = q.goal.homogeneous and q.equivalent.drives  # springs that are turned back take in more, the larger
+    balanced = np.full(len(part), q.mdp and q.goal.bounds_energy and not drives)
     if certificate.scalar is not None and len(c.references):
         top = c.references[np.where(c.kind == Row.ENERGY, c.index, 0), m]
         balanced &= top >= certificate.scalar[1]

@@ -62,7 +62,7 @@ class Claim:
     @classmethod
     def of(cls, certificate: Certificate) -> Claim:
         """The claim of a certificate."""
-        q, g = certificate.question, certificate.question.grasp
+        q, g = certificate.question, certificate.question.plain
         at, R, A = Columns.of(q), q.sense[:, None] * g.mechanism.R, g.mechanism.A
         # 8 (n + 3m) + rows exceeds the terms of any sum here; 256 covers coefficients, see `verify`
         k = 256 + 8 * (at.n + 3 * g.m) + int(np.diff(certificate.start).max(initial=0))
@@ -78,7 +78,7 @@ class Claim:
         hi[at.c] = c
         limit = np.array([q.torque_limits.get(name, np.inf) for name in g.mechanism.actuators])
         z = np.concatenate([limit, np.full(len(A), np.inf)])
-        K, load = np.hstack([R.T, A.T]), np.abs(g.J.T) @ c * (1 + error)
+        K, load = np.hstack([R.T, A.T]), (np.abs(g.J.T) @ c + _given(q, certificate)) * (1 + error)
         z = np.minimum(z, _solution_bound(K, load, error))
         open_ = ~np.isfinite(z)  # dependent columns; those without limits may be independent of each other
         carried = load + np.abs(K[:, ~open_]) @ z[~open_] * (1 + error)
@@ -100,11 +100,20 @@ class Claim:
 
 
 def _work(q: Question, certificate: Certificate, r: Array, q_: Array) -> float:
-    """Upper bound on w . r + f_c . t, hence on every c_n^2: by energy, friction only takes (needs (6), (7))."""
+    """Upper bound on w . r + f_c . t + torque . q, hence on every c_n^2: friction only takes (needs (6), (7))."""
     top = 0.0 if certificate.scalar is None else max(abs(v) for v in certificate.scalar)
     load = q.load
     command = np.where(q.is_driven, top, load.f_a + top * load.f_b)
-    return float((np.abs(load.w_a) + top * np.abs(load.w_b)) @ r + command @ (np.abs(q.grasp.mechanism.R) @ q_))
+    given = _given(q, certificate) @ q_
+    work = (np.abs(load.w_a) + top * np.abs(load.w_b)) @ r + command @ (np.abs(q.plain.mechanism.R) @ q_)
+    return float(work + given)
+
+
+def _given(q: Question, certificate: Certificate) -> Array:
+    """(l,) upper bound on the size of what is given to joints."""
+    top = 0.0 if certificate.scalar is None else max(abs(v) for v in certificate.scalar)
+    out: Array = np.abs(q.load.g_a) + top * np.abs(q.load.g_b)
+    return out
 
 
 def _solution_bound(K: Array, load: Array, error: float) -> Array:
@@ -179,7 +188,7 @@ def weighed_rows(certificate: Certificate, claim: Claim) -> tuple[Array, Array, 
 
     The sizes times `Claim.error` bound all errors, of rounding and of float directions.
     """
-    c, g, L = certificate, certificate.question.grasp, len(certificate.leaves)
+    c, g, L = certificate, certificate.question.plain, len(certificate.leaves)
     any_case = np.zeros((len(c.kind), g.m + g.mechanism.a), dtype=np.int64)
     rows = rows_of(c, any_case, claim.lo, claim.hi, wider=0.0)
     y, leaf = c.multiplier, np.repeat(np.arange(L), np.diff(c.start))
@@ -208,7 +217,7 @@ def _of_directions(c: Certificate, at: Columns) -> Array:
     needs_both = np.isin(c.kind, (Row.GAP_UP, Row.DN_UP, Row.CHORD)) & (np.abs(c.b - c.a) < HALF)
     wide = np.where(needs_both, 1 + (Ua * Ub).sum(axis=1), 1.0) ** -1.5
     mu, sin = np.append(q.grasp.mu, 0.0)[np.minimum(c.index, m)], np.sin(q.eta)
-    out = np.zeros((len(c.kind), at.n + 3 * m + q.grasp.mechanism.a))
+    out = np.zeros((len(c.kind), at.n + 3 * m + q.plain.mechanism.a))
     for kinds, first, columns, more in (
         ((Row.TANGENT,), at.c.start, 1, mu),
         ((Row.CHORD,), at.c.start, 1, mu * wide),

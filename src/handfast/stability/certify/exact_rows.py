@@ -31,7 +31,7 @@ class ExactRows:
     @classmethod
     def of(cls, question: Question) -> ExactRows:
         """From the positions, axes and contact frames as they are."""
-        g, at = question.grasp, Columns.of(question)
+        g, at = question.plain, Columns.of(question)
         E, _, Z = (
             [{int(j): rational(row[j]) for j in np.flatnonzero(row)} for row in np.atleast_2d(a)]
             for a in equations(question, np.zeros((6, 3 * g.m)), np.zeros((3 * g.m, g.l)))

@@ -44,7 +44,7 @@ class LeafRows:
 
 def equations(question: Question, G: Array, J: Array) -> tuple[Array, Array, Array]:
     """E (p, n), h (p,) and Z (3m+a, n) with the given grasp map and Jacobian."""
-    q, g, at = question, question.grasp, Columns.of(question)
+    q, g, at = question, question.plain, Columns.of(question)
     R, A = q.sense[:, None] * g.mechanism.R, g.mechanism.A
     locked = np.flatnonzero(~q.may_move)
     sizes = (6, g.l, len(A), len(locked), int(at.e.stop > at.e.start))
@@ -53,6 +53,7 @@ def equations(question: Question, G: Array, J: Array) -> tuple[Array, Array, Arr
     E[:b1, at.c], h[:b1] = G, -q.load.w_a  # (1)
     E[:b1, at.scalar] = q.load.w_b[:, None]
     E[b1:b2, at.c], E[b1:b2, at.f], E[b1:b2, at.coupling] = J.T, -R.T, -A.T  # (2)
+    E[b1:b2, at.scalar], h[b1:b2] = -q.load.g_b[:, None], q.load.g_a
     E[b2:b3, at.q] = A
     E[b3:b4, at.q] = R[locked]  # (8) where nothing is commanded
     if p > b4:
@@ -81,7 +82,7 @@ def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wi
     lo, hi: (n,) the bounds that BOUND rows cite. wider: by how much rows of the friction cone give way.
     """
     c, q, at = certificate, certificate.question, Columns.of(certificate.question)
-    g, count = q.grasp, len(c.kind)
+    g, count = q.plain, len(c.kind)
     m, a = g.m, g.mechanism.a
     cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
     value, b = np.zeros((count, at.n + 3 * m + a)), np.zeros(count)
@@ -150,9 +151,10 @@ def _put_energy(c: Certificate, value: Array, b: Array) -> None:
     energy, q, at = np.flatnonzero(c.kind == Row.ENERGY), c.question, Columns.of(c.question)
     if not len(energy):
         return
-    m, a = q.grasp.m, q.grasp.mechanism.a
+    m, a = q.plain.m, q.plain.mechanism.a
     x, f_c, per_s = c.references[c.index[energy]], q.load.f_a, q.load.f_b
     value[energy, at.r] = q.load.w_a
+    value[energy, at.q] = q.load.g_a
     value[energy[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m]
     value[energy[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_s) * (1 + 4 * UNIT)
     b[energy] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT)
@@ -160,7 +162,7 @@ def _put_energy(c: Certificate, value: Array, b: Array) -> None:
 
 def _equations_in_case(c: Certificate, states: Integers) -> Mask:
     """(R,) which rows are equations where they stand, by what contacts and actuators are there (R, m+a)."""
-    q, m, a = c.question, c.question.grasp.m, c.question.grasp.mechanism.a
+    q, m, a = c.question, c.question.grasp.m, c.question.plain.mechanism.a
     contact = np.minimum(c.index, m - 1)
     part = np.where(c.kind >= Row.T_UP, np.minimum(m + c.index, m + a - 1), contact) if m + a else contact
     state = states[np.arange(len(c.kind)), part]
@@ -180,7 +182,7 @@ def bounds(question: Question, scalar: tuple[float, float] | None) -> tuple[Arra
     lo[at.c][0::3] = 0.0
     if q.force_limit is not None:
         hi[at.c][0::3] = q.force_limit
-    limit = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.mechanism.actuators])
+    limit = np.array([q.torque_limits.get(name, np.inf) for name in q.plain.mechanism.actuators])
     lo[at.f], hi[at.f] = -limit, limit
     if scalar is not None:
         lo[at.scalar], hi[at.scalar] = scalar

@@ -45,7 +45,7 @@ class SharedSystem:
     @classmethod
     def of(cls, question: Question) -> SharedSystem:
         """The equations (1), (2), couplings, locked actuators, and (3)."""
-        g, at = question.grasp, Columns.of(question)
+        g, at = question.plain, Columns.of(question)
         E, h, Z = equations(question, g.G, g.J)
         G, J = sizes(g)
         E_size, _, Z_size = (np.abs(a) for a in equations(question, G, J))

@@ -48,6 +48,7 @@ def pyramid_step(
         raise InputError(f"is {edges}; an even number, 4 or more, is needed", field="edges")
     if not inertia > 0:
         raise InputError(f"is {inertia:g}; a positive number is needed", field="inertia")
+    grasp.refuse_laws("the time step")
     p = scaled_problem.build(grasp, scaled_problem.as_wrench(wrench))
     m, l, _, _ = p.sizes
     fixed = np.vstack([p.R[~p.moves], p.A])

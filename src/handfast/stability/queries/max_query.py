@@ -20,6 +20,7 @@ from handfast.stability.certify import arc, checker
 from handfast.stability.certify.certificate_file import question_to_dict
 from handfast.stability.certify.ranges import Known, known
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.idle_joints import runs_away
 from handfast.stability.json_match import is_number
 from handfast.stability.posed import Posed
 from handfast.stability.query import (
@@ -125,7 +126,8 @@ def _load(saved: Saved) -> tuple[Array, Array]:
     q = saved.question
     if q.direction is not None:
         return q.wrench, q.direction
-    if q.goal != ANY_STATE or q.grasp.command.any() or q.torque_limits or q.force_limit is not None:
+    beside = q.grasp.command.any() or q.equivalent.is_given or q.torque_limits or q.force_limit is not None
+    if q.goal != ANY_STATE or beside:
         raise ClaimRefused(f"is of a maximum, its question of '{q.goal.word}'")
     return np.zeros(6), q.wrench
 
@@ -327,10 +329,11 @@ def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
 
 
 def max_goal(p: ScaledProblem) -> Goal:
-    """How a maximum is posed: limits and a base load break homogeneity; without commands there is only yes or no."""
+    """How a maximum is posed: limits and a base load break homogeneity; without commands, or anything that is given to
+    joints, there is only yes or no."""
     if np.isfinite(p.f_max).any() or np.isfinite(p.cn_max) or p.w0.any():
         return LARGEST
-    return SMALLEST_PRELOAD if p.f_c.any() else ANY_STATE
+    return SMALLEST_PRELOAD if p.f_c.any() or p.is_given else ANY_STATE
 
 
 def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None, **hints: Any) -> MaxAnswer:
@@ -350,9 +353,11 @@ def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None,
         if goal.has_scalar:
             lower, upper = goal.bounds(p, found.value, found.bound)
             unbounded = bool(lower >= end * (1 - NEAR_END))
-            w = _scaled(w, lower / p.direction_scale) if goal.homogeneous else w
+            if goal.homogeneous and p.is_given:  # of the state itself, whose preload is the grasp's to the last digits
+                lower = min(p.direction_scale / _preload_share(w, p.grasp), upper)
+            w = _scaled(w, lower / p.direction_scale, p.grasp) if goal.homogeneous else w
         else:
-            lower, unbounded, w = end, True, _scaled(w, end)
+            lower, unbounded, w = end, True, _scaled(w, end, p.grasp)
         upper = INF if unbounded else upper
     backing: dict[str, Any] = {"posed": posed, "verified": found.backed}
     point = found.point if verdict is Verdict.HOLDS else None
@@ -367,14 +372,22 @@ def _search(
     goal = max_goal(p)
     if not goal.has_scalar:  # nothing but the disturbance: resisted at every magnitude or at none
         p = replace(p, w0=p.direction, wrench=p.along)
-    if goal.maximised and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
+    if goal.maximised and p.is_given and not p.w0.any():  # what slips without limits slips with them
+        free = scaled_problem.build(p.grasp, p.wrench, p.along, eta=p.eta, mdp=p.mdp)
+        posed, alone = _search(free, settings, on_step, {})
+        if alone.bound == INF:
+            return posed, alone
+    elif goal.maximised and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
         # no search tells small magnitudes from 0, which every limit allows; what slips without limits slips with them
         free = scaled_problem.build(p.grasp, p.along, eta=p.eta, mdp=p.mdp)
         alone = solve(free, ANY_STATE, settings, on_step)
         if alone.bound == INF:
             return Posed(free, ANY_STATE), alone
     found = solve(p, goal, settings, on_step, **hints)
-    if found.bound == INF and goal.has_scalar and settings.method == "engine":
+    if found.bound == INF and goal.has_scalar and settings.method == "engine" and runs_away(p.grasp):
+        if goal.homogeneous:  # by the same rows with any preload
+            found = solve(p, goal, settings, on_step, within=(goal.search_range(p)[0], INF)).after(found)
+    elif found.bound == INF and goal.has_scalar and settings.method == "engine":
         found = without_end(p, goal, settings, on_step, found)
     interrupted = found.stop is Stop.INTERRUPTED
     if found.witness is None and found.bound < INF and goal.maximised and not interrupted:
@@ -385,6 +398,13 @@ def _search(
     return Posed(p, goal), found
 
 
-def _scaled(w: Witness, s: float) -> Witness:
+def _preload_share(w: Witness, grasp: Grasp) -> float:
+    """The lambda of a homogeneous witness: what it has of the grasp's largest command, given torque or friction."""
+    own, given = (np.concatenate([g.command, g.given_torques, g.joint_friction]) for g in (w.grasp, grasp))
+    k = int(np.argmax(np.abs(given)))
+    return float(own[k] / given[k])
+
+
+def _scaled(w: Witness, s: float, grasp: Grasp) -> Witness:
     """A homogeneous witness (w = d, commands lambda f_c) scaled so that the commands are the grasp's own."""
-    return Witness(w.grasp.with_preload(s * w.grasp.command), s * w.wrench, w.state.scaled(s), w.eta, w.mdp)
+    return Witness(grasp.with_preload(s * w.grasp.command), s * w.wrench, w.state.scaled(s), w.eta, w.mdp)

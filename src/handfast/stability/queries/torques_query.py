@@ -59,16 +59,19 @@ class TorquesQuery(Query[TorquesEntry]):
         """Are the commands those that the answer gives, and do they cost what it says?"""
         q, answer, command = saved.question, saved.answer, witness.grasp.command
         names = q.grasp.mechanism.actuators
-        if (command[~q.is_driven] != 0).any():
-            return "an actuator is commanded that was to stay locked"
-        if (q.sense * command < 0).any():
+        sought = q.sought
+        given = np.where(q.grasp.mechanism.backdrivable, q.grasp.command, 0.0)
+        if (command[~sought] != given[~sought]).any():
+            return "an actuator is commanded that was to stay locked, or a backdrivable one otherwise"
+        if (np.where(q.grasp.command < 0, -1.0, 1.0) * command < 0)[sought].any():
             return "a command has the wrong sense"
         said = answer.preload or {}
-        if set(said) != {n for n, d in zip(names, q.is_driven, strict=True) if d}:
+        if set(said) != {n for n, d in zip(names, sought, strict=True) if d}:
             return "the answer's commands are of other actuators"
-        if not all(close(np.array([said.get(n, 0.0)]), x) for n, x in zip(names, command[:, None], strict=True)):
+        each = zip(names, command[:, None], given, strict=True)
+        if not all(close(np.array([said.get(n, own)]), x) for n, x, own in each):
             return "the answer gives other commands"
-        cost = SmallestCommands(q.goal.effort).cost(command)
+        cost = SmallestCommands(q.goal.effort).cost(witness.grasp)
         if answer.upper is None or not close(np.array([answer.upper]), np.array([cost])):
             return f"its commands cost {cost:.6g}; the answer says {answer.upper}"
         return ""
@@ -138,20 +141,20 @@ def torques(
         wrench: (6,) force [N] and torque [N m] on the object, or (3,) a force at its origin.
         objective: "max", the largest single command, or "sum".
         actuators: whose commands are sought; by default those that the grasp commands now, or all.
-            The others stay locked.
+            The others stay locked; backdrivable motors stay as the grasp commands them.
 
     The other arguments and errors are those of `check`.
 
     Raises:
-        InputError: also for an unknown objective or actuator.
+        InputError: also for an unknown objective or actuator, and for a backdrivable one.
     """
     settings = settings or Settings()
     if objective not in ("max", "sum"):
         raise InputError(f"is '{objective}'; 'max' or 'sum' is needed", field="objective")
-    names = list(actuators or grasp.preload or grasp.mechanism.actuators)
+    names = list(actuators or grasp.sought_actuators)
     chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
     sense = {n: v for n, v in grasp.preload.items() if n in names}
-    asked = grasp.with_preload({n: np.sign(sense.get(n, 1.0)) for n in names})
+    asked = grasp.with_commands({n: np.sign(sense.get(n, 1.0)) for n in names})
     limits: dict[str, Any] = {"torque_limits": torque_limits, "force_limit": force_limit}
     p = scaled_problem.build(asked, wrench, eta=eta, driven=chosen, **limits)
     goal = SmallestCommands(objective)
@@ -164,7 +167,7 @@ def torques(
     else:
         verdict, commands = Verdict.HOLDS, found.witness.grasp.command
         every = dict(zip(found.witness.grasp.mechanism.actuators, commands.tolist(), strict=True))
-        preload, upper = {n: every[n] for n in names}, goal.cost(commands)
+        preload, upper = {n: every[n] for n in names}, goal.cost(found.witness.grasp)
     backing: dict[str, Any] = {"posed": Posed(p, goal), "verified": found.backed}
     return TorquesAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, preload, lower, upper, **backing)
 
@@ -180,11 +183,14 @@ def _search(
     if found.stop is Stop.INTERRUPTED:
         return found
     if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
-        little = p.grasp.with_preload(NEARLY_NONE * p.command_units * p.grasp.command)
+        same = p.equivalent
+        little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
         return held_under(little, p, settings, found) or found
     if found.witness is not None and settings.method == "engine":
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         command = found.witness.grasp.command
-        raised = (grasp.with_preload(factor * command) for factor in 1 + settings.gap * np.array(MORE))
+        back = np.array(grasp.mechanism.backdrivable, dtype=bool)
+        factors = 1 + settings.gap * np.array(MORE)
+        raised = (grasp.with_preload(np.where(back, command, factor * command)) for factor in factors)
         return next((held for g in raised if (held := held_under(g, p, settings, found))), found)
     return found

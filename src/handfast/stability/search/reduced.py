@@ -93,6 +93,7 @@ class Reduced:
         solvable: can (1) and (2) be met at all?
         solve: (ny, e) pseudo-inverse of the equations; values, constants: base values over y. With them
             another disturbance of the same grasp is cheap, see `redirected`.
+        of_torques: (e, l) what given torques are in the right-hand sides of the equations.
     """
 
     p: ScaledProblem
@@ -120,12 +121,13 @@ class Reduced:
     solve: Array
     values: Array
     constants: Array
+    of_torques: Array
     cap: float = np.inf
 
     def redirected(self, p: ScaledProblem) -> Reduced:
         """The same grasp and scales, the smallest preload, with another disturbance in `p`."""
         load = self.goal.scaled_load(p)
-        h = np.zeros(self.solve.shape[1])
+        h = self.of_torques @ load.g_a
         h[:6] = -load.w_a
         y0 = self.solve @ h
         lo = self.lo.copy()
@@ -202,11 +204,12 @@ class Reduced:
         f: Array = np.zeros(a)
         coupling = np.zeros(k)
         f[self.kept] = y[3 * m : 3 * m + len(self.kept)]
+        scalar = float(y[3 * m + len(self.kept)]) if self.objective else 0.0
         rest = np.flatnonzero(~(p.moves | np.isfinite(p.f_max)))
         if len(rest) + k:
-            out = pseudo_inverse(np.vstack([p.R[rest], p.A]).T) @ (p.J.T @ c - p.R.T @ f)
+            torques = p.J.T @ c - p.R.T @ f - self.load.g_a - scalar * self.load.g_b
+            out = pseudo_inverse(np.vstack([p.R[rest], p.A]).T) @ torques
             f[rest], coupling = out[: len(rest)], np.array(out[len(rest) :])
-        scalar = float(y[3 * m + len(self.kept)]) if self.objective else 0.0
         return ScaledPoint(x[:6], x[6:], c, f, coupling, scalar)
 
     def scalar(self, z: Array) -> float:
@@ -226,7 +229,8 @@ class Reduced:
         """The reduced unknowns (n,) nearest to a state that resists a magnitude, commands as they are."""
         scalar = self.goal.at_magnitude(self.p, magnitude)
         # where all is homogeneous, states are sought for the direction alone
-        return self.z(self.p.scaled(state.scaled(scalar) if self.goal.homogeneous else state, scalar))
+        same = state.scaled(scalar) if self.goal.homogeneous else state
+        return self.z(self.p.scaled(same, scalar, self.goal.given_share(scalar)))
 
     def witness(self, x: ScaledPoint) -> Witness:
         """A scaled point in the grasp's units, with the disturbance and the commands it belongs to.
@@ -237,7 +241,11 @@ class Reduced:
         turns = p.R @ x.q > TURNS
         f_c = np.where(p.driven, np.where(turns, np.maximum(x.f, 0.0), 0.0), load.f_a + x.scalar * load.f_b)
         wrench = p.force * (load.w_a + x.scalar * load.w_b) / p.lengths
-        return Witness(p.grasp.with_preload(p.command(f_c)), wrench, p.unscale(x), p.eta, p.mdp)
+        share = self.goal.given_share(x.scalar)
+        if p.is_given and not wrench.any() and np.abs(x.c).max() < SOLVED:  # rounding of what rests by itself
+            x = replace(x, c=np.zeros(len(x.c)))
+        grasp = p.grasp.with_laws_times(share).with_preload(p.command(f_c, share))
+        return Witness(grasp, wrench, p.unscale(x, share), p.eta, p.mdp)
 
 
 def reduce(
@@ -263,7 +271,7 @@ def reduce(
     load, at = goal.scaled_load(p), _Forces.of(p, goal)
     active = np.flatnonzero(p.moves)
     M = _motions(p)
-    E, h = _balances(p, load, at, M)
+    E, h, of_torques = _balances(p, load, at, M)
     U, sv, Vt = np.linalg.svd(E)
     rank = int((sv > RANK * sv[0]).sum())
     inverse = (Vt[:rank].T / sv[:rank]) @ U[:, :rank].T
@@ -309,6 +317,7 @@ def reduce(
         solve=inverse,
         values=V,
         constants=constants,
+        of_torques=of_torques,
         cap=cap,
     )
 
@@ -366,8 +375,11 @@ def _motions(p: ScaledProblem) -> Array:
     return M
 
 
-def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tuple[Array, Array]:
-    """E y = h: (1), (2) against admissible motions of the joints, and the sum of efforts if sought; M: `_motions`."""
+def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tuple[Array, Array, Array]:
+    """E y = h: (1), (2) against admissible motions of the joints, and the sum of efforts if sought; M: `_motions`.
+
+    And (e, l) what given torques are in h.
+    """
     kept = p.moves | np.isfinite(p.f_max)
     Z = M[6:, 6:] if (kept == p.moves).all() else null_space(np.vstack([p.A, p.R[~kept]]))
     joints = slice(6, 6 + Z.shape[1])
@@ -376,11 +388,15 @@ def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tupl
     E[:6, : at.contacts], h[:6] = p.G, -load.w_a  # (1)
     if at.objective == arrays.SCALAR:
         E[:6, at.scalar] = load.w_b
+        E[joints, at.scalar] = -Z.T @ load.g_b
     E[joints, : at.contacts] = Z.T @ p.J.T  # (2)
     E[joints, at.contacts : at.scalar] = -Z.T @ p.R[at.kept].T
     if len(at.efforts):
         E[-1, at.scalar], E[-1, at.scalar + 1 :] = 1.0, -1.0
-    return E, h
+    of_torques = np.zeros((height, len(p.torque)))
+    of_torques[joints] = Z.T
+    h += of_torques @ load.g_a
+    return E, h, of_torques
 
 
 def _force_bounds(p: ScaledProblem, goal: Goal, at: _Forces, endless: bool, within: Range | None) -> list[_PlainBound]:
@@ -397,7 +413,8 @@ def _force_bounds(p: ScaledProblem, goal: Goal, at: _Forces, endless: bool, with
 def _motion_bounds(p: ScaledProblem, goal: Goal, endless: bool, cap: float) -> list[_PlainBound]:
     """Bounds of motions, if they have a cap, and the places of the two parts of the balance of energy."""
     plain = [_PlainBound("motion", i, -cap, cap) for i in range(6 + p.J.shape[1])] if cap < np.inf else []
-    if p.mdp and goal.bounds_energy and not endless:  # for `rows.ENERGY`
+    bounded = goal.bounds_energy and not (goal.homogeneous and p.equivalent.drives)
+    if p.mdp and bounded and not endless:  # for `rows.ENERGY`
         plain += [_PlainBound("energy", i, -np.inf, np.inf) for i in range(2)]
     return plain
 
@@ -438,7 +455,7 @@ def _motion_rows(p: ScaledProblem, load: AffineLoad, active: Indices, bounds: li
         D[first : first + 6 + l] = np.eye(6 + l)
     if bounds and bounds[-1].kind == "energy":
         D[-2:, :6] = load.w_a, load.w_b
-        D[-2:, 6:] = load.f_a @ p.R, load.f_b @ p.R
+        D[-2:, 6:] = load.f_a @ p.R + load.g_a, load.f_b @ p.R  # without what friction takes, where it is sought
     return D
 
 
@@ -457,15 +474,17 @@ def _cost(at: _Forces, active: int, forces: Array, motions: Array) -> Array:
 def _largest_forces(p: ScaledProblem, load: AffineLoad, cap: float, top: float) -> tuple[Array, Array]:
     """(3m,) and (a,) bounds of |c| and |f| for motions up to a cap, an objective up to `top`.
 
-    c_n <= |d_n|, and by energy sum c_n^2 <= w . r + f_c . t where friction obeys the dissipation principle.
+    c_n <= |d_n|, and by energy sum c_n^2 <= w . r + f_c . t + g . q where friction obeys the dissipation principle.
     """
     cn = (np.abs(p.G[:, 0::3]).sum(axis=0) + np.abs(p.J[0::3]).sum(axis=1)) * cap
     if p.mdp:
         sought = top * p.command_unit / p.command_units
         command = np.where(p.driven, sought, load.f_a + top * load.f_b)
         force = np.abs(load.w_a) + top * np.abs(load.w_b)
-        cn = np.minimum(cn, np.sqrt((force.sum() + command @ np.abs(p.R).sum(axis=1)) * cap))
+        given = np.abs(load.g_a + top * load.g_b).sum()
+        cn = np.minimum(cn, np.sqrt((force.sum() + command @ np.abs(p.R).sum(axis=1) + given) * cap))
     cn = np.minimum(cn, p.cn_max)
     c = np.column_stack([cn, p.mu * cn, p.mu * cn]).reshape(-1)
     K = (np.abs(pseudo_inverse(np.vstack([p.R, p.A]).T)) @ np.abs(p.J.T))[: len(p.R)]
-    return c, np.minimum(K @ c, p.f_max)
+    carried = np.abs(pseudo_inverse(np.vstack([p.R, p.A]).T))[: len(p.R)] @ np.abs(load.g_a + top * load.g_b)
+    return c, np.minimum(K @ c + carried, p.f_max)

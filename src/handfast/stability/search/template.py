@@ -111,7 +111,7 @@ class Template:
         p, r = self.problem, self.reduced
         grasp = grasp or p.grasp
         k = len(base)
-        scales = scaled_problem.scales(grasp, base, along, p.torque_limits, p.force_limit)
+        scales = scaled_problem.scales(grasp, p.equivalent, base, along, p.torque_limits, p.force_limit)
         lengths = p.lengths
         direction = np.zeros((k, 6)) if along is None else along
         scaled_base = lengths * base / scales.force[:, None]
@@ -121,12 +121,15 @@ class Template:
         else:
             constant, per_scalar = scaled_base, scaled_direction
         h = np.zeros((k, len(self.E)))
+        if r.goal != SMALLEST_PRELOAD:  # where it has the scalar as a factor
+            h += self._torques(grasp, scales.force) @ r.of_torques.T
         h[:, :6] = -constant
         y0 = h @ self.inverse.T
         wide = self.E.shape[1]
         solvable = np.abs(y0[:, :wide] @ self.E.T - h).max(axis=1) < SOLVED
         column = np.zeros((k, 0))
         if len(self.mix):
+            h = np.zeros((k, len(self.E)))
             h[:, :6] = -per_scalar
             column = h @ self.inverse.T
             solvable &= np.abs(column[:, :wide] @ self.E.T - h).max(axis=1) < SOLVED
@@ -135,6 +138,19 @@ class Template:
         return LoadRows(
             base, direction, scales.force, scales.direction, solvable, column, y0, scales.last_magnitude, grasp
         )
+
+    def _torques(self, grasp: Grasp, force: Array) -> Array:
+        """(k, l) the given torques under a grasp's commands, scaled by forces (k,)."""
+        p = self.problem
+        given: Array = p.equivalent.torques_under(grasp.command) / (force[:, None] * p.joint_scale)
+        return given
+
+    def _commands(self, grasp: Grasp) -> Array:
+        """(a,) a grasp's commands of the equivalent's actuators."""
+        same = self.problem.equivalent
+        out = np.zeros(len(self.problem.R))
+        out[: len(same.kept)] = grasp.command[same.kept]
+        return out
 
     def rows(self, loads: LoadRows) -> QuestionRows:
         """What the kernel asks."""
@@ -161,7 +177,7 @@ class Template:
         """The arrays of `QuestionRows` in which the loads are."""
         p, r = self.problem, self.reduced
         k, F = len(loads.base), len(r.C)
-        f_c = loads.grasp.command / (loads.force[:, None] * p.actuator_scale)
+        f_c = self._commands(loads.grasp) / (loads.force[:, None] * p.actuator_scale)
         off = np.zeros((k, whole_vectors(F)))
         off[:, :F] = loads.y0 @ r.values.T
         if r.goal != SMALLEST_PRELOAD:  # whose commands have the scalar as a factor
@@ -201,7 +217,7 @@ class Template:
             D[:, 1, 6:] = f_c @ p.R
         else:
             D[:, 0, :6] = lengths * loads.base / loads.force[:, None]
-            D[:, 0, 6:] = f_c @ p.R
+            D[:, 0, 6:] = f_c @ p.R + self._torques(loads.grasp, loads.force)
         return np.ascontiguousarray(D @ r.M)
 
     def states(self, loads: LoadRows, z: Array) -> tuple[StateRows, Array]:
@@ -217,15 +233,16 @@ class Template:
         f = np.zeros((len(z), a))
         f[:, kept] = y[:, 3 * m : 3 * m + len(kept)]
         rest, inverse = self._locked
-        passed = (c @ p.J - f @ p.R) @ inverse.T
-        f[:, rest], coupling = passed[:, : len(rest)], passed[:, len(rest) :]
         scalar = y[:, 3 * m + len(kept)] if r.objective else np.zeros(len(z))
+        share = scalar[:, None] if r.goal == SMALLEST_PRELOAD else np.ones((len(z), 1))
+        passed = (c @ p.J - f @ p.R - share * self._torques(loads.grasp, loads.force)) @ inverse.T
+        f[:, rest], coupling = passed[:, : len(rest)], passed[:, len(rest) :]
         force = loads.force[:, None]
-        state = StateRows(
-            force * p.lengths * x[:, :6],
+        q, forces, couplings, reaction = p.equivalent.parts_of(
             force * x[:, 6:] / p.joint_scale,
-            force * c,
             force * f * p.actuator_scale,
             force * coupling * p.coupling_scale,
+            loads.grasp.command,
+            share,
         )
-        return state, scalar
+        return StateRows(force * p.lengths * x[:, :6], q, force * c, forces, couplings, reaction), scalar

@@ -1,0 +1,35 @@
+"""Joints that touch nothing: can their own equations be met at all, whatever the contacts do?
+
+A finger in the air that is pulled and held by nothing moves on for ever, and no load makes a difference. Beside loads
+that are ten thousand times as large as what pulls it, a search cannot tell that from rounding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from handfast.model.grasp import Grasp
+from handfast.stability import model
+
+
+def runs_away(grasp: Grasp) -> bool:
+    """Is there no torque balance of the joints that touch nothing, by (2), (8) and what they can carry themselves?
+
+    What anything moves by is left aside, so that False says nothing; True is a proof that nothing is resisted.
+    """
+    idle = ~grasp.J.any(axis=0)
+    mech, given = grasp.mechanism, grasp.given_torques
+    if not idle.any() or not (grasp.command.any() or given[idle].any()):
+        return False
+    from scipy.optimize import linprog  # slow to import, and seldom needed
+
+    moves, back = model.commanded(grasp), np.array(mech.backdrivable, dtype=bool)
+    f_c = grasp.command
+    low = np.where(back, f_c, np.where(moves & (f_c >= 0), f_c, -np.inf))
+    high = np.where(back, f_c, np.where(moves & (f_c < 0), f_c, np.inf))
+    lo, hi = model.reaction_range(grasp)
+    free = np.full(len(mech.A), np.inf)
+    columns = np.hstack([mech.R.T, mech.A.T, np.eye(grasp.l)])[idle]
+    bounds = np.column_stack([np.concatenate([low, -free, lo]), np.concatenate([high, free, hi])])
+    found = linprog(np.zeros(columns.shape[1]), A_eq=columns, b_eq=-given[idle], bounds=bounds)
+    return bool(found.status == 2)
