@@ -26,6 +26,8 @@ BARRETT = SHARED / "barrett_hand" / "bhand_model.urdf"
 ALLEGRO = SHARED / "allegro_hand" / "allegro_hand_right.urdf"
 DATA = ROOT / "src" / "handfast" / "data" / "hands"
 
+JOINTED = set(BUNDLED) - {"step-ground"}  # ground has no joints
+
 URDF = """<robot name="two">
   <link name="base"/>
   <link name="palm"><collision><origin xyz="0 0 0.01"/>
@@ -118,7 +120,7 @@ def test_forward_kinematics_of_real_files_is_mujocos(path: Path) -> None:
         np.testing.assert_allclose(ours[i], theirs[link.name], atol=1e-9)
 
 
-@given(seed=st.integers(0, 2**31), name=st.sampled_from(sorted(BUNDLED)))
+@given(seed=st.integers(0, 2**31), name=st.sampled_from(sorted(JOINTED)))
 @settings(max_examples=40, deadline=None)
 def test_jacobian_is_the_derivative_of_a_fixed_point(seed: int, name: str) -> None:
     hand = load_hand(name)

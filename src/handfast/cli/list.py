@@ -11,8 +11,11 @@ from handfast.core import bundled
 
 HANDS = {
     "barrett-bh8-280": "Barrett BH8-280: three fingers, worm-coupled distal joints at 1/3, spread",
+    "milling-fixture": "six locators, two straps and a screw around a workpiece",
     "parallel-gripper": "two parallel jaws, one motor",
     "schunk-sah": "Schunk SAH: four fingers of three joints, opposing thumb",
+    "step-ground": "no hand: a floor and a step for a body on four feet",
+    "tendon-hand": "three fingers of two joints, one tendon each",
 }
 PAPER = {
     "fig1": "the paper's Fig. 1, two fingers",

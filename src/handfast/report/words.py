@@ -272,7 +272,9 @@ def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -
         return f"{load} is resisted with every actuator locked: no command is needed."
     lower, upper = num(answer.lower), num(answer.upper)
     limit = "" if lower == upper else f", and none below {lower} suffices{up_to(answer)}"
-    return f"The {goal} that {load} needs is {upper} N·m{limit}."
+    grasp = answer.witness.grasp if answer.witness else None
+    units = {actuator_unit(grasp, name) for name, f in answer.preload.items() if f} if grasp else {"N·m"}
+    return f"The {goal} that {load} needs is {upper} {' or '.join(sorted(units))}{limit}."
 
 
 def reason(answer: Answer, settings: Settings) -> str:

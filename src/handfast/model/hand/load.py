@@ -33,6 +33,9 @@ BUNDLED: dict[str, tuple[str, dict[str, int], bool]] = {
         False,
     ),
     "parallel-gripper": ("parallel-gripper.xml", {"left_slide": 1, "right_slide": 1}, False),
+    "tendon-hand": ("tendon-hand.xml", {f"{f}_{k}": 1 for f in ("thumb", "left", "right") for k in (1, 2)}, False),
+    "milling-fixture": ("milling-fixture.xml", dict.fromkeys(("strap_1", "strap_2", "screw"), 1), False),
+    "step-ground": ("step-ground.xml", {}, False),
 }
 
 
