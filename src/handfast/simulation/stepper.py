@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.transforms import cross
-from handfast.simulation.twin import DRAG_TIME, Twin
+from handfast.core.transforms import cross, matrix_quaternion
+from handfast.simulation.twin import CREEP_RATIO, DRAG_TIME, Twin
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +79,25 @@ class Stepper:
         self.load = 0.0
         self.winding = True  # whether gearings follow
         mujoco.mj_forward(self._model, self.data)
+
+    def place(self, joints: Array, pose: Array) -> None:
+        """Begin elsewhere, at rest: gearings stand where that brings their actuators.
+
+        Args:
+            joints: (f,) displacements of the free joints, in the twin's units.
+            pose: (4, 4) of the object, in the twin's units.
+        """
+        for copies, value in zip(self._twin.copies, joints, strict=True):
+            self.data.qpos[list(copies)] = value
+        self.data.qpos[self._q : self._q + 3] = pose[:3, 3]
+        self.data.qpos[self._q + 3 : self._q + 7] = matrix_quaternion(pose[:3, :3])
+        self._mujoco.mj_forward(self._model, self.data)
+        for t in self._twin.gear:
+            self._model.tendon_range[t, 0] = self.data.ten_length[t]
+
+    def soften(self, times: float) -> None:
+        """Make what the engine gives way in sticking contacts so many times as large; it creeps as much faster."""
+        self._model.opt.impratio = CREEP_RATIO / times
 
     def command(self, share: float) -> None:
         """From now on every motor has this share of its command."""
