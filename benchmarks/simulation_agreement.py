@@ -21,6 +21,7 @@ import json
 import time
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +35,13 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import load_grasp
 from handfast.simulation.ending import Ending
-from handfast.simulation.loaded_twin import Loading, simulate
+from handfast.simulation.loaded_twin import Loading, force_unit, simulate
 from handfast.simulation.result import SimulationResult
+from handfast.simulation.twin import STIFFNESS
 from handfast.stability import scaled_problem
 from handfast.stability.least_motion import least_motion
 from handfast.stability.margin_search import margin
-from handfast.stability.model import joint_torques
+from handfast.stability.model import State, joint_torques, residuals
 from handfast.stability.queries import check, maximum
 from handfast.stability.queries.max_query import with_interval
 from handfast.stability.settings import Settings
@@ -108,16 +110,30 @@ def simulated(grasp: Grasp, share: float, most: Array) -> Iterator[dict[str, Any
 
 
 def seen(grasp: Grasp, found: SimulationResult, share: float) -> dict[str, Any]:
-    """What is kept of a simulation: `carries` is the largest share of its command that an actuator carries at rest."""
+    """What is kept of a simulation; of one at rest `missed`: by how much it misses the model's equations.
+
+    Its forces and all that has moved since the beginning are put into `model.residuals` as a witness would be.
+    """
     out: dict[str, Any] = {"ending": str(found.ending), "rate": found.rate / grasp.size}
     out["onset"] = None if found.onset is None else share * found.onset
-    if found.ending in RESTS and grasp.command.any():
-        torques = joint_torques(grasp, found.forces[-1].ravel())
-        held = np.vstack([grasp.mechanism.R, grasp.mechanism.A])
-        forces = np.linalg.lstsq(held.T, torques, rcond=None)[0][: grasp.mechanism.a]
-        driven = grasp.command != 0
-        out["carries"] = float((forces[driven] / grasp.command[driven]).max())
+    if found.ending in RESTS:
+        missed = asdict(residuals(grasp, found.wrench, state_of(grasp, found)))
+        out["missed"] = {name: round(value, 5) for name, value in missed.items()}
     return out
+
+
+def state_of(grasp: Grasp, found: SimulationResult) -> State:
+    """Where a simulation rests, as the state of the model that it would be."""
+    newtons = force_unit(grasp, found.wrench) * STIFFNESS / grasp.size  # [N/m] of every contact
+    turn = found.turn[-1]
+    shift = found.shift[-1] - np.cross(turn, grasp.positions.mean(axis=0))
+    q = np.zeros(grasp.l)
+    q[list(found.free)] = found.joints[-1]
+    c = found.forces[-1].ravel()
+    held = np.vstack([grasp.mechanism.R, grasp.mechanism.A])
+    carried = np.linalg.lstsq(held.T, joint_torques(grasp, c), rcond=None)[0]
+    f, coupling = carried[: grasp.mechanism.a], carried[grasp.mechanism.a :]
+    return State(newtons * np.r_[shift, turn], newtons * q, c, f, coupling)
 
 
 def outcome(row: dict[str, Any]) -> str:

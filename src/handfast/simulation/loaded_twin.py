@@ -52,16 +52,11 @@ def simulate(
         InputError: a wrench of another length, a load and commands that are all zero, times that are not above 0.
     """
     w = checked_wrench(wrench)
-    for name, value in (("ramp", ramp), ("step", step), ("stiffness", stiffness)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"is {value}; a number above 0 is needed", field=name)
-    if loading not in ("preload-first", "together"):
-        raise InputError(f"is '{loading}'; 'preload-first' or 'together' is needed", field="loading")
+    checked_times(ramp, step, stiffness, loading)
     unit = force_unit(grasp, w)
     twin = build_twin(grasp, unit, step=step, stiffness=stiffness)
-    scaled = np.r_[w[:3], w[3:] / twin.length] / unit
     frames = np.array([c.frame for c in grasp.contacts])
-    stepper = Stepper(twin, grasp.positions / twin.length, frames, scaled)
+    stepper = Stepper(twin, grasp.positions / twin.length, frames, twin.scaled(w))
     first = loading == "preload-first" and start is None
     if start is not None:
         from scipy.spatial.transform import Rotation
@@ -75,7 +70,16 @@ def simulate(
         stepper.place(moved, transform(per_newton * r[:3], turned))
     recording = Recording(stepper, step, ramp + HOLD + PRELOAD * first, on_time)
     recording.run(ramp, preload=first, commands=not first and start is None)
-    return recording.result(grasp, w, loading, (unit, twin.length), twin.joints, stiffness)
+    return recording.result(grasp, w, loading, twin, stiffness)
+
+
+def checked_times(ramp: float, step: float, stiffness: float, loading: str) -> None:
+    """Raises `InputError` for numbers that are not above 0, and an unknown way of loading."""
+    for name, value in (("ramp", ramp), ("step", step), ("stiffness", stiffness)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"is {value}; a number above 0 is needed", field=name)
+    if loading not in ("preload-first", "together"):
+        raise InputError(f"is '{loading}'; 'preload-first' or 'together' is needed", field="loading")
 
 
 def checked_wrench(wrench: Sequence[float] | Array) -> Array:

@@ -13,6 +13,7 @@ from handfast.model.grasp import Grasp
 from handfast.simulation.ending import CREEPS, EVIDENT, LEAST, LOST, REST, SLIP, Ending, judge
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.stepper import Moment, Stepper
+from handfast.simulation.twin import Twin
 
 PRELOAD = 2.0  # [s] of the simulation for the commands alone
 HOLD, LONGEST = 2, 12  # [s] for the full load: at least, and at most while motion still fades
@@ -106,11 +107,10 @@ class Recording:
         return float(gone / max(now.time - last.time, self._step))
 
     def result(
-        self, grasp: Grasp, wrench: Array, loading: str, units: tuple[float, float], free: tuple[int, ...],
-        stiffness: float,
-    ) -> SimulationResult:  # fmt: skip
-        """The history in SI units, judged; units: [N], [m]."""
-        force, length = units
+        self, grasp: Grasp, wrench: Array, loading: str, twin: Twin, stiffness: float, *, bodies: bool = False
+    ) -> SimulationResult:
+        """The history in SI units, judged; `bodies` says whether they were simulated."""
+        force, length, free = twin.force, twin.length, twin.joints
         history, before, why = self.history, self.before, self.why
         moved = np.array([h.moved for h in history])
         places = np.array([h.places for h in history])
@@ -137,6 +137,7 @@ class Recording:
             turn=np.array([h.turn for h in history]), motion=length * moved, speed=length * speed,
             joints=np.array([h.joints for h in history]) * scale, free=free, forces=force * forces,
             steps=round(float(time[-1]) / self._step), seconds=clock.perf_counter() - self._begun, why=why,
+            bodies=bodies, points=np.array([h.points for h in history]),
         )  # fmt: skip
 
 

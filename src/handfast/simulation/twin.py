@@ -55,6 +55,10 @@ class Twin:
     gear: tuple[int, ...]
     winds: tuple[bool, ...]
 
+    def scaled(self, wrench: Array) -> Array:
+        """(6,) [N, N m] in the twin's units."""
+        return np.r_[wrench[:3], wrench[3:] / self.length] / self.force
+
 
 def build_twin(grasp: Grasp, force: float, *, step: float = STEP, stiffness: float = STIFFNESS) -> Twin:
     """The twin of a grasp under its commands; `force` [N] is the unit.
@@ -93,13 +97,16 @@ def engine_spec(step: float) -> Any:
     return spec
 
 
-def add_pair(spec: Any, name: str, geoms: tuple[str, str], friction: float) -> None:
-    """Let a part of the hand touch one of the object; `assembled` makes all pairs equally stiff."""
+def add_pair(spec: Any, name: str, geoms: tuple[str, str], friction: float, margin: float = 0.0) -> None:
+    """Let a part of the hand touch one of the object; `assembled` makes all pairs equally stiff.
+
+    `margin` [length unit] is how far apart they touch.
+    """
     mu = max(friction, 1e-5)  # mujoco's least
     spec.add_pair(
         name=name, geomname1=geoms[0], geomname2=geoms[1], condim=3, friction=[mu, mu, 0, 0, 0],
         solref=[-(CONTACT_RATE**2), -2 * CONTACT_RATE], solreffriction=[0.0, -FRICTION_RATE],
-        solimp=[0.9, 0.9, 0.001, 0.5, 2.0], margin=0.0,
+        solimp=[0.9, 0.9, 0.001, 0.5, 2.0], margin=margin,
     )  # fmt: skip
 
 
