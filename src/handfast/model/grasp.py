@@ -78,6 +78,10 @@ class GraspJoint:
         origin: (3,) [m], a point on the axis, object frame.
         moves: indices of the contacts whose finger side this joint moves.
         type: "revolute" or "prismatic".
+        friction: dry friction of the joint, the largest torque or force that it takes [N m, N]; 0 or more.
+        torque: what acts on the joint besides, whatever it does, as of a spring [N m, N]; positive closes.
+        stop: the limits at which the joint stands, beyond which it does not move: "lower" (it cannot open further),
+            "upper" (it cannot close further), "both", or "" for none.
     """
 
     name: str
@@ -85,6 +89,9 @@ class GraspJoint:
     origin: Array
     moves: tuple[int, ...]
     type: Literal["revolute", "prismatic"] = "revolute"
+    friction: float = 0.0
+    torque: float = 0.0
+    stop: Literal["", "lower", "upper", "both"] = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", unit(self.axis, "axis"))
@@ -92,6 +99,15 @@ class GraspJoint:
         object.__setattr__(self, "moves", tuple(int(i) for i in self.moves))
         if self.type not in ("revolute", "prismatic"):
             raise InputError(f"is '{self.type}'; 'revolute' or 'prismatic' is needed", field="type")
+        for name in ("friction", "torque"):
+            value = float(getattr(self, name))
+            if not np.isfinite(value):
+                raise InputError(f"is {value}; a finite number is needed", field=name)
+            object.__setattr__(self, name, value)
+        if self.friction < 0:
+            raise InputError(f"is {self.friction:g}; the friction of a joint is 0 or more [N m, N]", field="friction")
+        if self.stop not in ("", "lower", "upper", "both"):
+            raise InputError(f"is '{self.stop}'; 'lower', 'upper', 'both' or '' is needed", field="stop")
 
     def velocity_at(self, point: Array) -> Array:
         """(3,) velocity of a point of the moved finger per unit joint speed, object frame."""

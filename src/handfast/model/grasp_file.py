@@ -34,12 +34,16 @@ class GraspJointEntry(Strict):
     axis: Vector
     origin: Vector
     moves: list[int]
+    friction: Annotated[float, Field(ge=0)] = 0.0
+    torque: float = 0.0
+    stop: Literal["", "lower", "upper", "both"] = ""
 
 
 class ActuatorEntry(Strict):
     name: str
     joints: dict[str, float]
     tendon: bool = False
+    backdrivable: bool = False
 
 
 class MechanismEntry(Strict):
@@ -105,7 +109,8 @@ def from_dict(data: Any, *, name: str = "grasp", folder: str | Path | None = Non
     joints = []
     for j, e in enumerate(entry.joints):
         with _within(f"joints[{j}]"):
-            joints.append(GraspJoint(e.name, np.array(e.axis), np.array(e.origin), tuple(e.moves), e.type))
+            place = np.array(e.axis), np.array(e.origin), tuple(e.moves)
+            joints.append(GraspJoint(e.name, *place, e.type, e.friction, e.torque, e.stop))
     mechanism = None
     if entry.mechanism is not None:
         names = [j.name for j in joints]
@@ -117,6 +122,7 @@ def from_dict(data: Any, *, name: str = "grasp", folder: str | Path | None = Non
             np.array(R).reshape(len(R), len(names)),
             np.array(A).reshape(len(A), len(names)),
             tuple(a.tendon for a in acts),
+            tuple(a.backdrivable for a in acts),
         )
     provenance = _provenance(entry.provenance) if entry.provenance else None
     return Grasp(
@@ -160,12 +166,13 @@ def to_dict(grasp: Grasp) -> dict[str, Any]:
                 "origin": j.origin.tolist(),
                 "moves": list(j.moves),
             }
+            | _laws(j)
             for j in grasp.joints
         ],
         "mechanism": {
             "actuators": [
-                {"name": n, "joints": _sparse(row, names), "tendon": t}
-                for n, row, t in zip(mech.actuators, mech.R, mech.tendon, strict=True)
+                {"name": n, "joints": _sparse(row, names), "tendon": t} | ({"backdrivable": True} if free else {})
+                for n, row, t, free in zip(mech.actuators, mech.R, mech.tendon, mech.backdrivable, strict=True)
             ],
             "couplings": [_sparse(row, names) for row in mech.A],
         },
@@ -201,6 +208,12 @@ def save_grasp(grasp: Grasp, path: str | Path, *, force: bool = False) -> None:
     except InputError as error:
         raise error.at(str(path)) from None
     write_text(path, text, force=force)
+
+
+def _laws(joint: GraspJoint) -> dict[str, Any]:
+    """What a joint has besides its motor, where it has any."""
+    laws = {"friction": joint.friction, "torque": joint.torque, "stop": joint.stop}
+    return {name: value for name, value in laws.items() if value}
 
 
 def _source_dict(kind: str, part: SourceFile) -> dict[str, Any]:

@@ -27,12 +27,15 @@ class Mechanism:
         R: (a, l) actuator displacement per joint motion.
         A: (k, l) rigid couplings, A q = 0; may have no rows.
         tendon: length a; a tendon can only pull (f >= 0) and goes slack when its finger closes by itself.
+        backdrivable: length a; such a motor gives what it is commanded and no more, whichever way it is turned:
+            f = f_c, and t is free. Without command it swings freely. None unless given.
     """
 
     actuators: tuple[str, ...]
     R: Array
     A: Array
     tendon: tuple[bool, ...]
+    backdrivable: tuple[bool, ...] = ()
 
     def __post_init__(self) -> None:
         l = np.shape(self.R)[1] if np.ndim(self.R) == 2 else 0
@@ -43,6 +46,14 @@ class Mechanism:
         object.__setattr__(self, "tendon", tuple(bool(b) for b in self.tendon))
         if len(self.tendon) != len(self.actuators):
             raise InputError("needs one value per actuator", field="mechanism.tendon")
+        given = tuple(bool(b) for b in self.backdrivable)
+        object.__setattr__(self, "backdrivable", given or (False,) * len(self.actuators))
+        if len(self.backdrivable) != len(self.actuators):
+            raise InputError("needs one value per actuator", field="mechanism.backdrivable")
+        for name, pulls, turns in zip(self.actuators, self.tendon, self.backdrivable, strict=True):
+            if pulls and turns:
+                problem = f"'{name}' is a tendon and backdrivable; leave tendon out, its command is all it pulls with"
+                raise InputError(problem, field="mechanism.backdrivable")
         twice = sorted({n for n in self.actuators if self.actuators.count(n) > 1})
         if twice:
             raise InputError(f"actuator '{twice[0]}' is defined twice", field="mechanism.actuators")
