@@ -103,6 +103,38 @@ def test_a_coupling_shares_the_motors_force() -> None:
     assert found.joints[-1, 1] == pytest.approx(2 * found.joints[-1, 0], rel=1e-2)
 
 
+def slid(**laws: object) -> Grasp:
+    """The pinch of 1 N and friction 0.5 whose slide has these besides; motor=True makes its motor backdrivable."""
+    grasp = pinch(0.5)
+    motor = bool(laws.pop("motor", False))
+    mechanism = replace(grasp.mechanism, backdrivable=(motor,))
+    return Grasp(grasp.contacts, [replace(grasp.joints[0], **laws)], mechanism, grasp.preload, "slid")  # type: ignore[arg-type]
+
+
+def test_a_joints_friction_takes_of_the_command_and_a_given_force_adds_to_it() -> None:
+    # the engine's dry friction creeps, and the gearing keeps what the finger closes by that: 1 % here
+    for grasp, squeeze in ((slid(friction=0.3), 0.7), (slid(torque=0.5), 1.5)):
+        found = simulate(grasp, [0, 0, -0.95 * squeeze], **QUICK)
+        assert found.ending is Ending.HOLDS
+        assert found.forces[-1, :, 0] == pytest.approx([squeeze, squeeze], abs=0.015)
+        assert ended(grasp, [0, 0, -1.07 * squeeze]) is Ending.SLIPS
+
+
+def test_a_joint_at_its_stop_does_not_move_that_way() -> None:
+    """At its upper stop the finger presses nothing; at the lower one alone it does, and is held from behind."""
+    assert ended(slid(stop="upper"), [0, 0, -0.5]) is Ending.SLIPS
+    assert ended(slid(stop="lower"), [0, 0, -0.9]) is Ending.HOLDS
+    assert ended(slid(stop="both"), [0, 0, -0.5]) is Ending.SLIPS
+
+
+def test_a_backdrivable_motor_gives_way_to_more_than_its_command() -> None:
+    """Pushed onto the driven finger, whose command is 1 N: a stop behind it holds what the motor does not."""
+    assert ended(slid(motor=True), [0.9, 0, 0]) is Ending.HOLDS
+    assert ended(slid(motor=True), [1.1, 0, 0]) is Ending.SLIPS
+    assert ended(slid(motor=True, stop="lower"), [1.1, 0, 0]) is Ending.HOLDS
+    assert ended(slid(), [1.1, 0, 0]) is Ending.HOLDS
+
+
 def test_a_negative_command_is_the_mirror_image() -> None:
     grasp = pinch(0.4)
     back = replace(grasp.joints[0], axis=-grasp.joints[0].axis)

@@ -75,7 +75,7 @@ class Stepper:
         self._arms = points - self._middle
         self._frames = frames
         self._wrench = wrench
-        self._close = twin.drive @ twin.command
+        self._close = twin.given + twin.drive @ twin.command
         self._gears = [t for t, winds in zip(twin.gear, twin.winds, strict=True) if winds]
         self._contact_of = self._tips(len(points))
         self.load = 0.0
@@ -102,8 +102,8 @@ class Stepper:
         self._model.opt.impratio = CREEP_RATIO / times
 
     def command(self, share: float) -> None:
-        """From now on every motor has this share of its command."""
-        self._close = share * (self._twin.drive @ self._twin.command)
+        """From now on every motor has this share of its command, and so have the torques that are given."""
+        self._close = share * (self._twin.given + self._twin.drive @ self._twin.command)
 
     def run(self, steps: int, load_step: float = 0.0) -> None:
         """Go on by some steps, the load growing by `load_step` in each.

@@ -25,6 +25,8 @@ CREEP_RATIO = 1e5  # mujoco's impratio: how much stiffer a contact is against sl
 DRAG_TIME = 0.05  # [s] after which what nothing drives has stopped: motion is slow, as the question is about rest
 TIP = 0.02  # [length unit] radius of the sphere that stands for a finger at a contact
 RIGID = (2 * STEP, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solref and solimp of couplings and gearings: all but rigid
+FAR = 1e3  # [rad, length unit] no joint gets there
+STOPS = {"": (-FAR, FAR), "lower": (0.0, FAR), "upper": (-FAR, 0.0), "both": (-1e-9, 0.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +42,10 @@ class Twin:
         drive: (nv, d) columns: generalised force of a unit force of each driven actuator, mirrored where its
             command is negative, so that all of them close.
         command: (d,) forces of driven actuators, 0 or more [force unit].
-        gear: mujoco tendon of each driven actuator; its lower end is where the gearing stands.
-        winds: (d,) whether the gearing follows when the actuator closes; a tendon without command stays where it is.
+        gear: mujoco tendon of each actuator that does not turn back; its lower end is where the gearing stands.
+        winds: of each of these, whether the gearing follows when the actuator closes; a tendon without command stays
+            where it is.
+        given: (nv,) generalised forces that act on joints besides.
     """
 
     model: Any
@@ -54,6 +58,7 @@ class Twin:
     command: Array
     gear: tuple[int, ...]
     winds: tuple[bool, ...]
+    given: Array
 
     def scaled(self, wrench: Array) -> Array:
         """(6,) [N, N m] in the twin's units."""
@@ -118,21 +123,29 @@ def assembled(
     unit = np.array([1.0 if grasp.joints[j].type == "revolute" else length for j in free])
     _add_rows(spec, grasp, free, names, unit)
     gears = _gears(grasp, free)
-    for name, row, *_ in gears:
-        _add_tendon(spec, f"gear {name}", row * unit, names)
+    for each in gears:
+        _add_tendon(spec, f"gear {each.name}", each.row * unit, names)
     model = spec.compile()
     _equal_stiffness(model, stiffness)
     address = tuple(int(model.jnt_dofadr[model.joint(copies[0]).id]) for copies in names)
     places = tuple(tuple(int(model.jnt_qposadr[model.joint(c).id]) for c in copies) for copies in names)
     drive = np.zeros((model.nv, len(gears)))
-    for d, (_, row, *_) in enumerate(gears):
-        drive[list(address), d] = row * unit / length
-    tendons = tuple(int(model.tendon(f"gear {name}").id) for name, *_ in gears)
-    for t in tendons:
+    for d, gear in enumerate(gears):
+        drive[list(address), d] = gear.row * unit / length
+    held = [(int(model.tendon(f"gear {g.name}").id), g.winds) for g in gears if g.holds]
+    for t, _ in held:
         model.tendon_limited[t], model.tendon_range[t] = 1, (0.0, 1e3)
         model.tendon_solref_lim[t], model.tendon_solimp_lim[t] = RIGID
-    command = np.array([f / force for _, _, f, _ in gears])
-    return Twin(model, length, force, free, places, address, drive, command, tendons, tuple(g[3] for g in gears))
+    given = np.zeros(model.nv)
+    for j, at, one in zip(free, address, unit, strict=True):
+        torque_unit = force * length / one  # [N m, N]
+        given[at] = grasp.joints[j].torque / torque_unit
+        if grasp.joints[j].friction:
+            model.dof_frictionloss[at] = grasp.joints[j].friction / torque_unit
+            model.dof_solref[at], model.dof_solimp[at] = RIGID
+    command = np.array([g.command / force for g in gears])
+    stands, winds = tuple(t for t, _ in held), tuple(w for _, w in held)
+    return Twin(model, length, force, free, places, address, drive, command, stands, winds, given)
 
 
 def free_joints(grasp: Grasp) -> tuple[int, ...]:
@@ -146,21 +159,36 @@ def free_joints(grasp: Grasp) -> tuple[int, ...]:
 
 
 def _held_rows(grasp: Grasp) -> Array:
-    """Rows of what stands still: locked actuators that are no tendons, and couplings."""
+    """Rows of what stands still: locked actuators that are no tendons and do not turn back, and couplings."""
     mech = grasp.mechanism
-    locked = [row for row, f, slack in zip(mech.R, grasp.command, mech.tendon, strict=True) if f == 0 and not slack]
+    gives = np.array(mech.tendon, dtype=bool) | np.array(mech.backdrivable, dtype=bool)
+    locked = [row for row, f, loose in zip(mech.R, grasp.command, gives, strict=True) if f == 0 and not loose]
     rows = [*locked, *mech.A]
     return np.array(rows) if rows else np.zeros((0, grasp.l))
 
 
-def _gears(grasp: Grasp, free: tuple[int, ...]) -> list[tuple[str, Array, float, bool]]:
-    """Name, row over the free joints, command and whether it winds: of what is driven, and of idle tendons."""
+@dataclass(frozen=True, eq=False)
+class _Gear:
+    """An actuator that is driven, or an idle tendon: its row over the free joints, in the sense that closes.
+
+    `holds`: it does not turn back; `winds`: where it stands follows as it closes.
+    """
+
+    name: str
+    row: Array
+    command: float
+    holds: bool
+    winds: bool
+
+
+def _gears(grasp: Grasp, free: tuple[int, ...]) -> list[_Gear]:
     mech = grasp.mechanism
     out = []
-    for name, row, f, slack in zip(mech.actuators, mech.R, grasp.command, mech.tendon, strict=True):
+    kinds = zip(mech.actuators, mech.R, grasp.command, mech.tendon, mech.backdrivable, strict=True)
+    for name, row, f, slack, turns in kinds:
         row = row[list(free)]
         if (f != 0 or slack) and np.abs(row).max(initial=0.0) > 0:
-            out.append((name, row * (-1.0 if f < 0 else 1.0), abs(float(f)), f != 0))
+            out.append(_Gear(name, row * (-1.0 if f < 0 else 1.0), abs(float(f)), not turns, f != 0))
     return out
 
 
@@ -213,6 +241,7 @@ def add_jointed(parent: Any, name: str, grasp: Grasp, j: int) -> Any:
     body.add_joint(
         name=name, type=kind, axis=joint.axis.tolist(), pos=(joint.origin / length).tolist(),
         armature=arm**2 if turns else 0.0, damping=[arm**2 / DRAG_TIME, 0, 0],
+        limited=bool(joint.stop), range=STOPS[joint.stop], solref_limit=RIGID[0], solimp_limit=RIGID[1],
     )  # fmt: skip
     return body
 
