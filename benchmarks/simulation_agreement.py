@@ -52,7 +52,7 @@ LOADINGS: tuple[Loading, ...] = ("preload-first", "together")
 STATEMENT = "an equilibrium exists"  # the model's own: some simulation of the load rests at one
 FIRM = 0.8  # of the maximum, where fragility is asked
 RAMP = 4.0  # [s]
-LIMIT, QUICK = Settings(time_limit=20.0), Settings(time_limit=2.0)  # QUICK: holes, and each check of fragility
+LIMIT, QUICK = Settings(time_limit=10.0), Settings(time_limit=0.3)  # QUICK: holes, and each check of fragility
 SEED = 19
 RESTS = (Ending.HOLDS, Ending.SETTLES)
 OPEN = (Ending.UNDECIDED, Ending.ILL_POSED)

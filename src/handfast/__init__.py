@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from handfast.report.plot import draw_map as draw_map
     from handfast.report.plot import draw_sweep as draw_sweep
     from handfast.saved import verify as verify
+    from handfast.simulation.loaded_bodies import simulate_bodies as simulate_bodies
     from handfast.simulation.loaded_twin import simulate as simulate
     from handfast.simulation.result import SimulationResult as SimulationResult
     from handfast.stability.batch import check_many as check_many
@@ -131,6 +132,7 @@ _HOME = {
     "verify": "saved",
     "SimulationResult": "simulation.result",
     "simulate": "simulation.loaded_twin",
+    "simulate_bodies": "simulation.loaded_bodies",
     "hold": "stability.hold",
     "Loads": "stability.loads",
     "load_loads": "stability.loads_file",

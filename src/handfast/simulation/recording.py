@@ -18,6 +18,7 @@ from handfast.simulation.twin import Twin
 PRELOAD = 2.0  # [s] of the simulation for the commands alone
 HOLD, LONGEST = 2, 12  # [s] for the full load: at least, and at most while motion still fades
 FADES = 0.7  # a rate that is less than this share of that a second before is fading
+ELASTIC = 3.0  # times the usual speed at which a grasp gives way in step with the load: that fast it slips
 SOFTER = 10.0  # times: friction in the engine, to tell its own creep from a slip
 TOGETHER = 3  # commands and load grow with this power of time: in proportion to what acts already, never abruptly
 SAMPLE = 0.02  # [s] between two moments of the history
@@ -144,7 +145,9 @@ class Recording:
 def _onset(load: Array, speed: Array, after: Array, before: int, ending: Ending) -> float | None:
     """Share of the load at which a slip began; speeds are those of all moments, and `after` the preload."""
     if ending is Ending.SLIPS:
-        rested = np.flatnonzero(speed <= SLIP)  # the slip that went on to the end began after the last of these
+        along = speed[(load > 0) & (speed < EVIDENT)]  # giving way in step with the load, or hardly slipping
+        bar = max(SLIP, ELASTIC * float(np.median(along))) if len(along) else SLIP
+        rested = np.flatnonzero(speed <= bar)  # the slip that went on to the end began after the last of these
         return float(load[rested[-1]]) if len(rested) else 0.0
     if ending is Ending.SETTLES:
         return float(load[max(before + int(np.argmax(after > EVIDENT)) - 1, 0)])

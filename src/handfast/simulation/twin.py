@@ -97,7 +97,6 @@ def engine_spec(step: float) -> Any:
     # to the last digit: a solver that stops earlier leaves accelerations by which contacts at their cones walk
     spec.option.iterations, spec.option.tolerance = 100, 0.0
     spec.option.ls_iterations, spec.option.ls_tolerance = 50, 1e-6
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
     spec.compiler.degree = False
     return spec
 
