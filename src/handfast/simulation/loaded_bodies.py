@@ -37,6 +37,6 @@ def simulate_bodies(
     checked_times(ramp, step, stiffness, loading)
     twin = build_bodies(grasp, bodies or bodies_of(grasp), force_unit(grasp, w), step=step, stiffness=stiffness)
     first = loading == "preload-first"
-    recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), step, ramp + HOLD + PRELOAD * first, on_time)
+    recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), step, ramp + HOLD + PRELOAD, on_time)
     recording.run(ramp, preload=first, commands=not first)
     return recording.result(grasp, w, loading, twin, stiffness, bodies=True)

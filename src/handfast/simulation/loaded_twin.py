@@ -68,7 +68,7 @@ def simulate(
         moved = per_newton * q[list(twin.joints)] * np.where(turns, twin.length, 1.0)
         turned = Rotation.from_rotvec(per_newton * twin.length * r[3:]).as_matrix()
         stepper.place(moved, transform(per_newton * r[:3], turned))
-    recording = Recording(stepper, step, ramp + HOLD + PRELOAD * first, on_time)
+    recording = Recording(stepper, step, ramp + HOLD + PRELOAD, on_time)
     recording.run(ramp, preload=first, commands=not first and start is None)
     return recording.result(grasp, w, loading, twin, stiffness)
 

@@ -16,10 +16,11 @@ from handfast.simulation.stepper import Moment, Stepper
 from handfast.simulation.twin import Twin
 
 PRELOAD = 2.0  # [s] of the simulation for the commands alone
-HOLD, LONGEST = 2, 12  # [s] for the full load: at least, and at most while motion still fades
+HOLD, LONGEST = 2, 24  # [s] for the full load: at least, and at most while motion still fades
 FADES = 0.7  # a rate that is less than this share of that a second before is fading
 ELASTIC = 3.0  # times the usual speed at which a grasp gives way in step with the load: that fast it slips
 SOFTER = 10.0  # times: friction in the engine, to tell its own creep from a slip
+TOUCH = 1e-3  # of the commands comes first where they grow with the load: the hand touches before it is pulled at
 TOGETHER = 3  # commands and load grow with this power of time: in proportion to what acts already, never abruptly
 SAMPLE = 0.02  # [s] between two moments of the history
 WINDOW = 25  # moments over which the rate at the end is taken, 0.5 s
@@ -52,12 +53,14 @@ class Recording:
     def run(self, ramp: float, *, preload: bool, commands: bool) -> None:
         """The commands if `preload`, then the load within `ramp` [s], then the wait for rest.
 
-        With `commands` these grow along with the load.
+        With `commands` these grow along with the load, but for the `TOUCH` of them that comes first.
         """
         s = self.stepper
         try:
-            if preload:
+            if preload or commands:
                 s.winding = False  # until all commands act: what closes first does not keep what it gained by that
+                if commands:
+                    s.command(TOUCH)
                 self._go(PRELOAD, 0.0)
                 s.winding, self.before = True, len(self.history)
             if ramp:
@@ -79,7 +82,7 @@ class Recording:
             if self._lost:
                 return
             if commands:
-                self.stepper.command(more)
+                self.stepper.command(TOUCH + (1 - TOUCH) * more)
             self.stepper.run(each, (more - share) / each)
             self.history.append(self.stepper.moment())
             if self._on_time is not None:
