@@ -31,11 +31,12 @@ COUNTED = {
 
 
 def agreement() -> Figure:
-    """Shares of all simulated loads, and of those that are not fragile."""
+    """Shares of all simulated loads, of those that move little, and of those that are not fragile."""
     found = json.loads(RESULTS.read_text())["summary"]
-    figure = Figure(figsize=(8, 2.9))
+    figure = Figure(figsize=(8, 3.8))
     ax = figure.add_axes((0.27, 0.16, 0.7, 0.66))
-    rows = [f"{which}, {loading}" for which in ("all", "not fragile") for loading in (*LOADINGS, STATEMENT)]
+    parts = ("all", "moves little", "not fragile")
+    rows = [f"{part}, {loading}" for part in parts for loading in (*LOADINGS, STATEMENT)]
     for k, name in enumerate(rows):
         row, left = found[name], 0.0
         for key, (_, color) in COUNTED.items():

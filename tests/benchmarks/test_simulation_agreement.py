@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.simulation_agreement import STATEMENT, outcome, statement, summary
+from benchmarks.simulation_agreement import LITTLE, STATEMENT, outcome, statement, summary
 
 
 @pytest.mark.parametrize(
@@ -44,12 +44,14 @@ def test_that_none_exists_is_contradicted_by_a_rest_without_history_alone() -> N
 
 
 def test_fragile_questions_are_counted_apart() -> None:
-    def asked(fragile: list[str]) -> dict[str, object]:
-        return {"maximum": 1.0, "fragile": fragile, "rows": rows("holds", together="holds")}
+    def asked(fragile: list[str], motion: float | None) -> dict[str, object]:
+        return {"maximum": 1.0, "fragile": fragile, "motion": motion, "rows": rows("holds", together="holds")}
 
-    questions = {"firm": asked([]), "fragile": asked(["tilt"]), "hole": asked(["hole"]), "unbounded": {"maximum": None}}
+    questions = {"firm": asked([], 2.0), "fragile": asked(["tilt"], LITTLE), "hole": asked(["hole"], None)}
+    questions["unbounded"] = {"maximum": None}
     found = summary(questions)
     assert found["all, together"] == {"questions": 3, "simulated": 3, "agreement": 1.0, "agree": 3}
     assert found["not fragile, together"]["agree"] == 1
+    assert found["moves little, together"]["agree"] == 2
     assert found[f"not fragile, {STATEMENT}"]["agree"] == 1
     assert found["all, preload-first"] == {"questions": 3}
