@@ -83,7 +83,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name, grasp in grasps(Path(folder)):
             for axis, direction in axes().items():
-                if f"{name} {axis}" in data["questions"] or time.monotonic() - begun > limit:
+                if time.monotonic() - begun > limit:
+                    return
+                if f"{name} {axis}" in data["questions"]:
                     continue
                 data["questions"][f"{name} {axis}"] = answered(grasp, direction)
                 data["machine"] = describe()

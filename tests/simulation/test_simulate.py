@@ -218,7 +218,7 @@ def test_a_load_too_small_to_be_seen_is_not_said_to_be_held() -> None:
     """Without friction nothing resists 0.01 N across; beside a command of 1000 N its drift is below what is rest."""
     found = simulate(pinch(0.0, 1000.0), [0, 0, -0.01], ramp=0.5)
     assert found.ending is Ending.UNDECIDED
-    assert "below 1 % of the largest force" in found.why
+    assert "below 0.01 % of the largest force" in found.why
 
 
 def test_endings() -> None:

@@ -11,7 +11,7 @@ SLIP = 4.6e-5  # the slowest that slips
 EVIDENT = 5e-4  # what a hundredth of the force unit drives: what gives way in step with the load is slower
 CREEPS = 0.5  # of what creep grows by as friction is made softer; a slip does not heed it
 LOST = 0.5  # [grasp sizes] beyond it the contacts are others
-LEAST = 0.01  # [force units] a smaller load that nothing resists would drift hardly faster than SLIP
+LEAST = 1e-4  # [force units] a smaller load that nothing resists would drift hardly faster than what rests
 FAR = 10.0  # times what the contacts give way: a grasp that jerked and moved less than this has not slipped
 
 
