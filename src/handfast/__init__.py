@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from handfast.report.plot import draw_map as draw_map
     from handfast.report.plot import draw_sweep as draw_sweep
     from handfast.saved import verify as verify
+    from handfast.simulation.loaded_bodies import simulate_bodies as simulate_bodies
     from handfast.simulation.loaded_twin import simulate as simulate
     from handfast.simulation.result import SimulationResult as SimulationResult
     from handfast.simulation.settled import Settled as Settled
@@ -140,6 +141,7 @@ _HOME = {
     "Settled": "simulation.settled",
     "GraspInScene": "simulation.settling",
     "settle": "simulation.settling",
+    "simulate_bodies": "simulation.loaded_bodies",
     "hold": "stability.hold",
     "Loads": "stability.loads",
     "load_loads": "stability.loads_file",

@@ -46,6 +46,13 @@ def test_the_ending_in_words(pinched: str, capsys: pytest.CaptureFixture[str]) -
     assert "contacts that carry: 0, 1" in said
 
 
+def test_hand_and_object_are_simulated_where_they_are_known(pinched: str, capsys: pytest.CaptureFixture[str]) -> None:
+    status, said, _ = run(capsys, "simulate", "fig11", "--bodies", "--wrench", "0", "0.5", "0", "--ramp", "0.5")
+    assert status == 0
+    assert "hand and object touch at 2 points" in said
+    complains(capsys, ["simulate", pinched, "--bodies", "--wrench", "0", "0", "-0.5"], ["provenance", "not known"])
+
+
 def test_it_refuses_what_it_cannot_write(pinched: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     there = tmp_path / "there.csv"
     there.write_text("kept")

@@ -19,10 +19,13 @@ if TYPE_CHECKING:
 class Simulate(GraspOptions, Load, Command):
     """What happens to the grasp under this load in a dynamics engine (mujoco)?
 
-    Its contacts as stiff points with friction on its joints, geared motors that do not turn back, the load growing
-    slowly. The ending is judged by how fast the object still moves: holds, settles, slips, undecided or ill-posed.
+    Its contacts as stiff points with friction on its joints, or with --bodies hand and object themselves; geared motors
+    that do not turn back, the load growing slowly. The ending is judged by how fast the object still moves: holds,
+    settles, slips, undecided or ill-posed.
     """
 
+    bodies: bool = False
+    """simulate hand and object, read from the files that the grasp names: where they touch is found as they move"""
     loading: Literal["preload-first", "together"] = "preload-first"
     """the commands first and then the load, as with a real hand, or both in proportion, as the model has it"""
     ramp: Annotated[float, arg(metavar="S")] = 8.0
@@ -42,6 +45,7 @@ class Simulate(GraspOptions, Load, Command):
 
     def run(self) -> int:
         from handfast.simulation.ending import Ending
+        from handfast.simulation.loaded_bodies import simulate_bodies
         from handfast.simulation.loaded_twin import simulate
 
         for path, ending in ((self.save, ".json"), (self.series, ".csv"), (self.strip, ".png"), (self.film, ".gif")):
@@ -49,7 +53,7 @@ class Simulate(GraspOptions, Load, Command):
         grasp = self.load()
         wrench = self.disturbance(grasp, self.grasp)
         with console.watch("simulate") as watch:
-            found = simulate(
+            found = (simulate_bodies if self.bodies else simulate)(
                 grasp, wrench, loading=self.loading, ramp=self.ramp,
                 on_time=lambda now, end: watch.item(round(now), round(end), " simulated seconds"),
             )  # fmt: skip
@@ -71,13 +75,13 @@ class Simulate(GraspOptions, Load, Command):
         if self.strip or self.film:
             from handfast.report import film
             from handfast.report.plot import picture
-            from handfast.report.sources import source_meshes
+            from handfast.report.sources import moving_scene
 
-            meshes, _ = source_meshes(found.grasp)
+            scene, _ = moving_scene(found.grasp)
             if self.strip:
-                write_bytes(self.strip, picture(film.strip(found, meshes)), force=self.force)
+                write_bytes(self.strip, picture(film.strip(found, scene)), force=self.force)
             if self.film:
-                write_bytes(self.film, film.film(found, meshes), force=self.force)
+                write_bytes(self.film, film.film(found, scene), force=self.force)
 
 
 def show_simulation(found: SimulationResult) -> None:
@@ -99,4 +103,7 @@ def show_simulation(found: SimulationResult) -> None:
     out.print(f"  {said[found.ending]}")
     if found.onset is not None:
         out.print(f"  it began to slip at {100 * found.onset:.3g} % of the load")
-    out.print(f"  {found.steps} steps of the engine in {found.seconds:.2g} s; its contacts are points on flat faces")
+    simulated = "its contacts are points on flat faces"
+    if found.bodies:
+        simulated = f"hand and object touch at {found.points[-1]} point{'' if found.points[-1] == 1 else 's'}"
+    out.print(f"  {found.steps} steps of the engine in {found.seconds:.2g} s; {simulated}")

@@ -1,6 +1,6 @@
 """A simulation to look at: a strip of pictures and an animated GIF, drawn by us, the same bytes every time.
 
-The hand stands, the object moves with the motion that was simulated, enlarged where it would not be seen.
+Hand and object move with the motion that was simulated, enlarged where it would not be seen.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from handfast.core.transforms import cross
 from handfast.report.drawing import AMBER, BLUE, GREY, INK, MAROON, Mesh, View, applied, solids, views
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from handfast.core.arrays import Array
+    from handfast.report.sources import Scene
     from handfast.simulation.result import SimulationResult
 
 SEEN = 0.25  # [grasp sizes] to which the largest motion is enlarged
@@ -25,14 +24,14 @@ REACH = 0.8  # [grasp sizes] length of the largest force
 FRAMES, PICTURES = 30, 6
 
 
-def film(result: SimulationResult, meshes: Sequence[Mesh] = (), frames: int = FRAMES) -> bytes:
+def film(result: SimulationResult, scene: Scene | None = None, frames: int = FRAMES) -> bytes:
     """An animated GIF."""
     from PIL import Image
 
     pages = []
     for k in _moments(result, frames):
         figure = Figure(figsize=(4.4, 4.4), dpi=80)
-        _frame(figure.add_axes((0, 0, 1, 0.9)), result, k, meshes)
+        _frame(figure.add_axes((0, 0, 1, 0.9)), result, k, scene)
         drawn = io.BytesIO()
         figure.savefig(drawn, format="png", dpi=80)
         pages.append(Image.open(drawn).convert("P", palette=Image.Palette.ADAPTIVE, colors=64))
@@ -41,12 +40,12 @@ def film(result: SimulationResult, meshes: Sequence[Mesh] = (), frames: int = FR
     return out.getvalue()
 
 
-def strip(result: SimulationResult, meshes: Sequence[Mesh] = (), pictures: int = PICTURES) -> Figure:
+def strip(result: SimulationResult, scene: Scene | None = None, pictures: int = PICTURES) -> Figure:
     """Pictures from the beginning to the end in a row; below them motion and load over time."""
     figure = Figure(figsize=(2.4 * pictures, 4.6), dpi=100)
     chosen = _moments(result, pictures)
     for n, k in enumerate(chosen):
-        _frame(figure.add_axes((n / pictures, 0.46, 1 / pictures, 0.46)), result, k, meshes)
+        _frame(figure.add_axes((n / pictures, 0.46, 1 / pictures, 0.46)), result, k, scene)
     ax = figure.add_axes((0.07, 0.11, 0.86, 0.27))
     ax.plot(result.time, 1e3 * result.motion, color=MAROON, lw=1.4)
     ax.set_xlabel("time in the simulation [s]", fontsize=8)
@@ -83,11 +82,15 @@ def _moments(result: SimulationResult, count: int) -> list[int]:
     return sorted([*half, *(min(int(np.searchsorted(travelled, x)), n - 1) for x in ends)])
 
 
-def _frame(ax: Any, result: SimulationResult, k: int, meshes: Sequence[Mesh]) -> None:
+def _frame(ax: Any, result: SimulationResult, k: int, scene: Scene | None) -> None:
     """One moment: solids, contacts, their forces and the load."""
     grasp, size = result.grasp, result.grasp.size
+    names = [grasp.joints[j].name for j in result.free]
+    large = enlargement(result)
+    turned = dict(zip(names, large * result.joints[k], strict=True))
+    meshes = scene(turned) if scene else []
     view: View = views(grasp, 1)[0] if not meshes else View.of(-55.0, 28.0, "")
-    V, large = view.matrix, enlargement(result)
+    V = view.matrix
     p = grasp.positions
     middle = p.mean(axis=0)
     turn = _rotation(large * result.turn[k])

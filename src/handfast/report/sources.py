@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from handfast.model.hand.hand import Hand
     from handfast.model.shape import Shape
 
+Scene = Callable[[Mapping[str, float]], list[Mesh]]
 OFF = 5e-3  # [m] beyond its gap or depth, a contact that is this far off a surface is none of it
 
 
@@ -26,6 +27,12 @@ def source_meshes(grasp: Grasp) -> tuple[list[Mesh], list[str]]:
     and shown if the grasp's contacts lie on them: a contact or a scale that was changed afterwards has no checksum.
     The checksum is that of the file itself: a mesh that a hand file names may have changed all the same.
     """
+    scene, faults = moving_scene(grasp)
+    return (scene({}) if scene else []), faults
+
+
+def moving_scene(grasp: Grasp) -> tuple[Scene | None, list[str]]:
+    """The same for any displacement [rad, m] of joints by name; the object stays where it is. None if unknown."""
     from handfast.model.body import load_body
     from handfast.model.configuration import load_configuration
     from handfast.model.hand.load import load_hand
@@ -40,10 +47,15 @@ def source_meshes(grasp: Grasp) -> tuple[list[Mesh], list[str]]:
             body = load_body(came.object.path, scale=came.object.scale)
             faults = _off(grasp, hand, np.linalg.inv(placed.pose) @ hand.link_poses(q), body.pieces)
             if not faults:
-                return scene_meshes(hand, q, body, placed.pose), []
+
+                def at(moved: Mapping[str, float]) -> list[Mesh]:
+                    more = np.array([moved.get(name, 0.0) for name in hand.joint_names])
+                    return scene_meshes(hand, q + more, body, placed.pose)
+
+                return at, []
         except InputError as fault:
             faults = [str(fault)]
-    return [], [f"Hand and object are not shown: {'; '.join(faults)}."]
+    return None, [f"Hand and object are not shown: {'; '.join(faults)}."]
 
 
 def _off(grasp: Grasp, hand: Hand, poses: Array, pieces: Sequence[Shape]) -> list[str]:

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from handfast.core.arrays import Array
 from handfast.core.files import write_text
 from handfast.model.grasp import Grasp
@@ -36,6 +39,8 @@ class SimulationResult:
         forces: (n, m, 3) contact forces [N]: normal, and two tangential components.
         steps: of the engine.
         seconds: that it took.
+        bodies: whether hand and object themselves were simulated, not the grasp's contacts alone.
+        points: (n,) contact points that the engine has; of bodies, several may belong to one contact of the grasp.
         why: of an ill-posed ending, or a load too small to be seen, a sentence.
     """
 
@@ -56,6 +61,8 @@ class SimulationResult:
     forces: Array
     steps: int
     seconds: float
+    bodies: bool
+    points: NDArray[np.int64]
     why: str = ""
 
     @property
@@ -73,6 +80,7 @@ class SimulationResult:
             "why": self.why,
             "wrench": self.wrench.tolist(),
             "loading": self.loading,
+            "bodies": self.bodies,
             "onset": self.onset,
             "rate": self.rate,
             "moved": float(self.motion[-1]),
@@ -90,6 +98,7 @@ class SimulationResult:
                 "speed": self.speed.tolist(),
                 "joints": {self.grasp.joints[j].name: self.joints[:, k].tolist() for k, j in enumerate(self.free)},
                 "forces": self.forces.tolist(),
+                "points": self.points.tolist(),
             },
         }
 

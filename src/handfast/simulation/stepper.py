@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.transforms import cross
-from handfast.simulation.twin import DRAG_TIME, Twin
+from handfast.core.transforms import cross, matrix_quaternion
+from handfast.simulation.twin import CREEP_RATIO, DRAG_TIME, Twin
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +24,7 @@ class Moment:
         forces: (m, 3) contact forces on the object: normal, and two tangential components, in the contacts' frames.
         places: (m, 3) displacements of the object's points at the contacts.
         speed: largest speed of such a point.
+        points: how many contact points the engine has.
     """
 
     time: float
@@ -34,6 +35,7 @@ class Moment:
     forces: Array
     places: Array
     speed: float
+    points: int
 
     @property
     def moved(self) -> float:
@@ -43,7 +45,7 @@ class Moment:
     def nothing(cls, contacts: int, joints: int) -> Moment:
         """The beginning."""
         still = np.zeros((contacts, 3))
-        return cls(0.0, 0.0, np.zeros(3), np.zeros(3), np.zeros(joints), still, still, 0.0)
+        return cls(0.0, 0.0, np.zeros(3), np.zeros(3), np.zeros(joints), still, still, 0.0, 0)
 
 
 class Stepper:
@@ -73,16 +75,35 @@ class Stepper:
         self._arms = points - self._middle
         self._frames = frames
         self._wrench = wrench
-        self._close = twin.drive @ twin.command
+        self._close = twin.given + twin.drive @ twin.command
         self._gears = [t for t, winds in zip(twin.gear, twin.winds, strict=True) if winds]
-        self._contact_of = {int(self._model.geom(f"tip {i}").id): i for i in range(len(points))}
+        self._contact_of = self._tips(len(points))
         self.load = 0.0
         self.winding = True  # whether gearings follow
         mujoco.mj_forward(self._model, self.data)
 
+    def place(self, joints: Array, pose: Array) -> None:
+        """Begin elsewhere, at rest: gearings stand where that brings their actuators.
+
+        Args:
+            joints: (f,) displacements of the free joints, in the twin's units.
+            pose: (4, 4) of the object, in the twin's units.
+        """
+        for copies, value in zip(self._twin.copies, joints, strict=True):
+            self.data.qpos[list(copies)] = value
+        self.data.qpos[self._q : self._q + 3] = pose[:3, 3]
+        self.data.qpos[self._q + 3 : self._q + 7] = matrix_quaternion(pose[:3, :3])
+        self._mujoco.mj_forward(self._model, self.data)
+        for t in self._twin.gear:
+            self._model.tendon_range[t, 0] = self.data.ten_length[t]
+
+    def soften(self, times: float) -> None:
+        """Make what the engine gives way in sticking contacts so many times as large; it creeps as much faster."""
+        self._model.opt.impratio = CREEP_RATIO / times
+
     def command(self, share: float) -> None:
-        """From now on every motor has this share of its command."""
-        self._close = share * (self._twin.drive @ self._twin.command)
+        """From now on every motor has this share of its command, and so have the torques that are given."""
+        self._close = share * (self._twin.given + self._twin.drive @ self._twin.command)
 
     def run(self, steps: int, load_step: float = 0.0) -> None:
         """Go on by some steps, the load growing by `load_step` in each.
@@ -134,14 +155,24 @@ class Stepper:
         found = np.zeros(6)
         for k in range(d.ncon):
             c = d.contact[k]
+            i = self.contact_of(c)
+            if i is None:
+                continue
             self._mujoco.mj_contactForce(m, d, k, found)
-            i = self._contact_of[int(c.geom1)]
-            # mujoco's frame has its normal into the object, too, and tangents of its own
-            forces[i] = self._frames[i].T @ R.T @ c.frame.reshape(3, 3).T @ found[:3]
+            # mujoco's force is upon its second solid, in a frame whose normal points there, with tangents of its own
+            sense = 1.0 if int(m.geom_bodyid[c.geom2]) == self._object else -1.0
+            forces[i] += sense * (self._frames[i].T @ R.T @ c.frame.reshape(3, 3).T @ found[:3])
         turn = np.zeros(3)
         self._mujoco.mju_quat2Vel(turn, d.qpos[self._q + 3 : self._q + 7], 1.0)
         return Moment(
             float(d.time), self.load, d.xipos[self._object] - self._middle, turn,
             d.qpos[[int(m.jnt_qposadr[m.dof_jntid[a]]) for a in self._twin.address]], forces, places,
-            float(max(speeds)),
+            float(max(speeds)), int(d.ncon),
         )  # fmt: skip
+
+    def _tips(self, contacts: int) -> dict[int, int]:
+        return {int(self._model.geom(f"tip {i}").id): i for i in range(contacts)}
+
+    def contact_of(self, point: Any) -> int | None:
+        """Index of the grasp's contact to which one of the engine's contact points belongs; None if to none."""
+        return self._contact_of[int(point.geom1)]

@@ -15,16 +15,18 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.transforms import matrix_quaternion, normal_frame
-from handfast.model.grasp import Grasp
+from handfast.model.grasp import Contact, Grasp
 
 STEP = 1e-3  # [s]
 STIFFNESS = 1e5  # of a contact [force unit / length unit]: the force unit presses it in by 1e-5 of the grasp's size
 CONTACT_RATE = 100.0  # [1/s] at which a pressed contact comes to rest, critically damped
 FRICTION_RATE = 20.0  # [1/s] at which a sticking contact does; mujoco lifts a sliding contact in proportion to it
-CREEP_RATIO = 1e4  # mujoco's impratio: how much stiffer a contact is against sliding than against pressing
+CREEP_RATIO = 1e5  # mujoco's impratio: how much stiffer a contact is against sliding than against pressing
 DRAG_TIME = 0.05  # [s] after which what nothing drives has stopped: motion is slow, as the question is about rest
 TIP = 0.02  # [length unit] radius of the sphere that stands for a finger at a contact
 RIGID = (2 * STEP, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solref and solimp of couplings and gearings: all but rigid
+FAR = 1e3  # [rad, length unit] no joint gets there
+STOPS = {"": (-FAR, FAR), "lower": (0.0, FAR), "upper": (-FAR, 0.0), "both": (-1e-9, 0.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,23 +37,32 @@ class Twin:
         model: an `mujoco.MjModel`, in scaled units.
         length, force: one unit [m], [N].
         joints: those of the grasp that can move; the others are part of the ground.
+        copies: of each of them, where its values stand among the model's coordinates.
         address: of the first copy of each of them among the model's degrees of freedom.
         drive: (nv, d) columns: generalised force of a unit force of each driven actuator, mirrored where its
             command is negative, so that all of them close.
         command: (d,) forces of driven actuators, 0 or more [force unit].
-        gear: mujoco tendon of each driven actuator; its lower end is where the gearing stands.
-        winds: (d,) whether the gearing follows when the actuator closes; a tendon without command stays where it is.
+        gear: mujoco tendon of each actuator that does not turn back; its lower end is where the gearing stands.
+        winds: of each of these, whether the gearing follows when the actuator closes; a tendon without command stays
+            where it is.
+        given: (nv,) generalised forces that act on joints besides.
     """
 
     model: Any
     length: float
     force: float
     joints: tuple[int, ...]
+    copies: tuple[tuple[int, ...], ...]
     address: tuple[int, ...]
     drive: Array
     command: Array
     gear: tuple[int, ...]
     winds: tuple[bool, ...]
+    given: Array
+
+    def scaled(self, wrench: Array) -> Array:
+        """(6,) [N, N m] in the twin's units."""
+        return np.r_[wrench[:3], wrench[3:] / self.length] / self.force
 
 
 def build_twin(grasp: Grasp, force: float, *, step: float = STEP, stiffness: float = STIFFNESS) -> Twin:
@@ -61,11 +72,21 @@ def build_twin(grasp: Grasp, force: float, *, step: float = STEP, stiffness: flo
         step: [s] of the engine.
         stiffness: of every contact [force unit / length unit].
     """
+    length = grasp.size
+    free = free_joints(grasp)
+    spec = engine_spec(step)
+    names = _add_hand(spec, grasp, free, length)
+    add_object(spec, grasp, length)
+    for i, contact in enumerate(grasp.contacts):
+        _add_face(spec, i, contact, length)
+        add_pair(spec, f"contact {i}", (f"tip {i}", f"face {i}"), contact.friction)
+    return assembled(spec, grasp, free, names, force, stiffness)
+
+
+def engine_spec(step: float) -> Any:
+    """An empty model with the engine's settings."""
     import mujoco
 
-    grasp.refuse_laws("the simulation")
-    length = grasp.size
-    free = _free_joints(grasp)
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = (0.0, 0.0, 0.0)
@@ -73,38 +94,60 @@ def build_twin(grasp: Grasp, force: float, *, step: float = STEP, stiffness: flo
     spec.option.impratio = CREEP_RATIO
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    spec.option.iterations, spec.option.tolerance = 200, 1e-14
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
+    # to the last digit: a solver that stops earlier leaves accelerations by which contacts at their cones walk
+    spec.option.iterations, spec.option.tolerance = 100, 0.0
+    spec.option.ls_iterations, spec.option.ls_tolerance = 50, 1e-6
     spec.compiler.degree = False
-    names = _add_hand(spec, grasp, free, length)
-    _add_object(spec, grasp, length)
-    for i, contact in enumerate(grasp.contacts):
-        mu = max(contact.friction, 1e-5)  # mujoco's least
-        spec.add_pair(
-            name=f"contact {i}", geomname1=f"tip {i}", geomname2=f"face {i}", condim=3,
-            friction=[mu, mu, 0, 0, 0], solref=[-(CONTACT_RATE**2), -2 * CONTACT_RATE],
-            solreffriction=[0.0, -FRICTION_RATE], solimp=[0.9, 0.9, 0.001, 0.5, 2.0], margin=1.0,
-        )  # fmt: skip
+    return spec
+
+
+def add_pair(spec: Any, name: str, geoms: tuple[str, str], friction: float, margin: float = 0.0) -> None:
+    """Let a part of the hand touch one of the object; `assembled` makes all pairs equally stiff.
+
+    `margin` [length unit] is how far apart they touch.
+    """
+    mu = max(friction, 1e-5)  # mujoco's least
+    spec.add_pair(
+        name=name, geomname1=geoms[0], geomname2=geoms[1], condim=3, friction=[mu, mu, 0, 0, 0],
+        solref=[-(CONTACT_RATE**2), -2 * CONTACT_RATE], solreffriction=[0.0, -FRICTION_RATE],
+        solimp=[0.9, 0.9, 0.001, 0.5, 2.0], margin=margin,
+    )  # fmt: skip
+
+
+def assembled(
+    spec: Any, grasp: Grasp, free: tuple[int, ...], names: list[list[str]], force: float, stiffness: float
+) -> Twin:
+    """The compiled model with couplings, gearings and drives on the joints `names`."""
+    length = grasp.size
     unit = np.array([1.0 if grasp.joints[j].type == "revolute" else length for j in free])
     _add_rows(spec, grasp, free, names, unit)
     gears = _gears(grasp, free)
-    for name, row, *_ in gears:
-        _add_tendon(spec, f"gear {name}", row * unit, names)
+    for each in gears:
+        _add_tendon(spec, f"gear {each.name}", each.row * unit, names)
     model = spec.compile()
-    _equal_stiffness(mujoco, model, stiffness)
+    _equal_stiffness(model, stiffness)
     address = tuple(int(model.jnt_dofadr[model.joint(copies[0]).id]) for copies in names)
+    places = tuple(tuple(int(model.jnt_qposadr[model.joint(c).id]) for c in copies) for copies in names)
     drive = np.zeros((model.nv, len(gears)))
-    for d, (_, row, *_) in enumerate(gears):
-        drive[list(address), d] = row * unit / length
-    tendons = tuple(int(model.tendon(f"gear {name}").id) for name, *_ in gears)
-    for t in tendons:
+    for d, gear in enumerate(gears):
+        drive[list(address), d] = gear.row * unit / length
+    held = [(int(model.tendon(f"gear {g.name}").id), g.winds) for g in gears if g.holds]
+    for t, _ in held:
         model.tendon_limited[t], model.tendon_range[t] = 1, (0.0, 1e3)
         model.tendon_solref_lim[t], model.tendon_solimp_lim[t] = RIGID
-    command = np.array([f / force for _, _, f, _ in gears])
-    return Twin(model, length, force, free, address, drive, command, tendons, tuple(g[3] for g in gears))
+    given = np.zeros(model.nv)
+    for j, at, one in zip(free, address, unit, strict=True):
+        torque_unit = force * length / one  # [N m, N]
+        given[at] = grasp.joints[j].torque / torque_unit
+        if grasp.joints[j].friction:
+            model.dof_frictionloss[at] = grasp.joints[j].friction / torque_unit
+            model.dof_solref[at], model.dof_solimp[at] = RIGID
+    command = np.array([g.command / force for g in gears])
+    stands, winds = tuple(t for t, _ in held), tuple(w for _, w in held)
+    return Twin(model, length, force, free, places, address, drive, command, stands, winds, given)
 
 
-def _free_joints(grasp: Grasp) -> tuple[int, ...]:
+def free_joints(grasp: Grasp) -> tuple[int, ...]:
     """Joints that the locked actuators and the couplings together leave free."""
     held = _held_rows(grasp)
     if not len(held):
@@ -115,21 +158,36 @@ def _free_joints(grasp: Grasp) -> tuple[int, ...]:
 
 
 def _held_rows(grasp: Grasp) -> Array:
-    """Rows of what stands still: locked actuators that are no tendons, and couplings."""
+    """Rows of what stands still: locked actuators that are no tendons and do not turn back, and couplings."""
     mech = grasp.mechanism
-    locked = [row for row, f, slack in zip(mech.R, grasp.command, mech.tendon, strict=True) if f == 0 and not slack]
+    gives = np.array(mech.tendon, dtype=bool) | np.array(mech.backdrivable, dtype=bool)
+    locked = [row for row, f, loose in zip(mech.R, grasp.command, gives, strict=True) if f == 0 and not loose]
     rows = [*locked, *mech.A]
     return np.array(rows) if rows else np.zeros((0, grasp.l))
 
 
-def _gears(grasp: Grasp, free: tuple[int, ...]) -> list[tuple[str, Array, float, bool]]:
-    """Name, row over the free joints, command and whether it winds: of what is driven, and of idle tendons."""
+@dataclass(frozen=True, eq=False)
+class _Gear:
+    """An actuator that is driven, or an idle tendon: its row over the free joints, in the sense that closes.
+
+    `holds`: it does not turn back; `winds`: where it stands follows as it closes.
+    """
+
+    name: str
+    row: Array
+    command: float
+    holds: bool
+    winds: bool
+
+
+def _gears(grasp: Grasp, free: tuple[int, ...]) -> list[_Gear]:
     mech = grasp.mechanism
     out = []
-    for name, row, f, slack in zip(mech.actuators, mech.R, grasp.command, mech.tendon, strict=True):
+    kinds = zip(mech.actuators, mech.R, grasp.command, mech.tendon, mech.backdrivable, strict=True)
+    for name, row, f, slack, turns in kinds:
         row = row[list(free)]
         if (f != 0 or slack) and np.abs(row).max(initial=0.0) > 0:
-            out.append((name, row * (-1.0 if f < 0 else 1.0), abs(float(f)), f != 0))
+            out.append(_Gear(name, row * (-1.0 if f < 0 else 1.0), abs(float(f)), not turns, f != 0))
     return out
 
 
@@ -151,20 +209,8 @@ def _add_hand(spec: Any, grasp: Grasp, free: tuple[int, ...], length: float) -> 
             if path[:end] in bodies:
                 continue
             k = path[end - 1]
-            joint = grasp.joints[free[k]]
-            arms = [np.linalg.norm(joint.velocity_at(grasp.contacts[i].position)) for i in joint.moves]
-            turns = joint.type == "revolute"
-            arm = max(arms, default=0.0) / (length if turns else 1.0) or 1.0
-            name = f"{joint.name} {len(names[k])}"
-            # mujoco overlooks the armature of what only slides when it estimates inverse masses: there the body has it
-            body = bodies[path[: end - 1]].add_body(
-                mass=1e-6 if turns else 1.0, inertia=[1e-6] * 3, ipos=[0, 0, 0], explicitinertial=1
-            )
-            kind = mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE
-            body.add_joint(
-                name=name, type=kind, axis=joint.axis.tolist(), pos=(joint.origin / length).tolist(),
-                armature=arm**2 if turns else 0.0, damping=[arm**2 / DRAG_TIME, 0, 0],
-            )  # fmt: skip
+            name = f"{grasp.joints[free[k]].name} {len(names[k])}"
+            body = add_jointed(bodies[path[: end - 1]], name, grasp, free[k])
             if names[k]:
                 tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=name, name2=names[k][0])
                 tie.objtype = mujoco.mjtObj.mjOBJ_JOINT
@@ -180,23 +226,46 @@ def _add_hand(spec: Any, grasp: Grasp, free: tuple[int, ...], length: float) -> 
     return names
 
 
-def _add_object(spec: Any, grasp: Grasp, length: float) -> None:
-    """A body of unit mass, its centre amid the contacts, with a flat face at each of them."""
+def add_jointed(parent: Any, name: str, grasp: Grasp, j: int) -> Any:
+    """A body on joint `j` of the grasp, as heavy as makes it as quick as the object; frames are the object's."""
     import mujoco
 
+    joint, length = grasp.joints[j], grasp.size
+    arms = [np.linalg.norm(joint.velocity_at(grasp.contacts[i].position)) for i in joint.moves]
+    turns = joint.type == "revolute"
+    arm = max(arms, default=0.0) / (length if turns else 1.0) or 1.0
+    # mujoco overlooks the armature of what only slides when it estimates inverse masses: there the body has it
+    body = parent.add_body(mass=1e-6 if turns else 1.0, inertia=[1e-6] * 3, ipos=[0, 0, 0], explicitinertial=1)
+    kind = mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE
+    body.add_joint(
+        name=name, type=kind, axis=joint.axis.tolist(), pos=(joint.origin / length).tolist(),
+        armature=arm**2 if turns else 0.0, damping=[arm**2 / DRAG_TIME, 0, 0],
+        limited=bool(joint.stop), range=STOPS[joint.stop], solref_limit=RIGID[0], solimp_limit=RIGID[1],
+    )  # fmt: skip
+    return body
+
+
+def add_object(spec: Any, grasp: Grasp, length: float) -> Any:
+    """A body of unit mass, its centre amid the contacts."""
     middle = grasp.positions.mean(axis=0) / length
     body = spec.worldbody.add_body(
         name="object", mass=1.0, inertia=[0.4] * 3, ipos=middle.tolist(), explicitinertial=1,
     )  # fmt: skip
     body.add_freejoint(name="object")
-    for i, contact in enumerate(grasp.contacts):
-        n = contact.normal
-        axes = normal_frame(n)[:, [1, 2, 0]]
-        body.add_geom(
-            name=f"face {i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=[3.0, 3.0, 0.5],
-            pos=(contact.position / length + 0.5 * n).tolist(), quat=matrix_quaternion(axes).tolist(),
-            contype=0, conaffinity=0, mass=0,
-        )  # fmt: skip
+    return body
+
+
+def _add_face(spec: Any, i: int, contact: Contact, length: float) -> None:
+    """A flat face of the object at a contact."""
+    import mujoco
+
+    n = contact.normal
+    axes = normal_frame(n)[:, [1, 2, 0]]
+    spec.body("object").add_geom(
+        name=f"face {i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=[3.0, 3.0, 0.5],
+        pos=(contact.position / length + 0.5 * n).tolist(), quat=matrix_quaternion(axes).tolist(),
+        contype=0, conaffinity=0, mass=0,
+    )  # fmt: skip
 
 
 def _add_rows(spec: Any, grasp: Grasp, free: tuple[int, ...], names: list[list[str]], unit: Array) -> None:
@@ -219,21 +288,17 @@ def _add_tendon(spec: Any, name: str, row: Array, names: list[list[str]]) -> Non
             tendon.wrap_joint(copies[0], float(weight))
 
 
-def _equal_stiffness(mujoco: Any, model: Any, stiffness: float) -> None:
-    """Give every contact the same stiffness, which mujoco makes of the masses behind it.
+def _equal_stiffness(model: Any, stiffness: float) -> None:
+    """Give every pair the same stiffness, which mujoco makes of the masses behind it.
 
-    At rest its force is rate^2 / R times the penetration, with R = (1 - d) / d of the inverse mass that it assumes.
+    At rest its force is rate^2 / R times the penetration, with R = (1 - d) / d of the inverse mass that it assumes:
+    the sum of those of both bodies as the model begins.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    regular = CONTACT_RATE**2 / stiffness
-    pair_of = {int(g): i for i, g in enumerate(model.pair_geom1)}
-    for c in data.contact:
-        i = pair_of[int(c.geom1)]
-        inverse_mass = float(data.efc_R[c.efc_address]) * 9.0  # d is 0.9 so far
-        d = float(np.clip(inverse_mass / (inverse_mass + regular), 1e-4, 0.9999))
-        model.pair_solimp[i, :2] = d
-        # mujoco divides both by d squared and by d
-        model.pair_solref[i] = (-(CONTACT_RATE**2) * d, -2 * CONTACT_RATE * d)
-        model.pair_solreffriction[i] = (0.0, -FRICTION_RATE * d)
-    model.pair_margin[:] = 0.0
+    inverse = model.body_invweight0[:, 0]
+    bodies = model.geom_bodyid[model.pair_geom1], model.geom_bodyid[model.pair_geom2]
+    inverse_mass = inverse[bodies[0]] + inverse[bodies[1]]
+    d = np.clip(inverse_mass / (inverse_mass + CONTACT_RATE**2 / stiffness), 1e-4, 0.9999)
+    model.pair_solimp[:, :2] = d[:, None]
+    # mujoco divides both by d squared and by d
+    model.pair_solref[:] = np.column_stack([-(CONTACT_RATE**2) * d, -2 * CONTACT_RATE * d])
+    model.pair_solreffriction[:] = np.column_stack([np.zeros(len(d)), -FRICTION_RATE * d])

@@ -1,0 +1,194 @@
+"""Hand and object behind a grasp as a mujoco model: their collision shapes on the hand's kinematics.
+
+Joints, couplings, gearings, units and stiffness are those of the twin; where they touch is found by the engine, and
+each point that it finds is as stiff as a contact of the twin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.core.transforms import matrix_quaternion
+from handfast.model.grasp import Grasp
+from handfast.model.provenance import Provenance
+from handfast.model.shape import Shape
+from handfast.simulation.stepper import Stepper
+from handfast.simulation.twin import Twin, add_jointed, add_object, add_pair, assembled, engine_spec, free_joints
+
+TOUCHES = 5e-4  # [m] what is so near where the grasp has a contact touches exactly, as the file says
+APART = 1.0  # [grasp sizes] parts that are farther apart at first are not watched
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """What is behind a grasp, in the object's frame.
+
+    Attributes:
+        names: of the hand's links, parents: of each its parent's index, -1 for the base.
+        joints: per link names of the joints between parent and link.
+        shapes: per link, where they are at the beginning.
+        pieces: of the object.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    joints: tuple[tuple[str, ...], ...]
+    shapes: tuple[tuple[Shape, ...], ...]
+    pieces: tuple[Shape, ...]
+
+
+def bodies_of(grasp: Grasp) -> Bodies:
+    """Hand and object as the grasp's provenance has them.
+
+    Raises:
+        InputError: a file that is missing or has changed; a contact on a link that the hand does not have, or on none.
+    """
+    from handfast.model.body import load_body
+    from handfast.model.configuration import load_configuration
+    from handfast.model.hand.load import load_hand
+
+    came = grasp.provenance or Provenance()
+    faults = came.faults()
+    if faults or not (came.hand and came.object and came.configuration):
+        raise InputError(f"hand and object are not known: {'; '.join(faults)}", source=grasp.name, field="provenance")
+    placed = load_configuration(came.configuration.path)
+    hand, q = placed.applied(load_hand(came.hand.path))
+    body = load_body(came.object.path, scale=came.object.scale)
+    poses = np.linalg.inv(placed.pose) @ hand.link_poses(q)
+    strangers = sorted({str(c.link) for c in grasp.contacts} - set(hand.link_names))
+    if strangers:
+        problem = f"are on '{', '.join(strangers)}', which {hand.name} has not"
+        raise InputError(problem, source=grasp.name, field="contacts")
+    shapes = tuple(tuple(s.placed(T) for s in link.shapes) for link, T in zip(hand.links, poses, strict=True))
+    between = tuple(tuple(hand.joint_names[j] for j in link.joints) for link in hand.links)
+    return Bodies(hand.link_names, tuple(link.parent for link in hand.links), between, shapes, tuple(body.pieces))
+
+
+def build_bodies(grasp: Grasp, bodies: Bodies, force: float, *, step: float, stiffness: float) -> Twin:
+    """The model of hand and object; arguments are those of `build_twin`.
+
+    Raises:
+        InputError: nothing of hand and object is near where the grasp has its contacts.
+    """
+    length, free = grasp.size, free_joints(grasp)
+    spec = engine_spec(step)
+    spec.option.ccd_tolerance, spec.option.ccd_iterations = 1e-9, 200
+    at = {grasp.joints[j].name: k for k, j in enumerate(free)}
+    names: list[list[str]] = [[] for _ in free]
+    made: list[Any] = []
+    for i, (parent, joints) in enumerate(zip(bodies.parents, bodies.joints, strict=True)):
+        body = made[parent] if parent >= 0 else spec.worldbody
+        for name in joints:
+            if name in at:
+                names[at[name]] = [f"{name} 0"]
+                body = add_jointed(body, f"{name} 0", grasp, free[at[name]])
+        made.append(body)
+        for n, shape in enumerate(bodies.shapes[i]):
+            _add_shape(spec, body, f"{bodies.names[i]}/{n}", shape, length)
+    unmoved = [grasp.joints[j].name for j, copies in zip(free, names, strict=True) if not copies]
+    if unmoved:
+        raise InputError(f"are not the hand's: {', '.join(unmoved)}", source=grasp.name, field="joints")
+    target = add_object(spec, grasp, length)
+    for n, piece in enumerate(bodies.pieces):
+        _add_shape(spec, target, f"object/{n}", piece, length)
+    pairs = _pairs(spec.compile(), grasp, bodies)
+    for first, second, friction, margin in pairs:
+        add_pair(spec, f"{first} {second}", (first, second), friction, margin)
+    return assembled(spec, grasp, free, names, force, stiffness)
+
+
+def _add_shape(spec: Any, body: Any, name: str, shape: Shape, length: float) -> None:
+    """A solid on a body whose frame is the object's."""
+    import mujoco
+
+    size = np.zeros(3)
+    s = np.array(shape.size) / length
+    if shape.kind == "box":
+        size[:] = s / 2
+    elif shape.kind in ("capsule", "cylinder"):
+        size[:2] = s[0], s[1] / 2
+    elif shape.kind != "mesh":
+        size[: len(s)] = s
+    geom = body.add_geom(
+        name=name, type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"), size=size.tolist(),
+        pos=(shape.pose[:3, 3] / length).tolist(), quat=matrix_quaternion(shape.pose[:3, :3]).tolist(),
+        contype=0, conaffinity=0, mass=0,
+    )  # fmt: skip
+    if shape.kind == "mesh":
+        spec.add_mesh(
+            name=name, uservert=(shape.vertices / length).ravel().tolist(), userface=shape.faces.ravel().tolist(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+        )  # fmt: skip
+        geom.meshname = name
+
+
+def _pairs(model: Any, grasp: Grasp, bodies: Bodies) -> list[tuple[str, str, float, float]]:
+    """Parts of hand and object that may touch, with friction, and how far apart they count as touching.
+
+    The nearest pair at each contact of the grasp begins to touch just there, whatever gap or overlap of rounding the
+    configuration leaves it; all others as they are. A link without a contact has the mean friction.
+    """
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    usual = float(grasp.mu.mean())
+    friction = {c.link: c.friction for c in grasp.contacts}
+    points = np.zeros(6)
+    found: dict[tuple[str, str], tuple[float, Array]] = {}
+    for name, shapes in zip(bodies.names, bodies.shapes, strict=True):
+        for n in range(len(shapes)):
+            for k in range(len(bodies.pieces)):
+                pair = f"{name}/{n}", f"object/{k}"
+                ids = (int(model.geom(p).id) for p in pair)
+                apart = float(mujoco.mj_geomDistance(model, data, *ids, APART, points))
+                if apart < APART:
+                    found[pair] = apart, (points[:3] + points[3:]) / 2
+    margins = dict.fromkeys(found, 0.0)
+    for i, contact in enumerate(grasp.contacts):
+        at = contact.position / grasp.size
+        near = {p: float(np.linalg.norm(x - at)) for p, (_, x) in found.items() if _link(p[0]) == contact.link}
+        pair = min(near, key=lambda p: near[p], default=("", ""))
+        gap = grasp.size * found[pair][0] if near else np.inf
+        if abs(gap) > TOUCHES:
+            problem = f"is off by {1e3 * gap:.3g} mm: {contact.link} does not touch the object there"
+            raise InputError(problem, source=grasp.name, field=f"contacts[{i}]")
+        margins[pair] = gap / grasp.size
+    return [(*p, friction.get(_link(p[0]), usual), margin) for p, margin in margins.items()]
+
+
+def _link(geom: str) -> str:
+    return geom.rpartition("/")[0]
+
+
+class BodyStepper(Stepper):
+    """What the engine's contact points carry belongs to the grasp's nearest contact on the same link.
+
+    What is carried where the grasp has no contact on the link belongs to none: the forces of the others then miss it.
+    """
+
+    def __init__(self, twin: Twin, grasp: Grasp, wrench: Array) -> None:
+        """`wrench` as in a `Stepper`."""
+        points = grasp.positions / twin.length
+        self._on: dict[str, list[int]] = {}
+        for i, contact in enumerate(grasp.contacts):
+            self._on.setdefault(str(contact.link), []).append(i)
+        super().__init__(twin, points, np.array([c.frame for c in grasp.contacts]), wrench)
+
+    def _tips(self, contacts: int) -> dict[int, int]:
+        return {}
+
+    def contact_of(self, point: Any) -> int | None:
+        first = int(point.geom1)
+        hand = int(point.geom2) if int(self._model.geom_bodyid[first]) == self._object else first
+        own = self._on.get(_link(self._model.geom(hand).name), ())
+        if not own:
+            return None
+        R = self.data.xmat[self._object].reshape(3, 3)
+        at = self.data.xipos[self._object] + self._arms @ R.T
+        return min(own, key=lambda i: float(np.linalg.norm(at[i] - point.pos)))

@@ -1,0 +1,83 @@
+"""Hand and object in the engine: thresholds known by hand, and the same rest as the grasp's contacts alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.simulation_floor import across, pinch
+from handfast.core.errors import InputError
+from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import load_grasp
+from handfast.model.shape import Shape
+from handfast.simulation.bodies import Bodies
+from handfast.simulation.ending import Ending
+from handfast.simulation.loaded_bodies import simulate_bodies
+from handfast.simulation.loaded_twin import simulate
+
+
+def cube(edge: float, at: tuple[float, float, float], *, mesh: bool = False) -> Shape:
+    pose = np.eye(4)
+    pose[:3, 3] = at
+    if not mesh:
+        return Shape("box", (edge,) * 3, pose)
+    return Shape.hull(0.5 * edge * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]), pose)
+
+
+def pinched(mu: float, **options: bool) -> tuple[Grasp, Bodies]:
+    """A cube of 0.1 m between two balls, one on a slide; their contacts are those of `pinch`."""
+    grasp = pinch(mu)
+    contacts = [replace(c, link=link) for c, link in zip(grasp.contacts, ("finger", "thumb"), strict=True)]
+    grasp = Grasp(contacts, grasp.joints, grasp.mechanism, grasp.preload, "pinch")
+    ball = [Shape("sphere", 0.02, np.block([[np.eye(3), np.c_[[x, 0, 0]]], [np.zeros(3), 1]])) for x in (0.07, -0.07)]
+    shapes = ((), (ball[0],), (ball[1],))
+    return grasp, Bodies(
+        ("base", "finger", "thumb"), (-1, 0, 0), ((), ("slide",), ()), shapes, (cube(0.1, (0, 0, 0), **options),)
+    )
+
+
+@pytest.mark.parametrize("mesh", [False, True])
+def test_a_pinched_cube_carries_twice_mu_times_the_command(mesh: bool) -> None:
+    grasp, bodies = pinched(0.4, mesh=mesh)
+    held = simulate_bodies(grasp, across(0.4, 0.95), ramp=1.0, bodies=bodies)
+    assert held.ending is Ending.HOLDS
+    assert held.bodies
+    assert held.points[-1] == 2
+    assert held.forces[-1, :, 0] == pytest.approx([1, 1], abs=1e-3)
+    carried = sum(c.frame @ f for c, f in zip(grasp.contacts, held.forces[-1], strict=True))
+    assert carried == pytest.approx(-across(0.4, 0.95)[:3], abs=1e-3)
+    assert simulate_bodies(grasp, across(0.4, 1.06), ramp=1.0, bodies=bodies).ending is Ending.SLIPS
+
+
+def test_hand_and_object_rest_as_their_contacts_do() -> None:
+    """The Barrett hand on the ball: the same forces, though the engine finds where they touch."""
+    grasp = load_grasp("barrett-ball")
+    wrench = [0, 0, 4.5]
+    alone, whole = (ask(grasp, wrench, ramp=1.0) for ask in (simulate, simulate_bodies))
+    assert (alone.ending, whole.ending) == (Ending.HOLDS, Ending.HOLDS)
+    assert whole.forces[-1] == pytest.approx(alone.forces[-1], abs=0.02 * alone.forces.max())
+
+
+def test_an_object_that_left_its_contacts_may_touch_the_hand_elsewhere() -> None:
+    """Pulled out from between its fingers, the cube comes to rest on a plate that bears no contact of the grasp."""
+    grasp, b = pinched(0.4)
+    plate = replace(b, shapes=((cube(0.2, (0, 0, -0.1502)),), *b.shapes[1:]))
+    assert simulate_bodies(grasp, across(0.4, 1.5), ramp=1.0, bodies=b).ending is Ending.SLIPS
+    found = simulate_bodies(grasp, across(0.4, 1.5), ramp=1.0, bodies=plate)
+    assert found.ending is Ending.SETTLES
+    assert found.shift[-1, 2] == pytest.approx(-2e-4, rel=0.01)
+    assert found.points[-1] > 2
+
+
+def test_what_is_not_there_is_refused() -> None:
+    grasp, bodies = pinched(0.4)
+    with pytest.raises(InputError, match="hand and object are not known"):
+        simulate_bodies(grasp, [0, 0, -0.1])
+    away = replace(bodies, pieces=(cube(0.08, (0, 0, 0)),))
+    with pytest.raises(InputError, match=r"contacts\[0\]: is off by 10 mm: finger does not touch"):
+        simulate_bodies(grasp, [0, 0, -0.1], bodies=away)
+    stiff = replace(bodies, joints=((), (), ()))
+    with pytest.raises(InputError, match="joints: are not the hand's: slide"):
+        simulate_bodies(grasp, [0, 0, -0.1], bodies=stiff)
