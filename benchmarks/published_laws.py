@@ -3,9 +3,10 @@
 The set is DexGraspBench's example, 400 Shadow grasps by BODex; neither it nor the hand is here. The Shadow's outer two
 joints hang on one tendon, which leaves their difference free: without a law of the joints nothing holds it. Every
 grasp is imported as `handfast import` does it, with every motor locked, and with servos that pull to its squeeze: of
-the set's own gain, and of less. Of each there are four: with no laws, with stops, with friction, and with no laws but
-the last joint on each such tendon locked, as if it stood at two stops. Each is asked whether it holds no load at all,
-and its weight from six sides: 1 N for the set's own mass of 0.1 kg. Resumable.
+the set's own gain, and of less; all of them, or only those that close, in the closing sense. Of each there are four:
+with no laws, with stops, with friction, and with no laws but the last joint on each such tendon locked, as if it stood
+at two stops. Each is asked whether it holds no load at all, and its weight from six sides: 1 N for the set's own mass
+of 0.1 kg. Resumable.
 
     python -m benchmarks.published_laws --bench ../DexGraspBench --results benchmarks/results/published_laws.json
 """
@@ -18,6 +19,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -58,13 +60,21 @@ def main() -> None:
     grasps = [row.grasp for row in rows if row.grasp is not None]
     results: dict[str, Any] = json.loads(options.results.read_text()) if options.results.exists() else {}
     results |= {"grasps": len(grasps), **about, "seconds_a_question": SECONDS, "machine": describe()}
-    for gain in GAINS:
-        some = [g.with_preload({n: gain * f for n, f in g.preload.items()}) for g in grasps]
-        for laws in (v for v in VARIANTS if f"{gain:g} N m/rad, {v}" not in results):  # resumable
+    for gain, motors in product(GAINS, ("closing", "all")):
+        some = [pulled(g, gain, hand.closing_actuators if motors == "closing" else None) for g in grasps]
+        name = f"{gain:g} N m/rad, {motors} motors"
+        for laws in (v for v in VARIANTS if f"{name}, {v}" not in results):  # resumable
             start = time.monotonic()
-            results[f"{gain:g} N m/rad, {laws}"] = found = held([with_laws(g, laws) for g in some], options.jobs)
-            print(gain, laws, found, f"{time.monotonic() - start:.0f} s", flush=True)
+            results[f"{name}, {laws}"] = found = held([with_laws(g, laws) for g in some], options.jobs)
+            print(name, laws, found, f"{time.monotonic() - start:.0f} s", flush=True)
             options.results.write_text(json.dumps(results, indent=1) + "\n")
+
+
+def pulled(grasp: Grasp, gain: float, closing: Sequence[str] | None) -> Grasp:
+    """The grasp under servos of a gain; those of `closing` alone, where they close."""
+    if closing is None:
+        return grasp.with_preload({n: gain * f for n, f in grasp.preload.items()})
+    return grasp.with_preload({n: gain * f for n, f in grasp.preload.items() if n in closing and f > 0})
 
 
 def with_laws(grasp: Grasp, laws: str) -> Grasp:
