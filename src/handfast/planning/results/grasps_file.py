@@ -70,13 +70,14 @@ class GraspsQuestionEntry(Strict):
 
 
 class LoadWitnessEntry(Strict):
-    """As `State`."""
+    """As `State`; `reaction` where joints carry something themselves."""
 
     r: Six
     q: list[Finite]
     c: list[Finite]
     f: list[Finite]
     coupling: list[Finite]
+    reaction: list[Finite] | None = None
 
 
 class GraspEntry(Strict):
@@ -232,7 +233,10 @@ def loads_to_dict(loads: Loads) -> dict[str, Any]:
 
 
 def _entry(g: SavedGrasp) -> dict[str, Any]:
-    states = {n: {k: getattr(s, k).tolist() for k in LoadWitnessEntry.model_fields} for n, s in g.witnesses.items()}
+    states = {n: {k: x.tolist() for k, x in vars(s).items()} for n, s in g.witnesses.items()}
+    for state in states.values():
+        if not any(state["reaction"]):
+            del state["reaction"]
     return {
         "existence": existence_to_dict(g.solution.existence),
         "joints": g.joints,
@@ -310,7 +314,8 @@ def _grasp(task: Task, e: GraspEntry, answer: dict[str, Any], field: str) -> Sav
     try:
         if set(e.joints) != set(task.hand.joint_names):
             raise InputError(f"are not those of the hand: {', '.join(task.hand.joint_names)}", field="joints")
-        witnesses = {n: State(**{k: np.array(v) for k, v in s.model_dump().items()}) for n, s in e.witnesses.items()}
+        states = {n: s.model_dump(exclude_none=True) for n, s in e.witnesses.items()}
+        witnesses = {n: State(**{k: np.array(v) for k, v in s.items()}) for n, s in states.items()}
         try:
             grasp = grasp_file.from_dict(e.grasp)
         except InputError as fault:

@@ -191,6 +191,7 @@ def _replayed(g: SavedGrasp, loads: Loads, requirements: Requirements) -> list[f
 def _held(grasp: Grasp, wrench: Array, state: State, asked: Requirements) -> float:
     """The residual of a state that holds a load; `NotProved` if it does not."""
     sizes = {"r": 6, "q": grasp.l, "c": 3 * grasp.m, "f": grasp.mechanism.a, "coupling": len(grasp.mechanism.A)}
+    sizes |= {"reaction": grasp.l}
     for key, size in sizes.items():
         if len(getattr(state, key)) != size:
             raise NotProved(f"its witness has {len(getattr(state, key))} numbers for {key}, needs {size}")
