@@ -285,3 +285,14 @@ def test_more_laws_than_can_be_searched_are_refused() -> None:
     grasp = Grasp(jaw().contacts, joints, Mechanism((), np.zeros((0, 45)), np.zeros((0, 45)), ()))
     with pytest.raises(InputError, match="45 joints rub and 0 stop, too many to search"):
         check(grasp, OPENS)
+
+
+def test_a_backdrivable_motor_may_have_a_limit():
+    """Its command is within the limit or refused, so that a limit changes no maximum."""
+    grasp = jaw(BACKDRIVABLE, {"motor": 0.5}, friction=0.2)
+    limited = maximum(grasp, OPENS, torque_limits={"motor": 0.6})
+    assert limited.lower == pytest.approx(7.0, rel=2e-3)
+    assert limited.upper < 7.02
+    assert limited.verify().ok
+    with pytest.raises(InputError, match=r"gives its command, 0\.5"):
+        maximum(grasp, OPENS, torque_limits={"motor": 0.4})

@@ -331,7 +331,7 @@ def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
 def max_goal(p: ScaledProblem) -> Goal:
     """How a maximum is posed: limits and a base load break homogeneity; without commands, or anything that is given to
     joints, there is only yes or no."""
-    if np.isfinite(p.f_max).any() or np.isfinite(p.cn_max) or p.w0.any():
+    if p.torque_limits or np.isfinite(p.cn_max) or p.w0.any():  # limits also of backdrivable motors, which have no row
         return LARGEST
     return SMALLEST_PRELOAD if p.f_c.any() or p.is_given else ANY_STATE
 
