@@ -41,6 +41,18 @@ def test_cube_on_four_points():
     assert linf_epsilon(cones(four(MU))) == pytest.approx(2 * MU, rel=1e-7)
 
 
+def test_epsilon_in_another_scale_is_that_of_the_wrenches_there():
+    """Facets stay facets where all wrenches are turned alike; outside of them it is 0, however they are turned."""
+    points = cones(four(MU))
+    turned = np.eye(6) + np.random.default_rng(3).normal(size=(6, 6)) / 4
+    there = L1Space(points @ turned.T).epsilon
+    assert L1Space(points).epsilon_in(turned) == pytest.approx(there, rel=1e-9)
+    assert abs(there - L1Space(points).epsilon) > 1e-3
+    beside = L1Space(points + 2.0)
+    assert beside.epsilon == beside.epsilon_in(turned) == 0.0
+    assert beside.volume > 0
+
+
 def test_three_at_120_degrees():
     """Out of the plane the sum is mu (|v1| + |v2| + |v3|), v_i = a + b s_i; least at v = (c, 0, 0), c = 3/sqrt(5)."""
     assert linf_epsilon(cones(three(MU))) == pytest.approx(3 * MU / np.sqrt(5), rel=1e-7)

@@ -29,7 +29,7 @@ from typing import Any, Literal
 import numpy as np
 
 from handfast.core import parallel
-from handfast.core.answer import Stop, Verdict
+from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool, default_jobs
@@ -362,9 +362,9 @@ class GraspBatch:
         return self._asked(_table(directions, 1, "directions")[0], options)
 
     def _asked(self, W: Array, options: BatchOptions) -> BatchAnswer:
-        B = np.zeros(W.shape)
+        B, options = np.zeros(W.shape), replace(options, settings=replace(options.settings, workers=1))
         try:
-            part = _part(self.grasp, W, B, replace(options, settings=replace(options.settings, workers=1)), self._kernel)
+            part = _part(self.grasp, W, B, options, self._kernel)
         except KeyboardInterrupt:
             part = _RowBlock(W, B, INTERRUPTED)
         return _answered(options, W, [part], (len(W),))

@@ -1,4 +1,4 @@
-"""Rows about one grasp answered by the compiled kernel, all together; what belongs to the grasp is made once and kept."""
+"""Rows about one grasp answered by the compiled kernel together; what belongs to the grasp is made once and kept."""
 
 from __future__ import annotations
 
