@@ -10,7 +10,7 @@ from handfast.measures.cone_edges import edge_forces, edge_wrenches
 from handfast.measures.force_closure import force_closure
 from handfast.measures.not_measured import NotMeasured
 from handfast.measures.wrench_scale import WrenchScale
-from handfast.measures.wrench_space import l1_space, linf_epsilon, linf_volume
+from handfast.measures.wrench_space import L1Space, linf_epsilon, linf_volume
 from tests.support.round_grasps import four, pair, three
 
 MU = 0.2
@@ -23,7 +23,8 @@ def cones(grasp, edges=4):
 
 def test_known_polytopes():
     """Of wrenches +-e_i, L1 is the cross-polytope, L infinity the cube."""
-    radius, volume = l1_space(BOTH)
+    space = L1Space(BOTH)
+    radius, volume = space.epsilon, space.volume
     assert radius == pytest.approx(1 / np.sqrt(6), rel=1e-12)
     assert volume == pytest.approx(2**6 / 720, rel=1e-12)
     assert linf_epsilon(BOTH) == pytest.approx(1.0, rel=1e-9)
@@ -36,8 +37,20 @@ def test_cube_on_four_points():
     In L1 it is smallest where |t| = |o s_i| = c at all: c^2 (1 + 2) = 1. In L infinity the sum over the contacts is
     smallest for a tilting torque about the line through two of them: 2 mu.
     """
-    assert l1_space(cones(four(MU)))[0] == pytest.approx(MU / np.sqrt(3), rel=1e-9)
+    assert L1Space(cones(four(MU))).epsilon == pytest.approx(MU / np.sqrt(3), rel=1e-9)
     assert linf_epsilon(cones(four(MU))) == pytest.approx(2 * MU, rel=1e-7)
+
+
+def test_epsilon_in_another_scale_is_that_of_the_wrenches_there():
+    """Facets stay facets where all wrenches are turned alike; outside of them it is 0, however they are turned."""
+    points = cones(four(MU))
+    turned = np.eye(6) + np.random.default_rng(3).normal(size=(6, 6)) / 4
+    there = L1Space(points @ turned.T).epsilon
+    assert L1Space(points).epsilon_in(turned) == pytest.approx(there, rel=1e-9)
+    assert abs(there - L1Space(points).epsilon) > 1e-3
+    beside = L1Space(points + 2.0)
+    assert beside.epsilon == beside.epsilon_in(turned) == 0.0
+    assert beside.volume > 0
 
 
 def test_three_at_120_degrees():
@@ -47,7 +60,8 @@ def test_three_at_120_degrees():
 
 def test_antipodal_contacts_cannot_turn():
     """Nothing resists a torque about the line through both, however much friction there is."""
-    assert l1_space(cones(pair(MU))) == (0.0, 0.0)
+    flat = L1Space(cones(pair(MU)))
+    assert (flat.epsilon, flat.volume, flat.epsilon_in(np.eye(6))) == (0.0, 0.0, 0.0)
     assert linf_epsilon(cones(pair(MU))) == 0.0
     assert linf_volume(cones(pair(MU))) == 0.0
     closed, margin = force_closure(cones(pair(MU)))

@@ -30,6 +30,21 @@ def tendons(g: Grasp) -> Grasp:
     )
 
 
+def test_several_calls_about_one_grasp_are_one() -> None:
+    """What a grasp was prepared for once answers later calls as well, single rows and odd ones included."""
+    g = solved(3, 4).grasp
+    W, kept = loads(g, 6, seed=5), batch.GraspBatch(g)
+    first, together = kept.maxima(W[:4], QUICK), max_many(g, W, settings=QUICK)
+    last = kept.maxima(W[4:5], QUICK)
+    assert np.array_equal(first.lower, together.lower[:4])
+    assert np.array_equal(first.upper, together.upper[:4])
+    assert last.lower[0] == pytest.approx(together.lower[4], rel=2e-3)
+    assert list(kept.checks(W, QUICK).verdict) == list(check_many(g, W, settings=QUICK).verdict)
+    odd = kept.checks(np.vstack([W[0], np.full(6, np.nan)]), QUICK)
+    assert odd.error[0] == ""
+    assert "NaN" in odd.error[1]
+
+
 def test_a_node_limit_holds_for_every_row() -> None:
     """What the kernel does not finish within the limit is undecided, and says so; without a limit all are decided."""
     g = solved(4, 8).grasp

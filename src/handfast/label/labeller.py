@@ -155,11 +155,11 @@ def _under_gravity(
     new = [v for v in pulls if _key(v) not in forces]
     known = forces | dict(zip(map(_key, new), ask.largest([_force(v, center) for v in new]), strict=True))
     most = [known[_key(v)] for v in pulls]
-    verdicts = [
-        # beyond the largest that is resisted nothing is; what is below it may slip all the same
-        Verdict.SLIPS if m.upper < weight else ask.held(weight * _force(v, center))
-        for v, m in zip(pulls, most, strict=True)
-    ]
+    # beyond the largest that is resisted nothing is; what is below it may slip all the same
+    maybe = [k for k, m in enumerate(most) if m.upper >= weight]
+    verdicts = [Verdict.SLIPS] * len(pulls)
+    for k, verdict in zip(maybe, ask.held([weight * _force(pulls[k], center) for k in maybe]), strict=True):
+        verdicts[k] = verdict
     most = [  # a weight that is held is a witness, too, where the search for the largest found less within its limits
         replace(m, lower=max(m.lower, weight)) if v is Verdict.HOLDS else m for m, v in zip(most, verdicts, strict=True)
     ]
@@ -189,19 +189,20 @@ def _worst(
     """The least of the largest forces in these directions (n, 3).
 
     Where a direction is shown to resist as much as the least so far, its own largest does not matter: a check tells it
-    sooner than a maximum. Those that are likely to be the least come first.
+    sooner than a maximum, and many checks together sooner than one by one. Those that are likely to be the least come
+    first.
     """
-    worst: LargestLoad | None = None
-    where = 0
-    for k in sorted(range(len(directions)), key=lambda k: (_guess(directions[k], forces), k)):
-        towards = _force(directions[k], center)
-        least = np.inf if worst is None else worst.upper
-        if least == 0 or (np.isfinite(least) and ask.held(least * towards) is Verdict.HOLDS):
-            continue
-        most = ask.largest([towards])[0]
-        if worst is None or (most.lower, most.upper) < (worst.lower, worst.upper):
+    left = sorted(range(len(directions)), key=lambda k: (_guess(directions[k], forces), k))
+    worst, where = LargestLoad(np.inf, np.inf, False), left[0]
+    while left and worst.upper > 0:
+        k = left.pop(0)
+        most = ask.largest([_force(directions[k], center)])[0]
+        if (most.lower, most.upper) < (worst.lower, worst.upper):
             worst, where = most, k
-    return _bounds("worst_force", worst) | {"worst_direction": directions[where].tolist()}  # type: ignore[arg-type]
+            if np.isfinite(worst.upper):
+                verdicts = ask.held([worst.upper * _force(directions[i], center) for i in left])
+                left = [i for i, verdict in zip(left, verdicts, strict=True) if verdict is not Verdict.HOLDS]
+    return _bounds("worst_force", worst) | {"worst_direction": directions[where].tolist()}
 
 
 def _guess(direction: Array, forces: dict[tuple[float, ...], LargestLoad]) -> float:

@@ -14,14 +14,15 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.stability.batch import max_many
-from handfast.stability.prepared import PreparedGrasp, prepare
+from handfast.stability.batch import GraspBatch, max_many
+from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.queries import torques
 from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import Settings
 
 LEAST = 1e-3  # [s] that a question has where no time is left,
 FEWEST = 64  # and nodes
+SPANS = 1e-6  # relative singular value of the grasp map from which on contact forces balance any disturbance
 
 
 @dataclass(frozen=True)
@@ -61,31 +62,35 @@ class Questions:
     def largest(self, directions: list[Array]) -> list[LargestLoad]:
         """The largest multiple of each disturbance (6,) that is resisted; each helps the next."""
         out = [LargestLoad(0.0, 0.0, False)] * len(directions)
-        asked = [k for k, direction in enumerate(directions) if not unbalanced(self.grasp, direction)]
+        asked = [k for k, direction in enumerate(directions) if not self._unbalanced(direction)]
         if not asked:
             return out
-        settings = self._limited(len(asked))
-        found = max_many(self.grasp, [directions[k] for k in asked], settings=settings, jobs=1, answers=settings.verify)
+        settings, W = self._limited(len(asked)), [directions[k] for k in asked]
+        if settings.verify:
+            found = max_many(self.grasp, W, settings=settings, jobs=1, answers=True)
+        else:
+            found = self._together.maxima(W, settings)
         for i, k in enumerate(asked):
-            if found.error[i]:  # questions that cannot be asked were left out before: Ctrl-C came first
-                raise KeyboardInterrupt
             out[k] = LargestLoad(float(found.lower[i]), float(found.upper[i]), bool(found.unbounded[i]))
             slips = found.verdict[i] == Verdict.SLIPS
-            self._count(Stop(str(found.stop[i])), int(found.nodes[i]), out[k].ends or bool(slips))
+            self._count_row(found, i, out[k].ends or bool(slips))
         return out
 
-    def held(self, wrench: Array) -> Verdict:
-        """Is a disturbance (6,) resisted?"""
-        if unbalanced(self.grasp, wrench):
-            return Verdict.SLIPS
-        self._prepared.settings = self._limited(1)
-        answer = self._prepared.holds(wrench)
-        self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
-        return answer.verdict
+    def held(self, wrenches: list[Array]) -> list[Verdict]:
+        """Is each of these disturbances (6,) resisted? Each helps the next."""
+        out = [Verdict.SLIPS] * len(wrenches)
+        asked = [k for k, wrench in enumerate(wrenches) if not self._unbalanced(wrench)]
+        if not asked:
+            return out
+        found = self._together.checks([wrenches[k] for k in asked], self._limited(len(asked)))
+        for i, k in enumerate(asked):
+            out[k] = Verdict(str(found.verdict[i]) or Verdict.UNDECIDED)
+            self._count_row(found, i, out[k] is not Verdict.UNDECIDED)
+        return out
 
     def commands(self, wrench: Array) -> tuple[dict[str, float] | None, float, float]:
         """Smallest commands that resist a disturbance (6,), by actuator; bounds of the largest, inf for none."""
-        if unbalanced(self.grasp, wrench) or not self.grasp.mechanism.a:
+        if self._unbalanced(wrench) or not self.grasp.mechanism.a:
             return None, np.inf, np.inf
         answer = torques(self.grasp, wrench, settings=self._limited(1))
         self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
@@ -97,6 +102,11 @@ class Questions:
         nodes = max((self.budget - self.nodes) / max(count, 1), FEWEST)
         return replace(self.settings, time_limit=max(left, LEAST), node_limit=min(self.settings.node_limit, nodes))
 
+    def _count_row(self, found: BatchAnswer, i: int, closed: bool) -> None:
+        if found.error[i]:  # questions that cannot be asked were left out before: Ctrl-C came first
+            raise KeyboardInterrupt
+        self._count(Stop(str(found.stop[i])), int(found.nodes[i]), closed)
+
     def _count(self, stop: Stop, nodes: int, closed: bool) -> None:
         if stop is Stop.INTERRUPTED:  # half a label is none
             raise KeyboardInterrupt
@@ -106,6 +116,16 @@ class Questions:
         if not closed or stop in (Stop.TIME, Stop.NODES):
             self.open += 1
 
+    def _unbalanced(self, wrench: Array) -> bool:
+        """Can no forces at the contacts whatever balance it? None is like that where some balance any."""
+        return not self._spans and unbalanced(self.grasp, wrench)
+
     @cached_property
-    def _prepared(self) -> PreparedGrasp:
-        return prepare(self.grasp, settings=self.settings)
+    def _spans(self) -> bool:
+        alike = np.r_[np.ones(3), np.full(3, 1 / self.grasp.size)]
+        sizes = np.linalg.svd(alike[:, None] * self.grasp.G, compute_uv=False)
+        return len(sizes) == 6 and bool(sizes[-1] >= SPANS * sizes[0])
+
+    @cached_property
+    def _together(self) -> GraspBatch:
+        return GraspBatch(self.grasp)

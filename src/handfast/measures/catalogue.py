@@ -66,8 +66,8 @@ class Asked:
         return edge_wrenches(self.grasp, self.scale, self.edges)
 
     @cached_property
-    def l1(self) -> tuple[float, float]:
-        return wrench_space.l1_space(self.cones)
+    def l1(self) -> wrench_space.L1Space:
+        return wrench_space.L1Space(self.cones)
 
     @cached_property
     def closure(self) -> tuple[bool, float]:
@@ -105,7 +105,9 @@ class Asked:
 
     @cached_property
     def q1(self) -> float:
-        return wrench_space.l1_space(edge_wrenches(self.grasp, self.energy_scale, self.edges))[0]
+        """Epsilon in the energies' scale."""
+        turned = np.column_stack([self.energy_scale.scaled(self.scale.wrench(unit)) for unit in np.eye(6)])
+        return self.l1.epsilon_in(turned)
 
 
 @dataclass(frozen=True)
@@ -136,12 +138,12 @@ CATALOGUE: tuple[Measure, ...] = (
         "passive_worst", "passive maximum, worst of 12", "N", "more", OURS,
         "Haas-Heger, Ciocarlie 2020", lambda a: a.passive.worst[0],
     ),
-    Measure("epsilon_l1", "epsilon, L1", "N", "more", ANY, "Ferrari, Canny 1992", lambda a: a.l1[0]),
+    Measure("epsilon_l1", "epsilon, L1", "N", "more", ANY, "Ferrari, Canny 1992", lambda a: a.l1.epsilon),
     Measure(
         "epsilon_linf", "epsilon, L infinity", "N", "more", ANY,
         "Ferrari, Canny 1992", lambda a: a.force_limit * wrench_space.linf_epsilon(a.cones),
     ),
-    Measure("volume_l1", "volume, L1", "N^6", "more", ANY, "Ferrari, Canny 1992", lambda a: a.l1[1]),
+    Measure("volume_l1", "volume, L1", "N^6", "more", ANY, "Ferrari, Canny 1992", lambda a: a.l1.volume),
     Measure(
         "volume_linf", "volume, L infinity", "N^6", "more", ANY,
         "Ferrari, Canny 1992", lambda a: a.force_limit**6 * wrench_space.linf_volume(a.cones),

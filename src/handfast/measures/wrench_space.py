@@ -39,15 +39,36 @@ def _radius(hull: Any) -> float:
     return 0.0 if hull is None else max(0.0, float(-hull.equations[:, -1].max()))
 
 
-def l1_space(wrenches: Array) -> tuple[float, float]:
-    """Epsilon and volume of the L1 wrench space of (m, edges, 6) edge wrenches: N and N^6, for 1 N in all.
+class L1Space:
+    """The L1 wrench space of (m, edges, 6) edge wrenches, for 1 N in all: the hull of these edges.
 
-    The volume is that of the hull of the edges and of the origin, for no force at all is always possible.
+    A hull in six dimensions takes milliseconds, all that is asked of it next to nothing. So it is made once: of the
+    wrenches as they are given, of whatever they are in another scale, and with the origin.
     """
-    points = wrenches.reshape(-1, 6)
-    radius = _radius(_hull(points))
-    whole = _hull(np.vstack([points, np.zeros((1, 6))]))
-    return radius, 0.0 if whole is None else float(whole.volume)
+
+    def __init__(self, wrenches: Array) -> None:
+        self.points = wrenches.reshape(-1, 6)
+        self._hull = _hull(self.points)
+
+    @property
+    def epsilon(self) -> float:
+        """[N] the radius of the largest ball about the origin inside."""
+        return _radius(self._hull)
+
+    @property
+    def volume(self) -> float:
+        """[N^6] of the hull of the edges and of the origin, for no force at all is always possible."""
+        whole = self._hull if self.epsilon > 0 else _hull(np.vstack([self.points, np.zeros((1, 6))]))
+        return 0.0 if whole is None else float(whole.volume)
+
+    def epsilon_in(self, turned: Array) -> float:
+        """[N] epsilon where each wrench w is `turned` w, a regular (6, 6): facets stay facets, n . w becomes
+        (turned^-T n) . (turned w)."""
+        if self._hull is None:
+            return 0.0
+        normals, offsets = self._hull.equations[:, :-1], self._hull.equations[:, -1]
+        sizes = np.linalg.norm(normals @ np.linalg.inv(turned), axis=1)
+        return max(0.0, float((-offsets / sizes).min()))
 
 
 def _support(wrenches: Array, directions: Array) -> Array:

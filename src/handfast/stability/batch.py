@@ -29,7 +29,7 @@ from typing import Any, Literal
 import numpy as np
 
 from handfast.core import parallel
-from handfast.core.answer import Stop, Verdict
+from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool, default_jobs
@@ -37,16 +37,13 @@ from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer
 from handfast.stability.batch_answer import BatchAnswer
-from handfast.stability.batch_judge import Judge, StateRows
 from handfast.stability.equivalent_grasp import equivalent_of
-from handfast.stability.goal import ANY_STATE, LARGEST, NEAR_END, SMALLEST_PRELOAD, Effort, Goal
+from handfast.stability.goal import ANY_STATE, LARGEST, SMALLEST_PRELOAD, Effort, Goal
 from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, check, maximum, torques
-from handfast.stability.queries.max_query import MaxAnswer, max_goal
-from handfast.stability.search.batch_search import BatchSearch, FoundRows
-from handfast.stability.search.template import LoadRows, Template
+from handfast.stability.queries.max_query import MaxAnswer
+from handfast.stability.row_kernel import RowKernel
 from handfast.stability.settings import Settings
-from handfast.stability.witness import VALID
 
 OnItem = Callable[[int, int], None]  # done, total
 BLOCK = 125  # questions that are answered together: each begins with what those before it showed
@@ -227,6 +224,11 @@ def _ask(
         except KeyboardInterrupt:
             parts += [_RowBlock(W[i, a:b], B[i, a:b], INTERRUPTED) for i, a, b in pieces[len(parts) :]]
     shape = (n,) if isinstance(grasps, Grasp) else (g, n)
+    return _answered(options, W, parts, shape)
+
+
+def _answered(options: BatchOptions, W: Array, parts: list[_RowBlock], shape: tuple[int, ...]) -> BatchAnswer:
+    """The columns of all parts in this shape."""
 
     def whole(name: str) -> Any:
         return np.concatenate([part[name] for part in parts]).reshape(shape) if parts else np.zeros(shape)
@@ -281,13 +283,27 @@ def _chunk(
 # --- the rows of one grasp ----------------------------------------------------------------------
 
 
-def _part(grasp: Grasp, wrenches: Array, base: Array, options: BatchOptions) -> _RowBlock:
-    """Some rows about one grasp: together where that may be, the rest one by one."""
+def _part(
+    grasp: Grasp, wrenches: Array, base: Array, options: BatchOptions, kernel: RowKernel | None = None
+) -> _RowBlock:
+    """Some rows about one grasp: together where that may be, the rest one by one.
+
+    kernel: what was prepared for rows about this grasp before.
+    """
     part = _RowBlock(wrenches, base)
     left = np.ones(len(wrenches), bool)
     if not options.answers and options.query != "torques" and options.mdp and options.settings.method == "engine":
         for rows, goal in _goals(grasp, part, options):
-            left[rows] = ~_together(grasp, part, rows, goal, options)
+            if len(rows) < FEW and kernel is None:
+                continue
+            kernel = kernel or RowKernel(grasp, options.limits)
+            found = kernel.ask(goal, part.wrenches[rows], part.base[rows], options.settings)
+            if found is None:
+                continue
+            columns, settled = found
+            for name, values in columns.items():
+                part[name][rows[settled]] = values[settled]
+            left[rows] = ~settled
     for i in np.flatnonzero(left):
         start = time.monotonic()
         try:
@@ -319,79 +335,41 @@ def _goals(grasp: Grasp, part: _RowBlock, options: BatchOptions) -> Iterator[tup
     yield np.flatnonzero(sound & ~homogeneous & (beside | commanded | given)), LARGEST
 
 
-def _together(grasp: Grasp, part: _RowBlock, rows: Any, goal: Goal, options: BatchOptions) -> Any:
-    """Answer these rows by the kernel; returns which of them (bool) it answered."""
-    if len(rows) < FEW:
-        return np.zeros(len(rows), bool)
-    start = time.monotonic()
-    W, B = part.wrenches[rows], part.base[rows]
-    of_max = goal != ANY_STATE
-    try:
-        p = scaled_problem.build(grasp, B[0] if of_max else W[0], W[0] if of_max else None, **options.limits)
-        if of_max and max_goal(p) != goal:
-            return np.zeros(len(rows), bool)
-        template = Template.of(p, goal)
-    except (InputError, ValueError):  # its first row is asked alone, and says what is wrong
-        return np.zeros(len(rows), bool)
-    loads = template.loads(B if of_max else W, W if of_max else None)
-    found = BatchSearch(template, options.settings).ask(loads)
-    judge = Judge(grasp, eta=options.eta)
-    columns, settled = (_maxima if of_max else _checks)(template, loads, found, judge, part, rows, options)
-    columns["stop"] = np.full(len(rows), str(Stop.COMPLETE))
-    columns["seconds"] = np.full(len(rows), (time.monotonic() - start) / len(rows))
-    for name, values in columns.items():
-        part[name][rows[settled]] = values[settled]
-    return settled
+class GraspBatch:
+    """`check_many` and `max_many` of one grasp in several calls, for which what belongs to the grasp is made once.
 
+    Attributes:
+        grasp: with the preload in force.
+    """
 
-def _checks(
-    template: Template,
-    loads: LoadRows,
-    found: FoundRows,
-    judge: Judge,
-    part: _RowBlock,
-    rows: Any,
-    options: BatchOptions,
-) -> tuple[dict[str, Any], Any]:
-    """Columns of these checks, and which rows are settled: what slips is replayed, unless that is switched off."""
-    residual = judge.worst(part.wrenches[rows], found.states)
-    held = found.held & (residual <= VALID)
-    slips = found.none & (not options.settings.verify)
-    verdict = np.where(held, str(Verdict.HOLDS), str(Verdict.SLIPS))
-    columns = {"verdict": verdict, "residual": np.where(held, residual, np.nan), "verified": held, "nodes": found.nodes}
-    return columns, held | slips
+    def __init__(
+        self,
+        grasp: Grasp,
+        *,
+        eta: float = 0.0,
+        torque_limits: Mapping[str, float] | None = None,
+        force_limit: float | None = None,
+    ) -> None:
+        self.grasp = grasp
+        self._options = BatchOptions("check", eta, True, torque_limits, force_limit)
+        self._kernel = RowKernel(grasp, self._options.limits)
 
+    def checks(self, wrenches: Any, settings: Settings) -> BatchAnswer:
+        """Which of these disturbances (n, 6) or (n, 3) are resisted?"""
+        return self._asked(_table(wrenches, 1, "wrenches")[0], replace(self._options, settings=settings))
 
-def _maxima(
-    template: Template,
-    loads: LoadRows,
-    found: FoundRows,
-    judge: Judge,
-    part: _RowBlock,
-    rows: Any,
-    options: BatchOptions,
-) -> tuple[dict[str, Any], Any]:
-    """Columns of these maxima, and which rows are settled: those where a magnitude was found."""
-    scale, states = loads.direction_scale, found.states
-    with np.errstate(all="ignore"):
-        if template.reduced.goal == SMALLEST_PRELOAD:
-            lower, upper = scale / found.scalar, scale / found.cut
-            states = _times(states, 1.0 / found.scalar)
-        else:
-            lower, upper = np.maximum(0.0, found.scalar * scale), np.maximum(0.0, -found.cut * scale)
-    unbounded = lower >= loads.last_magnitude * (1 - NEAR_END)
-    good = found.held & np.isfinite(lower) & (lower > 0)
-    residual = judge.worst(part.base[rows] + np.where(good, lower, 0.0)[:, None] * part.wrenches[rows], states)
-    good &= residual <= VALID
-    verdict = np.full(len(rows), str(Verdict.HOLDS))
-    upper = np.where(unbounded | found.at_end, np.inf, upper)
-    columns = {"verdict": verdict, "lower": lower, "upper": upper, "unbounded": unbounded, "residual": residual}
-    return columns | {"verified": unbounded, "nodes": found.nodes}, good
+    def maxima(self, directions: Any, settings: Settings) -> BatchAnswer:
+        """How large a disturbance along each of these directions (n, 6) or (n, 3) is resisted?"""
+        options = replace(self._options, query="max", settings=settings)
+        return self._asked(_table(directions, 1, "directions")[0], options)
 
-
-def _times(x: StateRows, s: Array) -> StateRows:
-    """States times (k,) numbers: with load and commands times these they solve the model again."""
-    return StateRows(*(s[:, None] * y for y in (x.r, x.q, x.c, x.f, x.coupling, x.reaction)))
+    def _asked(self, W: Array, options: BatchOptions) -> BatchAnswer:
+        B, options = np.zeros(W.shape), replace(options, settings=replace(options.settings, workers=1))
+        try:
+            part = _part(self.grasp, W, B, options, self._kernel)
+        except KeyboardInterrupt:
+            part = _RowBlock(W, B, INTERRUPTED)
+        return _answered(options, W, [part], (len(W),))
 
 
 def _alone(grasp: Grasp, part: _RowBlock, i: int, options: BatchOptions) -> Answer:

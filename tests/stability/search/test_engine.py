@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
+from benchmarks.grasps import random_case
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp
 from handfast.stability import scaled_problem
@@ -35,7 +36,7 @@ def compiled() -> None:
 
 
 def hard(eta: float = 0.1):
-    """Fourteen contacts with uncertain normals: hours for a small gap."""
+    """Fourteen contacts with uncertain normals: hundreds of nodes."""
     s = solved(1, 14, eta)
     return s.grasp, s.wrench, {"eta": eta}
 
@@ -43,7 +44,7 @@ def hard(eta: float = 0.1):
 # --- constructed solutions ------------------------------------------------------------------------------
 
 
-OPEN = [(6, 0.05, False, 16), (6, 0.05, True, 135)]  # the second one still after 32,000 nodes
+OPEN = [(6, 0.05, False, 16), (6, 0.05, True, 12)]  # the second one still after 8,000 nodes
 
 
 @pytest.mark.parametrize("stick", [False, True])
@@ -146,7 +147,8 @@ def test_a_limit_leaves_it_undecided(limit: dict, stop: Stop) -> None:
     assert (answer.verdict, answer.stop) == (Verdict.UNDECIDED, stop)
     best = maximum(bell(), w(0, 1, 0), settings=settings)
     assert best.stop is stop
-    assert best.lower <= 0.2 / 0.09 <= best.upper * (1 + 1e-9)
+    assert best.lower <= 0.2 / 0.09 * (1 + 1e-14)  # the last digits of a state are rounding
+    assert best.upper * (1 + 1e-9) >= 0.2 / 0.09
     least = torques(bell(), w(0, 1, 0), settings=settings)
     assert least.stop is stop
     assert least.lower <= 0.045 * (1 + 1e-9) <= least.upper * (1 + 2e-9)
@@ -207,9 +209,10 @@ def test_what_is_left_unresolved_is_searched_more_finely(
 
 
 def test_progress_has_falling_gaps() -> None:
-    grasp, wrench, eta = hard()
+    """Of a maximum that takes some ten thousand nodes: ten contacts, and an end that is no state's."""
     seen = []
-    answer = maximum(grasp, wrench, settings=Settings(gap=1e-9, time_limit=2.0), on_step=seen.append, **eta)
+    settings = Settings(gap=1e-9, node_limit=8000, workers=1, verify=False)
+    answer = maximum(random_case(10, 1).grasp, w(0, 0, 1), settings=settings, on_step=seen.append)
     assert len(seen) > 3
     assert all(p.lower <= p.upper for p in seen)
     for before, after in itertools.pairwise(seen):

@@ -55,7 +55,7 @@ def _solve(question, hi, node, work, counts, points):
     for attempt in range(simplex.ATTEMPTS):
         work.age[0] = 0
         tree.rebuild(question, hi, points, work, 0, True)
-        result = simplex.solve(question, hi, node, work, counts, CONE, attempt, points.data, -1)
+        result = simplex.solve(question, hi, node, work, counts, CONE, CONE, attempt, points.data, -1)
         if result != simplex.FAILED:
             break
     return result

@@ -31,7 +31,7 @@ EXHAUSTED, ENOUGH, ROOM, FOUND, ENDLESS = 0, 1, 2, 3, 4
 # what is sought
 ANY, SCALAR, LARGEST_EFFORT, SUM_OF_EFFORTS = 0, 1, 2, 3
 # places in `WorkerState.counts`
-NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES = COUNTS = 0, 1, 2, 3, 4, 5, 6, 7, 8
+COUNTS = NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES, SETTLED = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 
 # what became of a row that is one of many, see `kernel.batch_loop`
 UNASKED, HELD, NONE, HARD = 0, 1, 2, 3
@@ -70,7 +70,7 @@ class WorkerState(NamedTuple):
     hi: Reals  # (P,) upper bounds of the plain base values, of which the first is the cut
     best: Reals  # (2,) smallest objective found, and the violation below which Newton's method is tried
     best_z: Reals  # (n,) the incumbent
-    counts: Wholes  # (9,) see `COUNTS`
+    counts: Wholes  # (10,) see `COUNTS`
     guesses: RealMatrix  # (., n) points to start Newton's method from, at the root
     heap: Wholes  # the nodes that wait, smallest rank first
 
@@ -105,7 +105,8 @@ class NodeAtHand(NamedTuple):
     children: WholeMatrix  # (CHILDREN, 3) state and sector ends of the part that is split
     skip: Wholes  # (m + a + P,) parts whose rows are left out
     trig: RealMatrix  # (m, 4) cos and sin of each sector's left end, and of its right end
-    violation: Reals  # (2,) the sum of what the model is missed by, and 1 if it is missed anywhere
+    violation: Reals  # (3,) the sum of what the model is missed by, 1 if it is missed anywhere, and by how much
+    # friction may leave its cone in the program that was solved
     normal: Reals  # (m,) normal forces at the parent's point
 
 
@@ -216,7 +217,7 @@ class WorkspaceLayout:
         vectors: dict[str, Shape] = dict.fromkeys(("start", "step", "trial", "unit", "first"), (n,))
         return cls(
             kept=Layout(Kept, kept | {"matrix": (places, n, n), "inverse": (places, n, N)}),
-            node=Layout(NodeAtHand, node | {"trig": (m, 4), "violation": (2,), "normal": (m,)}),
+            node=Layout(NodeAtHand, node | {"trig": (m, 4), "violation": (3,), "normal": (m,)}),
             working_set=Layout(WorkingSet, values | rows | room | {"entering": (n,), "column": (n,)}),
             refinement=Layout(Refinement, values | modes | equations | vectors),
         )

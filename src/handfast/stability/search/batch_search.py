@@ -46,7 +46,7 @@ class BatchSearch:
 
     def __init__(self, template: Template, settings: Settings) -> None:
         self.template, self.gap = template, settings.gap
-        self.budget = int(min(BUDGET, settings.node_limit))
+        self.limit(settings)
         r = template.reduced
         q = r.question
         copies = {name: getattr(q, name).copy() for name in ("C", "CT", "D", "DT", "off", "lo", "cost", "box")}
@@ -58,6 +58,10 @@ class BatchSearch:
         self._tables = self._table, self._worker.table, self._pool_table, *self._worker.workspace.tables
         self._boxes = [r.beginning(box).box for box in r.boxes[:TRIED]]
         self._gaps = r.goal.gaps(settings.gap * (1 - 2 * INSIDE), r.scale)
+
+    def limit(self, settings: Settings) -> None:
+        """Let other limits hold for the questions that follow; the gap stays."""
+        self.budget = int(min(BUDGET, settings.node_limit))
 
     def ask(self, loads: LoadRows) -> FoundRows:
         """Answers for these loads, each with what those before it showed."""

@@ -24,8 +24,9 @@ import numpy as np
 from handfast.core.compiled import larger, quick, smaller
 from handfast.stability.search.arrays import DROPS, EXCHANGES
 from handfast.stability.search.kernel.price import FEASIBLE, price, trigonometry
+from handfast.stability.search.kernel.split import select
 from handfast.stability.search.kernel.values import blend, row, values
-from handfast.stability.search.rows import BOX_DOWN, BOX_UP, ENERGY, INDEX, KIND, PLAIN_DOWN, S_UP, T_UP
+from handfast.stability.search.rows import BOX_DOWN, BOX_UP, ENERGY, INDEX, KIND, OPEN, PLAIN_DOWN, S_UP, SLIDE, T_UP
 
 OPTIMAL, INFEASIBLE, FAILED = 0, 1, 2
 NO_RAY, RAY, RAY_OF_BOX = 0, 1, 2  # what an entering row that nothing can leave for shows
@@ -39,6 +40,7 @@ WIDE = 1e3  # the box, where a program seems empty for its sake
 MISSING = 0.1  # (scaled) energy by which the balance must be missed for its row to enter
 REFRESH = 40
 MOST_EXCHANGES = 500
+MUCH = 30.0
 
 
 @quick
@@ -90,13 +92,15 @@ def invert(work):
 
 
 @quick
-def solve(question, hi, node, work, counts, cone, attempt, data, balance):
+def solve(question, hi, node, work, counts, cone, loose, attempt, data, balance):
     """Solve a node's program from a working set; node.skip, node.trig and `work` are changed in place.
 
     ids (n of them), matrix, rhs, inverse and age of `work` must be given and consistent. hi: upper bounds of the plain
     base values. attempt: in the first, poor pivots are taken where there is no other, and no row is left out; in the
     last, pivots are `FIRM`: the working set of others may turn out singular. balance: the node of `data` at whose
-    point, with normal forces node.normal, the balance of energy is a row, -1 for none.
+    point, with normal forces node.normal, the balance of energy is a row, -1 for none. cone, loose: by how much
+    friction may leave its cone: by `loose` where the model is missed by MUCH times that or more and what to decide next
+    is no sector, which node.violation says then. A sector could be cut without end on what is loose.
 
     Returns OPTIMAL (z, y, c, d), INFEASIBLE (y: the ray's multipliers of ids, 1 for the last) or FAILED.
     """
@@ -109,6 +113,7 @@ def solve(question, hi, node, work, counts, cone, attempt, data, balance):
     least = usual
     wide = False
     tolerance = FEASIBLE
+    node.violation[2] = loose
     for exchange in range(MOST_EXCHANGES):
         if since >= REFRESH:
             if not invert(work):
@@ -118,9 +123,14 @@ def solve(question, hi, node, work, counts, cone, attempt, data, balance):
         if fresh:
             tolerance = place(question, work)
             fresh = False
-        enter = price(question, hi, node, work.c, work.d, tolerance, cone)
+        enter = price(question, hi, node, work.c, work.d, tolerance, node.violation[2])
         if enter < 0 and balance >= 0 and imbalance(question, node, work, data, balance) >= MISSING:
             enter = (ENERGY << KIND) | balance
+        if enter < 0 and node.violation[2] > cone:
+            pick = select(question, node, work.c, work.d, cone, node.violation[2])
+            if node.violation[0] < MUCH * loose or (0 <= pick < question.m and node.state[pick] in (OPEN, SLIDE)):
+                node.violation[2] = cone
+                continue
         if enter < 0:
             counts[EXCHANGES] += exchange
             work.age[0] = since

@@ -25,15 +25,17 @@ DECIDE = 1e9  # added to the energy that an undecided part misses: it is split b
 
 
 @inner
-def select(question, node, c, d, cone):
+def select(question, node, c, d, cone, loose):
     """Where to split, by the point's forces c and motions d: contact i or m + actuator j; -1 if all is decided.
 
     Of what is violated, an undecided part comes first, then where the balance of energy misses most:
     c_n (c_n + d_n) of (4), |c_t| |d_t| + c_t . d_t and (mu c_n - |c_t|) |d_t| of (7), t (f - f_c) of (8). Where
     nothing is violated, an undecided part or the widest sector. node.violation says whether anything is.
+
+    cone, loose: by how much friction may leave its cone where all is nearly met, and in the point at hand.
     """
     m = question.m
-    none = VIOLATION * cone
+    none = VIOLATION * loose
     narrow = larger(NARROW * cone / CONE, LEAST)
     most = -1.0
     pick = -1
@@ -45,7 +47,7 @@ def select(question, node, c, d, cone):
         width = node.state[2 * m + i] - node.state[m + i]
         if state == STICK or (state == SLIDE and width <= narrow):
             continue
-        amount, missing, rank = contact(i, question, node, c, d, cone, narrow)
+        amount, missing, rank = contact(i, question, node, c, d, loose, narrow)
         total += larger(amount, 0.0)
         if state == UNDECIDED:
             missing += DECIDE

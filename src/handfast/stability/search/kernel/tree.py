@@ -31,6 +31,7 @@ from handfast.stability.search.arrays import (
     RESTARTS,
     ROOM,
     SCALAR,
+    SETTLED,
     SPLIT,
     SUM_OF_EFFORTS,
     UNRESOLVED,
@@ -38,6 +39,7 @@ from handfast.stability.search.arrays import (
     WAITING,
 )
 from handfast.stability.search.kernel.newton import refine
+from handfast.stability.search.kernel.settle import settle
 from handfast.stability.search.kernel.simplex import ATTEMPTS, FAILED, INFEASIBLE, OPTIMAL, invert, solve
 from handfast.stability.search.kernel.split import CONE, FINER, FINEST, select, split
 from handfast.stability.search.kernel.values import row, values
@@ -46,6 +48,11 @@ from handfast.stability.search.rows import BOX_DOWN, BOX_UP, INDEX, KIND
 FIRST = 8  # Newton is tried on the first programs, where nothing is violated, and where little is:
 LESS, MORE = 0.5, 1.1  # less than this share of where it was tried last, a limit that grows with every node
 LITTLE = 1e-3
+SOON, LATE = 16, 64  # nodes after which any state, or one at the end, is looked for in another way: few questions need
+# as many, or very many more
+NEARLY = 1e-3  # motions and forces below count as none then, or below a tenth or a hundredth of this
+LOOSE = 1e-4  # friction may leave its cone by as much in a program far from the model: its node is split anyway, and
+# half of all exchanges were tangents of cones
 WEIGHT = 1e-3  # of the violation in a node's rank
 AS_READ, FREED, AT_END = 0, 1, 2  # how Newton's method is tried: as a point says, or once more with the objective free,
 # or at the end of the search, where a solution lies beyond it
@@ -69,6 +76,12 @@ def run(question, worker, pool, kept, node, work, room, gap, gap_absolute, budge
             return ROOM
         if question.objective != ANY and not close and worker.hi[0] < question.lo[0]:
             return ENDLESS
+        first = SOON if question.objective == ANY else LATE
+        if worker.counts[SETTLED] == 0 and worker.counts[NODES] >= first and question.objective <= SCALAR and not close:
+            worker.counts[SETTLED] = 1
+            if settled(question, worker, room, gap, gap_absolute) and question.objective == ANY:
+                return FOUND
+            continue
         this = pop(worker, pool)
         expanded += 1
         result = bound(question, worker, pool, kept, node, work, this, this, True, cone)
@@ -85,7 +98,7 @@ def run(question, worker, pool, kept, node, work, room, gap, gap_absolute, budge
 def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, this, result, cone):
     """Split a node whose program was solved with this result; True if any solution is sought and one was found."""
     n = question.cost.shape[0]
-    pick = select(question, node, work.c, work.d, cone)
+    pick = select(question, node, work.c, work.d, cone, node.violation[2])
     value = objective(question, work.c)
     if this == 0:
         guesses = worker.guesses.shape[0]
@@ -109,7 +122,7 @@ def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, th
         solved = bound(question, worker, pool, kept, node, work, child, this, result == OPTIMAL, cone)
         if solved == INFEASIBLE:
             continue
-        select(question, node, work.c, work.d, cone)
+        select(question, node, work.c, work.d, cone, node.violation[2])
         value = objective(question, work.c)
         if improve(question, worker, work, room, gap, gap_absolute, value, 0, attempts(worker, node)):
             return True
@@ -122,6 +135,24 @@ def expand(question, worker, pool, kept, node, work, room, gap, gap_absolute, th
         push(worker, pool, child)
         if solved == OPTIMAL:
             keep(kept, child % KEPT, child, work)
+    return False
+
+
+@inner
+def settled(question, worker, room, gap, gap_absolute):
+    """Does Newton's method find a state from where equilibrium under smooth laws leads, read in several ways?
+
+    Where a magnitude is sought, a state at the end of its range, where most dense grasps hold.
+    """
+    hold = question.objective == SCALAR
+    if not settle(question, question.lo[0] if hold else 0.0, room):
+        return False
+    tolerance = NEARLY
+    for _ in range(3):
+        worker.counts[NEWTONS] += 1
+        if refine(question, worker.hi, room, tolerance, hold) and is_better(question, worker, room, gap, gap_absolute):
+            return True
+        tolerance *= 0.1
     return False
 
 
@@ -172,7 +203,8 @@ def bound(question, worker, pool, kept, node, work, this, start, warm, cone):
             worker.counts[RESTARTS] += attempt > 0
             ready = rebuild(question, worker.hi, pool, work, start, attempt > 0)
         if ready:
-            result = solve(question, worker.hi, node, work, worker.counts, cone, attempt, pool.data, balance)
+            loose = larger(cone, LOOSE)
+            result = solve(question, worker.hi, node, work, worker.counts, cone, loose, attempt, pool.data, balance)
         if result != FAILED:
             break
     if result == INFEASIBLE:
@@ -182,6 +214,7 @@ def bound(question, worker, pool, kept, node, work, this, start, warm, cone):
             pool.data[this, i] = work.y[i]
     elif result == FAILED:
         worker.counts[FAILURES] += 1
+        node.violation[2] = cone
         for i in range(n):
             work.z[i] = pool.data[start, i]
             work.ids[i] = corner(question, i)
