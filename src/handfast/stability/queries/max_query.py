@@ -359,6 +359,8 @@ def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None,
         else:
             lower, unbounded, w = end, True, _scaled(w, end, p.grasp)
         upper = INF if unbounded else upper
+        if lower == 0 and not p.w0.any():  # rest without a load says nothing of any magnitude
+            verdict, w = Verdict.UNDECIDED, None
     backing: dict[str, Any] = {"posed": posed, "verified": found.backed}
     point = found.point if verdict is Verdict.HOLDS else None
     bounds = lower, upper, unbounded
