@@ -24,7 +24,7 @@ from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.witness import Witness
 
 INF = float("inf")
-FARTHER = 1e2  # times the usual end of magnitudes, where nothing is resisted up to there; commands are 1e-6 of these
+FARTHER = 1e3  # times the usual end of magnitudes, where nothing is resisted up to there: commands still count there
 HIGHEST = 1e4  # of lambda, unless it is to be endless: the balance of energy needs an end
 STRONGEST = 1e3  # (scaled) commands that are sought go as far
 NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
