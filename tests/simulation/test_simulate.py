@@ -283,3 +283,12 @@ def test_bad_questions(options: dict[str, object], fault: str) -> None:
         simulate(pinch(0.5), **options)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="nothing would happen"):
         force_unit(pinch(0.5).with_preload(None), np.zeros(6))
+
+
+def test_the_unit_of_force_does_not_know_pulleys() -> None:
+    """A motor on a pulley of 10 mm pulls a hundred times as hard for the same torque."""
+    grasp = pinch(0.5)
+    mech = grasp.mechanism
+    pulley = Mechanism(mech.actuators, 0.01 * mech.R, mech.A, mech.tendon)
+    same = Grasp(grasp.contacts, grasp.joints, pulley, 100 * grasp.command)
+    assert force_unit(same, np.zeros(6)) == pytest.approx(force_unit(grasp, np.zeros(6)))

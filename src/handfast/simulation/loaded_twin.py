@@ -96,10 +96,11 @@ def force_unit(grasp: Grasp, wrench: Array) -> float:
     size = grasp.size
     least = max(float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:])) / size)
     for row, f in zip(grasp.mechanism.R, grasp.command, strict=True):
-        arms = [
-            abs(row[j]) * float(np.linalg.norm(joint.velocity_at(grasp.contacts[i].position)))
+        arms = [  # of the contacts' motion over the actuator's
+            float(np.linalg.norm(joint.velocity_at(grasp.contacts[i].position))) / abs(float(row[j]))
             for j, joint in enumerate(grasp.joints)
             for i in joint.moves
+            if row[j]
         ]
         if max(arms, default=0.0) > 0:
             least = max(least, abs(float(f)) / max(arms))
