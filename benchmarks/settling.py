@@ -67,7 +67,7 @@ def beyond(grasp: Grasp, direction: Array, factor: float) -> Array | None:
 
 def by_axis(first: int) -> Iterator[Question | None]:
     """Bundled grasps, axis by axis."""
-    pairs = [(name, axis) for axis in axes() for name in bundled.names("grasps")]
+    pairs = [(name, axis) for axis in axes() for name in bundled.names("grasps") if load_grasp(name).provenance]
     for name, axis in pairs[first:]:
         grasp = load_grasp(name)
         w = beyond(grasp, axes()[axis], 1.15)

@@ -39,8 +39,8 @@ from handfast.stability.search.arrays import (
     WAITING,
 )
 from handfast.stability.search.kernel.newton import refine
-from handfast.stability.search.kernel.settle import settle
 from handfast.stability.search.kernel.simplex import ATTEMPTS, FAILED, INFEASIBLE, OPTIMAL, invert, solve
+from handfast.stability.search.kernel.smoothed_state import smoothed_state
 from handfast.stability.search.kernel.split import CONE, FINER, FINEST, select, split
 from handfast.stability.search.kernel.values import row, values
 from handfast.stability.search.rows import BOX_DOWN, BOX_UP, INDEX, KIND
@@ -145,7 +145,7 @@ def settled(question, worker, room, gap, gap_absolute):
     Where a magnitude is sought, a state at the end of its range, where most dense grasps hold.
     """
     hold = question.objective == SCALAR
-    if not settle(question, question.lo[0] if hold else 0.0, room):
+    if not smoothed_state(question, question.lo[0] if hold else 0.0, room):
         return False
     tolerance = NEARLY
     for _ in range(3):

@@ -25,7 +25,7 @@ FAR = 1e7  # motions beyond are lost
 
 
 @quick
-def settle(question, scalar, room):
+def smoothed_state(question, scalar, room):
     """Let `room.start` be nearly a state under the load at this scalar (0 where none is sought).
 
     False if the way to it was lost, or there is no such way: the balance of energy has the work of the load.
