@@ -67,8 +67,8 @@ def beyond(grasp: Grasp, direction: Array, factor: float) -> Array | None:
 
 def by_axis(first: int) -> Iterator[Question | None]:
     """Bundled grasps, axis by axis."""
-    pairs = [(name, axis) for axis in axes() for name in bundled.names("grasps") if load_grasp(name).provenance]
-    for name, axis in pairs[first:]:
+    names = [n for n in bundled.names("grasps") if (of := load_grasp(n).provenance) and of.hand and of.configuration]
+    for name, axis in [(name, axis) for axis in axes() for name in names][first:]:
         grasp = load_grasp(name)
         w = beyond(grasp, axes()[axis], 1.15)
         yield None if w is None else ("axis", f"{name} {axis}", GraspInScene.of(grasp), w)
