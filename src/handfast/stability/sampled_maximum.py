@@ -142,7 +142,8 @@ def sampled_maximum(
     """The largest disturbance along a direction, of samples of a grasp that may be off by stated bounds.
 
     Args:
-        direction, base: as in `maximum`.
+        direction: as in `maximum`.
+        base: as in `maximum`.
         bounds: how far the grasp may be off.
         samples: how many are drawn; sample i is the same for the same seed, however many there are.
         settings: of each question; by default 10 s at most for each.
