@@ -333,6 +333,16 @@ class Rig:
     still: dict[str, tuple[float, float]]
     command: dict[str, float]
 
+    def drawn(self, body: Body, turn: Array, rng: np.random.Generator) -> tuple[Hand, Array, Array, float]:
+        """The hand with its still joints, where they stand, the object's pose (4, 4) under a turn (3, 3), friction."""
+        pose = np.eye(4)
+        pose[:3, :3] = turn
+        middle = (body.vertices.max(axis=0) + body.vertices.min(axis=0)) / 2
+        pose[:3, 3] = self.near + rng.uniform(-1, 1, 3) * self.spread - pose[:3, :3] @ middle
+        hand = self.hand.with_closing(dict.fromkeys(self.still, 0))
+        start = hand.configuration({j: float(rng.uniform(*r)) for j, r in self.still.items()})
+        return hand, start, pose, float(np.round(rng.uniform(0.4, 0.8), 2))
+
 
 def rigs(shared: Path) -> dict[str, list[Rig]]:
     """Both Barretts and the Allegro."""
@@ -378,13 +388,7 @@ def attempt(rig: Rig, body: Body, rng: np.random.Generator) -> tuple[Grasp, Arra
     turn = Rotation.random(rng=rng)
     if rng.random() < 0.6:  # faces along the hand's axes, so that they meet flat
         turn = Rotation.create_group("O")[int(rng.integers(24))]
-    pose = np.eye(4)
-    pose[:3, :3] = turn.as_matrix()
-    middle = (body.vertices.max(axis=0) + body.vertices.min(axis=0)) / 2
-    pose[:3, 3] = rig.near + rng.uniform(-1, 1, 3) * rig.spread - pose[:3, :3] @ middle
-    hand = rig.hand.with_closing(dict.fromkeys(rig.still, 0))
-    start = hand.configuration({j: float(rng.uniform(*r)) for j, r in rig.still.items()})
-    friction = float(np.round(rng.uniform(0.4, 0.8), 2))
+    hand, start, pose, friction = rig.drawn(body, turn.as_matrix(), rng)
     try:
         closed = close(hand, start, body, pose)
         touched = {j for j, why in closed.stopped.items() if why.endswith("touches")}

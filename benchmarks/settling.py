@@ -130,13 +130,7 @@ def closing(
     from scipy.spatial.transform import Rotation
 
     turn = Rotation.random(rng=rng)
-    pose = np.eye(4)
-    pose[:3, :3] = turn.as_matrix()
-    middle = (body.vertices.max(axis=0) + body.vertices.min(axis=0)) / 2
-    pose[:3, 3] = rig.near + rng.uniform(-1, 1, 3) * rig.spread - pose[:3, :3] @ middle
-    hand = rig.hand.with_closing(dict.fromkeys(rig.still, 0))
-    start = hand.configuration({j: float(rng.uniform(*r)) for j, r in rig.still.items()})
-    friction = float(np.round(rng.uniform(0.4, 0.8), 2))
+    hand, start, pose, friction = rig.drawn(body, turn.as_matrix(), rng)
     scene = scenes.setdefault(key, Scene(hand, body))
     try:
         closed = close(hand, start, body, pose, scene=scene)

@@ -104,6 +104,15 @@ class Rubbing(Stepper):
         self._close[0] = 11.0
 
 
+def pushed_pinch(kind: type[Stepper]) -> Stepper:
+    """A pinch commanded to 1 N, under a push of 5 N onto its driven finger, whose gears are held in some way."""
+    grasp = pinch(0.5)
+    twin = build_twin(grasp, 1.0)
+    if kind is not Stepper:
+        twin.model.tendon_limited[:] = 0
+    return kind(twin, grasp, np.array([5.0, 0, 0, 0, 0, 0]))
+
+
 def ways(seconds: float = 10.0) -> dict[str, Any]:
     """Three ways to keep the pinch's finger from opening: how far it opens, and what is left of the squeeze.
 
@@ -112,12 +121,7 @@ def ways(seconds: float = 10.0) -> dict[str, Any]:
     """
     out = {}
     for name, kind in (("moving limit", Stepper), ("one-sided damper", Damped), ("dry friction", Rubbing)):
-        grasp = pinch(0.5)
-        twin = build_twin(grasp, 1.0)
-        if kind is not Stepper:
-            twin.model.tendon_limited[:] = 0
-        frames = np.array([c.frame for c in grasp.contacts])
-        stepper = kind(twin, grasp.positions / twin.length, frames, np.array([5.0, 0, 0, 0, 0, 0]))
+        stepper = pushed_pinch(kind)
         stepper.run(5000)
         before = stepper.moment()
         stepper.run(500, 1 / 500)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.simulation_floor import Damped, Rubbing, across, block, on_slope, pinch
+from benchmarks.simulation_floor import Damped, Rubbing, across, block, on_slope, pinch, pushed_pinch
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import load_grasp
@@ -15,7 +15,7 @@ from handfast.model.mechanism import Mechanism
 from handfast.simulation.ending import EVIDENT, LOST, REST, SLIP, Ending, judge
 from handfast.simulation.loaded_twin import force_unit, simulate
 from handfast.simulation.stepper import Stepper
-from handfast.simulation.twin import DRAG_TIME, STIFFNESS, build_twin
+from handfast.simulation.twin import DRAG_TIME, STIFFNESS
 
 QUICK = {"ramp": 1.0}
 
@@ -70,12 +70,7 @@ def test_a_moving_limit_neither_opens_nor_gains_squeeze() -> None:
     """Beside it the ways that were not taken: a damper creeps open, dry friction squeezes with what it can hold."""
 
     def squeezed(kind: type[Stepper]) -> tuple[float, float]:
-        grasp = pinch(0.5)
-        twin = build_twin(grasp, 1.0)
-        if kind is not Stepper:
-            twin.model.tendon_limited[:] = 0
-        frames = np.array([c.frame for c in grasp.contacts])
-        stepper = kind(twin, grasp.positions / twin.length, frames, np.array([5.0, 0, 0, 0, 0, 0]))
+        stepper = pushed_pinch(kind)
         stepper.run(1500)
         squeeze = float(stepper.moment().forces[0, 0])
         stepper.run(300, 1 / 300)

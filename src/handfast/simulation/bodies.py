@@ -174,11 +174,10 @@ class BodyStepper(Stepper):
 
     def __init__(self, twin: Twin, grasp: Grasp, wrench: Array) -> None:
         """`wrench` as in a `Stepper`."""
-        points = grasp.positions / twin.length
         self._on: dict[str, list[int]] = {}
         for i, contact in enumerate(grasp.contacts):
             self._on.setdefault(str(contact.link), []).append(i)
-        super().__init__(twin, points, np.array([c.frame for c in grasp.contacts]), wrench)
+        super().__init__(twin, grasp, wrench)
 
     def _tips(self, contacts: int) -> dict[int, int]:
         return {}

@@ -55,8 +55,7 @@ def simulate(
     checked_times(ramp, step, stiffness, loading)
     unit = force_unit(grasp, w)
     twin = build_twin(grasp, unit, step=step, stiffness=stiffness)
-    frames = np.array([c.frame for c in grasp.contacts])
-    stepper = Stepper(twin, grasp.positions / twin.length, frames, twin.scaled(w))
+    stepper = Stepper(twin, grasp, twin.scaled(w))
     first = loading == "preload-first" and start is None
     if start is not None:
         from scipy.spatial.transform import Rotation

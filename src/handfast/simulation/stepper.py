@@ -9,6 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.transforms import cross, matrix_quaternion
+from handfast.model.grasp import Grasp
 from handfast.simulation.twin import CREEP_RATIO, DRAG_TIME, Twin
 
 
@@ -55,12 +56,11 @@ class Stepper:
     actuator closes: it carries what is more than the command and nothing else. docs/simulation.md compares other ways.
     """
 
-    def __init__(self, twin: Twin, points: Array, frames: Array, wrench: Array) -> None:
+    def __init__(self, twin: Twin, grasp: Grasp, wrench: Array) -> None:
         """At rest, untouched.
 
         Args:
-            points: (m, 3) contacts, in the twin's units.
-            frames: (m, 3, 3) of the contacts: columns normal and tangents.
+            grasp: whose twin it is.
             wrench: (6,) the full load about the object's origin, in the twin's units.
         """
         import mujoco
@@ -71,9 +71,10 @@ class Stepper:
         self._object = int(self._model.body("object").id)
         at = int(self._model.joint("object").id)
         self._q, self._v = int(self._model.jnt_qposadr[at]), int(self._model.jnt_dofadr[at])
+        points = grasp.positions / twin.length
         self._middle = points.mean(axis=0)
         self._arms = points - self._middle
-        self._frames = frames
+        self._frames = np.array([c.frame for c in grasp.contacts])
         self._wrench = wrench
         self._close = twin.given + twin.drive @ twin.command
         self._gears = [t for t, winds in zip(twin.gear, twin.winds, strict=True) if winds]

@@ -68,7 +68,8 @@ def file_model(entries: tuple[type[ResultAnswerEntry], ...]) -> type[ResultFile]
     return create_model("ResultFile", __base__=ResultFile, answer=(kind, ...))
 
 
-def _state(s: State) -> dict[str, Any]:
+def state_dict(s: State) -> dict[str, Any]:
+    """A state as files have it: `reaction` only where joints carry something themselves."""
     arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
     if s.reaction.any():
         arrays["reaction"] = s.reaction
@@ -79,12 +80,12 @@ def _witness_dict(w: Witness) -> dict[str, Any]:
     return {
         "wrench": np.asarray(w.wrench).tolist(),
         "command": dict(zip(w.grasp.mechanism.actuators, w.grasp.command.tolist(), strict=True)),
-        **_state(w.state),
+        **state_dict(w.state),
     }
 
 
 def _arc_dict(a: Arc) -> dict[str, Any]:
-    return {"first": a.first, "last": a.last, "controls": [_state(s) for s in a.controls]}
+    return {"first": a.first, "last": a.last, "controls": [state_dict(s) for s in a.controls]}
 
 
 def to_dict(result: SavedAnswer[Any]) -> dict[str, Any]:

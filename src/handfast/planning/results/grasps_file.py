@@ -28,6 +28,7 @@ from handfast.planning.results.motors import MotorsEntry, driven, motors_to_dict
 from handfast.stability.certify.certificate_file import Six
 from handfast.stability.loads import Loads, Weight
 from handfast.stability.model import State
+from handfast.stability.saved_answer import state_dict
 from handfast.synthesis.certify.existence import existence_to_dict
 from handfast.synthesis.embedded import digest, refuse_broken, sealed, task_from_dict, task_to_dict
 from handfast.synthesis.solution import Solution
@@ -70,7 +71,7 @@ class GraspsQuestionEntry(Strict):
 
 
 class LoadWitnessEntry(Strict):
-    """As `State`; `reaction` where joints carry something themselves."""
+    """As `state_dict` writes it."""
 
     r: Six
     q: list[Finite]
@@ -233,15 +234,11 @@ def loads_to_dict(loads: Loads) -> dict[str, Any]:
 
 
 def _entry(g: SavedGrasp) -> dict[str, Any]:
-    states = {n: {k: x.tolist() for k, x in vars(s).items()} for n, s in g.witnesses.items()}
-    for state in states.values():
-        if not any(state["reaction"]):
-            del state["reaction"]
     return {
         "existence": existence_to_dict(g.solution.existence),
         "joints": g.joints,
         "grasp": g.said,
-        "witnesses": states,
+        "witnesses": {name: state_dict(state) for name, state in g.witnesses.items()},
     }
 
 

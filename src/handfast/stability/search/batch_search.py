@@ -89,10 +89,10 @@ class BatchSearch:
         lines: the table of these rows, if there is one.
         """
         tables = *self._tables, table(rows) if lines is None else lines
-        refused, last = rows.status == HARD, len(rows.status)
+        refused = rows.status == HARD
         for box in self._boxes:
             self._question.box[:] = box
-            LIBRARY.functions.ask_rows(*tables, *self._gaps, INSIDE * self.gap, self.budget, 0, last)
+            LIBRARY.functions.ask_rows(*tables, *self._gaps, INSIDE * self.gap, self.budget)
             again = (rows.status == HARD) & ~refused & (rows.nodes < self.budget)
             if not again.any():
                 return

@@ -79,9 +79,7 @@ def search(
         left = max(settings.time_limit - (time.monotonic() - start), LEAST)
         out = _to_cap(beside, goal, replace(settings, time_limit=left), out)
     if beside.better is not None and out.stop is not Stop.COMPLETE:
-        value, state = r.scale * r.scalar(beside.better), r.witness(r.point(beside.better))
-        if state.valid and value < out.value:
-            out = replace(out, value=value, witness=state, point=beside.better)
+        out = _improved(r, out, beside.better, out.stop)
     if out.stop is Stop.NUMERICAL and goal.maximised and -INF < out.bound < out.value:
         left = max(settings.time_limit - (time.monotonic() - start), LEAST)
         out = _below_bound(r, out, replace(settings, time_limit=left))
@@ -248,9 +246,7 @@ def _beyond(r: Reduced, value: float, settings: Settings) -> Array | None:
     """
     if r.goal.seeks_commands or value == 0:
         return None
-    s = r.goal.magnitude(r.p, value) * (1 + INSIDE * settings.gap)
-    found = _resisting(r.p, s, settings)
-    return None if found is None else r.at_magnitude(found.state, s)
+    return _at(r, r.goal.magnitude(r.p, value) * (1 + INSIDE * settings.gap), settings)
 
 
 def _below_bound(r: Reduced, out: Outcome, settings: Settings) -> Outcome:
@@ -261,14 +257,22 @@ def _below_bound(r: Reduced, out: Outcome, settings: Settings) -> Outcome:
     limit = max(settings.node_limit - out.nodes, 1)
     settings = replace(settings, verify=False, node_limit=limit)
     s = r.goal.magnitude(r.p, out.bound) * (1 - settings.gap / 2)
-    found = _resisting(r.p, s, settings) if s > 0 else None
-    if found is None:
-        return out
-    point = r.at_magnitude(found.state, s)
+    point = _at(r, s, settings) if s > 0 else None
+    return out if point is None else _improved(r, out, point, Stop.COMPLETE)
+
+
+def _at(r: Reduced, magnitude: float, settings: Settings) -> Array | None:
+    """A point (n,) that resists a magnitude; None if none was found."""
+    found = _resisting(r.p, magnitude, settings)
+    return None if found is None else r.at_magnitude(found.state, magnitude)
+
+
+def _improved(r: Reduced, out: Outcome, point: Array, stop: Stop) -> Outcome:
+    """With the state at a point (n,), and the stop it gives, if it is valid and better than what was found."""
     value, state = r.scale * r.scalar(point), r.witness(r.point(point))
     if not state.valid or value >= out.value:
         return out
-    return replace(out, value=value, witness=state, point=point, stop=Stop.COMPLETE)
+    return replace(out, value=value, witness=state, point=point, stop=stop)
 
 
 def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, bool]:

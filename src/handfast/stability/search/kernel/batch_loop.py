@@ -41,17 +41,17 @@ NEAR_END = 1e-6  # relative: an objective so near the first of its range is at i
 
 
 @inner
-def ask_rows(question, worker, pool, kept, node, work, room, rows, gap, gap_absolute, inside, budget, first, last):
-    """Ask the rows from `first` to `last` that are unasked.
+def ask_rows(question, worker, pool, kept, node, work, room, rows, gap, gap_absolute, inside, budget):
+    """Ask the rows that are unasked.
 
     The other groups are those of `tree.run`; question and worker are written over. inside: by which share a solution
     with a scalar is moved off the largest one, see `front._inside`. budget: nodes for one row.
     """
-    for i in range(first, last):
+    for i in range(rows.status.shape[0]):
         if rows.status[i] != UNASKED:
             continue
         pose(question, worker, rows, i)
-        if question.objective == ANY and known(question, worker, room, rows, first, i):
+        if question.objective == ANY and known(question, worker, room, rows, i):
             rows.status[i] = HELD
             rows.nodes[i] = 0
         else:
@@ -106,7 +106,7 @@ def pose_column(question, rows, i):
 
 
 @inner
-def known(question, worker, room, rows, first, i):
+def known(question, worker, room, rows, i):
     """Does Newton's method find a state from rest, or from the states of rows before whose loads are nearest?"""
     n = question.cost.shape[0]
     last = -1
@@ -115,7 +115,7 @@ def known(question, worker, room, rows, first, i):
         pick = -1
         if attempt > 0:
             least = np.inf
-            for k in range(first, i):
+            for k in range(i):
                 if rows.status[k] != HELD:
                     continue
                 distance = 0.0
