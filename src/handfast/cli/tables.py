@@ -15,6 +15,7 @@ from handfast.core.answer import Verdict
 from handfast.report import words
 from handfast.report.law_words import joint_text, laws_text
 from handfast.report.words import num, vector
+from handfast.stability import model
 from handfast.stability.certify.certificate import Certificate
 
 if TYPE_CHECKING:
@@ -179,15 +180,19 @@ def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
 def show_witness(out: Console, witness: Witness) -> None:
     """The contacts and actuators of an exact equilibrium."""
     c = witness.state.c.reshape(-1, 3)
-    grid = table("#", "link", "normal [N]", "friction [N]", "of limit", "state", "force [N]")
+    g, x = witness.grasp, witness.state
+    rubs, soft = np.linalg.norm(model.friction(g, x.c, x.torsion), axis=1), len(g.soft) > 0
+    heads = ["#", "link", "normal [N]", "friction [N]", *(["torsion [N m]"] if soft else [])]
+    grid = table(*heads, "of limit", "state", "force [N]")
     for i, contact in enumerate(witness.grasp.contacts):
         friction = float(np.linalg.norm(c[i, 1:]))
         limit = contact.friction * c[i, 0]
-        share = f"{100 * friction / limit:.0f} %" if limit > 1e-12 else "–"
+        share = f"{100 * float(rubs[i]) / limit:.0f} %" if limit > 1e-12 else "–"
         state = witness.contact_states[i]
-        cells = [num(c[i, 0]), num(friction), share, state, vector(witness.forces[i])]
-        closed = state != "open"
-        grid.add_row(str(i), contact.link or "–", *(cells if closed else ["–", "–", "–", state, "–"]))
+        torque = [num(x.torsion[i]) if contact.torsion else "–"] if soft else []
+        cells = [num(c[i, 0]), num(friction), *torque, share, state, vector(witness.forces[i])]
+        rest = ["–", "–", *["–" for _ in torque], "–", state, "–"]
+        grid.add_row(str(i), contact.link or "–", *(cells if state != "open" else rest))
     out.print()
     out.print(grid)
     mech = witness.grasp.mechanism

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from handfast.core.arrays import Array, frozen
+from handfast.core.arrays import Array, Indices, Mask, frozen
 from handfast.core.errors import InputError
 from handfast.core.transforms import cross, normal_frame
 from handfast.model.mechanism import Mechanism
@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from handfast.model.provenance import Provenance
 
 UNIT_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; it is then normalised
-# 3 x contacts + joints + 2 x actuators of a grasp at most. The search names its unknowns, at most this and 7, and the
+# 3 x contacts + joints + 2 x actuators + 2 x soft fingers of a grasp at most. The search names its unknowns, at most this and 7, and the
 # values that it bounds, at most this and 9 less two for each contact, by one byte
 LARGEST = 249
+LEAST_LEVER = 1e-7  # [m] the ratio of torsional friction to friction is above this, and below its inverse
 
 
 def unit(v: object, field: str) -> Array:
@@ -38,7 +39,10 @@ def unit(v: object, field: str) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A point contact with friction (stability paper, section III).
+    """A point contact with friction (stability paper, section III), or a soft finger that resists torsion, too.
+
+    The friction of a soft finger is in an ellipsoid, |c_t|^2 / mu^2 + tau^2 / mu_tau^2 <= c_n^2, with the torque tau
+    about the normal; see docs/soft-fingers.md.
 
     Attributes:
         position: (3,) [m], object frame.
@@ -46,6 +50,8 @@ class Contact:
         friction: coefficient mu >= 0.
         link: the hand link that touches; "" if unknown.
         depth: penetration [m]; negative is a gap. Information only, no equation uses it.
+        torsion: coefficient mu_tau >= 0 of torsional friction [m]: the largest torque about the normal over the normal
+            force. 0 is a point contact. Needs a friction above 0.
     """
 
     position: Array
@@ -53,6 +59,7 @@ class Contact:
     friction: float
     link: str = ""
     depth: float = 0.0
+    torsion: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", frozen(self.position, (3,), "position"))
@@ -61,6 +68,16 @@ class Contact:
         if not np.isfinite(mu) or mu < 0:
             raise InputError(f"is {mu}; a friction coefficient is 0 or more", field="friction")
         object.__setattr__(self, "friction", mu)
+        torsion = float(self.torsion)
+        if not np.isfinite(torsion) or torsion < 0:
+            raise InputError(f"is {torsion}; a coefficient of torsional friction is 0 or more [m]", field="torsion")
+        if torsion > 0 and mu == 0:
+            problem = f"is {torsion:g} m where friction is 0; a soft finger needs a friction above 0"
+            raise InputError(problem, field="torsion")
+        if torsion > 0 and not LEAST_LEVER < torsion / mu < 1 / LEAST_LEVER:
+            problem = f"is {torsion:g} m beside a friction of {mu:g}; their ratio is to be a length of a hand"
+            raise InputError(problem, field="torsion")
+        object.__setattr__(self, "torsion", torsion)
 
     @cached_property
     def frame(self) -> Array:
@@ -179,9 +196,12 @@ class Grasp:
             if not text.isprintable():
                 raise InputError(f"is {text!r}; a name is one line of printable characters", field=field)
         actuators = len(names) if mechanism is None else mechanism.a
-        if 3 * self.m + self.l + 2 * actuators > LARGEST:
+        soft = sum(c.torsion > 0 for c in self.contacts)
+        if 3 * self.m + self.l + 2 * actuators + 2 * soft > LARGEST:
             sizes = f"{self.m} contacts, {self.l} joints and {actuators} actuators"
             right = f"3 x contacts + joints + 2 x actuators may be {LARGEST} at most"
+            if soft:
+                right = f"3 x contacts + joints + 2 x actuators + 2 x soft fingers may be {LARGEST} at most"
             raise InputError(f"has {sizes}, too many to search; {right}", field="grasp")
         for i, joint in enumerate(self.joints):
             if names.index(joint.name) != i:
@@ -288,6 +308,43 @@ class Grasp:
         return frozen(J, (3 * self.m, self.l), "J")
 
     @cached_property
+    def soft(self) -> Indices:
+        """(s,) which contacts are soft fingers."""
+        out: Indices = np.flatnonzero([c.torsion > 0 for c in self.contacts])
+        out.flags.writeable = False
+        return out
+
+    @cached_property
+    def levers(self) -> Array:
+        """(s,) [m] mu_tau / mu of the soft fingers: torsion over this is a force like c_t, see `twist_map`."""
+        return frozen([c.torsion / c.friction for c in self.contacts if c.torsion > 0], (len(self.soft),), "levers")
+
+    @cached_property
+    def twist_map(self) -> Array:
+        """(6, s) torsions of the soft fingers over their levers [N] to the wrench on the object."""
+        out = np.zeros((6, len(self.soft)))
+        for k, i in enumerate(self.soft):
+            out[3:, k] = self.levers[k] * self.contacts[i].frame[:, 0]
+        return frozen(out, out.shape, "twist_map")
+
+    @cached_property
+    def twist_jacobian(self) -> Array:
+        """(s, l) joint motion to the finger's turning about the normal of each soft finger, times its lever [m]."""
+        out = np.zeros((len(self.soft), self.l))
+        for j, joint in enumerate(self.joints):
+            for k, i in enumerate(self.soft):
+                if joint.type == "revolute" and i in joint.moves:
+                    out[k, j] = self.levers[k] * (self.contacts[i].frame[:, 0] @ joint.axis)
+        return frozen(out, out.shape, "twist_jacobian")
+
+    @cached_property
+    def touches(self) -> Mask:
+        """(l,) bool: which joints move a contact against the object."""
+        out: Mask = self.J.any(axis=0) | self.twist_jacobian.any(axis=0)
+        out.flags.writeable = False
+        return out
+
+    @cached_property
     def positions(self) -> Array:
         """(m, 3) [m] of the contacts, object frame."""
         return frozen([c.position for c in self.contacts], (self.m, 3), "positions")
@@ -330,6 +387,12 @@ class Grasp:
             problem = f"{what} knows no friction, springs and stops of joints, and no backdrivable motors"
             raise InputError(f"{problem}; leave them out", source=self.name, field="joints")
 
+    def refuse_soft_fingers(self, what: str) -> None:
+        """`InputError` if a contact has torsional friction, for what knows point contacts only: `what` in words."""
+        if len(self.soft):
+            problem = f"is {self.contacts[self.soft[0]].torsion:g} m; {what} knows point contacts only, leave it out"
+            raise InputError(problem, source=self.name, field=f"contacts[{self.soft[0]}].torsion")
+
     @property
     def preload(self) -> dict[str, float]:
         """Commanded actuator forces by name, those that are not locked."""
@@ -370,7 +433,7 @@ class Grasp:
         return out
 
     def with_friction(self, mu: float) -> Grasp:
-        """The same grasp with one friction coefficient at every contact."""
+        """The same grasp with one friction coefficient at every contact; torsional friction stays as it is."""
         contacts = [replace(c, friction=mu) for c in self.contacts]
         other = Grasp(contacts, self.joints, self.mechanism, self.command, self.name)
         return other.about(mass=self.mass, center_of_mass=self.center_of_mass, provenance=self.provenance)

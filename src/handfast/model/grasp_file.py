@@ -26,6 +26,7 @@ class GraspContactEntry(Strict):
     friction: float
     link: str = ""
     depth: float = 0.0
+    torsion: Annotated[float, Field(ge=0)] = 0.0
 
 
 class GraspJointEntry(Strict):
@@ -105,12 +106,13 @@ def from_dict(data: Any, *, name: str = "grasp", folder: str | Path | None = Non
     contacts = []
     for i, c in enumerate(entry.contacts):
         with _within(f"contacts[{i}]"):
-            contacts.append(Contact(np.array(c.position), np.array(c.normal), c.friction, c.link, c.depth))
+            place = np.array(c.position), np.array(c.normal)
+            contacts.append(Contact(*place, c.friction, c.link, c.depth, c.torsion))
     joints = []
     for j, e in enumerate(entry.joints):
         with _within(f"joints[{j}]"):
-            place = np.array(e.axis), np.array(e.origin), tuple(e.moves)
-            joints.append(GraspJoint(e.name, *place, e.type, e.friction, e.torque, e.stop))
+            axis = np.array(e.axis), np.array(e.origin), tuple(e.moves)
+            joints.append(GraspJoint(e.name, *axis, e.type, e.friction, e.torque, e.stop))
     mechanism = None
     if entry.mechanism is not None:
         names = [j.name for j in joints]
@@ -156,6 +158,7 @@ def to_dict(grasp: Grasp) -> dict[str, Any]:
                 "link": c.link,
                 "depth": c.depth,
             }
+            | ({"torsion": c.torsion} if c.torsion else {})
             for c in grasp.contacts
         ],
         "joints": [

@@ -67,21 +67,26 @@ def margin_table(margin: Margin) -> str:
 def contact_table(witness: Witness) -> str:
     """Forces per contact, and for those that slide whether friction opposes it."""
     c = witness.state.c.reshape(-1, 3)
-    d = model.relative_motion(witness.grasp, witness.state.r, witness.state.q).reshape(-1, 3)
+    g, x = witness.grasp, witness.state
+    rubs = model.friction(g, x.c, x.torsion)
+    slides = model.sliding(g, model.relative_motion(g, x.r, x.q), model.turning(g, x.r, x.q))
+    soft = len(g.soft) > 0
     forces, sliding = [], []
     for i, contact in enumerate(witness.grasp.contacts):
         name, state = [str(i), contact.link or "–"], witness.contact_states[i]
-        friction, speed = float(np.linalg.norm(c[i, 1:])), float(np.linalg.norm(d[i, 1:]))
+        friction, speed = float(np.linalg.norm(rubs[i])), float(np.linalg.norm(slides[i]))
         if state == "open":
-            forces.append([*name, state, "–", "–", "–", "–"])
+            forces.append([*name, state, *["–"] * (5 if soft else 4)])
             continue
         limit = contact.friction * c[i, 0]
         share = f"{100 * friction / limit:.0f} %" if limit > 0 else "–"
-        forces.append([*name, state, num(c[i, 0]), num(friction), share, vector(witness.forces[i])])
+        torque = [f"{num(x.torsion[i])} N m" if contact.torsion else "–"] if soft else []
+        own = num(float(np.linalg.norm(c[i, 1:])))
+        forces.append([*name, state, num(c[i, 0]), own, *torque, share, vector(witness.forces[i])])
         if state == "slide":
             angle = 180.0
             if friction > 1e-12:
-                angle = float(np.degrees(np.arccos(np.clip(c[i, 1:] @ d[i, 1:] / (friction * speed), -1, 1))))
+                angle = float(np.degrees(np.arccos(np.clip(rubs[i] @ slides[i] / (friction * speed), -1, 1))))
             says = "opposes it" if angle > 179 else f"{BAD}pushes along it" if angle < 90 else "at an angle to it"
             sliding.append([*name, num(speed), num(friction), f"{angle:.0f}°", says])
     heads = [
@@ -90,6 +95,7 @@ def contact_table(witness: Witness) -> str:
         "#state",
         "normal [N]",
         "friction [N]",
+        *(["torsion"] if soft else []),
         "of its limit",
         "#force on the object [N]",
     ]
@@ -110,7 +116,7 @@ def actuator_table(witness: Witness) -> str:
         moves = "turns" if turns[i] else "rests" if free else "held by its gearing"
         rows.append([name, command, f"{num(witness.state.f[i])} {unit}", moves])
     out = table(["actuator", "#commanded", "#carries", "#state"], rows, "Actuators")
-    tau = model.joint_torques(grasp, witness.state.c)
+    tau = model.joint_torques(grasp, witness.state.c, witness.state.torsion)
     rows = [
         [j.name, f"{num(tau[k])} {words.joint_unit(grasp, k)}", num(witness.state.q[k])]
         for k, j in enumerate(grasp.joints)

@@ -124,7 +124,8 @@ def grasp_text(grasp: Grasp) -> str:
     """'4 contacts, 2 joints, friction 1'."""
     mus = sorted({c.friction for c in grasp.contacts})
     mu = num(mus[0]) if len(mus) == 1 else f"{num(mus[0])} to {num(mus[-1])}"
-    return f"{count(grasp.m, 'contact')}, {count(grasp.l, 'joint')}, friction {mu}"
+    soft = f" ({len(grasp.soft)} soft)" if len(grasp.soft) else ""
+    return f"{count(grasp.m, 'contact')}{soft}, {count(grasp.l, 'joint')}, friction {mu}"
 
 
 def count(n: int, thing: str) -> str:

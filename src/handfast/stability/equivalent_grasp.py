@@ -110,12 +110,12 @@ class EquivalentGrasp:
         l = self.grasp.l
         paired = sum((pair.friction * pair.weights for pair in self.pairs), np.zeros(l))
         given = np.abs(self.plain.given_torques[:l] - paired) / self.arms[:l]
-        return float(given[self.grasp.J.any(axis=0) & ~self.held].max(initial=0.0))
+        return float(given[self.grasp.touches & ~self.held].max(initial=0.0))
 
     @cached_property
     def largest_friction(self) -> float:
         """[N] the largest friction of a joint that may move a contact, as a force there."""
-        moves = self.grasp.J.any(axis=0) & ~self.held
+        moves = self.grasp.touches & ~self.held
         return float((self.grasp.joint_friction / self.arms[: self.grasp.l])[moves].max(initial=0.0))
 
     @cached_property

@@ -21,7 +21,7 @@ class Sums:
 
     Attributes:
         object: (6,) G c + w of (1). joints: (l,) of (2), with all that carries. couplings: (k,) A q.
-        d: (3m,) of (3). t: (a,) R q of (8).
+        d: (3m,) of (3). t: (a,) R q of (8). twist: (s,) turning about the normals of soft fingers.
     """
 
     object: Array
@@ -29,6 +29,7 @@ class Sums:
     couplings: Array
     d: Array
     t: Array
+    twist: Array
 
 
 def exact_contacts(grasp: Grasp) -> Iterator[tuple[list[fmpq], list[list[fmpq]], dict[int, list[fmpq]]]]:
@@ -53,7 +54,15 @@ def exact_contacts(grasp: Grasp) -> Iterator[tuple[list[fmpq], list[list[fmpq]],
 
 
 def exact_sums(
-    grasp: Grasp, w: Array, r: Array, q: Array, c: Array, f: Array, coupling: Array, reaction: Array | None = None
+    grasp: Grasp,
+    w: Array,
+    r: Array,
+    q: Array,
+    c: Array,
+    f: Array,
+    coupling: Array,
+    reaction: Array | None = None,
+    torsion: Array | None = None,
 ) -> Sums:
     """Rational; each sum is rounded once, at its end.
 
@@ -66,7 +75,8 @@ def exact_sums(
     r_, q_, c_, f_, lambda_, load = ([rational(x) for x in v] for v in (r, q, c, f, coupling, w))
     R, A = ([[rational(x) for x in row] for row in a] for a in (grasp.mechanism.R, grasp.mechanism.A))
     zero, l = fmpq(0), grasp.l
-    balance, torques, d = list(load), [zero] * l, []
+    balance, torques, d, twist = list(load), [zero] * l, [], []
+    turned = {int(i): rational(x) for i, x in zip(grasp.soft, () if torsion is None else torsion[grasp.soft], strict=True)}
     for i, (p, frame, speeds) in enumerate(exact_contacts(grasp)):
         point = [x + y for x, y in zip(r_[:3], rational_cross(r_[3:], p), strict=True)]
         force = [sum((c_[3 * i + k] * frame[k][x] for k in range(3)), zero) for x in range(3)]
@@ -75,6 +85,17 @@ def exact_sums(
             point = [x - q_[j] * v for x, v in zip(point, speed, strict=True)]
             torques[j] += sum((x * v for x, v in zip(force, speed, strict=True)), zero)
         d += [sum((x * v for x, v in zip(direction, point, strict=True)), zero) for direction in frame]
+        if i not in turned:
+            continue
+        turning = list(r_[3:])
+        balance[3:] = [x + turned[i] * n for x, n in zip(balance[3:], frame[0], strict=True)]
+        for j in speeds:
+            if grasp.joints[j].type == "prismatic":
+                continue
+            axis = [rational(x) for x in grasp.joints[j].axis]
+            turning = [x - q_[j] * v for x, v in zip(turning, axis, strict=True)]
+            torques[j] += turned[i] * sum((x * n for x, n in zip(axis, frame[0], strict=True)), zero)
+        twist.append(sum((x * n for x, n in zip(turning, frame[0], strict=True)), zero))
     for rows, values in ((R, f_), (A, lambda_)):
         for row, value in zip(rows, values, strict=True):
             torques = [x - a * value for x, a in zip(torques, row, strict=True)]
@@ -83,4 +104,4 @@ def exact_sums(
             torques = [x - rational(y) for x, y in zip(torques, own, strict=True)]
     t = [sum((a * x for a, x in zip(row, q_, strict=True)), zero) for row in R]
     tied = [sum((a * x for a, x in zip(row, q_, strict=True)), zero) for row in A]
-    return Sums(*(np.array([rounded(x) for x in v], dtype=float) for v in (balance, torques, tied, d, t)))
+    return Sums(*(np.array([rounded(x) for x in v], dtype=float) for v in (balance, torques, tied, d, t, twist)))

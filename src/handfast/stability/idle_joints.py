@@ -17,7 +17,7 @@ def runs_away(grasp: Grasp) -> bool:
 
     What anything moves by is left aside, so that False says nothing; True is a proof that nothing is resisted.
     """
-    idle = ~grasp.J.any(axis=0)
+    idle = ~grasp.touches
     mech, given = grasp.mechanism, grasp.given_torques
     if not idle.any() or not (grasp.command.any() or given[idle].any()):
         return False

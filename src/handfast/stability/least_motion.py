@@ -18,7 +18,7 @@ from handfast.core.arrays import Array, Mask
 from handfast.stability import model
 from handfast.stability.goal import ANY_STATE
 from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
-from handfast.stability.search.reduced import Reduced, padded, reduce
+from handfast.stability.search.reduced import Reduced, null_space, padded, reduce
 from handfast.stability.search.search import Search
 from handfast.stability.witness import VALID, Witness
 
@@ -90,7 +90,8 @@ class _ContactModes:
 
     Attributes:
         contacts: m of "open", "stick", "slide".
-        along: (m, 2) unit, where a sliding contact slides; of others, where their friction cone has a corner.
+        along: (m, 3) unit, where a sliding contact slides, turning included; of others, where their friction cone has a
+            corner.
         turns: (a,) bool.
     """
 
@@ -101,12 +102,13 @@ class _ContactModes:
     @classmethod
     def of(cls, p: ScaledProblem, w: Witness) -> _ContactModes:
         """Those of a witness."""
-        d = model.relative_motion(w.grasp, w.state.r, w.state.q).reshape(-1, 3)[:, 1:]
-        c = w.state.c.reshape(-1, 3)[:, 1:]
+        g, x = w.grasp, w.state
+        d = model.sliding(g, model.relative_motion(g, x.r, x.q), model.turning(g, x.r, x.q))
+        c = model.friction(g, x.c, x.torsion)
         states = tuple(w.contact_states)
         v = np.where(np.array([s == "stick" for s in states])[:, None], c, d)
         length = np.linalg.norm(v, axis=1)[:, None]
-        along = np.where(length > 0, v / np.where(length > 0, length, 1.0), np.array([1.0, 0.0]))
+        along = np.where(length > 0, v / np.where(length > 0, length, 1.0), np.array([1.0, 0.0, 0.0]))
         t = p.R @ p.scaled(w.state).q
         tiny = VALID * model.force_scale(w.wrench, w.state.c) / p.force
         return cls(states, along, p.moves & (t > tiny))
@@ -142,8 +144,8 @@ def _refined(p: ScaledProblem, found: Witness) -> Witness:
     if x is None:
         return found
     _, l, a, _ = p.sizes
-    r, q, c, f, coupling = np.split(x[:-1], np.cumsum([6, l, len(p.mu) * 3, a]))
-    better = replace(found, state=p.unscale(ScaledPoint(r, q, c, f, coupling)))
+    r, q, c, f, coupling, twist = np.split(x[:-1], np.cumsum([6, l, len(p.mu) * 3, a, p.sizes[3]]))
+    better = replace(found, state=p.unscale(ScaledPoint(r, q, c, f, coupling, 0.0, twist)))
     sound = better.valid and _within_limits(p, c, f)
     return better if sound and better.largest_motion <= found.largest_motion else found
 
@@ -154,23 +156,24 @@ def _within_limits(p: ScaledProblem, c: Array, f: Array) -> bool:
 
 
 def _equations(p: ScaledProblem, states: _ContactModes) -> tuple[Array, Array, Array, Array]:
-    """A x = b and B x <= h of the scaled model in these states, for x = (r, q, c, f, coupling, largest motion)."""
+    """A x = b and B x <= h of the scaled model in these states, for x = (r, q, c, f, coupling, twist, largest
+    motion)."""
     m, l, a, k = p.sizes
-    n = 6 + l + 3 * m + a + k + 1
-    at = np.cumsum([0, 6, l, 3 * m, a, k])
-    r, q, c, f, coupling = (slice(i, j) for i, j in pairwise(at))
+    n = 6 + l + 3 * m + a + k + len(p.soft) + 1
+    at = np.cumsum([0, 6, l, 3 * m, a, k, len(p.soft)])
+    r, q, c, f, coupling, twist = (slice(i, j) for i, j in pairwise(at))
     I = np.eye(n)
 
     def block(height: int, **parts: Array) -> Array:
         out = np.zeros((height, n))
         for name, value in parts.items():
-            out[:, {"r": r, "q": q, "c": c, "f": f, "coupling": coupling}[name]] = value
+            out[:, {"r": r, "q": q, "c": c, "f": f, "coupling": coupling, "twist": twist}[name]] = value
         return out
 
     D, C, F, T = block(3 * m, r=p.G.T, q=-p.J), I[c], I[f], block(a, q=p.R)
     balance = [
-        (block(6, c=p.G), -p.w0),  # (1)
-        (block(l, c=p.J.T, f=-p.R.T, coupling=-p.A.T), p.torque),  # (2)
+        (block(6, c=p.G, twist=p.twist_map), -p.w0),  # (1)
+        (block(l, c=p.J.T, f=-p.R.T, coupling=-p.A.T, twist=p.twist_jacobian.T), p.torque),  # (2)
         (block(k, q=p.A), np.zeros(k)),
     ]
     equal = [row for rows, values in balance for row in zip(rows, values, strict=True)]
@@ -189,18 +192,24 @@ def _equations(p: ScaledProblem, states: _ContactModes) -> tuple[Array, Array, A
 
     cos, sin = np.cos(p.eta), np.sin(p.eta)
     edges = np.pi * (2 * np.arange(EDGES) + 1) / EDGES
+    turning, twists = block(len(p.soft), r=p.twist_map.T, q=-p.twist_jacobian), dict(zip(p.soft.tolist(), I[twist], strict=True))
+    spins = dict(zip(p.soft.tolist(), turning, strict=True))
     for i, (state, u) in enumerate(zip(states.contacts, states.along, strict=True)):
         d_n, d_t, c_n, c_t, mu = D[3 * i], D[3 * i + 1 : 3 * i + 3], C[3 * i], C[3 * i + 1 : 3 * i + 3], p.mu[i]
-        across = np.array([-u[1], u[0]])
+        if i in twists:
+            d_t, c_t = np.vstack([d_t, spins[i]]), np.vstack([c_t, twists[i]])
+        else:
+            u = u[:2]
+        across = null_space(u[None]).T
         if state == "open":  # with u . d_t in place of |d_t|, which is no smaller
-            equal += [(row, 0.0) for row in C[3 * i : 3 * i + 3]]
+            equal += [(row, 0.0) for row in (c_n, *c_t)]
             below.append((-(cos * d_n + sin * u @ d_t), 0.0))
             continue
         below.append((-c_n, 0.0))
         if np.isfinite(p.cn_max):
             below.append((c_n, p.cn_max))
         if state == "slide" and p.mdp:
-            equal.append((across @ d_t, 0.0))
+            equal += [(row, 0.0) for row in across @ d_t]
             below.append((-(u @ d_t), 0.0))
             equal.append((c_n + cos * d_n + sin * (u @ d_t), 0.0))
             equal += [(row, 0.0) for row in c_t + mu * np.outer(u, c_n)]
@@ -208,8 +217,12 @@ def _equations(p: ScaledProblem, states: _ContactModes) -> tuple[Array, Array, A
         equal.append((c_n + cos * d_n, 0.0))
         if p.mdp:
             equal += [(row, 0.0) for row in d_t]
+        if i in twists:  # an octahedron inside of the ball, with a corner along u
+            sides = [u + s * across[0] + t * across[1] for s in (1, -1) for t in (1, -1)]
+            below += [(e @ c_t - mu * c_n, 0.0) for side in sides for e in (side, side - 2 * u)]
+            continue
         for angle in edges:
-            e = np.cos(angle) * u + np.sin(angle) * across
+            e = np.cos(angle) * u + np.sin(angle) * across[0]
             below.append((e @ c_t - np.cos(np.pi / EDGES) * mu * c_n, 0.0))
 
     A, b = np.array([row for row, _ in equal]), np.array([value for _, value in equal])

@@ -90,7 +90,7 @@ def limit_of(r: Reduced, z: Array, upper: float) -> Supremum | None:
         return None
     p, x = r.p, r.M @ rho
     motion = p.lengths * x[:6]
-    d = np.linalg.norm((r.D[: 3 * len(p.mu), : len(rho)] @ rho).reshape(-1, 3)[:, 1:], axis=1)
+    d = _speeds(r, r.D[:, : len(rho)] @ rho)
     slides = path.slides & (d > MOTION)
     return Supremum(
         value=float(value),
@@ -100,6 +100,18 @@ def limit_of(r: Reduced, z: Array, upper: float) -> Supremum | None:
         opens=tuple(np.flatnonzero(~path.closed).tolist()),
         words=words_of(p.grasp, motion, slides, path.closed),
     )
+
+
+def _tangents(r: Reduced, i: int) -> tuple[Indices, Indices]:
+    """Which base values are friction of contact i, and its sliding: two components, of a soft finger three."""
+    s = r.soft_fingers[i]
+    more = [[] if s < 0 else [int(first + s)] for first in (r.question.twist, r.question.turning)]
+    return np.array([3 * i + 1, 3 * i + 2, *more[0]]), np.array([3 * i + 1, 3 * i + 2, *more[1]])
+
+
+def _speeds(r: Reduced, d: Array) -> Array:
+    """(m,) lengths of sliding, from base values that are motions."""
+    return np.array([np.linalg.norm(d[_tangents(r, i)[1]]) for i in range(len(r.p.mu))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +136,7 @@ class _Path:
         c, d = r.C @ z + r.off[: len(r.C)], r.D @ z
         tiny = max(NO_MOTION, size * 1e-12)
         closed = c[: 3 * m : 3] > NO_MOTION
-        slides = closed & (np.linalg.norm(d[: 3 * m].reshape(-1, 3)[:, 1:], axis=1) > tiny)
+        slides = closed & (_speeds(r, d) > tiny)
         turns = d[3 * m : 3 * m + a] > tiny
         path = cls(r, closed, slides, turns, np.r_[z[:nu] / size, z[nu:]], 1.0 / size)
         y, J, _ = path.step(path.start, path.eps)
@@ -154,22 +166,19 @@ class _Path:
             values.append(np.atleast_1d(value))
 
         for i in range(m):
-            k = slice(3 * i, 3 * i + 3)
+            rub, slide = _tangents(r, i)
             if not self.closed[i]:
-                add(C[k], c[k])
+                add(C[[3 * i, *rub]], c[[3 * i, *rub]])
                 continue
-            dt, Dt = d[3 * i + 1 : 3 * i + 3], D[3 * i + 1 : 3 * i + 3]
+            dt, Dt = d[slide], D[slide]
             speed = float(np.linalg.norm(dt))
             u = dt / max(speed, 1e-300)
             slope, reach = (sin * u @ Dt, sin * speed) if self.slides[i] else (np.zeros(n), 0.0)
             add(eps * C[3 * i] + cos * D[3 * i] + slope, np.array(eps * c[3 * i] + cos * d[3 * i] + reach))
             if self.slides[i]:
                 w = r.p.mu[i] * c[3 * i]
-                turn = (np.eye(2) - np.outer(u, u)) / max(speed, 1e-300)
-                add(
-                    C[3 * i + 1 : 3 * i + 3] + r.p.mu[i] * np.outer(u, C[3 * i]) + w * turn @ Dt,
-                    c[3 * i + 1 : 3 * i + 3] + w * u,
-                )
+                turn = (np.eye(len(u)) - np.outer(u, u)) / max(speed, 1e-300)
+                add(C[rub] + r.p.mu[i] * np.outer(u, C[3 * i]) + w * turn @ Dt, c[rub] + w * u)
             else:
                 add(Dt, dt)
         for j in range(a):
@@ -197,7 +206,8 @@ class _Path:
             d[: 3 * m].reshape(-1, 3)[:, 1:], axis=1
         )
         force = c[: 3 * m].reshape(-1, 3)
-        inside = np.linalg.norm(force[:, 1:], axis=1) <= r.p.mu * force[:, 0] + ALLOWED
+        rubs = np.array([np.linalg.norm(c[_tangents(r, i)[0]]) for i in range(m)])
+        inside = rubs <= r.p.mu * force[:, 0] + ALLOWED
         slack, t = c[3 * m : 3 * m + 2 * a : 2], d[3 * m : 3 * m + a]
         limits = c[3 * m + 2 * a + 1 :]
         kept = (

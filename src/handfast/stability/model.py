@@ -10,12 +10,14 @@ so a motion is measured by the force it causes (d in N, r in N and N/m, q in N/m
 Errata applied: (2) is tau = +J^T c (printed with the other sign); (17) unloads the contact.
 
 Beyond the paper a joint may have dry friction, a stop and a given torque, and a motor may be backdrivable: the laws of
-joints, see `joint_balance`, `reaction_range` and docs/joint-laws.md.
+joints, see `joint_balance`, `reaction_range` and docs/joint-laws.md. A contact may be a soft finger, which carries a
+torque about its normal, the torsion: (5) to (7) are then about three components, c_t and torsion over `Grasp.levers`,
+which is a force too, and the motions that belong to them, see `friction` and docs/soft-fingers.md.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -27,6 +29,7 @@ from handfast.stability.exact_sums import Sums, exact_sums
 LARGE = 1e4  # times the largest force: motions and forces from which on sums are taken without rounding
 VANISHING = 1e-100  # numbers below are scaled up before anything is squared
 NO_REACTION: Array = np.zeros(0)  # of a state that was given none: its joints carry nothing themselves
+NO_TORSION: Array = np.zeros(0)  # likewise, of its contacts
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +43,7 @@ class State:
         f: (a,) actuator forces [N m or N].
         coupling: (k,) multipliers lambda of the rigid couplings A q = 0.
         reaction: (l,) rho, what the joints themselves carry by dry friction and at stops [N m or N]; 0 unless given.
+        torsion: (m,) torques about the normals [N m], of the hand on the object; 0 unless given, as of point contacts.
     """
 
     r: Array
@@ -48,10 +52,13 @@ class State:
     f: Array
     coupling: Array
     reaction: Array = field(default_factory=lambda: NO_REACTION)
+    torsion: Array = field(default_factory=lambda: NO_TORSION)
 
     def __post_init__(self) -> None:
         if self.reaction is NO_REACTION:
             object.__setattr__(self, "reaction", np.zeros(np.shape(self.q)))
+        if self.torsion is NO_TORSION:
+            object.__setattr__(self, "torsion", np.zeros(np.size(self.c) // 3))
         for f in fields(self):
             value = np.asarray(getattr(self, f.name), dtype=float)
             object.__setattr__(self, f.name, frozen(value, value.shape, f.name))
@@ -70,22 +77,42 @@ def _norms(x: Array) -> Array:
 # --- the equations, one function each -----------------------------------------------------------
 
 
-def object_balance(grasp: Grasp, c: Array, w: Array) -> Array:
-    """(6,) G c + w, zero in equilibrium: equation (1)."""
-    return grasp.G @ c + w
+def twisting(grasp: Grasp, torsion: Array) -> Array:
+    """(s,) [N] torsions (m,) of the soft fingers over their levers, comparable with c_t."""
+    out: Array = torsion[grasp.soft] / grasp.levers
+    return out
 
 
-def joint_torques(grasp: Grasp, c: Array) -> Array:
-    """(l,) tau = J^T c: equation (2) with the sign that its own virtual work demands."""
-    return grasp.J.T @ c
+def object_balance(grasp: Grasp, c: Array, w: Array, torsion: Array | None = None) -> Array:
+    """(6,) G c + w, zero in equilibrium: equation (1), with the torsions (m,) of soft fingers."""
+    out: Array = grasp.G @ c + w
+    if torsion is None or not len(grasp.soft):
+        return out
+    return out + grasp.twist_map @ twisting(grasp, torsion)
 
 
-def joint_balance(grasp: Grasp, c: Array, f: Array, coupling: Array, reaction: Array | None = None) -> Array:
+def joint_torques(grasp: Grasp, c: Array, torsion: Array | None = None) -> Array:
+    """(l,) tau = J^T c: equation (2) with the sign that its own virtual work demands, and torsions (m,)."""
+    if torsion is None or not len(grasp.soft):
+        return grasp.J.T @ c
+    out: Array = grasp.J.T @ c + grasp.twist_jacobian.T @ twisting(grasp, torsion)
+    return out
+
+
+def joint_balance(
+    grasp: Grasp,
+    c: Array,
+    f: Array,
+    coupling: Array,
+    reaction: Array | None = None,
+    torsion: Array | None = None,
+) -> Array:
     """(l,) J^T c - R^T f - A^T lambda - given - rho, zero when all of these together carry the joint torques.
 
     rho: (l,) the joints' reactions, none by default; given: the torques that springs and the like exert whatever moves.
+    torsion: (m,) of the contacts.
     """
-    out = joint_torques(grasp, c) - grasp.mechanism.R.T @ f - grasp.mechanism.A.T @ coupling
+    out = joint_torques(grasp, c, torsion) - grasp.mechanism.R.T @ f - grasp.mechanism.A.T @ coupling
     if not grasp.has_laws:
         return out
     return out - grasp.given_torques - (0.0 if reaction is None else reaction)
@@ -94,6 +121,30 @@ def joint_balance(grasp: Grasp, c: Array, f: Array, coupling: Array, reaction: A
 def relative_motion(grasp: Grasp, r: Array, q: Array) -> Array:
     """(3m,) d = G^T r - J q, motion of the object relative to the finger, contact frames: equation (3)."""
     return grasp.G.T @ r - grasp.J @ q
+
+
+def turning(grasp: Grasp, r: Array, q: Array) -> Array:
+    """(s,) turning of the object against each soft finger about the normal, times the lever: (3) for torsion."""
+    out: Array = grasp.twist_map.T @ r - grasp.twist_jacobian @ q
+    return out
+
+
+def friction(grasp: Grasp, c: Array, torsion: Array) -> Array:
+    """(m, 3) [N] c_t1, c_t2 and torsion over the lever, of each contact; the last is 0 at point contacts."""
+    return _with_twist(grasp, c, twisting(grasp, torsion))
+
+
+def sliding(grasp: Grasp, d: Array, turned: Array) -> Array:
+    """(m, 3) d_t1, d_t2 and `turning` (s,) of each contact: what `friction` works against."""
+    return _with_twist(grasp, d, turned)
+
+
+def _with_twist(grasp: Grasp, x: Array, twist: Array) -> Array:
+    """(m, 3) tangential components of x (3m,), and those of the soft fingers (s,)."""
+    out = np.zeros((grasp.m, 3))
+    out[:, :2] = x.reshape(-1, 3)[:, 1:]
+    out[grasp.soft, 2] = twist
+    return out
 
 
 def normal_motion(d: Array, eta: float = 0.0) -> Array:
@@ -110,20 +161,21 @@ def spring_force(d: Array, eta: float = 0.0) -> Array:
     return np.maximum(0.0, -normal_motion(d, eta))
 
 
-def cone_excess(c: Array, mu: Array) -> Array:
-    """(m,) |c_t| - mu c_n, not positive inside the friction cone: equation (5)."""
-    c = c.reshape(-1, 3)
-    return _norms(c[:, 1:]) - mu * c[:, 0]
+def cone_excess(normal: Array, rubs: Array, mu: Array) -> Array:
+    """(m,) |c_t| - mu c_n, not positive inside the friction cone: equation (5).
+
+    normal: (m,) c_n; rubs: (m, 3) `friction`.
+    """
+    return _norms(rubs) - mu * normal
 
 
-def dissipation_defect(c: Array, d: Array, mu: Array) -> Array:
-    """(m, 2) c_t |d_t| + mu c_n d_t, zero when friction opposes sliding at full strength: (6), (7).
+def dissipation_defect(normal: Array, rubs: Array, slides: Array, mu: Array) -> Array:
+    """(m, 3) c_t |d_t| + mu c_n d_t, zero when friction opposes sliding at full strength: (6), (7).
 
     Also zero where nothing slides, so one expression covers both cases of (7) together with (5).
+    normal: (m,) c_n; rubs, slides: (m, 3) `friction` and `sliding`.
     """
-    c, d = c.reshape(-1, 3), d.reshape(-1, 3)
-    speed = _norms(d[:, 1:])[:, None]
-    return c[:, 1:] * speed + (mu * c[:, 0])[:, None] * d[:, 1:]
+    return rubs * _norms(slides)[:, None] + (mu * normal)[:, None] * slides
 
 
 def actuator_motion(grasp: Grasp, q: Array) -> Array:
@@ -163,8 +215,13 @@ def reaction_defect(q: Array, reaction: Array, lo: Array, hi: Array) -> Array:
 
 
 def joint_arms(grasp: Grasp) -> Array:
-    """(l,) motion of the contacts per unit joint motion: J's column norms (1 where a joint moves nothing)."""
+    """(l,) motion of the contacts per unit joint motion: J's column norms (1 where a joint moves nothing).
+
+    A joint that does nothing but turn soft fingers about their normals has their levers for an arm.
+    """
     arms = np.sqrt((grasp.J * grasp.J).sum(axis=0))
+    if len(grasp.soft):
+        arms = np.where(arms > 1e-12, arms, np.sqrt((grasp.twist_jacobian**2).sum(axis=0)))
     return np.where(arms > 1e-12, arms, 1.0)
 
 
@@ -252,13 +309,16 @@ def linear_sums(grasp: Grasp, w: Array, state: State, force: float, arms: Array,
     if len(mech.A):
         largest = max(largest, (np.abs(mech.A * state.coupling[:, None]) / arms).max())
     if max(largest / force, reach / grasp.spacing) > LARGE:
-        return exact_sums(grasp, w, state.r, state.q, state.c, state.f, state.coupling, state.reaction)
+        x = state
+        exact = exact_sums(grasp, w, x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+        return replace(exact, twist=grasp.levers * exact.twist)
     return Sums(
-        object_balance(grasp, state.c, w),
-        joint_balance(grasp, state.c, state.f, state.coupling, state.reaction),
+        object_balance(grasp, state.c, w, state.torsion),
+        joint_balance(grasp, state.c, state.f, state.coupling, state.reaction, state.torsion),
         mech.A @ state.q,
         relative_motion(grasp, state.r, state.q),
         actuator_motion(grasp, state.q),
+        turning(grasp, state.r, state.q),
     )
 
 
@@ -313,14 +373,17 @@ def residuals(
     F = force_scale(w, state.c) if largest > 0 else least_drive(grasp, f_c, moment_arm, arms)
     F = F if np.isfinite(F) else 1.0
     sums = linear_sums(grasp, w, state, F, arms, moment_arm)
-    d, dt = sums.d, _norms(sums.d.reshape(-1, 3)[:, 1:])
-    c = state.c.reshape(-1, 3)
+    d, c = sums.d, state.c.reshape(-1, 3)
+    rubs, slides = friction(grasp, state.c, state.torsion), sliding(grasp, d, sums.twist)
+    dt = _norms(slides)
     middle = _middle(grasp.positions, state.c)
     force, moment = _equilibrium_residual(sums.object, middle)
 
     loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
     # what locked gearings and couplings pass on has no part in it: where they depend on each other, it is arbitrary
     terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(f_c) + np.abs(grasp.given_torques)
+    if len(grasp.soft):
+        terms = terms + np.abs(grasp.twist_jacobian.T) @ np.abs(twisting(grasp, state.torsion))
     moments = _moment_scale(grasp, state.c, w, F, middle)
     torque = np.maximum.reduce(
         [terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, arms, F, moments)]
@@ -336,7 +399,8 @@ def residuals(
     actuator = np.where(grasp.mechanism.backdrivable, np.abs(slack), actuator)
     lo, hi = reaction_range(grasp)
     reaction = reaction_defect(state.q * arms, state.reaction / arms, lo / arms, hi / arms)
-    dissipation = dissipation_defect(state.c, d, grasp.mu) / np.maximum(dt, F)[:, None]
+    dissipation = dissipation_defect(c[:, 0], rubs, slides, grasp.mu) / np.maximum(dt, F)[:, None]
+    idle = np.delete(np.abs(state.torsion), grasp.soft).max(initial=0.0) / moments  # point contacts carry no torsion
     slip = np.abs(sums.couplings)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
     def worst(values: Array) -> float:
@@ -347,7 +411,7 @@ def residuals(
         joint_balance=float((missing / np.where(missing > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)),
         couplings=worst(slip),
         normal=worst(np.abs(c[:, 0] - spring_force(d, eta))),
-        cone=worst(cone_excess(state.c, grasp.mu)),
+        cone=max(worst(cone_excess(c[:, 0], rubs, grasp.mu)), float(idle)),
         dissipation=worst(np.abs(dissipation)) if mdp else 0.0,
         actuators=worst(actuator),
         reactions=worst(reaction),
@@ -365,7 +429,8 @@ class Energy:
         disturbance: w . r.
         preload: f_c . t.
         stored: sum of -c_n d_n, in the contact springs (sum of c_n^2 if eta = 0).
-        friction: (m,) -c_t . d_t per contact. Negative: friction pushes along the motion, energy out of nothing.
+        friction: (m,) -c_t . d_t per contact, with what torsion takes. Negative: friction pushes along the motion,
+            energy out of nothing.
         maximum: (m,) mu c_n |d_t| per contact, what the maximum dissipation principle (6) demands.
         given: torque . q of what acts on the joints whatever moves, as springs.
         joints: (l,) -rho q per joint, what its dry friction takes: friction_j |q_j|. Stops do no work.
@@ -401,12 +466,14 @@ def energy(grasp: Grasp, w: Array, state: State, *, command: Array | None = None
     """
     f_c = grasp.command if command is None else command
     d, c = relative_motion(grasp, state.r, state.q).reshape(-1, 3), state.c.reshape(-1, 3)
+    rubs = friction(grasp, state.c, state.torsion)
+    slides = sliding(grasp, d, turning(grasp, state.r, state.q))
     return Energy(
         disturbance=float(np.asarray(w) @ state.r),
         preload=float(f_c @ actuator_motion(grasp, state.q)),
         stored=float(-(c[:, 0] * d[:, 0]).sum()),
-        friction=-(c[:, 1:] * d[:, 1:]).sum(axis=1),
-        maximum=grasp.mu * c[:, 0] * _norms(d[:, 1:]),
+        friction=-(rubs * slides).sum(axis=1),
+        maximum=grasp.mu * c[:, 0] * _norms(slides),
         given=float(grasp.given_torques @ state.q),
         joints=-state.reaction * state.q,
     )

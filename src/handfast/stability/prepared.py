@@ -99,7 +99,7 @@ class PreparedGrasp:
         """
         start = time.perf_counter()
         w = scaled_problem.as_wrench(wrench)
-        found = self._kernel.ask(self.grasp, w)
+        found = self._kernel.ask(self.grasp, w) if self._kernel else None
         if found is not None and found[1] <= VALID:
             return self._said(Verdict.HOLDS, w, start, *found[:2], None, Stop.COMPLETE, found[2])
         answer: CheckAnswer = check(self.grasp, w, settings=self.settings, **self._limits)
@@ -126,8 +126,10 @@ class PreparedGrasp:
         eta = self._limits["eta"]
         return PreparedAnswer(verdict, w, self.grasp, state, residual, certificate, stop, nodes, seconds, eta)
 
-    def _prepared(self) -> _Kernel:
-        """What is prepared for the commanded actuators and their senses."""
+    def _prepared(self) -> _Kernel | None:
+        """What is prepared for the commanded actuators and their senses; None with soft fingers, which are searched."""
+        if len(self.grasp.soft):
+            return None
         key = np.sign(self.grasp.command).tobytes()
         if key not in self._kernels:
             self._kernels[key] = _Kernel(self.grasp, self._limits, self.settings)

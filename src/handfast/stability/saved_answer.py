@@ -35,6 +35,7 @@ class ResultStateEntry(Strict):
     f: list[float]
     coupling: list[float]
     reaction: list[float] = Field(default_factory=list)
+    torsion: list[float] = Field(default_factory=list)
 
 
 class ResultWitnessEntry(ResultStateEntry):
@@ -69,10 +70,12 @@ def file_model(entries: tuple[type[ResultAnswerEntry], ...]) -> type[ResultFile]
 
 
 def state_dict(s: State) -> dict[str, Any]:
-    """A state as files have it: `reaction` only where joints carry something themselves."""
+    """A state as files have it: `reaction` only where joints carry something themselves, `torsion` where contacts do."""
     arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
     if s.reaction.any():
         arrays["reaction"] = s.reaction
+    if s.torsion.any():
+        arrays["torsion"] = s.torsion
     return {name: value.tolist() for name, value in arrays.items()}
 
 
@@ -137,8 +140,13 @@ def _read_state(entry: ResultStateEntry, question: Question, place: str) -> Stat
             raise InputError(f"has {len(getattr(entry, name))} numbers, needs {size}", field=f"{place}.{name}")
     if entry.reaction and len(entry.reaction) != g.l:
         raise InputError(f"has {len(entry.reaction)} numbers, needs {g.l}", field=f"{place}.reaction")
-    reaction = np.array(entry.reaction or np.zeros(g.l), dtype=float)
-    return State(**{name: np.array(getattr(entry, name), dtype=float) for name in ("r", *sizes)}, reaction=reaction)
+    if entry.torsion and len(entry.torsion) != g.m:
+        raise InputError(f"has {len(entry.torsion)} numbers, needs {g.m}", field=f"{place}.torsion")
+    own = {
+        "reaction": np.array(entry.reaction or np.zeros(g.l), dtype=float),
+        "torsion": np.array(entry.torsion or np.zeros(g.m), dtype=float),
+    }
+    return State(**{name: np.array(getattr(entry, name), dtype=float) for name in ("r", *sizes)}, **own)
 
 
 def _witness(entry: ResultWitnessEntry, question: Question) -> Witness:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from handfast.core.arrays import Array, Mask
+from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.core.transforms import cross
 from handfast.model.grasp import Grasp
@@ -26,7 +26,7 @@ RUBS = 0.1  # share of a joint's dry friction that is a force in play: it is the
 
 @dataclass(frozen=True, eq=False)
 class ScaledPoint:
-    """Scaled unknowns (shapes as in `ScaledProblem`) and the scalar of the goal."""
+    """Scaled unknowns (shapes as in `ScaledProblem`), the scalar of the goal, and (s,) torsions over levers."""
 
     r: Array
     q: Array
@@ -34,6 +34,7 @@ class ScaledPoint:
     f: Array
     coupling: Array
     scalar: float = 0.0
+    twist: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,7 @@ class ScaledProblem:
         f_max: (a,) scaled limits of |f|; inf where there is none.
         cn_max: scaled limit of every normal force; inf for none.
         G, J, R, A, mu: scaled model arrays, (6, 3m), (3m, l), (a, l), (k, l), (m,).
+        soft: (s,) contacts that are soft fingers; twist_map, twist_jacobian: (6, s), (s, l) scaled, as of the grasp.
         torque: (l,) scaled torques that are given.
         force: [N] the force scale; length: [m] the length scale.
         joint_scale: (l,) moment arms [m]; actuator_scale (a,), coupling_scale (k,): of their forces, over `force`.
@@ -85,6 +87,9 @@ class ScaledProblem:
     J: Array
     R: Array
     A: Array
+    soft: Indices
+    twist_map: Array
+    twist_jacobian: Array
     torque: Array
     mu: Array
     force: float
@@ -179,6 +184,8 @@ class ScaledProblem:
             self.force * x.coupling * self.coupling_scale,
             share=share,
         )
+        torsion = np.zeros(len(self.mu))
+        torsion[self.soft] = self.force * x.twist * self.grasp.levers
         return State(
             r=self.force * self.lengths * x.r,
             q=q,
@@ -186,6 +193,7 @@ class ScaledProblem:
             f=f,
             coupling=coupling,
             reaction=reaction,
+            torsion=torsion,
         )
 
     def scaled(self, state: State, scalar: float = 0.0, share: float = 1.0) -> ScaledPoint:
@@ -198,6 +206,7 @@ class ScaledProblem:
             f / (self.force * self.actuator_scale),
             coupling / (self.force * self.coupling_scale),
             scalar,
+            model.twisting(self.grasp, state.torsion) / self.force,
         )
 
     def command(self, f_c: Array, share: float = 1.0) -> Array:
@@ -234,7 +243,7 @@ def build(
     """
     w0 = as_wrench(w0, "wrench")
     d = np.zeros(6) if direction is None else _direction(direction)
-    _check_terms(eta, mdp, force_limit)
+    _check_terms(grasp, eta, mdp, force_limit)
     same = equivalent_of(grasp, driven, torque_limits or {})
     plain, back = same.plain, np.array(grasp.mechanism.backdrivable, dtype=bool)
     _check_backdrivable(grasp, back, torque_limits or {})
@@ -272,6 +281,9 @@ def build(
         J=plain.J / units.joints,
         R=units.actuators[:, None] * units.R,
         A=units.couplings[:, None] * units.A,
+        soft=grasp.soft,
+        twist_map=row[:, None] * grasp.twist_map,
+        twist_jacobian=plain.twist_jacobian / units.joints,
         torque=plain.given_torques / (force * units.joints),
         mu=grasp.mu,
         force=force,
@@ -301,12 +313,14 @@ def _joint_units(same: EquivalentGrasp) -> _JointUnits:
     return _JointUnits(joints, sense / np.sqrt((R * R).sum(axis=1)), 1.0 / np.sqrt((A * A).sum(axis=1)), R, A)
 
 
-def _check_terms(eta: float, mdp: bool, force_limit: float | None) -> None:
+def _check_terms(grasp: Grasp, eta: float, mdp: bool, force_limit: float | None) -> None:
     """Refuse an uncertainty or a limit that is out of range."""
     if not 0 <= eta < MAX_ETA:
         raise InputError(f"is {np.degrees(eta):g} degrees; 0 to 45 is possible", field="eta")
     if eta > 0 and not mdp:
         raise InputError("needs the maximum dissipation principle; leave one of the two out", field="eta")
+    if eta > 0:
+        grasp.refuse_soft_fingers("uncertainty of the normals")
     if force_limit is not None and not force_limit > 0:
         raise InputError(f"is {force_limit:g}; a largest normal force is positive", field="force limit")
 
@@ -402,7 +416,7 @@ def _limits(grasp: Grasp, torque_limits: Mapping[str, float], force_limit: float
 
 def _takes_part(grasp: Grasp) -> Mask:
     """(a,) bool: actuators that move a contact."""
-    return (grasp.mechanism.R[:, grasp.J.any(axis=0)] != 0).any(axis=1)
+    return (grasp.mechanism.R[:, grasp.touches] != 0).any(axis=1)
 
 
 def _direction_scale(grasp: Grasp, d: Array, others: float) -> float:
@@ -474,13 +488,13 @@ def beyond_range(G: Array, w: Array) -> int | None:
 def unbalanced(grasp: Grasp, wrench: Array) -> bool:
     """Is there no force at the contacts whatever, friction aside, that balances a wrench (6,)? Queries refuse it."""
     alike = np.r_[np.ones(3), np.full(3, 1 / grasp.size)]
-    return beyond_range(alike[:, None] * grasp.G, alike * wrench) is not None
+    return beyond_range(alike[:, None] * np.hstack([grasp.G, grasp.twist_map]), alike * wrench) is not None
 
 
 def _check_range(p: ScaledProblem, with_direction: bool) -> None:
     """Refuse a disturbance that is beyond the range of G."""
     for w, field in ((p.w0, "wrench"), (p.direction, "direction")):
-        rank = beyond_range(p.G, w) if w.any() else None
+        rank = beyond_range(np.hstack([p.G, p.twist_map]), w) if w.any() else None
         if rank is not None:
             raise InputError(
                 f"cannot be balanced by any forces at these {p.sizes[0]} contacts "

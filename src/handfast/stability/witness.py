@@ -72,19 +72,23 @@ class Witness:
     @property
     def contact_states(self) -> list[str]:
         """Per contact "open", "stick" or "slide"."""
-        d = model.relative_motion(self.grasp, self.state.r, self.state.q).reshape(-1, 3)
+        g, x = self.grasp, self.state
+        d = model.sliding(g, model.relative_motion(g, x.r, x.q), model.turning(g, x.r, x.q))
         c = self.state.c.reshape(-1, 3)
         tiny = VALID * model.force_scale(self.wrench, self.state.c)
         return [
-            "open" if ci[0] <= tiny else "slide" if np.linalg.norm(di[1:]) > tiny else "stick"
+            "open" if ci[0] <= tiny else "slide" if np.linalg.norm(di) > tiny else "stick"
             for ci, di in zip(c, d, strict=True)
         ]
 
     def to_json(self) -> dict[str, Any]:
-        """The keys of a `check` answer; `joint_reactions` besides where joints have laws of their own."""
+        """The keys of a `check` answer; `joint_reactions` besides where joints have laws of their own.
+
+        The contacts of soft fingers have their `torsion`, about the normal.
+        """
         forces, motions = self.forces, self.motions
         c = self.state.c.reshape(-1, 3)
-        tau = model.joint_torques(self.grasp, self.state.c)
+        tau = model.joint_torques(self.grasp, self.state.c, self.state.torsion)
         own = zip(self.grasp.joints, self.state.reaction, strict=True)
         reactions = {"joint_reactions": {j.name: float(x) for j, x in own}} if self.grasp.has_laws else {}
         return reactions | {
@@ -99,6 +103,7 @@ class Witness:
                     "motion": motions[i].tolist(),
                     "state": self.contact_states[i],
                 }
+                | ({"torsion": float(self.state.torsion[i])} if contact.torsion else {})
                 for i, contact in enumerate(self.grasp.contacts)
             ],
             "joint_torques": {j.name: float(t) for j, t in zip(self.grasp.joints, tau, strict=True)},

@@ -94,12 +94,12 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     arc; the middle of the contact forces, which moments are about, moves along it by a bounded distance.
     """
     g, f_c, k = q.grasp, q.grasp.command, len(arc.controls) - 1
-    r, joints, c, f, coupling, reaction = (arc.table(field.name) for field in fields(State))
+    r, joints, c, f, coupling, reaction, torsion = (arc.table(field.name) for field in fields(State))
     s = arc.first + (arc.last - arc.first) * np.arange(k + 1)[:, None] / k
     direction = np.zeros(6) if q.direction is None else q.direction
     w = q.wrench + s * direction
     given = f_c[None], g.given_torques[None], g.joint_friction[None]
-    if k == 1 and not any(a[0].any() for a in (w, *given, r, joints, c, f, coupling, reaction)):
+    if k == 1 and not any(a[0].any() for a in (w, *given, r, joints, c, f, coupling, reaction, torsion)):
         # multiples of one state under multiples of one disturbance: relative residuals are those of the last
         return model.residuals(g, w[1], arc.controls[1], eta=q.eta, mdp=q.mdp)
 
@@ -110,7 +110,9 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     joint_arms, arms = model.joint_arms(g), model.actuator_arms(g)
     sums = [model.linear_sums(g, w_k, x, F, joint_arms, arms) for w_k, x in zip(w, arc.controls, strict=True)]
     D = np.stack([x.d for x in sums]).reshape(k + 1, -1, 3)
-    c_n, c_t, d_n, d_t, mu = C[:, :, 0], C[:, :, 1:], D[:, :, 0], D[:, :, 1:], g.mu
+    c_n, d_n, mu = C[:, :, 0], D[:, :, 0], g.mu
+    c_t = np.stack([model.friction(g, *x) for x in zip(c, torsion, strict=True)])
+    d_t = np.stack([model.sliding(g, x.d, x.twist) for x in sums])
     least_n = c_n.min(axis=0)
     slow, fast = least_norm(d_t), np.sqrt((d_t**2).sum(axis=2)).max(axis=0)
     speed, speed_off = _norm(d_t, slow)
@@ -133,9 +135,11 @@ def residuals(q: Question, arc: Arc) -> Residuals:
 
     # (6), (7): c_t |d_t| + mu c_n d_t along d_t and across; small anyway where either is small
     along = product(c_t, d_t).sum(axis=2) + mu * product(c_n, speed)
-    across = product(c_t[:, :, 0], d_t[:, :, 1]) - product(c_t[:, :, 1], d_t[:, :, 0])
+    turns = ((0, 1), (1, 2), (2, 0))
+    across = [product(c_t[:, :, i], d_t[:, :, j]) - product(c_t[:, :, j], d_t[:, :, i]) for i, j in turns]
+    aside = np.sqrt(sum(np.abs(x).max(axis=0) ** 2 for x in across))
     strength = mu * np.abs(c_n).max(axis=0)
-    defect = np.hypot(np.abs(along).max(axis=0) + strength * speed_off, np.abs(across).max(axis=0))
+    defect = np.hypot(np.abs(along).max(axis=0) + strength * speed_off, aside)
     defect = np.minimum(defect, (tangential.max(axis=0) + strength) * fast) / np.maximum(slow, F)
 
     # (8), in the sense of the command, motions and forces in newtons
@@ -151,7 +155,10 @@ def residuals(q: Question, arc: Arc) -> Residuals:
     tied = np.abs(np.stack([x.couplings for x in sums])).max(axis=0)
     slip = tied[:, None] * np.divide(joint_arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
-    forces, joint = _balances(q, w, c, sums, F)
+    forces, joint = _balances(q, w, c, torsion, sums, F)
+    idle = np.delete(np.abs(torsion), g.soft, axis=1).max(initial=0.0)  # point contacts carry no torsion
+    if idle > 0:
+        return Residuals(*[np.inf] * len(fields(Residuals)))
     return Residuals(
         object_balance=forces,
         joint_balance=joint,
@@ -177,7 +184,9 @@ def _reactions(g: Grasp, q: Array, reaction: Array, arms: Array) -> Array:
     return np.maximum(outside, np.minimum.reduce([rests, closes, opens]))
 
 
-def _balances(q: Question, w: Array, c: Array, sums: list[Sums], F: float) -> tuple[float, float]:
+def _balances(
+    q: Question, w: Array, c: Array, torsion: Array, sums: list[Sums], F: float
+) -> tuple[float, float]:
     """(1) and (2), relative to the least that acts on the arc; controls as rows."""
     g = q.grasp
     missing = np.stack([x.object for x in sums])
@@ -195,12 +204,14 @@ def _balances(q: Question, w: Array, c: Array, sums: list[Sums], F: float) -> tu
     J, R = np.where(np.repeat(loaded, 3)[:, None], g.J, 0.0), g.mechanism.R
     unbalanced = np.abs(np.stack([x.joints for x in sums])).max(axis=0)
     terms = np.abs(J.T) @ _least(c) + np.abs(R.T) @ np.abs(g.command) + np.abs(g.given_torques)
+    if len(g.soft):
+        terms = terms + np.abs(g.twist_jacobian.T) @ _least(torsion[:, g.soft] / g.levers)
     torque = np.maximum.reduce(
         [terms, F * np.sqrt((J * J).sum(axis=0)), model.idle_torque(g, model.joint_arms(g), F, scale)]
     )
-    torsion = (np.linalg.norm(moment, axis=1).max() + strays * most) / scale
+    turned = (np.linalg.norm(moment, axis=1).max() + strays * most) / scale
     joint = (unbalanced / np.where(unbalanced > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)
-    return float(np.maximum(most / F, torsion)), float(joint)
+    return float(np.maximum(most / F, turned)), float(joint)
 
 
 def _middle(p: Array, C: Array) -> tuple[Array, float]:

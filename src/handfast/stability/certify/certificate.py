@@ -7,7 +7,8 @@ contacts, m to m+a-1 the actuators. Each leaf lists inequalities that hold in it
 inside a cap only, and their multipliers need the cap.
 
 Directions in the contact plane are integers, 2^24 to the turn; a sector is a pair left < right of them.
-Actuators are mirrored into the sense of their command, so that (8) reads t >= 0, f >= |f_c| everywhere.
+A soft finger slides in a patch of the sphere of directions instead (`patches`), whose number stands in the place of
+the sector's left end. Actuators are mirrored into the sense of their command, so that (8) reads t >= 0, f >= |f_c| everywhere.
 """
 
 from __future__ import annotations
@@ -85,6 +86,13 @@ class Row(IntEnum):
     BOUND_UP = 20  # x_k - lo_k, k in `Columns`
     BOUND_DOWN = 21  # hi_k - x_k
     ENERGY = 22  # w . r + f_c . t - sum of (2 x_i c_n,i - x_i^2), x and the commands' scalar from `references`
+    # of soft fingers, with c_f = (c_t1, c_t2, twist) and d_f = (d_t1, d_t2, turning):
+    SOFT_TANGENT = 23  # mu c_n - (cos b cos a, cos b sin a, sin b) . c_f
+    SOFT_CHORD = 24  # w . c_f - h mu c_n, middle w and reach h of patch a
+    C_SIDE = 25  # n . c_f, normal n of side b of patch a
+    D_SIDE = 26  # -n . d_f
+    TURN_UP = 27  # turning
+    TURN_DOWN = 28  # -turning
 
 
 def directions(k: Integers) -> Array:
@@ -135,6 +143,8 @@ class Question:
             raise InputError(f"is {self.eta:g} rad; 0 to {MAX_ETA:.4f} is possible", field="eta")
         if self.eta > 0 and not self.mdp:
             raise InputError("needs the maximum dissipation principle", field="eta")
+        if self.eta > 0:
+            self.grasp.refuse_soft_fingers("uncertainty of the normals")
         put(self, "torque_limits", {n: float(v) for n, v in self.torque_limits.items()})
         self.grasp.mechanism.commands(self.torque_limits, field="torque_limits")  # names and finite numbers
         limits = [*self.torque_limits.values(), *([] if self.force_limit is None else [self.force_limit])]
@@ -179,6 +189,13 @@ class Question:
         return model.commanded(self.plain, self.load.f_a + self.load.f_b) | self.is_driven
 
     @property
+    def soft_fingers(self) -> Integers:
+        """(m,) which soft finger a contact is, -1 for a point contact."""
+        out = np.full(self.grasp.m, -1, np.int64)
+        out[self.grasp.soft] = np.arange(len(self.grasp.soft))
+        return out
+
+    @property
     def sense(self) -> Array:
         """(a,) -1 for actuators mirrored into the sense of their command, else +1."""
         turned = (self.plain.command < 0) & (self.is_driven | (not self.goal.seeks_commands))
@@ -187,7 +204,10 @@ class Question:
 
 @dataclass(frozen=True)
 class Columns:
-    """Where the unknowns are in x = (r, q, c, f, coupling, scalar, e): f mirrored, e one effort per actuator."""
+    """Where the unknowns are in x = (r, q, c, f, coupling, scalar, e, twist).
+
+    f is mirrored, e one effort per actuator, twist the torsion of each soft finger over its lever [N].
+    """
 
     r: slice
     q: slice
@@ -196,6 +216,7 @@ class Columns:
     coupling: slice
     scalar: slice  # empty for a check
     e: slice  # empty unless the sum of efforts is sought
+    twist: slice  # empty without soft fingers
     n: int
 
     @classmethod
@@ -204,9 +225,9 @@ class Columns:
         g, goal = question.plain, question.goal
         a, scalar = g.mechanism.a, int(goal.has_scalar)
         efforts = a if goal.sums_commands else 0
-        ends = np.cumsum([0, 6, g.l, 3 * g.m, a, len(g.mechanism.A), scalar, efforts]).tolist()
-        r, q, c, f, coupling, s, e = (slice(i, j) for i, j in pairwise(ends))
-        return cls(r, q, c, f, coupling, s, e, ends[-1])
+        ends = np.cumsum([0, 6, g.l, 3 * g.m, a, len(g.mechanism.A), scalar, efforts, len(g.soft)]).tolist()
+        r, q, c, f, coupling, s, e, twist = (slice(i, j) for i, j in pairwise(ends))
+        return cls(r, q, c, f, coupling, s, e, twist, ends[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,6 +280,8 @@ class Certificate:
         put(self, "references", frozen(self.references, shape, "references"))
         if (self.cap_r is None) != (self.cap_q is None):
             raise InputError("caps are of all motions, or of none", field="cap_r, cap_q")
+        if self.capped:
+            self.question.grasp.refuse_soft_fingers("a certificate with caps")
         for name, size in (("cap_r", 6), ("cap_q", self.question.plain.l)) if self.capped else ():
             put(self, name, frozen(getattr(self, name), (size,), name))
             if (getattr(self, name) < 0).any():

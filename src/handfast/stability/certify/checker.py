@@ -27,6 +27,7 @@ from handfast.stability.certify.certificate import (
 )
 from handfast.stability.certify.claim import Claim, caps, leaf_margins
 from handfast.stability.certify.leaf_rows import bounds
+from handfast.stability.certify.patches import LAST, OCTANTS, contains
 from handfast.stability.model import actuator_arms, joint_arms
 
 CAPS = (1e12, 1e11, 1e10, 1e9, 1e8, 1e7, 1e6, 1e5, 1e4, 3e3, 1e3)  # force scales
@@ -108,6 +109,8 @@ def _largest_cap(certificate: Certificate, leaves: Integers) -> tuple[float | No
     q, none = certificate.question, np.full(len(leaves), -np.inf)
     if certificate.scalar is not None and not np.isfinite(certificate.scalar[1]):
         return None, none
+    if len(q.grasp.soft):
+        return None, none
     some = certificate.some(leaves)
     force = _force(q)
     for factor in CAPS:
@@ -178,12 +181,18 @@ def _split_fault(question: Question, part: int, old: list[int], new: list[tuple[
         if state != FREE or not question.may_move[part - m]:
             return "it is decided already, or cannot move"
         return "" if plain == [LOCKED, MOVES] and not sectors else "needs LOCKED and MOVES"
+    soft = question.grasp.contacts[part].torsion > 0
     if state == UNDECIDED:
         return "" if plain == [OPEN, CLOSED] and not sectors else "needs OPEN and CLOSED"
     if not question.mdp or state == STICK or (state == OPEN and question.eta == 0):
         return "it is decided already"
     if plain != ([STICK] if state == CLOSED else []):
         return "needs STICK and sectors" if state == CLOSED else "needs sectors only"
+    if soft:
+        halves = list(OCTANTS) if state == CLOSED else [2 * left, 2 * left + 1]
+        right_ones = state == CLOSED or left <= LAST // 2
+        right_ones &= sectors == [(number, 0, SLIDE) for number in halves]
+        return "" if right_ones else f"needs the patches {halves[0]} to {halves[-1]}"
     kind = OPEN if state == OPEN else SLIDE
     for a, b, s in sectors:
         if s != kind or not a < b < a + HALF:
@@ -218,8 +227,8 @@ def check_rows(certificate: Certificate, cases: Integers, lo: Array, hi: Array) 
             raise BadCertificate(f"{place}, {name} {c.index[r]} [{c.a[r]}, {c.b[r]}]: {why}")
 
     refuse((c.kind < 0) | (c.kind >= len(Row)), "no such kind")
-    of = [c.kind <= Row.STILL_2_DOWN, c.kind <= Row.S_UP, c.kind <= Row.BOUND_DOWN]
-    ends = np.select(of, [q.grasp.m, q.plain.mechanism.a, len(lo)], len(c.references))
+    of = [c.kind <= Row.STILL_2_DOWN, c.kind <= Row.S_UP, c.kind <= Row.BOUND_DOWN, c.kind == Row.ENERGY]
+    ends = np.select(of, [q.grasp.m, q.plain.mechanism.a, len(lo), len(c.references)], q.grasp.m)
     refuse((c.index < 0) | (c.index >= ends), "no such contact, actuator, column or reference")
     refuse(~(np.isfinite(c.multiplier) & (c.multiplier >= 0)), "the multiplier is negative or not finite")
     refuse(~legal(certificate, cases[leaf], lo, hi), "does not hold in this case")
@@ -229,7 +238,8 @@ def legal(certificate: Certificate, cases: Integers, lo: Array, hi: Array) -> Ma
     """(R,) bool: is each row true of every state in the case (R, m+a, 3) of its leaf?"""
     c, q, m = certificate, certificate.question, certificate.question.grasp.m
     of_bound, of_part = (c.kind == Row.BOUND_UP) | (c.kind == Row.BOUND_DOWN), c.kind < Row.BOUND_UP
-    part = np.where(of_part, c.index + np.where(c.kind >= Row.T_UP, m, 0), 0)
+    twists = c.kind > Row.ENERGY
+    part = np.where(of_part, c.index + np.where(c.kind >= Row.T_UP, m, 0), np.where(twists, c.index, 0))
     state, left, right = cases[np.arange(len(part)), part].T
     j = np.where((c.kind >= Row.T_UP) & of_part, c.index, 0)
     k = np.where(of_bound, c.index, 0)
@@ -242,6 +252,9 @@ def legal(certificate: Certificate, cases: Integers, lo: Array, hi: Array) -> Ma
     within = inside(c.a, c.b) & (c.b - c.a < (HALF if c.capped else WIDEST))
     chord = within | (np.full(len(part), q.eta == 0))  # g is not needed where eta = 0
     leftish, rightish = inside(c.a, c.a + HALF), inside(c.b - HALF, c.b)
+    soft = np.append(q.soft_fingers >= 0, False)[np.where(twists, c.index, m)]
+    patched = soft & slides & contains(c.a, left)
+    sided = patched & (c.b >= 0) & (c.b < 3)
     driven, may_move = (np.append(v, False)[j] for v in (q.is_driven, q.may_move))
     moves, commanded = state == MOVES, may_move & ~driven
     always = np.ones(len(part), dtype=bool)
@@ -272,5 +285,10 @@ def legal(certificate: Certificate, cases: Integers, lo: Array, hi: Array) -> Ma
         Row.BOUND_UP: np.isfinite(lo[k]),
         Row.BOUND_DOWN: np.isfinite(hi[k]),
         Row.ENERGY: balanced,
+        Row.SOFT_TANGENT: soft,
+        Row.SOFT_CHORD: patched,
+        Row.C_SIDE: sided,
+        Row.D_SIDE: sided,
+        **dict.fromkeys((Row.TURN_UP, Row.TURN_DOWN), soft & still),
     }
     return np.select([c.kind == row for row in cases_of], list(cases_of.values()), False)

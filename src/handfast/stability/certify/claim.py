@@ -18,7 +18,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.stability.certify.certificate import HALF, Certificate, Columns, Question, Row, directions
-from handfast.stability.certify.leaf_rows import UNIT, equations, missed, rows_of
+from handfast.stability.certify.leaf_rows import UNIT, ContactMaps, equations, missed, rows_of
 from handfast.stability.model import joint_arms
 
 UNDERFLOW = 1e-300  # above anything that underflow can lose
@@ -91,7 +91,7 @@ class Claim:
             lo[at.e] = 0.0
             hi[at.e] = np.where(q.is_driven, certificate.scalar[1], 0.0)[: at.e.stop - at.e.start]
 
-        E, h, Z = equations(q, g.G, g.J)
+        E, h, Z = equations(q, ContactMaps.of(g))
         usable = ~(E[:, ~np.isfinite(hi)] != 0).any(axis=1)
         names = [*g.mechanism.actuators, *(f"coupling {i}" for i in range(len(A)))]
         unbounded = tuple(n for n, v in zip(names, z, strict=True) if not np.isfinite(v))

@@ -11,7 +11,7 @@ from flint import fmpq, fmpq_mat, fmpz
 from handfast.core.arrays import Array, Mask
 from handfast.core.rational import rational, rational_cross, rounded
 from handfast.stability.certify.certificate import Columns, Integers, Question
-from handfast.stability.certify.leaf_rows import LeafRows, equations
+from handfast.stability.certify.leaf_rows import ContactMaps, LeafRows, equations
 from handfast.stability.certify.leaf_systems import LEAST, LeafSystems
 from handfast.stability.exact_sums import exact_contacts
 
@@ -34,7 +34,7 @@ class ExactRows:
         g, at = question.plain, Columns.of(question)
         E, _, Z = (
             [{int(j): rational(row[j]) for j in np.flatnonzero(row)} for row in np.atleast_2d(a)]
-            for a in equations(question, np.zeros((6, 3 * g.m)), np.zeros((3 * g.m, g.l)))
+            for a in equations(question, ContactMaps.none(g))
         )
         for i, (p, frame, speeds) in enumerate(exact_contacts(g)):
             for k, direction in enumerate(frame, start=3 * i):
@@ -44,6 +44,17 @@ class ExactRows:
                 for k, direction in enumerate(frame, start=3 * i):
                     x = _sum(a * b for a, b in zip(direction, speed, strict=True))
                     E[6 + j][at.c.start + k], Z[k][at.q.start + j] = x, -x
+            if i not in g.soft:
+                continue
+            s = int(np.searchsorted(g.soft, i))
+            column, turning = at.twist.start + s, 3 * g.m + g.mechanism.a + s
+            normal = [rational(g.levers[s]) * x for x in frame[0]]
+            for row, x in enumerate(normal, start=3):
+                E[row][column] = Z[turning][at.r.start + row] = x
+            for j in speeds:
+                if g.joints[j].type == "revolute":
+                    x = _sum(rational(a) * b for a, b in zip(g.joints[j].axis, normal, strict=True))
+                    E[6 + j][column], Z[turning][at.q.start + j] = x, -x
         return cls(E, Z, at.n)
 
     def margin(self, leaves: LeafSystems, k: int, rows: LeafRows) -> float:

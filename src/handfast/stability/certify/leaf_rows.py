@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.core.arrays import Array, Mask
+from handfast.model.grasp import Grasp
 from handfast.stability.certify.certificate import (
     HALF,
     WIDER,
@@ -23,6 +24,7 @@ from handfast.stability.certify.certificate import (
     Row,
     directions,
 )
+from handfast.stability.certify.patches import patch
 from handfast.stability.witness import VALID
 
 UNIT = 2.0**-53  # relative error of one rounded operation
@@ -33,7 +35,7 @@ class LeafRows:
     """Rows of leaves over (x, d, t): value . (x, d, t) >= b, or = b where `either`.
 
     Attributes:
-        value: (R, n+3m+a); b: (R,): numbers as they are, not rounded ones of others.
+        value: (R, n+3m+a+s); b: (R,): numbers as they are, not rounded ones of others.
         either: (R,) bool: an equation in its case, so that its multiplier may have any sign.
     """
 
@@ -42,24 +44,51 @@ class LeafRows:
     either: Mask
 
 
-def equations(question: Question, G: Array, J: Array) -> tuple[Array, Array, Array]:
-    """E (p, n), h (p,) and Z (3m+a, n) with the given grasp map and Jacobian."""
+@dataclass(frozen=True, eq=False)
+class ContactMaps:
+    """Grasp map and Jacobian, and those of torsions over levers, or bounds of their rounding.
+
+    Attributes:
+        G, J: (6, 3m), (3m, l). twist_map, twist_jacobian: (6, s), (s, l).
+    """
+
+    G: Array
+    J: Array
+    twist_map: Array
+    twist_jacobian: Array
+
+    @classmethod
+    def of(cls, grasp: Grasp) -> ContactMaps:
+        return cls(grasp.G, grasp.J, grasp.twist_map, grasp.twist_jacobian)
+
+    @classmethod
+    def none(cls, grasp: Grasp) -> ContactMaps:
+        """Zero."""
+        m, l, s = grasp.m, grasp.l, len(grasp.soft)
+        return cls(np.zeros((6, 3 * m)), np.zeros((3 * m, l)), np.zeros((6, s)), np.zeros((s, l)))
+
+
+def equations(question: Question, maps: ContactMaps) -> tuple[Array, Array, Array]:
+    """E (p, n), h (p,) and Z (3m+a+s, n): motions d, t and turning of the soft fingers."""
     q, g, at = question, question.plain, Columns.of(question)
     R, A = q.sense[:, None] * g.mechanism.R, g.mechanism.A
     locked = np.flatnonzero(~q.may_move)
     sizes = (6, g.l, len(A), len(locked), int(at.e.stop > at.e.start))
     b1, b2, b3, b4, p = np.cumsum(sizes).tolist()
     E, h = np.zeros((p, at.n)), np.zeros(p)
-    E[:b1, at.c], h[:b1] = G, -q.load.w_a  # (1)
+    E[:b1, at.c], E[:b1, at.twist], h[:b1] = maps.G, maps.twist_map, -q.load.w_a  # (1)
     E[:b1, at.scalar] = q.load.w_b[:, None]
-    E[b1:b2, at.c], E[b1:b2, at.f], E[b1:b2, at.coupling] = J.T, -R.T, -A.T  # (2)
+    E[b1:b2, at.c], E[b1:b2, at.f], E[b1:b2, at.coupling] = maps.J.T, -R.T, -A.T  # (2)
+    E[b1:b2, at.twist] = maps.twist_jacobian.T
     E[b1:b2, at.scalar], h[b1:b2] = -q.load.g_b[:, None], q.load.g_a
     E[b2:b3, at.q] = A
     E[b3:b4, at.q] = R[locked]  # (8) where nothing is commanded
     if p > b4:
         E[b4:, at.scalar], E[b4:, at.e] = 1.0, -q.is_driven.astype(float)
-    Z = np.zeros((3 * g.m + len(R), at.n))
-    Z[: 3 * g.m, at.r], Z[: 3 * g.m, at.q], Z[3 * g.m :, at.q] = G.T, -J, R  # (3)
+    c, t = 3 * g.m, 3 * g.m + len(R)
+    Z = np.zeros((t + len(g.soft), at.n))
+    Z[:c, at.r], Z[:c, at.q], Z[c:t, at.q] = maps.G.T, -maps.J, R  # (3)
+    Z[t:, at.r], Z[t:, at.q] = maps.twist_map.T, -maps.twist_jacobian
     return E, h, Z
 
 
@@ -85,7 +114,7 @@ def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wi
     g, count = q.plain, len(c.kind)
     m, a = g.m, g.mechanism.a
     cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
-    value, b = np.zeros((count, at.n + 3 * m + a)), np.zeros(count)
+    value, b = np.zeros((count, at.n + 3 * m + a + len(g.soft))), np.zeros(count)
     Ua, Ub = directions(c.a), directions(c.b)
     two_sided = np.isin(c.kind, (Row.GAP_UP, Row.DN_UP, Row.CHORD)) & (np.abs(c.b - c.a) < HALF)
     both = np.where(two_sided, 1 + (Ua * Ub).sum(axis=1), 1.0)
@@ -127,6 +156,8 @@ def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wi
     put((Row.STILL_1_DOWN,), motion + 1, -1.0)
     put((Row.STILL_2_UP,), motion + 2, 1.0)
     put((Row.STILL_2_DOWN,), motion + 2, -1.0)
+    if len(g.soft):
+        _put_soft(c, value, wider)
     put((Row.T_UP,), t, 1.0)
     put((Row.T_DOWN,), t, -1.0)
     put((Row.E_UP,), f, 1.0)
@@ -144,6 +175,34 @@ def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wi
 
     _put_energy(c, value, b)
     return LeafRows(value, b, _equations_in_case(c, states))
+
+
+def _put_soft(c: Certificate, value: Array, wider: float) -> None:
+    """The rows of soft fingers, over c_n, c_f and d_f."""
+    here = np.flatnonzero((c.kind >= Row.SOFT_TANGENT) & (c.kind <= Row.TURN_DOWN))
+    q, at = c.question, Columns.of(c.question)
+    kind, i, a, b = c.kind[here], c.index[here], c.a[here], c.b[here]
+    s, mu = q.soft_fingers[i], q.grasp.mu[i]
+    normal, force, motion = np.zeros(len(here)), np.zeros((len(here), 3)), np.zeros((len(here), 3))
+    tangent = np.flatnonzero(kind == Row.SOFT_TANGENT)
+    flat, up = directions(a[tangent]), directions(b[tangent])
+    normal[tangent], force[tangent] = mu[tangent] * (1 + wider), -np.column_stack([up[:, :1] * flat, up[:, 1]])
+    for k in np.flatnonzero((kind >= Row.SOFT_CHORD) & (kind <= Row.D_SIDE)):
+        part = patch(int(a[k]))
+        if kind[k] == Row.SOFT_CHORD:
+            normal[k], force[k] = -mu[k] * (part.reach - wider), part.middle
+        elif kind[k] == Row.C_SIDE:
+            normal[k], force[k] = mu[k] * wider, part.planes[b[k]]
+        else:
+            motion[k] = -part.planes[b[k]]
+    motion[:, 2] += (kind == Row.TURN_UP).astype(float) - (kind == Row.TURN_DOWN)
+    first, turning = at.n + 3 * i, at.n + 3 * q.grasp.m + q.plain.mechanism.a + s
+    value[here, at.c.start + 3 * i] += normal
+    for axis in (0, 1):
+        value[here, at.c.start + 3 * i + 1 + axis] += force[:, axis]
+        value[here, first + 1 + axis] += motion[:, axis]
+    value[here, at.twist.start + s] += force[:, 2]
+    value[here, turning] += motion[:, 2]
 
 
 def _put_energy(c: Certificate, value: Array, b: Array) -> None:
@@ -164,11 +223,13 @@ def _equations_in_case(c: Certificate, states: Integers) -> Mask:
     """(R,) which rows are equations where they stand, by what contacts and actuators are there (R, m+a)."""
     q, m, a = c.question, c.question.grasp.m, c.question.plain.mechanism.a
     contact = np.minimum(c.index, m - 1)
-    part = np.where(c.kind >= Row.T_UP, np.minimum(m + c.index, m + a - 1), contact) if m + a else contact
+    soft = (c.kind >= Row.SOFT_TANGENT) & (c.kind <= Row.TURN_DOWN)
+    part = np.where((c.kind >= Row.T_UP) & ~soft, np.minimum(m + c.index, m + a - 1), contact) if m + a else contact
     state = states[np.arange(len(c.kind)), part]
     moves = np.append(q.may_move, False)[np.minimum(c.index, a)]
     driven = np.append(q.is_driven, False)[np.minimum(c.index, a)]
     still = (c.kind >= Row.STILL_1_UP) & (c.kind <= Row.STILL_2_DOWN)
+    still |= (c.kind == Row.TURN_UP) | (c.kind == Row.TURN_DOWN)
     gap = ((c.kind == Row.GAP_UP) | (c.kind == Row.GAP_DOWN)) & (q.eta == 0) & (state >= ContactState.CLOSED)
     turn = ((c.kind == Row.T_UP) | (c.kind == Row.T_DOWN)) & ((state == ActuatorState.LOCKED) | ~moves)
     slack = ((c.kind == Row.E_UP) | (c.kind == Row.E_DOWN)) & (state == ActuatorState.MOVES) & ~driven

@@ -12,7 +12,7 @@ import numpy as np
 from handfast.core.arrays import Array, Mask
 from handfast.model.grasp import Grasp
 from handfast.stability.certify.certificate import Certificate, Columns, ContactState, Integers, Question, Row
-from handfast.stability.certify.leaf_rows import UNIT, LeafRows, equations, missed
+from handfast.stability.certify.leaf_rows import UNIT, ContactMaps, LeafRows, equations, missed
 
 NEGLIGIBLE = 1e-13  # relative: multipliers of equalities below this are taken for 0
 LEAST = 1e-4  # a small multiplier may change by this share of what an equality's may, relative to the rows' size
@@ -26,7 +26,7 @@ class SharedSystem:
     Attributes:
         E, h: (p, n), (p,) equalities, E rounded.
         slack, growth: (p,) what a witness may miss them by is slack + |scalar| growth.
-        Z: (3m+a, n) motions (d, t) over x, rounded.
+        Z: (3m+a+s, n) motions (d, t, turning) over x, rounded.
         E_size, Z_size: sums of absolute values: |rounded - exact| <= error * size.
         scale: (n,) powers of two by which unknowns are scaled.
         error: relative error of every sum.
@@ -46,18 +46,18 @@ class SharedSystem:
     def of(cls, question: Question) -> SharedSystem:
         """The equations (1), (2), couplings, locked actuators, and (3)."""
         g, at = question.plain, Columns.of(question)
-        E, h, Z = equations(question, g.G, g.J)
-        G, J = sizes(g)
-        E_size, _, Z_size = (np.abs(a) for a in equations(question, G, J))
+        E, h, Z = equations(question, ContactMaps.of(g))
+        E_size, _, Z_size = (np.abs(a) for a in equations(question, sizes(g)))
         largest = np.maximum(np.abs(E).max(axis=0, initial=0.0), np.abs(Z).max(axis=0, initial=0.0))
         scale: Array = np.exp2(-np.round(np.log2(np.where(largest > 0, largest, 1.0))))
         scale[at.c] = 1.0
         return cls(E * scale, h, *missed(question, len(h)), E_size * scale, Z * scale, Z_size * scale, scale, 64 * UNIT)
 
 
-def sizes(grasp: Grasp) -> tuple[Array, Array]:
-    """(6, 3m), (3m, l): sums of the absolute values of what the entries of G and J are made of."""
-    G, J = np.zeros((6, 3 * grasp.m)), np.zeros((3 * grasp.m, grasp.l))
+def sizes(grasp: Grasp) -> ContactMaps:
+    """Sums of the absolute values of what the entries of the maps are made of."""
+    out = ContactMaps.none(grasp)
+    G, J = out.G, out.J
 
     def crossed(a: Array, b: Array) -> Array:
         return np.array([a[1] * b[2] + a[2] * b[1], a[2] * b[0] + a[0] * b[2], a[0] * b[1] + a[1] * b[0]])
@@ -72,7 +72,13 @@ def sizes(grasp: Grasp) -> tuple[Array, Array]:
                 axis = np.abs(joint.axis)
                 speed = axis if joint.type == "prismatic" else crossed(axis, p + np.abs(joint.origin))
                 J[3 * i : 3 * i + 3, j] = frame.T @ speed
-    return G, J
+    for k, i in enumerate(grasp.soft):
+        normal = grasp.levers[k] * np.abs(grasp.contacts[i].frame[:, 0])
+        out.twist_map[3:, k] = normal
+        for j, joint in enumerate(grasp.joints):
+            if i in joint.moves and joint.type == "revolute":
+                out.twist_jacobian[k, j] = normal @ np.abs(joint.axis)
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +150,7 @@ class LeafSystems:
         closed = np.ones((len(chosen), n), bool)
         opened = (cases[chosen, : g.m, 0] == ContactState.OPEN) & (not whole)
         closed[:, at.c] = ~np.repeat(opened, 3, axis=1)
+        closed[:, at.twist] = ~opened[:, g.soft]
         shape = len(chosen), p, n
         B = np.concatenate([F, np.broadcast_to(system.E, shape)], axis=1) * closed[:, None]
         size = np.concatenate([F_size, np.broadcast_to(system.E_size, shape)], axis=1) * closed[:, None]

@@ -37,8 +37,9 @@ COUNTS = NODES, EXCHANGES, DROPS, RESTARTS, NEWTONS, HITS, USED, HEAP, FAILURES,
 UNASKED, HELD, NONE, HARD = 0, 1, 2, 3
 
 KEPT = 64  # working sets of nodes that wait, those made last; in one more place, that of the node being split
+PATCH = 22  # numbers of a patch, see `kernel.patch`
 PREFERENCE = 1e-6  # small contact forces among equals: their points are near exact states, and nodes close sooner
-CHILDREN = 4  # of a node at most
+CHILDREN = 9  # of a node at most: a soft finger sticks, or slides in one of eight octants
 
 
 class KernelQuestion(NamedTuple):
@@ -58,6 +59,9 @@ class KernelQuestion(NamedTuple):
     DT: RealMatrix  # (unknown motions, motions filled up) D transposed, likewise
     off: Reals  # (F filled up)
     mu: Reals  # (m,) coefficients of friction
+    soft: Wholes  # (m,) which soft finger a contact is, -1 for a point contact
+    twist: int  # where torsions over levers begin among the forces, which they end
+    turning: int  # where turning times levers begins among the motions
     lo: Reals  # (P,) lower bounds of the plain base values
     cost: Reals  # (n,) what is minimised, over z
     box: Reals  # (n,) |z| where programs begin
@@ -104,7 +108,7 @@ class NodeAtHand(NamedTuple):
     state: Wholes  # (3m + a,) see `Pool.states`
     children: WholeMatrix  # (CHILDREN, 3) state and sector ends of the part that is split
     skip: Wholes  # (m + a + P,) parts whose rows are left out
-    trig: RealMatrix  # (m, 4) cos and sin of each sector's left end, and of its right end
+    trig: RealMatrix  # (m, 22) cos and sin of each sector's left end, and of its right end, or a patch
     violation: Reals  # (3,) the sum of what the model is missed by, 1 if it is missed anywhere, and by how much
     # friction may leave its cone in the program that was solved
     normal: Reals  # (m,) normal forces at the parent's point
@@ -127,7 +131,8 @@ class WorkingSet(NamedTuple):
     column: Reals  # (n,) by how much the point moves
     pivot: Reals  # (2n filled up) room for the inverse, and for a ray's sum and size
     delta: Reals  # (n filled up) the entering row in terms of the working set
-    gradient: Reals  # (6,) a row over its base values: three forces, three motions
+    gradient: Reals  # (8 + 22,) a row over its base values: three forces, three motions, torsion and turning; and
+    # room for a patch
 
 
 class Refinement(NamedTuple):
@@ -140,11 +145,11 @@ class Refinement(NamedTuple):
     modes: Wholes  # (m,) what contacts do
     drives: Wholes  # (a,) what actuators do
     side: Wholes  # (F - 3m - 2a,) plain forces at a bound: 1 the upper, -1 the lower
-    gradients: RealMatrix  # (4, 6) of one part's equations over its base values
-    jacobian: RealMatrix  # (4m + 2a + P, n) of all equations over z
-    residuals: Reals  # (4m + 2a + P,)
-    sizes: Reals  # (4m + 2a + P,) squared lengths of the gradients
-    rest: Reals  # (4m + 2a + P,) of their independent parts
+    gradients: RealMatrix  # (5, 8) of one part's equations over its base values
+    jacobian: RealMatrix  # (5m + 2a + P, n) of all equations over z
+    residuals: Reals  # (5m + 2a + P,)
+    sizes: Reals  # (5m + 2a + P,) squared lengths of the gradients
+    rest: Reals  # (5m + 2a + P,) of their independent parts
     step: Reals  # (n,)
     trial: Reals  # (n,)
     unit: Reals  # (n,)
@@ -205,19 +210,19 @@ class WorkspaceLayout:
     @lru_cache(maxsize=64)
     def of(cls, m: int, a: int, F: int, n: int, forces: int, motions: int, P: int) -> WorkspaceLayout:
         """forces, motions: how many there are with what fills them up."""
-        N, most, places = whole_vectors(n), 4 * m + 2 * a + P, KEPT + 1
+        N, most, places = whole_vectors(n), 5 * m + 2 * a + P, KEPT + 1
         values: dict[str, Shape] = {"z": (n,), "c": (forces,), "d": (motions,)}
         kept: dict[str, Shape] = {"owner": (2, places), "ids": (places, n), "rhs": (places, n)}
         node: dict[str, Shape] = {"state": (3 * m + a,), "children": (CHILDREN, 3), "skip": (m + a + P,)}
         rows: dict[str, Shape] = {"ids": (n + 1,), "rhs": (n,), "matrix": (n, n), "inverse": (n, N), "y": (n + 1,)}
-        room: dict[str, Shape] = {"age": (1,), "order": (n,), "pivot": (2 * N,), "delta": (N,), "gradient": (6,)}
+        room: dict[str, Shape] = {"age": (1,), "order": (n,), "pivot": (2 * N,), "delta": (N,), "gradient": (8 + PATCH,)}
         modes: dict[str, Shape] = {"modes": (m,), "drives": (a,), "side": (F - 3 * m - 2 * a,)}
-        equations: dict[str, Shape] = {"gradients": (4, 6), "jacobian": (most, n)}
+        equations: dict[str, Shape] = {"gradients": (5, 8), "jacobian": (most, n)}
         equations |= dict.fromkeys(("residuals", "sizes", "rest"), (most,))
         vectors: dict[str, Shape] = dict.fromkeys(("start", "step", "trial", "unit", "first"), (n,))
         return cls(
             kept=Layout(Kept, kept | {"matrix": (places, n, n), "inverse": (places, n, N)}),
-            node=Layout(NodeAtHand, node | {"trig": (m, 4), "violation": (3,), "normal": (m,)}),
+            node=Layout(NodeAtHand, node | {"trig": (m, PATCH), "violation": (3,), "normal": (m,)}),
             working_set=Layout(WorkingSet, values | rows | room | {"entering": (n,), "column": (n,)}),
             refinement=Layout(Refinement, values | modes | equations | vectors),
         )

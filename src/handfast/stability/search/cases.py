@@ -9,21 +9,25 @@ import itertools
 
 import numpy as np
 
-from handfast.core.arrays import Indices
+from handfast.core.arrays import Indices, Mask
 from handfast.stability.search.rows import CLOSED, FREE, LOCKED, MOVES, OPEN, SLIDE, STICK, TURN, UNDECIDED
 
+SMALLEST = 1 << 30  # patches from this number on stay as they are
 NARROW = 64  # sectors that are no wider than this, in grid steps, stay as they are
 
 
-def split(state: Indices, m: int, mdp: bool, robust: bool) -> tuple[int, list[Indices]]:
+def split(state: Indices, m: int, mdp: bool, robust: bool, soft: Mask) -> tuple[int, list[Indices]]:
     """The part of a node's state (3m + a,) to be split, and its children's states; -1 and none if all is decided.
 
-    robust: open contacts have sectors, too.
+    robust: open contacts have sectors, too. soft: (m,) which contacts are soft fingers, which slide in patches.
     """
     free = np.flatnonzero(state[3 * m :] == FREE)
     if len(free):
         return _changed(state, m, m + int(free[0]), [(LOCKED, 0, 0), (MOVES, 0, 0)])
-    width = state[2 * m : 3 * m] - state[m : 2 * m]
+    width = np.where(soft, 0, state[2 * m : 3 * m] - state[m : 2 * m])
+    if mdp and (soft & (state[:m] == CLOSED)).any():
+        i = int(np.flatnonzero(soft & (state[:m] == CLOSED))[0])
+        return _changed(state, m, i, [(STICK, 0, 0), *((SLIDE, 8 + k, 0) for k in range(8))])
     whole = (state[:m] == CLOSED) | (robust & (state[:m] == OPEN) & (width == 0))
     if mdp and whole.any():
         i = int(np.flatnonzero(whole)[0])
@@ -34,6 +38,10 @@ def split(state: Indices, m: int, mdp: bool, robust: bool) -> tuple[int, list[In
     undecided = np.flatnonzero(state[:m] == UNDECIDED)
     if len(undecided):
         return _changed(state, m, int(undecided[0]), [(CLOSED, 0, 0), (OPEN, 0, 0)])
+    patches = np.where(soft & (state[:m] == SLIDE), state[m : 2 * m], SMALLEST)
+    if m and patches.min() < SMALLEST:
+        i = int(patches.argmin())
+        return _changed(state, m, i, [(SLIDE, 2 * int(patches[i]) + k, 0) for k in (0, 1)])
     i = int(width.argmax()) if m else 0
     if not m or width[i] <= NARROW:
         return -1, []

@@ -148,5 +148,9 @@ class Proof:
         y[plain] *= factors[index[plain]]
         index[plain] = columns[index[plain]]
         kind = np.where(flip, rows.PLAIN_UP + rows.PLAIN_DOWN - kind, kind)
+        soft = (kind > rows.ENERGY) & ~energy
+        patched = (kind == rows.SOFT_CHORD) | (kind == rows.C_SIDE) | (kind == rows.D_SIDE)
+        a[patched], b[patched] = ids[patched] & ((1 << rows.SIDE) - 1), (ids[patched] >> rows.SIDE) & 3
+        kind = np.where(soft, kind - rows.SOFT_TANGENT + Row.SOFT_TANGENT, kind)
         kind = np.where(energy, Row.ENERGY, kind)
         return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y, "references": references}

@@ -81,7 +81,7 @@ class Reduced:
         p, goal, load: the question.
         active: (a',) the actuators that may move, in the order of the base values; driven: (a',) bool.
         M: (6 + l, nu) basis of the motions; Y: (ny, nv), y0: (ny,): forces y = y0 + Y v with
-            y = (c, f of `kept` actuators, scalar, efforts).
+            y = (c, f of `kept` actuators, scalar, efforts, torsions over levers).
         C, D: (., n) base values of `rows`, forces C z + off and motions D z; CT, DT: transposed, without the unknowns
             that are zero. These and off are filled with zeros up to whole vectors of the processor.
         lo, hi: (P,) bounds of the plain base values; names: what each of them bounds.
@@ -173,11 +173,21 @@ class Reduced:
             DT=self.DT,
             off=self.off,
             mu=p.mu,
+            soft=self.soft_fingers,
+            twist=F - len(p.soft),
+            turning=3 * m + a + sum(name == "motion" for name, _ in self.names),
             lo=self.lo,
             cost=self.cost,
             box=self.box,
             driven=self.driven,
         )
+
+    @cached_property
+    def soft_fingers(self) -> Indices:
+        """(m,) which soft finger a contact is, -1 for a point contact."""
+        out: Indices = np.full(len(self.p.mu), -1, np.int64)
+        out[self.p.soft] = np.arange(len(self.p.soft))
+        return out
 
     @cached_property
     def table(self) -> Indices:
@@ -200,17 +210,17 @@ class Reduced:
         m, _, a, k = p.sizes
         nu = self.M.shape[1]
         x, y = self.M @ z[:nu], self.y0 + self.Y @ z[nu:]
-        c = y[: 3 * m]
+        c, twist = y[: 3 * m], y[len(y) - len(p.soft) :]
         f: Array = np.zeros(a)
         coupling = np.zeros(k)
         f[self.kept] = y[3 * m : 3 * m + len(self.kept)]
         scalar = float(y[3 * m + len(self.kept)]) if self.objective else 0.0
         rest = np.flatnonzero(~(p.moves | np.isfinite(p.f_max)))
         if len(rest) + k:
-            torques = p.J.T @ c - p.R.T @ f - self.load.g_a - scalar * self.load.g_b
+            torques = p.J.T @ c + p.twist_jacobian.T @ twist - p.R.T @ f - self.load.g_a - scalar * self.load.g_b
             out = pseudo_inverse(np.vstack([p.R[rest], p.A]).T) @ torques
             f[rest], coupling = out[: len(rest)], np.array(out[len(rest) :])
-        return ScaledPoint(x[:6], x[6:], c, f, coupling, scalar)
+        return ScaledPoint(x[:6], x[6:], c, f, coupling, scalar, twist)
 
     def scalar(self, z: Array) -> float:
         """The objective at reduced unknowns z (n,), where a magnitude is sought."""
@@ -222,7 +232,7 @@ class Reduced:
         y = np.r_[x.c, x.f[self.kept]]
         if self.objective:
             y = np.r_[y, x.scalar]
-        y = np.r_[y, np.zeros(len(self.y0) - len(y))]
+        y = np.r_[y, np.zeros(len(self.y0) - len(y) - len(x.twist)), x.twist]
         return np.r_[self.M.T @ np.r_[x.r, x.q], self.Y.T @ (y - self.y0)]
 
     def at_magnitude(self, state: State, magnitude: float) -> Array:
@@ -243,7 +253,7 @@ class Reduced:
         wrench = p.force * (load.w_a + x.scalar * load.w_b) / p.lengths
         share = self.goal.given_share(x.scalar)
         if p.is_given and not wrench.any() and np.abs(x.c).max() < SOLVED:  # rounding of what rests by itself
-            x = replace(x, c=np.zeros(len(x.c)))
+            x = replace(x, c=np.zeros(len(x.c)), twist=np.zeros(len(x.twist)))
         grasp = p.grasp.with_laws_times(share).with_preload(p.command(f_c, share))
         return Witness(grasp, wrench, p.unscale(x, share), p.eta, p.mdp)
 
@@ -289,7 +299,8 @@ def reduce(
     if cap < np.inf:
         top = max(abs(plain[0].lo), abs(plain[0].hi)) if at.objective else 0.0
         c, f = _largest_forces(p, load, cap, top)
-        y = np.concatenate([c, f[at.kept], np.full(at.size - at.contacts - len(at.kept), top)])
+        twist = p.mu[p.soft] * c[3 * p.soft]
+        y = np.concatenate([c, f[at.kept], np.full(at.twist - at.contacts - len(at.kept), top), twist])
         box = np.concatenate([np.abs(M).sum(axis=0) * cap, np.abs(Y).T @ (y + np.abs(y0))])
     return Reduced(
         p=p,
@@ -337,6 +348,7 @@ class _Forces:
 
     Attributes:
         contacts: 3m, the length of c. scalar: place of the scalar, where there is one. size: the length of y.
+        twist: where torsions begin, which end y.
         kept: (.,) actuators whose force is an unknown. efforts: (.,) actuators with an effort of their own.
         force, effort: place by actuator.
         objective: what is sought, a constant of `arrays`.
@@ -344,6 +356,7 @@ class _Forces:
 
     contacts: int
     scalar: int
+    twist: int
     size: int
     kept: Indices
     efforts: Indices
@@ -363,7 +376,8 @@ class _Forces:
         objective = arrays.SCALAR if goal.has_scalar else arrays.ANY
         if goal.seeks_commands:
             objective = arrays.SUM_OF_EFFORTS if goal.sums_commands else arrays.LARGEST_EFFORT
-        return cls(contacts, scalar, first + len(efforts), kept, efforts, force, effort, objective)
+        twist = first + len(efforts)
+        return cls(contacts, scalar, twist, twist + len(p.soft), kept, efforts, force, effort, objective)
 
 
 def _motions(p: ScaledProblem) -> Array:
@@ -386,13 +400,14 @@ def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tupl
     height = joints.stop + (len(at.efforts) > 0)
     E, h = np.zeros((height, at.size)), np.zeros(height)
     E[:6, : at.contacts], h[:6] = p.G, -load.w_a  # (1)
+    E[:6, at.twist :], E[joints, at.twist :] = p.twist_map, Z.T @ p.twist_jacobian.T
     if at.objective == arrays.SCALAR:
         E[:6, at.scalar] = load.w_b
         E[joints, at.scalar] = -Z.T @ load.g_b
     E[joints, : at.contacts] = Z.T @ p.J.T  # (2)
     E[joints, at.contacts : at.scalar] = -Z.T @ p.R[at.kept].T
     if len(at.efforts):
-        E[-1, at.scalar], E[-1, at.scalar + 1 :] = 1.0, -1.0
+        E[-1, at.scalar], E[-1, at.scalar + 1 : at.twist] = 1.0, -1.0
     of_torques = np.zeros((height, len(p.torque)))
     of_torques[joints] = Z.T
     h += of_torques @ load.g_a
@@ -407,12 +422,14 @@ def _force_bounds(p: ScaledProblem, goal: Goal, at: _Forces, endless: bool, with
         plain += [_PlainBound("normal", i, 0.0, p.cn_max) for i in range(len(p.mu))]
     plain += [_PlainBound("force", int(i), -p.f_max[i], p.f_max[i]) for i in at.kept if np.isfinite(p.f_max[i])]
     most = goal.search_range(p, endless=endless)[1] if len(at.efforts) else 0.0
-    return plain + [_PlainBound("effort", int(i), 0.0, most) for i in at.efforts]
+    plain += [_PlainBound("effort", int(i), 0.0, most) for i in at.efforts]
+    return plain + [_PlainBound("twist", k, -np.inf, np.inf) for k in range(len(p.soft))]
 
 
 def _motion_bounds(p: ScaledProblem, goal: Goal, endless: bool, cap: float) -> list[_PlainBound]:
-    """Bounds of motions, if they have a cap, and the places of the two parts of the balance of energy."""
+    """Bounds of motions, if they have a cap, and places: turning of soft fingers, two parts of the balance of energy."""
     plain = [_PlainBound("motion", i, -cap, cap) for i in range(6 + p.J.shape[1])] if cap < np.inf else []
+    plain += [_PlainBound("turning", k, -np.inf, np.inf) for k in range(len(p.soft))]
     bounded = goal.bounds_energy and not (goal.homogeneous and p.equivalent.drives)
     if p.mdp and bounded and not endless:  # for `rows.ENERGY`
         plain += [_PlainBound("energy", i, -np.inf, np.inf) for i in range(2)]
@@ -440,7 +457,8 @@ def _force_rows(
         if kind == "scalar":
             V[k, at.scalar] = goal.objective(1.0)
         else:
-            V[k, 3 * i if kind == "normal" else at.force[i] if kind == "force" else at.effort[i]] = 1.0
+            places = {"normal": 3 * i, "force": at.force.get(i), "effort": at.effort.get(i), "twist": at.twist + i}
+            V[k, places[kind]] = 1.0
     return V, constants
 
 
@@ -453,6 +471,9 @@ def _motion_rows(p: ScaledProblem, load: AffineLoad, active: Indices, bounds: li
     D[C:first, 6:] = p.R[active]
     if bounds and bounds[0].kind == "motion":
         D[first : first + 6 + l] = np.eye(6 + l)
+        first += 6 + l
+    turning = slice(first, first + len(p.soft))
+    D[turning, :6], D[turning, 6:] = p.twist_map.T, -p.twist_jacobian
     if bounds and bounds[-1].kind == "energy":
         D[-2:, :6] = load.w_a, load.w_b
         D[-2:, 6:] = load.f_a @ p.R + load.g_a, load.f_b @ p.R  # without what friction takes, where it is sought

@@ -135,11 +135,25 @@ OPPOSITE = {
         (Row.GAP_UP, Row.GAP_DOWN),
         (Row.STILL_1_UP, Row.STILL_1_DOWN),
         (Row.STILL_2_UP, Row.STILL_2_DOWN),
+        (Row.TURN_UP, Row.TURN_DOWN),
         (Row.T_UP, Row.T_DOWN),
         (Row.E_UP, Row.E_DOWN),
     )
     for x, y in ((p, q), (q, p))
 }
+
+
+def _of_soft_finger(i: int, state: int, number: int) -> list[tuple[int, int, int, int]]:
+    """Kind, index, a, b of the rows that soft finger i has besides, in patch `number` where it slides."""
+    steps = range(0, TURN, TURN // TANGENTS)
+    rows = [(int(Row.SOFT_TANGENT), i, a, b) for a in steps for b in (-TURN // 8 % TURN, 0, TURN // 8)]
+    rows += [(int(Row.SOFT_TANGENT), i, 0, b) for b in (TURN // 4, 3 * TURN // 4)]
+    if state == ContactState.STICK:
+        rows.append((int(Row.TURN_UP), i, 0, 0))
+    if state == ContactState.SLIDE:
+        rows.append((int(Row.SOFT_CHORD), i, number, 0))
+        rows += [(int(kind), i, number, side) for kind in (Row.C_SIDE, Row.D_SIDE) for side in range(3)]
+    return rows
 
 
 def _candidates(
@@ -150,6 +164,8 @@ def _candidates(
     rows: list[tuple[int, int, int, int]] = []
     for i, (state, left, right) in enumerate(case[:m].tolist()):
         rows += [(Row.CN_UP, i, 0, 0)]
+        if q.grasp.contacts[i].torsion > 0:
+            rows += _of_soft_finger(i, state, left)
         rows += [(Row.TANGENT, i, k * TURN // TANGENTS, 0) for k in range(TANGENTS)]
         if state == ContactState.OPEN:
             rows += [(Row.DN_UP, i, left, right), (Row.CN_DOWN, i, 0, 0)]

@@ -70,6 +70,8 @@ class Template:
     @classmethod
     def of(cls, p: ScaledProblem, goal: Goal) -> Template:
         """From a problem with any load, of which only the commands and limits count."""
+        if len(p.soft):
+            raise ValueError("soft fingers are asked about one by one")
         r = reduce(p, goal)
         E = equilibrium(p, goal)
         if goal != LARGEST:

@@ -98,15 +98,17 @@ def equations(question, hi, hold, room):
     n = room.z.shape[0]
     e = 0
     for part in range(m + a + room.side.shape[0]):
-        for b in range(4):
-            for k in range(6):
+        for b in range(5):
+            for k in range(8):
                 room.gradients[b, k] = 0.0
         width = 1
+        soft = -1
         if part < m:
             force = 3 * part  # the first of the values that its equations combine
             motion = 3 * part
             width = 3
-            count = contact(part, question, e, room)
+            soft = question.soft[part]
+            count = contact(part, question, e, room) if soft < 0 else soft_finger(part, question, e, room)
         elif part < m + a:
             force = 3 * m + 2 * (part - m)
             motion = 2 * m + part
@@ -127,6 +129,12 @@ def equations(question, hi, hold, room):
                 if x != 0.0:
                     for j in range(n):
                         room.jacobian[e + b, j] += x * question.D[motion + k, j]
+            if soft >= 0:
+                x = room.gradients[b, 6]
+                y = room.gradients[b, 7]
+                for j in range(n):
+                    room.jacobian[e + b, j] += x * question.C[question.twist + soft, j]
+                    room.jacobian[e + b, j] += y * question.D[question.turning + soft, j]
         e += count
     return e
 
@@ -202,6 +210,80 @@ def contact(i, question, e, room):
 
 
 @inner
+def soft_finger(i, question, e, room):
+    """The same of a soft finger: torsion and turning are a third component of friction and of sliding."""
+    residuals, gradients = room.residuals, room.gradients
+    mu = question.mu[i]
+    first = 3 * i
+    cn = room.c[first]
+    c1 = room.c[first + 1]
+    c2 = room.c[first + 2]
+    c3 = room.c[question.twist + question.soft[i]]
+    dn = room.d[first]
+    d1 = room.d[first + 1]
+    d2 = room.d[first + 2]
+    d3 = room.d[question.turning + question.soft[i]]
+    mode = room.modes[i]
+    speed = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
+    force = np.sqrt(c1 * c1 + c2 * c2 + c3 * c3)
+    count = 4
+    if mode <= GRAZE:
+        residuals[e] = cn
+        residuals[e + 1] = c1
+        residuals[e + 2] = c2
+        residuals[e + 3] = c3
+        gradients[0, 0] = gradients[1, 1] = gradients[2, 2] = gradients[3, 6] = 1.0
+        if mode == GRAZE:
+            residuals[e + 4] = dn
+            gradients[4, 3] = 1.0
+            count = 5
+        return count
+    residuals[e] = cn + dn
+    gradients[0, 0] = gradients[0, 3] = 1.0
+    if mode <= EDGE:
+        residuals[e + 1] = d1
+        residuals[e + 2] = d2
+        residuals[e + 3] = d3
+        gradients[1, 4] = gradients[2, 5] = gradients[3, 7] = 1.0
+    elif mode == SLIDE:
+        w = mu * cn
+        inverse = 1.0 / larger(speed, 1e-300)
+        x1 = d1 * inverse
+        x2 = d2 * inverse
+        x3 = d3 * inverse
+        if speed <= STILL and force > 0.0:  # not yet sliding: friction keeps its direction
+            x1 = -c1 / force
+            x2 = -c2 / force
+            x3 = -c3 / force
+        else:  # (7) divided by the speed
+            w *= inverse
+            gradients[1, 4] = w * (1.0 - x1 * x1)
+            gradients[2, 5] = w * (1.0 - x2 * x2)
+            gradients[3, 7] = w * (1.0 - x3 * x3)
+            gradients[1, 5] = gradients[2, 4] = -w * x1 * x2
+            gradients[1, 7] = gradients[3, 4] = -w * x1 * x3
+            gradients[2, 7] = gradients[3, 5] = -w * x2 * x3
+        residuals[e + 1] = c1 + mu * cn * x1
+        residuals[e + 2] = c2 + mu * cn * x2
+        residuals[e + 3] = c3 + mu * cn * x3
+        gradients[1, 0] = mu * x1
+        gradients[2, 0] = mu * x2
+        gradients[3, 0] = mu * x3
+        gradients[1, 1] = gradients[2, 2] = gradients[3, 6] = 1.0
+    else:
+        count = 1
+    if mode in (EDGE, RIM):
+        residuals[e + count] = force - mu * cn
+        inverse = 1.0 / larger(force, 1e-300)
+        gradients[count, 0] = -mu
+        gradients[count, 1] = c1 * inverse
+        gradients[count, 2] = c2 * inverse
+        gradients[count, 6] = c3 * inverse
+        count += 1
+    return count
+
+
+@inner
 def actuator(j, question, e, room):
     """The same of an actuator."""
     mode = room.drives[j]
@@ -239,13 +321,22 @@ def read(question, tolerance, room):
         elif not question.dissipation:
             room.modes[i] = LOOSE
         else:
-            room.modes[i] = SLIDE if length(room.d[k + 1], room.d[k + 2]) > tolerance else STICK
+            room.modes[i] = SLIDE if speed_of(i, question, room) > tolerance else STICK
     for j in range(question.a):
         turns = room.d[3 * m + j] > tolerance
         if question.driven[j]:
             room.drives[j] = DRIVEN if turns else HALTED
         else:
             room.drives[j] = TURNS if turns else HELD
+
+
+@inner
+def speed_of(i, question, room):
+    """How fast a contact slides, a soft finger's turning included."""
+    speed = length(room.d[3 * i + 1], room.d[3 * i + 2])
+    if question.soft[i] >= 0:
+        speed = length(speed, room.d[question.turning + question.soft[i]])
+    return speed
 
 
 @inner
@@ -290,9 +381,12 @@ def other_contact(i, question, slack, across, room):
     c = room.c
     d = room.d
     k = 3 * i
-    speed = length(d[k + 1], d[k + 2])
+    speed = speed_of(i, question, room)
     gap = question.cos * d[k] + question.sin * speed
-    beyond = length(c[k + 1], c[k + 2]) - question.mu[i] * c[k]  # of the cone
+    force = length(c[k + 1], c[k + 2])
+    if question.soft[i] >= 0:
+        force = length(force, c[question.twist + question.soft[i]])
+    beyond = force - question.mu[i] * c[k]  # of the cone
     mode = room.modes[i]
     if mode == OPEN and gap < -slack:
         closed = (SLIDE if speed > STILL else STICK) if question.dissipation else LOOSE

@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import inner, larger
+from handfast.stability.search.kernel.patch import MIDDLE, REACH, patch
 from handfast.stability.search.rows import (
     ANGLE,
     C_LEFT,
     C_RIGHT,
+    C_SIDE,
     CHORD,
     CLOSED,
     CN_DOWN,
     CN_UP,
     D_LEFT,
     D_RIGHT,
+    D_SIDE,
     DN_UP,
     E_DOWN,
     E_UP,
@@ -28,23 +31,33 @@ from handfast.stability.search.rows import (
     PLAIN_DOWN,
     PLAIN_UP,
     S_UP,
+    SIDE,
     SLIDE,
+    SOFT_CHORD,
+    SOFT_TANGENT,
     STICK,
     STILL,
     T_DOWN,
     T_UP,
     TANGENT,
     TURN,
+    TURN_DOWN,
+    TURN_UP,
 )
 
 FEASIBLE = 1e-9  # a row that is violated by less is met
 
 
 @inner
-def trigonometry(m, node):
-    """Sector ends as unit vectors: cos and sin of the left end, of the right end."""
+def trigonometry(question, node):
+    """Sector ends as unit vectors, cos and sin of the left end, of the right end; patches of soft fingers."""
     turn = 2 * np.pi / TURN
+    m = question.m
     for i in range(m):
+        if question.soft[i] >= 0:
+            if node.state[i] == SLIDE:
+                patch(node.state[m + i], node.trig[i], 0)
+            continue
         for k in range(2 if node.state[2 * m + i] > node.state[m + i] else 0):
             angle = node.state[(k + 1) * m + i] * turn
             node.trig[i, 2 * k] = np.cos(angle)
@@ -70,7 +83,15 @@ def price(question, hi, node, c, d, tolerance, cone):
         if not node.skip[m + question.a + k]:
             worst, found = plain(k, question, hi, c, d, worst, found)
     kind = found >> KIND
-    if found >= 0 and (kind == TANGENT or (kind == GAP_DOWN and question.sin > 0.0)):  # where it is violated most
+    if kind == SOFT_TANGENT:
+        i = (found >> INDEX) & 255
+        s = c[question.twist + question.soft[i]]
+        steps = TURN // 4 if node.state[i] == OPEN else 1
+        around = int(np.rint(np.arctan2(c[3 * i + 2], c[3 * i + 1]) * (TURN / (2 * np.pi * steps)))) * steps
+        flat = np.sqrt(c[3 * i + 1] * c[3 * i + 1] + c[3 * i + 2] * c[3 * i + 2])
+        up = int(np.rint(np.arctan2(s, flat) * (TURN / (2 * np.pi * steps)))) * steps
+        found |= ((around % TURN) << ANGLE) | (up % TURN)
+    elif found >= 0 and (kind == TANGENT or (kind == GAP_DOWN and question.sin > 0.0)):  # where it is violated most
         i = (found >> INDEX) & 255
         k = 3 * i
         x = c[k + 1] if kind == TANGENT else -d[k + 1]
@@ -104,12 +125,16 @@ def contact(i, question, node, c, d, loose, worst, found):
     if -cn > worst:
         worst = -cn
         found = here | (CN_UP << KIND)
-    x = np.sqrt(c1 * c1 + c2 * c2) - mu * cn - loose
-    if x > worst:
-        worst = x
-        found = here | (TANGENT << KIND)
+    soft = question.soft[i] >= 0
+    if soft:
+        worst, found = twisting(i, question, node, c, d, loose, worst, found)
+    else:
+        x = np.sqrt(c1 * c1 + c2 * c2) - mu * cn - loose
+        if x > worst:
+            worst = x
+            found = here | (TANGENT << KIND)
     reach = 0.0  # sin(eta) |d_t|, from above
-    if lb > la:
+    if lb > la and not soft:
         worst, found, reach = sector(i, question, node, c, d, worst, found)
     elif state == STICK:
         reach = -sin * d1  # d_t = 0 there: any direction will do
@@ -121,7 +146,9 @@ def contact(i, question, node, c, d, loose, worst, found):
             x = -gap - reach
         if x > worst:
             worst = x
-            found = here | (kind << KIND) | (la << ANGLE) | lb
+            found = here | (kind << KIND)
+            if not soft:
+                found |= (la << ANGLE) | lb
     if state == OPEN:
         if cn > worst:
             worst = cn
@@ -140,6 +167,49 @@ def contact(i, question, node, c, d, loose, worst, found):
                 kind = STILL + (0 if abs(d1) == x else 2)
                 kind += 1 if (d1 if abs(d1) == x else d2) > 0.0 else 0
                 found = here | (kind << KIND)
+    return worst, found
+
+
+@inner
+def twisting(i, question, node, c, d, loose, worst, found):
+    """The same with the rows of a soft finger's friction: in the ellipsoid, and in the patch in which it slides."""
+    m = question.m
+    k = 3 * i
+    c1 = c[k + 1]
+    c2 = c[k + 2]
+    c3 = c[question.twist + question.soft[i]]
+    d1 = d[k + 1]
+    d2 = d[k + 2]
+    d3 = d[question.turning + question.soft[i]]
+    here = i << INDEX
+    x = np.sqrt(c1 * c1 + c2 * c2 + c3 * c3) - question.mu[i] * c[k] - loose
+    if x > worst:
+        worst = x
+        found = here | (SOFT_TANGENT << KIND)
+    if node.state[i] == STICK:
+        x = abs(d3)
+        if x > worst:
+            worst = x
+            found = here | ((TURN_DOWN if d3 > 0.0 else TURN_UP) << KIND)
+    elif node.state[i] == SLIDE:
+        here |= node.state[m + i]
+        out = node.trig[i]
+        x = question.mu[i] * out[REACH] * c[k] - out[MIDDLE] * c1 - out[MIDDLE + 1] * c2 - out[MIDDLE + 2] * c3
+        if x > worst:
+            worst = x
+            found = here | (SOFT_CHORD << KIND)
+        for side in range(3):
+            n1 = out[3 * side]
+            n2 = out[3 * side + 1]
+            n3 = out[3 * side + 2]
+            x = n1 * d1 + n2 * d2 + n3 * d3
+            if x > worst:
+                worst = x
+                found = here | (side << SIDE) | (D_SIDE << KIND)
+            x = -n1 * c1 - n2 * c2 - n3 * c3
+            if x > worst:
+                worst = x
+                found = here | (side << SIDE) | (C_SIDE << KIND)
     return worst, found
 
 

@@ -104,7 +104,7 @@ def solve(question, hi, node, work, counts, cone, loose, attempt, data, balance)
 
     Returns OPTIMAL (z, y, c, d), INFEASIBLE (y: the ray's multipliers of ids, 1 for the last) or FAILED.
     """
-    trigonometry(question.m, node)
+    trigonometry(question, node)
     begin(question, hi, node, work)
     since = work.age[0]
     fresh = True
@@ -301,9 +301,9 @@ def widen(work):
 def leave_out(enter, question, node):
     """Leave out the rows of the part that this row is of; False if they are, or it is of no part."""
     part = (enter >> INDEX) & 255
-    if enter >> KIND >= T_UP:
+    if T_UP <= enter >> KIND <= ENERGY:
         part += question.m if enter >> KIND <= S_UP else question.m + question.a
-    if node.skip[part] or enter >> KIND >= BOX_UP:
+    if node.skip[part] or enter >> KIND in (BOX_UP, BOX_DOWN, ENERGY):
         return False
     node.skip[part] = True
     return True

@@ -34,6 +34,8 @@ def smoothed_state(question, scalar, room):
     nu = question.DT.shape[0]
     if P == 0 or question.lo[P - 1] != -np.inf or question.sin > 0.0 or question.capped:
         return False
+    if question.twist < question.F:  # soft fingers: their third component is not among these laws
+        return False
     if room.z.shape[0] > room.jacobian.shape[0] or not question.dissipation:
         return False
     for k in range(nu):

@@ -4,7 +4,7 @@ Every contact or actuator whose state is open to question has a violation in the
 model is missed there. The sum of all ranks the node; the one to be split is chosen by energy, so that a small
 misfit of a fast contact that carries much counts for more than a large one of a contact that hardly carries.
 
-The state of a node is one row of integers: m contacts, m left sector ends, m right ends, the actuators.
+The state of a node is one row of integers: m contacts, m left sector ends or patches, m right ends, the actuators.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ COARSE = TURN // 256  # and where nothing is violated, so that Newton's method s
 CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangents, and no more nodes,
 FINER = 1e-3  # or by this share of a smaller gap,
 FINEST = 2e-9  # but not by less: rows are met to 1e-9
+SMALLEST = 1 << 30  # patches of soft fingers from this number on are not split
 DECIDE = 1e9  # added to the energy that an undecided part misses: it is split before any sector
 
 
@@ -45,7 +46,8 @@ def select(question, node, c, d, cone, loose):
     for i in range(m):
         state = node.state[i]
         width = node.state[2 * m + i] - node.state[m + i]
-        if state == STICK or (state == SLIDE and width <= narrow):
+        soft = question.soft[i] >= 0
+        if state == STICK or (state == SLIDE and (node.state[m + i] >= SMALLEST if soft else width <= narrow)):
             continue
         amount, missing, rank = contact(i, question, node, c, d, loose, narrow)
         total += larger(amount, 0.0)
@@ -86,7 +88,10 @@ def contact(i, question, node, c, d, cone, narrow):
     cn = c[k]
     d1 = d[k + 1]
     d2 = d[k + 2]
-    speed = length(d1, d2)
+    soft = question.soft[i]
+    c3 = c[question.twist + soft] if soft >= 0 else 0.0
+    d3 = d[question.turning + soft] if soft >= 0 else 0.0
+    speed = np.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
     gap = question.cos * d[k] + question.sin * speed
     amount = 0.0
     missing = 0.0
@@ -104,18 +109,31 @@ def contact(i, question, node, c, d, cone, narrow):
         rank = 2.0 if question.dissipation else 0.0
         if state == SLIDE:
             rank = width / TURN if width > COARSE else 0.0
+            if soft >= 0:
+                rank = extent(node.state[m + i])
     missing = cn * larger(cn + gap, 0.0) - gap * larger(-cn - gap, 0.0)
     if question.dissipation:
         w = question.mu[i] * cn
         x = c[k + 1] * speed + w * d1
         y = c[k + 2] * speed + w * d2
-        size = length(c[k + 1], c[k + 2])
-        missing += size * speed + c[k + 1] * d1 + c[k + 2] * d2 + larger(w - size - cone, 0.0) * speed
+        z = c3 * speed + w * d3
+        size = np.sqrt(c[k + 1] * c[k + 1] + c[k + 2] * c[k + 2] + c3 * c3)
+        missing += size * speed + c[k + 1] * d1 + c[k + 2] * d2 + c3 * d3 + larger(w - size - cone, 0.0) * speed
         if amount < VIOLATION * cone and cn > 1e-9:  # (4) holds: what about (7)?
-            amount = length(x, y) / larger(speed, 1.0) - cone
+            amount = np.sqrt(x * x + y * y + z * z) / larger(speed, 1.0) - cone
             if state == UNDECIDED:
                 amount *= 0.5
     return amount, missing, rank
+
+
+@inner
+def extent(number):
+    """Of a patch, in turns, as the rank of a sector of that width; 0 where it is small."""
+    size = 0.25
+    while number >= 16:
+        number >>= 1
+        size *= 0.7071067811865476
+    return size if size * TURN > COARSE else 0.0
 
 
 @inner
@@ -123,7 +141,7 @@ def split(question, node, c, d, pick):
     """States and sector ends of the part `pick` in the children into node.children; returns how many they are."""
     m = question.m
     child = node.children
-    for k in range(4):
+    for k in range(child.shape[0]):
         for b in range(3):
             child[k, b] = 0
     if pick >= m:
@@ -135,6 +153,8 @@ def split(question, node, c, d, pick):
         child[0, 0] = CLOSED
         child[1, 0] = OPEN
         return 2
+    if question.soft[pick] >= 0:
+        return split_patch(node.state[m + pick], child)
     left = node.state[m + pick]
     width = node.state[2 * m + pick] - left
     along = direction(state, c, d, pick)
@@ -162,6 +182,21 @@ def split(question, node, c, d, pick):
     child[1, 0] = state
     child[1, 1] = cut
     child[1, 2] = left + width
+    return 2
+
+
+@inner
+def split_patch(number, child):
+    """The same of a soft finger that is closed, or slides in patch `number`."""
+    if number == 0:
+        child[0, 0] = STICK
+        for k in range(8):
+            child[1 + k, 0] = SLIDE
+            child[1 + k, 1] = 8 + k
+        return 9
+    for k in range(2):
+        child[k, 0] = SLIDE
+        child[k, 1] = 2 * number + k
     return 2
 
 

@@ -184,7 +184,7 @@ def bound(question, worker, pool, kept, node, work, this, start, warm, cone):
     warm: is that working set worth starting from?
     """
     n = question.cost.shape[0]
-    energetic = question.lo.shape[0] > 0 and question.lo[question.lo.shape[0] - 1] == -np.inf
+    energetic = question.D.shape[0] > question.turning + question.F - question.twist
     balance = pool.parent[this] if energetic else -1
     for i in range(3 * question.m + question.a):
         node.state[i] = pool.states[this, i]
@@ -349,7 +349,7 @@ def achieved(question, room):
     if question.objective == SCALAR:
         return room.c[3 * m + 2 * a]
     total = 0.0
-    effort = question.F
+    effort = question.twist
     for j in range(a):
         effort -= 1 if question.driven[j] else 0
     for j in range(a):

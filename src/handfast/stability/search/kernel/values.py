@@ -5,16 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.compiled import quick
+from handfast.stability.search.kernel.patch import MIDDLE, REACH, patch
 from handfast.stability.search.rows import (
     ANGLE,
+    BOX_DOWN,
     BOX_UP,
     C_LEFT,
     C_RIGHT,
+    C_SIDE,
     CHORD,
     CN_DOWN,
     CN_UP,
     D_LEFT,
     D_RIGHT,
+    D_SIDE,
     DN_UP,
     E_DOWN,
     E_UP,
@@ -26,18 +30,23 @@ from handfast.stability.search.rows import (
     NODE,
     PLAIN_UP,
     S_UP,
+    SIDE,
+    SOFT_CHORD,
+    SOFT_TANGENT,
     STILL,
     T_DOWN,
     T_UP,
     TANGENT,
     TURN,
+    TURN_DOWN,
+    TURN_UP,
     WIDER,
 )
 
 
 @quick
 def row(id, question, hi, data, out, gradient):
-    """Coefficients of a named row into `out` (n,), over its base values into `gradient` (6,).
+    """Coefficients of a named row into `out` (n,), over its base values into `gradient` (8,).
 
     hi: upper bounds of the plain base values; data: `Pool.data`. Returns b of out . z >= b.
     """
@@ -49,14 +58,18 @@ def row(id, question, hi, data, out, gradient):
         out[j] = 0.0
     if kind == ENERGY:
         return energy_row(id & NODE, question, data, out)
-    if kind >= BOX_UP:
+    if kind in (BOX_UP, BOX_DOWN):
         out[i] = 1.0 if kind == BOX_UP else -1.0
         return -question.box[i]
-    for k in range(6):
+    for k in range(8):
         gradient[k] = 0.0
     rhs = 0.0
-    if kind < T_UP:
-        contact_row(id, kind, question, gradient)
+    soft = kind > ENERGY
+    if kind < T_UP or soft:
+        if soft:
+            soft_row(id, kind, question, gradient)
+        else:
+            contact_row(id, kind, question, gradient)
         force = 3 * i  # the first of the values that it combines
         motion = 3 * i
     elif kind <= S_UP:
@@ -78,6 +91,12 @@ def row(id, question, hi, data, out, gradient):
         if x != 0.0:
             for j in range(n):
                 out[j] += x * question.D[motion + k, j]
+    if soft:
+        force = question.twist + question.soft[i]
+        motion = question.turning + question.soft[i]
+        rhs -= gradient[6] * question.off[force]
+        for j in range(n):
+            out[j] += gradient[6] * question.C[force, j] + gradient[7] * question.D[motion, j]
     return rhs
 
 
@@ -157,6 +176,38 @@ def contact_row(id, kind, question, g):
         g[5] = xb
     else:
         g[4 if kind < STILL + 2 else 5] = 1.0 if (kind - STILL) % 2 == 0 else -1.0
+
+
+@quick
+def soft_row(id, kind, question, g):
+    """A soft finger's row over its forces, motions, torsion and turning into g (8,), which has room for a patch."""
+    mu = question.mu[(id >> INDEX) & 255]
+    if kind == SOFT_TANGENT:
+        turn = 2 * np.pi / TURN
+        around = ((id >> ANGLE) & (2 * TURN - 1)) * turn
+        up = (id & (2 * TURN - 1)) * turn
+        g[0] = mu * (1.0 + WIDER)
+        g[1] = -np.cos(up) * np.cos(around)
+        g[2] = -np.cos(up) * np.sin(around)
+        g[6] = -np.sin(up)
+    elif kind == TURN_UP or kind == TURN_DOWN:
+        g[7] = 1.0 if kind == TURN_UP else -1.0
+    else:
+        patch(id & ((1 << SIDE) - 1), g, 8)
+        k = 8 + 3 * ((id >> SIDE) & 3)
+        if kind == SOFT_CHORD:
+            k = 8 + MIDDLE
+            g[0] = -mu * (g[8 + REACH] - WIDER)
+        elif kind == C_SIDE:
+            g[0] = mu * WIDER
+        if kind == D_SIDE:
+            g[4] = -g[k]
+            g[5] = -g[k + 1]
+            g[7] = -g[k + 2]
+        else:
+            g[1] = g[k]
+            g[2] = g[k + 1]
+            g[6] = g[k + 2]
 
 
 @quick
