@@ -11,6 +11,21 @@ from tyro.conf import UseAppendAction, arg
 from handfast.cli import console
 from handfast.cli.options import Assignments, Command, assigned, check_writable
 from handfast.cli.scene_options import SceneOptions, load_placed, weight_note
+from handfast.core.errors import InputError
+
+
+def torsion_named(text: str) -> float | Literal["hand"]:
+    """The option's value; `InputError` unless it is a number of metres or "hand"."""
+    if text == "hand":
+        return "hand"
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < 1:
+        right = "a length from 0 to below 1 m, or hand"
+        raise InputError(f"is '{text}'; {right} is needed", field="--torsion")
+    return value
 
 
 @dataclass(kw_only=True)
@@ -25,6 +40,8 @@ class Contacts(SceneOptions, Command):
     """the hand's own motors and couplings, or one motor per joint"""
     lock: UseAppendAction[tuple[Annotated[str, arg(metavar="JOINT")], ...]] = ()
     """a joint held rigidly"""
+    torsion: Annotated[str, arg(metavar="M")] = "0"
+    """torsional friction of soft fingers [m], or hand: what its MJCF says (condim 4); point contacts by default"""
     preload: Assignments = ()
     """actuator commands [N m, or N if prismatic or tendon] instead of the configuration's"""
     output: Annotated[Path | None, arg(metavar="GRASP.json", aliases=["-o"])] = None
@@ -44,6 +61,7 @@ class Contacts(SceneOptions, Command):
 
         check_writable(self.output, self.force, (".json",))
         check_writable(self.report, self.force, (".html", ".htm"))
+        torsion = torsion_named(self.torsion)
         placed = load_placed(self.configuration)
         hand, body = self.load_scene()
         hand, q = placed.applied(hand)
@@ -57,6 +75,7 @@ class Contacts(SceneOptions, Command):
                 threshold=self.threshold,
                 lock=self.lock,
                 mechanism=self.mechanism,
+                torsion=torsion,
             )
         grasp = grasp.from_configuration(self.configuration)
         if self.output:

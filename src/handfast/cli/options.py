@@ -126,6 +126,8 @@ class GraspOptions:
     """lock every actuator"""
     friction: Annotated[float | None, arg(metavar="MU")] = None
     """friction coefficient at every contact, instead of the file's"""
+    torsion: Annotated[float | None, arg(metavar="M")] = None
+    """torsional friction at every contact [m], instead of the file's; 0 is a point contact"""
 
     def load(self) -> Grasp:
         """The grasp as asked for."""
@@ -141,7 +143,8 @@ class GraspOptions:
                 raise error.at(self.grasp) from None
         if self.no_preload:
             grasp = grasp.with_preload(None)
-        return grasp if self.friction is None else grasp.with_friction(self.friction)
+        grasp = grasp if self.friction is None else grasp.with_friction(self.friction)
+        return grasp if self.torsion is None else grasp.with_torsion(self.torsion)
 
 
 @dataclass(kw_only=True)

@@ -35,6 +35,7 @@ def find_contacts(
     merge_distance: float = 2e-3,
     merge_angle: float = 0.17,
     scene: Scene | None = None,
+    torsion: float | Literal["hand"] = 0.0,
 ) -> tuple[Contact, ...]:
     """Where the hand touches the object, in the **object** frame.
 
@@ -51,6 +52,8 @@ def find_contacts(
         object_pose: of the object in the hand's base frame: (4, 4), or position (3,) [m] and quaternion (w, x, y, z).
         friction: coefficient; the object's unless given.
         scene: a `Scene` of the same hand and object, to save compiling one.
+        torsion: coefficient of torsional friction [m], of soft fingers; "hand" is what the hand's file says of its
+            parts (MJCF, condim 4). Point contacts by default.
 
     Raises:
         InputError: a pose that is not rigid, a configuration of the wrong length, a negative threshold, a scene of
@@ -65,9 +68,12 @@ def find_contacts(
     poses = hand.link_poses(q)
     to_object = np.linalg.inv(pose)
     mu = body.friction if friction is None else friction
+    if mu == 0 and torsion == "hand":
+        torsion = 0.0
     contacts: list[Contact] = []
     for link in sorted({n.link for n in near}):
         solids = [s.placed(to_object @ poses[link]) for s in hand.links[link].shapes]
+        own = hand.links[link].torsion or (0.0,) * len(solids)
         seen: list[Contact] = []
         hidden: list[Contact] = []
         for n in (n for n in near if n.link == link):
@@ -80,7 +86,9 @@ def find_contacts(
                 on_hand, normal, solids, n.shape
             )
             for p, inside in zip(corners, out, strict=True):
-                (hidden if inside else seen).append(Contact(p, normal, mu, hand.links[link].name, -n.distance))
+                soft = own[n.shape] if torsion == "hand" else torsion
+                found = Contact(p, normal, mu, hand.links[link].name, -n.distance, soft)
+                (hidden if inside else seen).append(found)
         if not seen:  # pressed in so far that every nearest point is inside something
             seen = [max(hidden, key=lambda c: c.depth)]
         contacts += _merged(seen, merge_distance, merge_angle)
@@ -102,6 +110,7 @@ def contact_grasp(
     backdrivable: Collection[str] = (),
     scene: Scene | None = None,
     name: str | None = None,
+    torsion: float | Literal["hand"] = 0.0,
 ) -> Grasp:
     """The grasp that a hand at q has on an object: contacts, joints and mechanism in the object frame.
 
@@ -115,7 +124,7 @@ def contact_grasp(
     Args:
         q: and object_pose as in `find_contacts`.
         preload: commanded forces by actuator name [N m, N]; absent actuators are locked.
-        threshold: as in `find_contacts`, like friction and scene.
+        threshold: as in `find_contacts`, like friction, scene and torsion.
         lock: joints held rigidly whatever the actuators do.
         mechanism: "hand" for the hand's own, "direct" for one motor per joint, named like the joint.
         laws: which of the hand's joint laws count, see `Hand.with_laws`.
@@ -129,7 +138,7 @@ def contact_grasp(
         raise InputError(f"is '{mechanism}'; 'hand' or 'direct' is needed", field="mechanism")
     q, pose = checked_joints(hand, q), checked_pose(object_pose)
     scene = scene or Scene(hand, body)
-    contacts = find_contacts(hand, q, body, pose, threshold, friction, scene=scene)
+    contacts = find_contacts(hand, q, body, pose, threshold, friction, scene=scene, torsion=torsion)
     if not contacts:
         raise nothing_near(scene, q, pose, threshold)
     grasp = grasp_of(
@@ -256,4 +265,4 @@ def _mean(group: list[Contact]) -> Contact:
         return lead
     normal = np.mean([c.normal for c in group], axis=0)
     position = np.mean([c.position for c in group], axis=0)
-    return Contact(position, normal / np.linalg.norm(normal), lead.friction, lead.link, lead.depth)
+    return Contact(position, normal / np.linalg.norm(normal), lead.friction, lead.link, lead.depth, lead.torsion)

@@ -434,7 +434,14 @@ class Grasp:
 
     def with_friction(self, mu: float) -> Grasp:
         """The same grasp with one friction coefficient at every contact; torsional friction stays as it is."""
-        contacts = [replace(c, friction=mu) for c in self.contacts]
+        return self.with_contacts([replace(c, friction=mu) for c in self.contacts])
+
+    def with_torsion(self, torsion: float) -> Grasp:
+        """The same grasp with one coefficient of torsional friction [m] at every contact; 0 for point contacts."""
+        return self.with_contacts([replace(c, torsion=torsion) for c in self.contacts])
+
+    def with_contacts(self, contacts: Sequence[Contact]) -> Grasp:
+        """The same grasp with other contacts; joints go on moving those in the same places."""
         other = Grasp(contacts, self.joints, self.mechanism, self.command, self.name)
         return other.about(mass=self.mass, center_of_mass=self.center_of_mass, provenance=self.provenance)
 

@@ -76,6 +76,7 @@ class PlanarGrasp:
         Raises:
             InputError: a contact that is not in the plane z = 0, a normal that leaves it, or a joint that may move.
         """
+        grasp.refuse_soft_fingers("a planar grasp")
         for i, c in enumerate(grasp.contacts):
             if c.position[2] != 0 or c.normal[2] != 0:
                 raise InputError("is not in the plane z = 0; a planar grasp is needed", field=f"contacts[{i}]")

@@ -23,7 +23,8 @@ class Moment:
         shift: (3,) the object's displacement at the contacts' middle, and turn: (3,) its rotation vector [rad].
         joints: (f,) displacement of the free joints.
         forces: (m, 3) contact forces on the object: normal, and two tangential components, in the contacts' frames.
-        places: (m, 3) displacements of the object's points at the contacts.
+        places: (m + s, 3) displacements of the object's points at the contacts, and of one beside each soft finger, a
+            grasp size away: it may turn about its normal.
         speed: largest speed of such a point.
         points: how many contact points the engine has.
     """
@@ -75,6 +76,7 @@ class Stepper:
         self._middle = points.mean(axis=0)
         self._arms = points - self._middle
         self._frames = np.array([c.frame for c in grasp.contacts])
+        self._marks = np.vstack([self._arms, self._arms[grasp.soft] + self._frames[grasp.soft, :, 1]])
         self._wrench = wrench
         self._close = twin.given + twin.drive @ twin.command
         self._gears = [t for t, winds in zip(twin.gear, twin.winds, strict=True) if winds]
@@ -150,8 +152,8 @@ class Stepper:
         R = d.xmat[self._object].reshape(3, 3)
         velocity = d.qvel[self._v : self._v + 6]
         turning, centre = R @ velocity[3:], self._speed_of_middle(R, velocity)
-        places = d.xipos[self._object] - self._middle + self._arms @ (R.T - np.eye(3))
-        speeds = [np.linalg.norm(centre + cross(turning, R @ arm)) for arm in self._arms]
+        places = d.xipos[self._object] - self._middle + self._marks @ (R.T - np.eye(3))
+        speeds = [np.linalg.norm(centre + cross(turning, R @ arm)) for arm in self._marks]
         forces = np.zeros((len(self._arms), 3))
         found = np.zeros(6)
         for k in range(d.ncon):

@@ -79,7 +79,7 @@ def build_twin(grasp: Grasp, force: float, *, step: float = STEP, stiffness: flo
     add_object(spec, grasp, length)
     for i, contact in enumerate(grasp.contacts):
         _add_face(spec, i, contact, length)
-        add_pair(spec, f"contact {i}", (f"tip {i}", f"face {i}"), contact.friction)
+        add_pair(spec, f"contact {i}", (f"tip {i}", f"face {i}"), contact.friction, torsion=contact.torsion / length)
     return assembled(spec, grasp, free, names, force, stiffness)
 
 
@@ -101,14 +101,17 @@ def engine_spec(step: float) -> Any:
     return spec
 
 
-def add_pair(spec: Any, name: str, geoms: tuple[str, str], friction: float, margin: float = 0.0) -> None:
+def add_pair(
+    spec: Any, name: str, geoms: tuple[str, str], friction: float, margin: float = 0.0, torsion: float = 0.0
+) -> None:
     """Let a part of the hand touch one of the object; `assembled` makes all pairs equally stiff.
 
-    `margin` [length unit] is how far apart they touch.
+    `margin` [length unit] is how far apart they touch, `torsion` [length unit] a soft finger's torsional friction.
     """
     mu = max(friction, 1e-5)  # mujoco's least
     spec.add_pair(
-        name=name, geomname1=geoms[0], geomname2=geoms[1], condim=3, friction=[mu, mu, 0, 0, 0],
+        name=name, geomname1=geoms[0], geomname2=geoms[1], condim=4 if torsion else 3,
+        friction=[mu, mu, torsion, 0, 0],
         solref=[-(CONTACT_RATE**2), -2 * CONTACT_RATE], solreffriction=[0.0, -FRICTION_RATE],
         solimp=[0.9, 0.9, 0.001, 0.5, 2.0], margin=margin,
     )  # fmt: skip

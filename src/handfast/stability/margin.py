@@ -181,8 +181,9 @@ def _slips(flip: Flip) -> float:
 
 
 def rubbed(grasp: Grasp, factor: float) -> Grasp:
-    """With every friction coefficient times a factor."""
-    return _with_contacts(grasp, [replace(c, friction=factor * c.friction) for c in grasp.contacts])
+    """With every friction coefficient times a factor, torsional ones included."""
+    contacts = [replace(c, friction=factor * c.friction, torsion=factor * c.torsion) for c in grasp.contacts]
+    return _with_contacts(grasp, contacts)
 
 
 def tilted(grasp: Grasp, moved: Sequence[int], towards: Array | None, angle: float) -> Grasp:

@@ -66,7 +66,8 @@ class Perturbation:
 
 def _moved(contact: Contact, off: Array, tilt: Array, friction: float) -> Contact:
     normal = normal_frame(contact.normal) @ tilt
-    return replace(contact, position=contact.position + off, normal=normal, friction=friction)
+    torsion = contact.torsion * friction / contact.friction if contact.torsion else 0.0
+    return replace(contact, position=contact.position + off, normal=normal, friction=friction, torsion=torsion)
 
 
 def _in_ball(rng: np.random.Generator, n: int) -> Array:

@@ -23,6 +23,7 @@ def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | No
     """What the search finds; hints: to the engine's, see `search.front`. Methods load when they are asked first."""
     if settings.method == "algorithm1":
         p.grasp.refuse_laws("Algorithm 1")
+        p.grasp.refuse_soft_fingers("Algorithm 1")
         from handfast.stability.paper import reference
 
         return reference.search(p, goal, settings, on_step)

@@ -144,7 +144,7 @@ def test_rows_that_hold_in_a_wider_sector_too(proof_of) -> None:
 
 def test_rows_that_are_none(proof_of) -> None:
     c = proof_of("check")
-    refused(with_row(c, 0, (23, 0, 0, 0)), "no such kind")
+    refused(with_row(c, 0, (29, 0, 0, 0)), "no such kind")
     refused(with_row(c, 0, (Row.ENERGY, 0, 0, 0)), "no such contact, actuator, column or reference")
     refused(with_row(c, 0, (Row.CN_UP, 2, 0, 0)), "no such contact")
     refused(with_row(c, 0, (Row.T_UP, -1, 0, 0)), "no such contact, actuator")

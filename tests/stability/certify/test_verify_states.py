@@ -99,7 +99,7 @@ def like(c, names, y):
 def legal_rows(certificate, claim, case, rng):
     """Random names of rows that the checker accepts in a case, directions near the sectors' ends."""
     q, names = certificate.question, []
-    for kind in Row:
+    for kind in (kind for kind in Row if kind <= Row.ENERGY):
         count = claim.columns.n if kind >= Row.BOUND_UP else q.grasp.mechanism.a if kind >= Row.T_UP else q.grasp.m
         count = len(certificate.references) if kind is Row.ENERGY else count
         for i in range(count):

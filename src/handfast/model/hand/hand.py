@@ -95,6 +95,7 @@ class Link:
         joints: indices into `Hand.joints` of the joints between the parent and this link, in order;
             () for a fixed link.
         shapes: convex collision shapes in the link frame; () if the file gives none.
+        torsion: coefficient of torsional friction [m] of each shape, 0 for a hard one; () if all are hard.
     """
 
     name: str
@@ -102,9 +103,12 @@ class Link:
     pose: Array
     joints: tuple[int, ...] = ()
     shapes: tuple[Shape, ...] = ()
+    torsion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose", rigid(self.pose, f"{self.name}.pose"))
+        if len(self.torsion) not in (0, len(self.shapes)):
+            raise InputError(f"has {len(self.torsion)} numbers for {len(self.shapes)} shapes", field="torsion")
 
 
 @dataclass(frozen=True)

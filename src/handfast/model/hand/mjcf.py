@@ -82,7 +82,8 @@ def hand_of_model(m: Any, base: str | None = None, *, name: str = "hand", source
     on joints and fixed tendons become the rows of R, scaled by their gear; a tendon whose force can have one sign
     only can only pull. frictionloss is dry friction, stiffness with springref a spring, a limited range stops, of
     joints and of fixed tendons alike; what of these is not understood is named in a warning. Damping and armature
-    have no part at rest. Without actuators every joint that follows from no other is its own actuator. Pairs of links
+    have no part at rest. Geoms with condim 4 or 6 are soft fingers with the torsional coefficient of their friction,
+    for `find_contacts` to use; that of rolling is left out. Without actuators every joint that follows from no other is its own actuator. Pairs of links
     that an exclude names, or whose contype and conaffinity never meet, are not checked against each other.
 
     Args:
@@ -101,10 +102,11 @@ def hand_of_model(m: Any, base: str | None = None, *, name: str = "hand", source
     for b in part.bodies:
         first = b == part.bodies[0]
         pose = np.eye(4) if first else transform(m.body_pos[b], quaternion_matrix(m.body_quat[b]))
-        shapes = () if b == 0 else tuple(_shapes(m, b))
+        found = [] if b == 0 else _shapes(m, b)
+        shapes, torsion = tuple(shape for shape, _ in found), tuple(soft for _, soft in found)
         own = tuple(part.column[j] for j in part.joints if m.jnt_bodyid[j] == b)
         parent = -1 if first else part.row[int(m.body_parentid[b])]
-        links.append(Link(part.link_name(b), parent, pose, own, shapes))
+        links.append(Link(part.link_name(b), parent, pose, own, shapes, torsion if any(torsion) else ()))
     couplings, loops = ties(part)
     A = coupling_rows(couplings, len(joints))
     drives = mechanism(part, joints, couplings, A)
@@ -194,14 +196,17 @@ def _joint(m: Any, j: int) -> Joint:
 LARGEST = 1e50  # [m] twice as much is a number, too, and refused with its own name
 
 
-def _shapes(m: Any, body: int) -> list[Shape]:
+def _shapes(m: Any, body: int) -> list[tuple[Shape, float]]:
+    """Shapes of the geoms that can collide, and their torsional friction [m]: of condim 4 and 6, else none."""
     import mujoco
 
     kinds = mujoco.mjtGeom
     shapes: list[Shape] = []
+    torsion: list[float] = []
     for g in range(m.body_geomadr[body], m.body_geomadr[body] + m.body_geomnum[body]):
         if not (m.geom_contype[g] or m.geom_conaffinity[g]):
             continue
+        torsion.append(float(m.geom_friction[g, 1]) if m.geom_condim[g] >= 4 else 0.0)
         size, kind = np.minimum(m.geom_size[g], LARGEST), kinds(m.geom_type[g])
         pose = transform(m.geom_pos[g], quaternion_matrix(m.geom_quat[g]))
         name = m.geom(g).name or f"{m.body(body).name}/{len(shapes)}"
@@ -225,4 +230,4 @@ def _shapes(m: Any, body: int) -> list[Shape]:
                     f"is a {word}; boxes, spheres, capsules, cylinders, ellipsoids and meshes are understood",
                     field=f"geom {name}",
                 )
-    return shapes
+    return list(zip(shapes, torsion, strict=True))

@@ -280,8 +280,6 @@ class Certificate:
         put(self, "references", frozen(self.references, shape, "references"))
         if (self.cap_r is None) != (self.cap_q is None):
             raise InputError("caps are of all motions, or of none", field="cap_r, cap_q")
-        if self.capped:
-            self.question.grasp.refuse_soft_fingers("a certificate with caps")
         for name, size in (("cap_r", 6), ("cap_q", self.question.plain.l)) if self.capped else ():
             put(self, name, frozen(getattr(self, name), (size,), name))
             if (getattr(self, name) < 0).any():

@@ -109,8 +109,6 @@ def _largest_cap(certificate: Certificate, leaves: Integers) -> tuple[float | No
     q, none = certificate.question, np.full(len(leaves), -np.inf)
     if certificate.scalar is not None and not np.isfinite(certificate.scalar[1]):
         return None, none
-    if len(q.grasp.soft):
-        return None, none
     some = certificate.some(leaves)
     force = _force(q)
     for factor in CAPS:

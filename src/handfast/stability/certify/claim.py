@@ -38,7 +38,7 @@ class Claim:
         lo, hi, reach: (n,) bounds, rounded outwards, and the larger of |lo|, |hi|.
         E, h: (p, n), (p,) equalities; without those that meet an unknown that nothing bounds.
         slack, growth: (p,) what a witness may miss them by is slack + |scalar| growth.
-        Z: (3m+a, n) relative motions d (3m), then mirrored actuator motions t (a).
+        Z: (3m+a+s, n) relative motions d (3m), then mirrored actuator motions t (a), turning of soft fingers (s).
         error: relative error that covers every sum of this size.
         unbounded: actuators whose force has no bound, for the complaint.
     """
@@ -76,9 +76,11 @@ class Claim:
             normal = np.minimum(normal, np.sqrt(_work(q, certificate, hi[at.r], hi[at.q]) * (1 + error) + UNDERFLOW))
         c = np.column_stack([normal, g.mu * normal, g.mu * normal]).reshape(-1) * (1 + error)
         hi[at.c] = c
+        hi[at.twist] = twist = (g.mu * normal * (1 + error))[g.soft]
         limit = np.array([q.torque_limits.get(name, np.inf) for name in g.mechanism.actuators])
         z = np.concatenate([limit, np.full(len(A), np.inf)])
-        K, load = np.hstack([R.T, A.T]), (np.abs(g.J.T) @ c + _given(q, certificate)) * (1 + error)
+        torques = np.abs(g.J.T) @ c + np.abs(g.twist_jacobian.T) @ twist
+        K, load = np.hstack([R.T, A.T]), (torques + _given(q, certificate)) * (1 + error)
         z = np.minimum(z, _solution_bound(K, load, error))
         open_ = ~np.isfinite(z)  # dependent columns; those without limits may be independent of each other
         carried = load + np.abs(K[:, ~open_]) @ z[~open_] * (1 + error)
@@ -184,7 +186,7 @@ def equality_multipliers(rho0: Array, claim: Claim) -> Array:
 
 
 def weighed_rows(certificate: Certificate, claim: Claim) -> tuple[Array, Array, Array, Array]:
-    """Rows weighed by multipliers: S (L, n+3m+a) on (x, d, t), the sum of sizes, b (L,), its sum of sizes.
+    """Rows weighed by multipliers: S (L, n+3m+a+s) on (x, d, t, turning), the sum of sizes, b (L,), its sum of sizes.
 
     The sizes times `Claim.error` bound all errors, of rounding and of float directions.
     """
@@ -204,10 +206,11 @@ def weighed_rows(certificate: Certificate, claim: Claim) -> tuple[Array, Array, 
 
 
 def _of_directions(c: Certificate, at: Columns) -> Array:
-    """(R, n+3m+a) what float directions U = (1 + e) unit, |e| < 10 u, add to the sizes, for 256 u.
+    """(R, n+3m+a+s) what float directions U = (1 + e) unit, |e| < 10 u, add to the sizes, for 256 u.
 
     They make g wrong by less than 80 u |d_t| / (1 + U_a . U_b)^1.5, the chord by as much times mu c_n, `TANGENT` by
-    10 u mu c_n, `GAP_DOWN` by 10 u |d_t|. `C_LEFT` and the like are exact: U_(a + half a turn) = -U_a.
+    10 u mu c_n, `GAP_DOWN` by 10 u |d_t|. `C_LEFT` and the like are exact: U_(a + half a turn) = -U_a. Of soft fingers
+    the tangent's direction and a patch's middle are wrong by less than 40 u; its sides are what they are.
     """
     q, m = c.question, c.question.grasp.m
     U = directions(np.concatenate([c.a, c.b]))
@@ -217,9 +220,9 @@ def _of_directions(c: Certificate, at: Columns) -> Array:
     needs_both = np.isin(c.kind, (Row.GAP_UP, Row.DN_UP, Row.CHORD)) & (np.abs(c.b - c.a) < HALF)
     wide = np.where(needs_both, 1 + (Ua * Ub).sum(axis=1), 1.0) ** -1.5
     mu, sin = np.append(q.grasp.mu, 0.0)[np.minimum(c.index, m)], np.sin(q.eta)
-    out = np.zeros((len(c.kind), at.n + 3 * m + q.plain.mechanism.a))
+    out = np.zeros((len(c.kind), at.n + 3 * m + q.plain.mechanism.a + len(q.grasp.soft)))
     for kinds, first, columns, more in (
-        ((Row.TANGENT,), at.c.start, 1, mu),
+        ((Row.TANGENT, Row.SOFT_TANGENT, Row.SOFT_CHORD), at.c.start, 1, mu),
         ((Row.CHORD,), at.c.start, 1, mu * wide),
         ((Row.GAP_UP, Row.DN_UP), at.n + 1, 2, sin * wide),
         ((Row.GAP_DOWN,), at.n + 1, 2, np.full(len(wide), sin)),

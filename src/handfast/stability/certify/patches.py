@@ -9,7 +9,7 @@ side of a plane, so that all directions of a patch, however planes are rounded, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -32,13 +32,14 @@ class SlidingPatch:
     corners: Array
     planes: Array
 
-    @property
+    @cached_property
     def middle(self) -> Array:
-        """(3,) a unit vector inside."""
-        total = self.corners.sum(axis=0)
-        return np.asarray(total / np.linalg.norm(total))
+        """(3,) the unit vector that is as far from all corners, but for rounding."""
+        first, second, third = self.corners
+        normal = np.cross(second - first, third - first)
+        return np.asarray(normal * np.sign(normal @ first) / np.linalg.norm(normal))
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """The least of middle . x over its directions x: at a corner, since caps are convex."""
         return float((self.corners @ self.middle).min())

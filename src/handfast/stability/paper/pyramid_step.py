@@ -49,6 +49,7 @@ def pyramid_step(
     if not inertia > 0:
         raise InputError(f"is {inertia:g}; a positive number is needed", field="inertia")
     grasp.refuse_laws("the time step")
+    grasp.refuse_soft_fingers("the time step")
     p = scaled_problem.build(grasp, scaled_problem.as_wrench(wrench))
     m, l, _, _ = p.sizes
     fixed = np.vstack([p.R[~p.moves], p.A])

@@ -52,6 +52,7 @@ def turn_scheme(
         field, value, least = ("edges", edges, 3) if edges < 3 else ("turns", turns, 1)
         raise InputError(f"is {value}; {least} or more are needed", field=field)
     grasp.refuse_laws("the iterative scheme")
+    grasp.refuse_soft_fingers("the iterative scheme")
     p = scaled_problem.build(grasp, scaled_problem.as_wrench(wrench))
     r, along, left = np.zeros(6), np.zeros(6), INF
     point: ScaledPoint | None = None

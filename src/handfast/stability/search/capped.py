@@ -55,10 +55,8 @@ class Capped:
 
     @property
     def possible(self) -> bool:
-        """Not for an objective without end, where forces have no bound, and not for soft fingers."""
+        """Not for an objective without end: forces have no bound then."""
         r = self.other
-        if len(r.p.soft):
-            return False
         return not r.objective or bool(np.isfinite([r.lo[0], r.hi[0]]).all())
 
     @property

@@ -37,9 +37,7 @@ def patch(number, out, at):
         out[at + CORNERS + 3 * k + axis] = sign
     for level in range(depth - 1, -1, -1):
         halve(out, at, (number >> level) & 1)
-    for x in range(3):
-        out[at + MIDDLE + x] = out[at + 9 + x] + out[at + 12 + x] + out[at + 15 + x]
-    normalise(out, at + MIDDLE)
+    middle(out, at)
     reach = 1.0
     for k in range(3):
         along = 0.0
@@ -88,14 +86,21 @@ def halve(out, at, second):
 
 
 @quick
-def normalise(out, at):
-    """Three numbers to a unit vector."""
-    size = 1.0 / np.sqrt(out[at] * out[at] + out[at + 1] * out[at + 1] + out[at + 2] * out[at + 2])
+def middle(out, at):
+    """The unit vector as far from all three corners."""
+    a = at + CORNERS
     for x in range(3):
-        out[at + x] *= size
-
-
-@quick
-def octant_of(x, y, z):
-    """The patch among the first eight that has a direction."""
-    return 8 + (1 if x < 0.0 else 0) + (2 if y < 0.0 else 0) + (4 if z < 0.0 else 0)
+        y = (x + 1) % 3
+        z = (x + 2) % 3
+        out[at + MIDDLE + x] = (out[a + 3 + y] - out[a + y]) * (out[a + 6 + z] - out[a + z])
+        out[at + MIDDLE + x] -= (out[a + 3 + z] - out[a + z]) * (out[a + 6 + y] - out[a + y])
+    size = 0.0
+    along = 0.0
+    for x in range(3):
+        size += out[at + MIDDLE + x] * out[at + MIDDLE + x]
+        along += out[at + MIDDLE + x] * out[a + x]
+    size = 1.0 / np.sqrt(size)
+    if along < 0.0:
+        size = -size
+    for x in range(3):
+        out[at + MIDDLE + x] *= size
