@@ -373,7 +373,9 @@ def test_a_fixture_has_no_joints_and_no_actuators() -> None:
 def test_the_cone_is_round() -> None:
     c = np.array([1.0, 0.3, 0.4, 2.0, -0.6, 0.0, 1.0, 0.0, -0.2])
     rubs = np.column_stack([c.reshape(-1, 3)[:, 1:], np.zeros(3)])
-    np.testing.assert_allclose(model.cone_excess(c[::3], rubs, np.array([0.2, 0.5, 0.4])), [0.3, -0.4, -0.2], atol=1e-15)
+    np.testing.assert_allclose(
+        model.cone_excess(c[::3], rubs, np.array([0.2, 0.5, 0.4])), [0.3, -0.4, -0.2], atol=1e-15
+    )
 
 
 def test_normals_are_certain_unless_said_otherwise() -> None:

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.soft_fingers import random_grasp, random_load, random_turn, turned
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
-from handfast.model.grasp import Contact, Grasp
+from handfast.model.grasp import Contact
 from handfast.model.grasp_file import from_dict, load_grasp, save_grasp, to_dict
 from handfast.stability import model
 from handfast.stability.answer_file import verify
@@ -22,7 +23,7 @@ from handfast.stability.model import State
 from handfast.stability.prepared import prepare
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.settings import Settings
-from tests.support.soft_fingers import MU, SQUEEZE, TORSION, coin, random_grasp, random_load, spindle
+from tests.support.soft_fingers import MU, SQUEEZE, TORSION, coin, spindle
 
 LARGEST_TORQUE, LARGEST_FORCE = 2 * TORSION * SQUEEZE, 2 * MU * SQUEEZE  # of the coin, by hand
 FINE = Settings(gap=1e-6)
@@ -158,8 +159,8 @@ def test_random_grasps(seed: int) -> None:
         return
     found = maximum(g, direction)
     assert found.witness is None or found.witness.residuals.worst <= 1e-9
-    R = _turn(rng)
-    other = maximum(_turned(g, R), np.r_[R @ direction[:3], R @ direction[3:]])
+    R = random_turn(rng)
+    other = maximum(turned(g, R), np.r_[R @ direction[:3], R @ direction[3:]])
     assert other.lower <= found.upper * (1 + 1e-6)
     assert found.lower <= other.upper * (1 + 1e-6)
     if found.lower > 1e-3 and not found.unbounded:
@@ -173,17 +174,6 @@ def test_random_grasps(seed: int) -> None:
         weaker = g.with_torsion(0.0)
         if np.linalg.matrix_rank(weaker.G) == 6 and not g.command.any():  # nothing pushes: less friction holds less
             assert check(weaker, load).verdict is not Verdict.HOLDS
-
-
-def _turn(rng: np.random.Generator) -> np.ndarray:
-    Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    return np.asarray(Q * np.sign(np.linalg.det(Q)))
-
-
-def _turned(g: Grasp, R: np.ndarray) -> Grasp:
-    contacts = [replace(c, position=R @ c.position, normal=R @ c.normal) for c in g.contacts]
-    joints = [replace(j, axis=R @ j.axis, origin=R @ j.origin) for j in g.joints]
-    return Grasp(contacts, joints, g.mechanism, g.command)
 
 
 # --- files ---------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Grasps with soft fingers whose answers are derived by hand, and random ones."""
+"""Grasps with soft fingers whose answers are derived by hand."""
 
 from __future__ import annotations
 
@@ -34,30 +34,3 @@ def spindle(friction: float = 0.0, torsion: float = TORSION) -> Grasp:
     turn = GraspJoint("turn", np.array([0.0, 0, 1]), np.zeros(3), (1,), friction=friction)
     mech = Mechanism(("slide", "turn"), np.eye(2), np.zeros((0, 2)), (False, False), (False, True))
     return Grasp(g.contacts, [*g.joints, turn], mech, {"slide": SQUEEZE}, "spindle")
-
-
-def random_grasp(rng: np.random.Generator) -> Grasp:
-    """Two to four contacts around an object, soft and hard ones, some on joints that squeeze or are locked."""
-    contacts, joints = [], []
-    for i in range(int(rng.integers(2, 5))):
-        n = _unit(rng)
-        p = -0.03 * n + 0.008 * rng.normal(size=3)
-        n = n + 0.3 * rng.normal(size=3)
-        torsion = float(rng.choice([0.0, 0.001, 0.004, 0.015]))
-        contacts.append(Contact(p, n / np.linalg.norm(n), float(rng.uniform(0.2, 1)), f"link {i}", torsion=torsion))
-        if rng.random() < 0.75:
-            axis, origin = _unit(rng), p + 0.05 * rng.normal(size=3)
-            closes = np.cross(axis, p - origin) @ n > 0
-            joints.append(GraspJoint(f"joint {i}", axis if closes else -axis, origin, (i,)))
-    commands = {joint.name: float(rng.uniform(0.05, 0.5)) for joint in joints if rng.random() < 0.7}
-    return Grasp(contacts, joints, preload=commands)
-
-
-def random_load(rng: np.random.Generator) -> np.ndarray:
-    """(6,) about one newton and three centinewton metres."""
-    return np.asarray(rng.normal(size=6) * np.r_[1, 1, 1, 0.03, 0.03, 0.03])
-
-
-def _unit(rng: np.random.Generator) -> np.ndarray:
-    x = rng.normal(size=3)
-    return np.asarray(x / np.linalg.norm(x))

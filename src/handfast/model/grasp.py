@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from handfast.model.provenance import Provenance
 
 UNIT_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; it is then normalised
-# 3 x contacts + joints + 2 x actuators + 2 x soft fingers of a grasp at most. The search names its unknowns, at most this and 7, and the
-# values that it bounds, at most this and 9 less two for each contact, by one byte
+# 3 x contacts + joints + 2 x actuators + 2 x soft fingers of a grasp at most. The search names its unknowns, at most
+# this and 7, and the values that it bounds, at most this and 9 less two for each contact, by one byte
 LARGEST = 249
 LEAST_LEVER = 1e-7  # [m] the ratio of torsional friction to friction is above this, and below its inverse
 
@@ -340,7 +340,7 @@ class Grasp:
     @cached_property
     def touches(self) -> Mask:
         """(l,) bool: which joints move a contact against the object."""
-        out: Mask = self.J.any(axis=0) | self.twist_jacobian.any(axis=0)
+        out = np.asarray(self.J.any(axis=0) | self.twist_jacobian.any(axis=0))
         out.flags.writeable = False
         return out
 

@@ -76,7 +76,8 @@ def exact_sums(
     R, A = ([[rational(x) for x in row] for row in a] for a in (grasp.mechanism.R, grasp.mechanism.A))
     zero, l = fmpq(0), grasp.l
     balance, torques, d, twist = list(load), [zero] * l, [], []
-    turned = {int(i): rational(x) for i, x in zip(grasp.soft, () if torsion is None else torsion[grasp.soft], strict=True)}
+    torsions = np.zeros(grasp.m) if torsion is None else torsion
+    turned = {int(i): rational(torsions[i]) for i in grasp.soft}
     for i, (p, frame, speeds) in enumerate(exact_contacts(grasp)):
         point = [x + y for x, y in zip(r_[:3], rational_cross(r_[3:], p), strict=True)]
         force = [sum((c_[3 * i + k] * frame[k][x] for k in range(3)), zero) for x in range(3)]

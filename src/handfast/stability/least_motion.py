@@ -192,7 +192,8 @@ def _equations(p: ScaledProblem, states: _ContactModes) -> tuple[Array, Array, A
 
     cos, sin = np.cos(p.eta), np.sin(p.eta)
     edges = np.pi * (2 * np.arange(EDGES) + 1) / EDGES
-    turning, twists = block(len(p.soft), r=p.twist_map.T, q=-p.twist_jacobian), dict(zip(p.soft.tolist(), I[twist], strict=True))
+    turning = block(len(p.soft), r=p.twist_map.T, q=-p.twist_jacobian)
+    twists = dict(zip(p.soft.tolist(), I[twist], strict=True))
     spins = dict(zip(p.soft.tolist(), turning, strict=True))
     for i, (state, u) in enumerate(zip(states.contacts, states.along, strict=True)):
         d_n, d_t, c_n, c_t, mu = D[3 * i], D[3 * i + 1 : 3 * i + 3], C[3 * i], C[3 * i + 1 : 3 * i + 3], p.mu[i]

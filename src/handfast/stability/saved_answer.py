@@ -70,7 +70,7 @@ def file_model(entries: tuple[type[ResultAnswerEntry], ...]) -> type[ResultFile]
 
 
 def state_dict(s: State) -> dict[str, Any]:
-    """A state as files have it: `reaction` only where joints carry something themselves, `torsion` where contacts do."""
+    """A state as files have it: `reaction` and `torsion` only where joints and contacts have one."""
     arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
     if s.reaction.any():
         arrays["reaction"] = s.reaction

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -34,7 +35,7 @@ class ScaledPoint:
     f: Array
     coupling: Array
     scalar: float = 0.0
-    twist: Array = field(default_factory=lambda: np.zeros(0))
+    twist: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)

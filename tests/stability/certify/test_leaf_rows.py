@@ -29,7 +29,6 @@ from tests.support.certificates import (
 from tests.support.farkas_proofs import is_equation
 from tests.support.rounding_edges import BOTH, QUESTIONS, REFERENCES, W, hand
 
-
 POINT_ROWS = [kind for kind in Row if kind <= Row.ENERGY]  # those of soft fingers are in test_soft_rows.py
 
 

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.soft_fingers import random_grasp, random_load
 from handfast.stability.certify import checker
 from handfast.stability.certify.certificate import TURN, Columns, Question, Row
 from handfast.stability.certify.leaf_rows import bounds, rows_of
 from handfast.stability.certify.patches import LAST, OCTANTS, contains, patch
 from handfast.stability.queries import check
 from tests.support.certificates import CLOSED, OPEN, SLIDE, STICK, empty
-from tests.support.soft_fingers import coin, random_grasp, random_load
+from tests.support.soft_fingers import coin
 
 QUESTION = Question(coin(), wrench=np.array([0, 0, 0, 0, 0, 0.1]))
 SOFT = [kind for kind in Row if kind > Row.ENERGY]

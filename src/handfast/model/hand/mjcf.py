@@ -83,8 +83,9 @@ def hand_of_model(m: Any, base: str | None = None, *, name: str = "hand", source
     only can only pull. frictionloss is dry friction, stiffness with springref a spring, a limited range stops, of
     joints and of fixed tendons alike; what of these is not understood is named in a warning. Damping and armature
     have no part at rest. Geoms with condim 4 or 6 are soft fingers with the torsional coefficient of their friction,
-    for `find_contacts` to use; that of rolling is left out. Without actuators every joint that follows from no other is its own actuator. Pairs of links
-    that an exclude names, or whose contype and conaffinity never meet, are not checked against each other.
+    for `find_contacts` to use; that of rolling is left out. Without actuators every joint that follows from no other is
+    its own actuator. Pairs of links that an exclude names, or whose contype and conaffinity never meet, are not checked
+    against each other.
 
     Args:
         base: name of a body: only what hangs on it is read, in its frame, without its own joints.

@@ -184,9 +184,7 @@ def _reactions(g: Grasp, q: Array, reaction: Array, arms: Array) -> Array:
     return np.maximum(outside, np.minimum.reduce([rests, closes, opens]))
 
 
-def _balances(
-    q: Question, w: Array, c: Array, torsion: Array, sums: list[Sums], F: float
-) -> tuple[float, float]:
+def _balances(q: Question, w: Array, c: Array, torsion: Array, sums: list[Sums], F: float) -> tuple[float, float]:
     """(1) and (2), relative to the least that acts on the arc; controls as rows."""
     g = q.grasp
     missing = np.stack([x.object for x in sums])

@@ -8,7 +8,8 @@ inside a cap only, and their multipliers need the cap.
 
 Directions in the contact plane are integers, 2^24 to the turn; a sector is a pair left < right of them.
 A soft finger slides in a patch of the sphere of directions instead (`patches`), whose number stands in the place of
-the sector's left end. Actuators are mirrored into the sense of their command, so that (8) reads t >= 0, f >= |f_c| everywhere.
+the sector's left end. Actuators are mirrored into the sense of their command, so that (8) reads t >= 0, f >= |f_c|
+everywhere.
 """
 
 from __future__ import annotations

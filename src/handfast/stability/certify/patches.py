@@ -61,9 +61,7 @@ def patch(number: int) -> SlidingPatch:
     if plane @ others[0] < 0:
         plane = -plane
     if number % 2:
-        return SlidingPatch(
-            np.array([middle, first, others[1]]), np.array([whole.planes[1], whole.planes[0], -plane])
-        )
+        return SlidingPatch(np.array([middle, first, others[1]]), np.array([whole.planes[1], whole.planes[0], -plane]))
     return SlidingPatch(np.array([middle, first, others[0]]), np.array([whole.planes[2], whole.planes[0], plane]))
 
 

@@ -215,7 +215,13 @@ class WorkspaceLayout:
         kept: dict[str, Shape] = {"owner": (2, places), "ids": (places, n), "rhs": (places, n)}
         node: dict[str, Shape] = {"state": (3 * m + a,), "children": (CHILDREN, 3), "skip": (m + a + P,)}
         rows: dict[str, Shape] = {"ids": (n + 1,), "rhs": (n,), "matrix": (n, n), "inverse": (n, N), "y": (n + 1,)}
-        room: dict[str, Shape] = {"age": (1,), "order": (n,), "pivot": (2 * N,), "delta": (N,), "gradient": (8 + PATCH,)}
+        room: dict[str, Shape] = {
+            "age": (1,),
+            "order": (n,),
+            "pivot": (2 * N,),
+            "delta": (N,),
+            "gradient": (8 + PATCH,),
+        }
         modes: dict[str, Shape] = {"modes": (m,), "drives": (a,), "side": (F - 3 * m - 2 * a,)}
         equations: dict[str, Shape] = {"gradients": (5, 8), "jacobian": (most, n)}
         equations |= dict.fromkeys(("residuals", "sizes", "rest"), (most,))

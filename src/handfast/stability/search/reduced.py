@@ -427,7 +427,7 @@ def _force_bounds(p: ScaledProblem, goal: Goal, at: _Forces, endless: bool, with
 
 
 def _motion_bounds(p: ScaledProblem, goal: Goal, endless: bool, cap: float) -> list[_PlainBound]:
-    """Bounds of motions, if they have a cap, and places: turning of soft fingers, two parts of the balance of energy."""
+    """Bounds of motions, if they have a cap; places of the turning of soft fingers, and of the balance of energy."""
     plain = [_PlainBound("motion", i, -cap, cap) for i in range(6 + p.J.shape[1])] if cap < np.inf else []
     plain += [_PlainBound("turning", k, -np.inf, np.inf) for k in range(len(p.soft))]
     bounded = goal.bounds_energy and not (goal.homogeneous and p.equivalent.drives)

@@ -11,10 +11,10 @@ forces. It combines a few *base values*, affine in z: forces c = C z + off and m
 
     soft finger s  after the other plain forces: torsion over its lever; after capped motions: its turning times it
 
-An id holds kind, index and two angles, or a patch and one of its three sides, so that a working set of ids is all a node has to keep, and a parent's
-working set is legal in every child. Angles are integers, `TURN` to a turn. The kinds and what they say are
-those of `stability/certificate`; BOX rows bound z itself and give the first working set. The ENERGY row of node k
-is the tangent, at the point of k, of the balance of energy: sum c_n^2 <= w . r + f_c . t.
+An id holds kind, index and two angles, or a patch and one of its sides, so that a working set of ids is all a node has
+to keep, and a parent's working set is legal in every child. Angles are integers, `TURN` to a turn. The kinds and what
+they say are those of `stability/certificate`; BOX rows bound z itself and give the first working set. The ENERGY row of
+node k is the tangent, at the point of k, of the balance of energy: sum c_n^2 <= w . r + f_c . t.
 """
 
 from __future__ import annotations

@@ -190,7 +190,7 @@ def soft_row(id, kind, question, g):
         g[1] = -np.cos(up) * np.cos(around)
         g[2] = -np.cos(up) * np.sin(around)
         g[6] = -np.sin(up)
-    elif kind == TURN_UP or kind == TURN_DOWN:
+    elif kind in (TURN_UP, TURN_DOWN):
         g[7] = 1.0 if kind == TURN_UP else -1.0
     else:
         patch(id & ((1 << SIDE) - 1), g, 8)
