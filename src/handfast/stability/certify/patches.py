@@ -47,7 +47,9 @@ class SlidingPatch:
 
 @lru_cache(maxsize=1 << 16)
 def patch(number: int) -> SlidingPatch:
-    """The patch with a number from `FIRST` to `LAST`."""
+    """The patch with a number from `FIRST` to `LAST`; others raise `ValueError`."""
+    if not FIRST <= number <= LAST:
+        raise ValueError(f"{number} is no patch")
     if number in OCTANTS:
         signs = [-1.0 if number >> k & 1 else 1.0 for k in range(3)]
         corners = np.diag(signs)[[2, 0, 1]]
