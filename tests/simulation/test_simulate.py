@@ -16,6 +16,7 @@ from handfast.simulation.ending import EVIDENT, LOST, REST, SLIP, Ending, judge
 from handfast.simulation.loaded_twin import force_unit, simulate
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import DRAG_TIME, STIFFNESS
+from tests.support.soft_fingers import MU, SQUEEZE, TORSION, coin
 
 QUICK = {"ramp": 1.0}
 
@@ -29,6 +30,15 @@ def test_a_block_slips_where_the_slope_is_steeper_than_its_friction(mu: float) -
     """tan alpha = mu; nothing is preloaded."""
     assert ended(block(mu), on_slope(mu, 0.95), loading="together") is Ending.HOLDS
     assert ended(block(mu), on_slope(mu, 1.05), loading="together") is Ending.SLIPS
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+@pytest.mark.parametrize("torque", [0.0, 0.8, 1.0])
+def test_a_coin_turns_where_the_ellipsoid_of_soft_fingers_ends(torque: float, share: float) -> None:
+    """A torque about the line through both contacts, where no contact moves, and a force across, on the ellipse."""
+    force = np.sqrt(1 - torque**2)
+    load = share * np.array([2 * MU * SQUEEZE * force, 0, 0, 0, 0, 2 * TORSION * SQUEEZE * torque])
+    assert ended(coin(half=0.02), load) is (Ending.HOLDS if share < 1 else Ending.SLIPS)
 
 
 def test_a_pinch_carries_twice_mu_times_its_command_across() -> None:
