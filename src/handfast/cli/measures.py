@@ -120,6 +120,8 @@ def show(out: Console, found: Measures, output: Path | None) -> None:
     out.print(f"{grasp.name}: {words.grasp_text(grasp)}; preload {words.preload_text(grasp)}")
     about = words.place_text(found.scale.about).removeprefix("at ")
     out.print(f"Torques about {about}, divided by {num(1e3 * found.scale.length)} mm.", style="dim")
+    if len(grasp.soft):
+        out.print("Soft fingers count as point contacts, but for passive maxima.", style="dim")
     grid = table("measure", "value", "better", "the hand", "from")
     for v in found.values:
         grid.add_row(v.measure.name, value_text(v), v.measure.better, v.measure.assumes, v.measure.source)

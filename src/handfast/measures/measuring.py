@@ -171,8 +171,6 @@ def _note(m: Measure, value: float | bool, asked: Asked) -> str:
         return asked.passive.worst_direction + (more if lower < (1 - OPEN) * upper else "")
     if m.assumes == RIGID and asked.grasp.has_laws:
         return "friction, springs and stops of its joints are left out"
-    if len(asked.grasp.soft) and m.key != PASSIVE:
-        return "soft fingers count as point contacts"
     if m.key == "smallest_forces" and not np.isfinite(value):
         return "some wrench is not balanced by any"
     if m.key == "pgr" and value > 0:
