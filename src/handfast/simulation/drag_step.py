@@ -5,11 +5,12 @@ The unknown x is the motion of the object and of the joints during the step. It 
     x' D x / (2 h)  -  b' x  +  sum of k/2 max(0, p - n x)^2  +  sum of mu c |t x|  +  x' S x / 2  +  sum of F |j x|
 
 over the motions that couplings and locked actuators allow: drag, load and commands, contact springs that were pressed
-in by p and are moved apart by n x, friction, springs of joints and their dry friction F. Gearings and joint stops are springs that are a hundred times as stiff
-and push one way. The minimum balances all forces: normal forces are c = k max(0, p - n x), friction has the size mu c
-against the sliding, or less where nothing slides. The c that friction is made of is that of the solution itself, which
-is found by repetition. So without drag (h without end) and with p = 0 these are equations (1) to (8) of the stability
-paper; with p from the step before they are their increments, and drag takes up what nothing balances.
+in by p and are moved apart by n x, friction, springs of joints and their dry friction F. Gearings and joint stops are
+springs that are a hundred times as stiff and push one way. The minimum balances all forces: normal forces are
+c = k max(0, p - n x), friction has the size mu c against the sliding, or less where nothing slides. The c that friction
+is made of is that of the solution itself, which is found by repetition. So without drag (h without end) and with p = 0
+these are equations (1) to (8) of the stability paper; with p from the step before they are their increments, and drag
+takes up what nothing balances.
 
 All in scaled units: lengths by the grasp's size, forces by the largest in play.
 """
@@ -111,7 +112,7 @@ def _least(p: StepProblem, h: float, x: Array, bound: Array) -> Array:
 
 
 def _energy(p: StepProblem, h: float, x: Array, flat: Array, bound: Array) -> float:
-    """What is minimised. flat: (2 k, n) tangents of the k contacts and joints that rub; bound: (k,) their friction."""
+    """What is minimised. flat: (2 k, n) tangents of k contacts and joints that rub; bound: (k,) their friction."""
     pressed = np.maximum(0.0, p.depth - p.normal @ x)
     beyond = np.maximum(0.0, p.stops @ x - p.room)
     springs = p.stiffness / 2 * (pressed @ pressed) + p.stop_stiffness / 2 * (beyond @ beyond)
