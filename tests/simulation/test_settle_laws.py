@@ -53,6 +53,16 @@ def test_a_locked_joint_stays_where_it_is(tmp_path: Path) -> None:
     assert found.last.mechanism.A.tolist() == [[0.0, 1.0]]
 
 
+def test_a_tendon_at_its_end_lets_its_joint_go_no_further(tmp_path: Path) -> None:
+    """The left jaw stops 0.5 mm further in, by the range of a tendon: pushed after it, the cube stays behind."""
+    rope = '<tendon><fixed name="t" limited="true" range="0 .0205"><joint joint="left" coef="1"/></fixed></tendon>'
+    grasp = sprung_jaws(tmp_path, rope, backdrivable=BOTH)
+    found = followed(grasp, 5, 0, 0)
+    assert found.rest is Rest.LEAVES
+    assert found.path[-1].q[0] == pytest.approx(0.0205, abs=1e-6)
+    assert found.path[-1].q[1] > -0.0195
+
+
 def test_laws_that_do_not_count_do_not_at_rest(tmp_path: Path) -> None:
     """Without springs and friction 2 N on each side carry 2 N across, with both 2.8 N."""
     bare, whole = (sprung_jaws(tmp_path, laws=kept) for kept in ("none", "all"))

@@ -143,9 +143,12 @@ class SlowMotion:
         self._unit = np.array([1.0 if j.type == "revolute" else self.length for j in self.hand.joints])
         self._sense = np.where(drive.command < 0, -1.0, 1.0)
         self._gear = self._sense * (drive.rows @ self.q)
-        lower, upper = self.hand.limits.T
         self._resistance = JointResistance.of(self.hand)
-        self._limits = np.minimum(lower, self.q), np.maximum(upper, self.q)
+        tendons = self.hand.tendons
+        self._ends = np.vstack([np.eye(self.hand.l), *(t.row for t in tendons)])  # what has ends: joints, tendons
+        limits = np.vstack([self.hand.limits, *(t.law.stops for t in tendons)])
+        at = self._ends @ self.q
+        self._limits = np.minimum(limits[:, 0], at), np.maximum(limits[:, 1], at)
         self._duration, self._farthest = LONGEST, FARTHEST
         self._last = np.zeros(0)
         self._pressure: dict[Pair, list[float]] = {}
@@ -250,14 +253,14 @@ class SlowMotion:
         return np.r_[self.load.force / self.force, torque / (self.force * self.length)]
 
     def _stops(self, basis: Array) -> tuple[Array, Array]:
-        """Rows and rooms of gearings that do not turn back, and of the ends of joints."""
+        """Rows and rooms of gearings that do not turn back, and of the ends of joints and tendons."""
         gear = self._sense * (self.drive.rows @ self.q)
         stand = self.drive.moves & self.drive.holds
         towards = -(self._sense[:, None] * self.drive.rows * self._unit)[stand]
-        ends = np.vstack([np.eye(len(basis)), -np.eye(len(basis))])
+        ends, at = self._ends * self._unit, self._ends @ self.q
         lower, upper = self._limits
-        rooms = np.r_[(gear - self._gear)[stand], (upper - self.q) / self._unit, (self.q - lower) / self._unit]
-        rows = np.vstack([towards, ends]) @ basis
+        rooms = np.r_[(gear - self._gear)[stand], upper - at, at - lower]
+        rows = np.vstack([towards, ends, -ends]) @ basis
         size = np.linalg.norm(rows, axis=1)
         kept = (size > 1e-9) & np.isfinite(rooms)
         rows, rooms, size = rows[kept], rooms[kept], size[kept]
