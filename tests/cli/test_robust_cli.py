@@ -37,6 +37,6 @@ def test_the_spread_is_told_and_written(pinched: str, tmp_path: Path, capsys: py
 def test_it_refuses(pinched: str, capsys: pytest.CaptureFixture[str]) -> None:
     asked = ["robust", pinched, "--direction", "0", "0", "1"]
     complains(capsys, asked, ["nothing is off", "--positions, --normals, --frictions and --commands"])
-    complains(capsys, [*asked, "--normals", "91"], ["--normals: is 91; 0 to 90 degrees"])
+    complains(capsys, [*asked, "--normals", "45"], ["--normals: is 45; 0 to below 45 degrees"])
     complains(capsys, [*asked, "--commands", "1"], ["--commands: is 1; a share from 0 to below 1"])
     complains(capsys, [*asked, "--normals", "1", "-o", "a.gif"], ["a.gif", ".png or .svg or .json"])

@@ -125,6 +125,15 @@ def test_a_joints_friction_takes_of_the_command_and_a_given_force_adds_to_it() -
         assert ended(grasp, [0, 0, -1.07 * squeeze]) is Ending.SLIPS
 
 
+def test_a_spring_that_presses_alone_is_the_largest_force() -> None:
+    """1e6 N of it carry 1e6 N across, however small the command beside it; a locked joint's presses nothing."""
+    grasp = slid(torque=1e6)
+    assert force_unit(grasp, np.zeros(6)) == pytest.approx(1e6)
+    assert ended(grasp, [0, 0, -0.9e6]) is Ending.HOLDS
+    assert ended(grasp, [0, 0, -1]) is Ending.UNDECIDED  # the engine could not tell it from none
+    assert force_unit(grasp.with_preload(None), np.r_[0, 0, 1.0, 0, 0, 0]) == 1.0
+
+
 def test_a_joint_at_its_stop_does_not_move_that_way() -> None:
     """At its upper stop the finger presses nothing; at the lower one alone it does, and is held from behind."""
     assert ended(slid(stop="upper"), [0, 0, -0.5]) is Ending.SLIPS

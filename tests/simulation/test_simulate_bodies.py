@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from handfast.simulation.bodies import Bodies
 from handfast.simulation.ending import Ending
 from handfast.simulation.loaded_bodies import simulate_bodies
 from handfast.simulation.loaded_twin import simulate
+from tests.support.sprung_jaws import sprung_jaws
 
 
 def cube(edge: float, at: tuple[float, float, float], *, mesh: bool = False) -> Shape:
@@ -81,3 +83,28 @@ def test_what_is_not_there_is_refused() -> None:
     stiff = replace(bodies, joints=((), (), ()))
     with pytest.raises(InputError, match="joints: are not the hand's: slide"):
         simulate_bodies(grasp, [0, 0, -0.1], bodies=stiff)
+
+
+def test_what_a_jolt_squeezed_is_not_kept_by_dry_friction(tmp_path: Path) -> None:
+    """2 N and 0.5 N of the spring less 0.3 N of friction on the left, the right jaw locked: 2.2 N, as the model has."""
+    grasp = sprung_jaws(tmp_path, lock=["right"])
+    for ask in (simulate, simulate_bodies):
+        found = ask(grasp, [0, 0, -1], ramp=0.5)
+        assert found.forces[found.load == 0][-1, :, 0].sum() == pytest.approx(2 * 2.2, rel=0.01)
+        assert ask(grasp, [0, 0, -4], ramp=4.0).ending is Ending.SLIPS
+
+
+def test_a_tendon_that_rubs_is_part_of_hand_and_object(tmp_path: Path) -> None:
+    tendon = '<tendon><fixed name="t" frictionloss=".2"><joint joint="left" coef="1"/></fixed></tendon>'
+    grasp = sprung_jaws(tmp_path, tendon, lock=["right"])
+    assert grasp.joints[-1].name == "tendon t"
+    found = simulate_bodies(grasp, [0, 0, -1], ramp=0.5)
+    assert found.ending is Ending.HOLDS
+    assert found.forces[found.load == 0][-1, :, 0].sum() == pytest.approx(2 * 2.0, rel=0.01)
+
+
+def test_a_link_has_the_least_friction_of_its_contacts(tmp_path: Path) -> None:
+    grasp = sprung_jaws(tmp_path, laws="none")
+    rough = [replace(c, friction=0.9 if i % 4 == 3 else 0.1) for i, c in enumerate(grasp.contacts)]
+    mixed = Grasp(rough, grasp.joints, grasp.mechanism, grasp.preload).about(provenance=grasp.provenance)
+    assert simulate_bodies(mixed, [0, 0, -1.2], ramp=0.5).ending is Ending.SLIPS

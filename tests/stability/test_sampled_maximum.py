@@ -99,6 +99,7 @@ def test_what_is_not_decided_is_left_out() -> None:
         "Interrupted: the samples that were asked are shown.",
         "2 samples not decided, left out.",
     ]
+    assert "of all grasps within these bounds that can be decided so resist less" in conclusion(part)[-1]
     none: SampledMaximum = replace(whole, decided=np.zeros(4, bool))
     assert (none.quantiles, none.conservative, none.unseen) == ({}, None, 1.0)
 
@@ -108,7 +109,8 @@ def test_what_is_not_decided_is_left_out() -> None:
     [
         ({}, "bounds: are all 0"),
         ({"positions": -1.0}, "positions: is -1; 0 m or more"),
-        ({"normals": 2.0}, "normals: is 2; 0 to 90 degrees"),
+        ({"normals": 0.8}, "normals: is 0.8; 0 to below 45 degrees"),
+        ({"friction": "much"}, "friction: is 'much'; a share from 0 to 1"),
         ({"friction": 1.5}, "friction: is 1.5; a share from 0 to 1"),
         ({"command": 1.0}, "command: is 1; a share from 0 to below 1"),
         ({"command": np.nan}, "command: is nan"),
@@ -117,6 +119,13 @@ def test_what_is_not_decided_is_left_out() -> None:
 def test_bad_bounds(bounds: dict[str, float], fault: str) -> None:
     with pytest.raises(InputError, match=fault):
         Perturbation(**bounds)
+
+
+def test_bounds_that_leave_the_grasp_as_it_is_are_refused() -> None:
+    with pytest.raises(InputError, match="four-feet: bounds: of command alone leave this grasp as it is: it has none"):
+        sampled_maximum(load_grasp("four-feet"), [0, 0, -1], Perturbation(command=0.1), samples=2)
+    with pytest.raises(InputError, match="bounds: of friction alone"):
+        sampled_maximum(pinch(0.0), ACROSS, Perturbation(friction=0.1), samples=2)
 
 
 def test_bad_counts() -> None:

@@ -78,9 +78,15 @@ class Robust(GraspOptions, Command):
 
         for name in ("positions", "normals", "frictions", "commands"):
             value = getattr(self, name)
-            most = {"positions": np.inf, "normals": 90.0}.get(name, 1.0)
-            if not (np.isfinite(value) and 0 <= value <= most and not (name == "commands" and value == most)):
-                right = {"positions": "0 mm or more", "normals": "0 to 90 degrees", "frictions": "a share from 0 to 1"}
+            most = {"positions": np.inf, "normals": 45.0}.get(name, 1.0)
+            if not (
+                np.isfinite(value) and 0 <= value <= most and not (name in ("commands", "normals") and value == most)
+            ):
+                right = {
+                    "positions": "0 mm or more",
+                    "normals": "0 to below 45 degrees",
+                    "frictions": "a share from 0 to 1",
+                }
                 text = right.get(name, "a share from 0 to below 1")
                 raise InputError(f"is {value:g}; {text} is needed", field=f"--{name}")
         if not (self.positions or self.normals or self.frictions or self.commands):

@@ -61,9 +61,10 @@ def conclusion(found: SampledMaximum) -> list[str]:
         if beside:
             word = "is" if beside == ["friction"] else "are"
             lines.append(f"Eta is about normals alone; beside them, {listed(beside)} {word} off.")
+    which = "within these bounds" if decided == n else "within these bounds that can be decided so"
     lines.append(
         f"Samples prove nothing of grasps between them: with 95 % confidence at most {num(100 * found.unseen, 2)} % of "
-        "all grasps within these bounds resist less than the worst sample."
+        f"all grasps {which} resist less than the worst sample."
     )
     return lines
 

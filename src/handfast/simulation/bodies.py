@@ -90,6 +90,11 @@ def build_bodies(grasp: Grasp, bodies: Bodies, force: float, *, step: float, sti
         made.append(body)
         for n, shape in enumerate(bodies.shapes[i]):
             _add_shape(spec, body, f"{bodies.names[i]}/{n}", shape, length)
+    for j, copies in zip(free, names, strict=True):
+        if not copies and not grasp.joints[j].moves:  # no link hangs on it: the length of a tendon, tied to the others
+            name = f"{grasp.joints[j].name} 0"
+            add_jointed(spec.worldbody, name, grasp, j)
+            copies.append(name)
     unmoved = [grasp.joints[j].name for j, copies in zip(free, names, strict=True) if not copies]
     if unmoved:
         raise InputError(f"are not the hand's: {', '.join(unmoved)}", source=grasp.name, field="joints")
@@ -131,14 +136,17 @@ def _pairs(model: Any, grasp: Grasp, bodies: Bodies) -> list[tuple[str, str, flo
     """Parts of hand and object that may touch, with friction, and how far apart they count as touching.
 
     The nearest pair at each contact of the grasp begins to touch just there, whatever gap or overlap of rounding the
-    configuration leaves it; all others as they are. A link without a contact has the mean friction.
+    configuration leaves it; all others as they are. A link has the least friction of its contacts, one without a
+    contact the mean of all.
     """
     import mujoco
 
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     usual = float(grasp.mu.mean())
-    friction = {c.link: c.friction for c in grasp.contacts}
+    friction: dict[str, float] = {}
+    for c in grasp.contacts:
+        friction[str(c.link)] = min(friction.get(str(c.link), np.inf), c.friction)
     points = np.zeros(6)
     found: dict[tuple[str, str], tuple[float, Array]] = {}
     for name, shapes in zip(bodies.names, bodies.shapes, strict=True):

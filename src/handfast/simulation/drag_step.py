@@ -2,14 +2,15 @@
 
 The unknown x is the motion of the object and of the joints during the step. It minimises
 
-    x' D x / (2 h)  -  b' x  +  sum of k/2 max(0, p - n x)^2  +  sum of mu c |t x|
+    x' D x / (2 h)  -  b' x  +  sum of k/2 max(0, p - n x)^2  +  sum of mu c |t x|  +  x' S x / 2  +  sum of F |j x|
 
 over the motions that couplings and locked actuators allow: drag, load and commands, contact springs that were pressed
-in by p and are moved apart by n x, and friction. Gearings and joint stops are springs that are a hundred times as stiff
-and push one way. The minimum balances all forces: normal forces are c = k max(0, p - n x), friction has the size mu c
-against the sliding, or less where nothing slides. The c that friction is made of is that of the solution itself, which
-is found by repetition. So without drag (h without end) and with p = 0 these are equations (1) to (8) of the stability
-paper; with p from the step before they are their increments, and drag takes up what nothing balances.
+in by p and are moved apart by n x, friction, springs of joints and their dry friction F. Gearings and joint stops are
+springs that are a hundred times as stiff and push one way. The minimum balances all forces: normal forces are
+c = k max(0, p - n x), friction has the size mu c against the sliding, or less where nothing slides. The c that friction
+is made of is that of the solution itself, which is found by repetition. So without drag (h without end) and with p = 0
+these are equations (1) to (8) of the stability paper; with p from the step before they are their increments, and drag
+takes up what nothing balances.
 
 All in scaled units: lengths by the grasp's size, forces by the largest in play.
 """
@@ -43,6 +44,8 @@ class StepProblem:
         stops: (s, n) motion towards each stop; a stop pushes back once stops x is above `room`.
         room: (s,) negative if it is passed already.
         stop_stiffness: of the stops.
+        elastic: (n, n) S; nothing unless given.
+        joints: (f, n) j, the motion of each joint that rubs; dry: (f,) F.
     """
 
     drag: Array
@@ -55,6 +58,9 @@ class StepProblem:
     stops: Array
     room: Array
     stop_stiffness: float
+    elastic: Array | None = None
+    joints: Array | None = None
+    dry: Array | None = None
 
     def pressure(self, x: Array) -> Array:
         """(m,) normal forces after a motion."""
@@ -84,6 +90,9 @@ def _least(p: StepProblem, h: float, x: Array, bound: Array) -> Array:
     """The x of least energy for given bounds (m,) of friction: Newton's method, its steps halved until they help."""
     rubs = bound > 0
     flat, b = p.tangent[rubs].reshape(-1, len(x)), bound[rubs]
+    if p.joints is not None and p.dry is not None:  # a joint rubs as a contact does that slides along one line
+        alone = np.stack([p.joints, np.zeros_like(p.joints)], axis=1).reshape(-1, len(x))
+        flat, b = np.vstack([flat, alone]), np.r_[b, p.dry]
     value = _energy(p, h, x, flat, b)
     for _ in range(MOST):
         slope, curve = _slope(p, h, x, flat, b)
@@ -103,19 +112,22 @@ def _least(p: StepProblem, h: float, x: Array, bound: Array) -> Array:
 
 
 def _energy(p: StepProblem, h: float, x: Array, flat: Array, bound: Array) -> float:
-    """What is minimised. flat: (2 k, n) tangents of the k contacts that rub, with these bounds (k,) of friction."""
+    """What is minimised. flat: (2 k, n) tangents of k contacts and joints that rub; bound: (k,) their friction."""
     pressed = np.maximum(0.0, p.depth - p.normal @ x)
     beyond = np.maximum(0.0, p.stops @ x - p.room)
     springs = p.stiffness / 2 * (pressed @ pressed) + p.stop_stiffness / 2 * (beyond @ beyond)
     slid = (flat @ x).reshape(-1, 2)
     far = np.sqrt((slid * slid).sum(axis=1))
     rubbed = bound @ np.where(far > STICK, far - STICK / 2, far * far / (2 * STICK))
-    return float((p.drag / (2 * h) * x - p.push) @ x + springs + rubbed)
+    bent = 0.0 if p.elastic is None else float(x @ p.elastic @ x) / 2
+    return float((p.drag / (2 * h) * x - p.push) @ x + springs + rubbed) + bent
 
 
 def _slope(p: StepProblem, h: float, x: Array, flat: Array, bound: Array) -> tuple[Array, Array]:
     """Slope (n,) and curvature (n, n) of the energy."""
     slope, curve = p.drag / h * x - p.push, np.diag(p.drag / h)
+    if p.elastic is not None:
+        slope, curve = slope + p.elastic @ x, curve + p.elastic
     for rows, over, stiffness in (
         (-p.normal, p.depth - p.normal @ x, p.stiffness),
         (p.stops, p.stops @ x - p.room, p.stop_stiffness),

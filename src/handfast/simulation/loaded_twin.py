@@ -14,7 +14,7 @@ from handfast.model.grasp import Grasp
 from handfast.simulation.recording import HOLD, PRELOAD, Recording
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.stepper import Stepper
-from handfast.simulation.twin import STEP, STIFFNESS, build_twin
+from handfast.simulation.twin import STEP, STIFFNESS, build_twin, free_joints
 
 Loading = Literal["preload-first", "together"]
 
@@ -88,9 +88,9 @@ def checked_wrench(wrench: Sequence[float] | Array) -> Array:
 
 
 def force_unit(grasp: Grasp, wrench: Array) -> float:
-    """[N] the largest force in play: the load's, or what a command is at the contact that it moves most.
+    """[N] the largest force in play: the load's, or what a command or a spring is at the contact that it moves most.
 
-    Raises `InputError` if there is none.
+    Springs of joints that are locked press nothing. Raises `InputError` if there is none.
     """
     size = grasp.size
     least = max(float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:])) / size)
@@ -103,6 +103,12 @@ def force_unit(grasp: Grasp, wrench: Array) -> float:
         ]
         if max(arms, default=0.0) > 0:
             least = max(least, abs(float(f)) / max(arms))
+    for joint in (grasp.joints[j] for j in free_joints(grasp)):
+        arm = max(
+            (float(np.linalg.norm(joint.velocity_at(grasp.contacts[i].position))) for i in joint.moves), default=0
+        )
+        if arm > 0:
+            least = max(least, abs(joint.torque) / arm)
     if least == 0:
         raise InputError("and all commands are zero; nothing would happen", field="wrench")
     return least

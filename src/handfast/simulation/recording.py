@@ -16,6 +16,7 @@ from handfast.simulation.stepper import Moment, Stepper
 from handfast.simulation.twin import Twin
 
 PRELOAD = 2.0  # [s] of the simulation for the commands alone
+CLOSING = 1.5  # [s] of these over which commands grow where joints rub: dry friction would keep the squeeze of a jolt
 HOLD, LONGEST = 2, 24  # [s] for the full load: at least, and at most while motion still fades
 FADES = 0.7  # a rate that is less than this share of that a second before is fading
 ELASTIC = 3.0  # times the usual speed at which a grasp gives way in step with the load: that fast it slips
@@ -61,7 +62,9 @@ class Recording:
                 s.winding = False  # until all commands act: what closes first does not keep what it gained by that
                 if commands:
                     s.command(TOUCH)
-                self._go(PRELOAD, 0.0)
+                if preload and s.rubs:
+                    self._close(CLOSING)
+                self._go(PRELOAD - CLOSING if preload and s.rubs else PRELOAD, 0.0)
                 s.winding, self.before = True, len(self.history)
             if ramp:
                 self._go(ramp, 1.0, commands=commands)
@@ -72,6 +75,13 @@ class Recording:
             self.why = str(fault)
         if not self.history:
             self.history.append(s.moment())
+
+    def _close(self, seconds: float) -> None:
+        """Let the commands grow evenly from nothing."""
+        count = max(round(seconds / SAMPLE), 1)
+        for k in range(count):
+            self.stepper.command((k + 1) / count)
+            self._go(SAMPLE, 0.0)
 
     def _go(self, seconds: float, grow: float, *, commands: bool = False) -> None:
         count = max(round(seconds / SAMPLE), 1)

@@ -20,6 +20,7 @@ from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.load import load_hand
 from handfast.model.provenance import Provenance
+from handfast.simulation.grasp_laws import backdrivable_motors, locked_joints, motors_of, other_joints, with_laws_of
 from handfast.simulation.loaded_twin import force_unit, simulate
 from handfast.simulation.settled import PathPoint, Rest, Settled
 from handfast.simulation.slow_motion import CARRIES, FARTHEST, STILL, MotorDrive, Moved, PointLoad, SlowMotion
@@ -68,6 +69,7 @@ class GraspInScene:
             raise InputError(f"{'; '.join(faults)}: {right}", source=grasp.name, field="provenance")
         placed = load_configuration(came.configuration.path)
         hand, q = placed.applied(load_hand(came.hand.path))
+        hand = with_laws_of(hand, grasp, q, placed.pose)
         body = load_body(came.object.path, scale=came.object.scale)
         return cls(grasp, Scene(hand, body), q, placed.pose, (came.hand.path, came.object.path))
 
@@ -81,18 +83,8 @@ class GraspInScene:
 
     @property
     def mechanism(self) -> Literal["hand", "direct"]:
-        """Whose motors the grasp has: the hand's own, or one for each joint.
-
-        Raises `InputError` if its actuators are neither.
-        """
-        names = self.grasp.mechanism.actuators
-        own = set(names) <= set(self.hand.mechanism.actuators)
-        coupled = len(self.grasp.mechanism.A) > 0 or not (self.hand.couplings or self.hand.loops)
-        if own and (coupled or not set(names) <= set(self.hand.joint_names)):
-            return "hand"
-        if set(names) <= set(self.hand.joint_names):
-            return "direct"
-        raise InputError("has actuators that its hand does not have", source=self.grasp.name, field="mechanism")
+        """Whose motors the grasp has, see `motors_of`."""
+        return motors_of(self.grasp, self.hand)
 
 
 def settle(
@@ -200,7 +192,9 @@ def _length(placed: GraspInScene) -> float:
 def _motion(placed: GraspInScene, load: PointLoad, units: tuple[float, float]) -> SlowMotion:
     """The scene at the beginning: what is near enough to be a contact touches without pressing."""
     grasp = placed.grasp
-    drive = MotorDrive.of(placed.hand, grasp.preload, placed.mechanism)
+    drive = MotorDrive.of(
+        placed.hand, grasp.preload, placed.mechanism, backdrivable_motors(grasp), locked_joints(grasp)
+    )
     near = placed.scene.nearest(placed.q, placed.pose, THRESHOLD)
     rest = {(p.link, p.shape, p.piece): -p.distance for p in near}
     return SlowMotion(
@@ -276,6 +270,7 @@ def _last(placed: GraspInScene, motion: SlowMotion) -> Grasp | None:
     try:
         bare = contact_grasp(
             placed.hand, motion.q, placed.body, motion.pose, mechanism=placed.mechanism, scene=placed.scene,
+            lock=locked_joints(placed.grasp), backdrivable=backdrivable_motors(placed.grasp),
             name=f"{placed.grasp.name} settled",
         )  # fmt: skip
     except InputError:
@@ -315,4 +310,7 @@ def _notes(placed: GraspInScene) -> tuple[str, ...]:
     more = int((apart.min(axis=0) > OFF).sum())
     notes = [f"{off} of the file's contacts are more than 1 mm from any contact of the shapes"] if off else []
     notes += [f"{more} contacts of the shapes are none of the file's"] if more else []
+    differs = other_joints(placed.hand, placed.grasp, placed.q, placed.pose)
+    if differs:
+        notes.append(f"not as the hand's file has it, and at rest as there: {', '.join(differs)}")
     return tuple(notes)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from handfast.geometry.scene import Scene
 from handfast.model.hand.hand import Hand
 from handfast.model.mechanism import Mechanism
 from handfast.simulation.drag_step import StepProblem, drag_step
+from handfast.simulation.joint_resistance import JointResistance
 from handfast.simulation.touch_points import Pair, TouchPoints, touch_points
 
 STIFFNESS = 3e3  # of a contact [force units / grasp sizes]: the force unit presses it in by 3e-4 of the grasp's size
@@ -53,29 +54,46 @@ class MotorDrive:
     Attributes:
         rows: (a, l) displacement of each actuator by joint values; closing is positive.
         command: (a,) [N m, N].
-        moves: (a,) bool: commanded, or a tendon that may go slack; the others are locked.
+        moves: (a,) bool: commanded, a tendon that may go slack, or backdrivable; the others are locked.
+        holds: (a,) bool: does not turn back.
         direct: is there a motor for each joint, named like it, in place of the hand's own?
+        held: (n, l) joints that are locked whatever the motors do.
     """
 
     names: tuple[str, ...]
     rows: Array
     command: Array
     moves: Mask
+    holds: Mask
     direct: bool
+    held: Array
 
     @classmethod
-    def of(cls, hand: Hand, preload: Mapping[str, float], mechanism: Literal["hand", "direct"]) -> MotorDrive:
+    def of(
+        cls,
+        hand: Hand,
+        preload: Mapping[str, float],
+        mechanism: Literal["hand", "direct"],
+        backdrivable: Collection[str] = (),
+        lock: Collection[str] = (),
+    ) -> MotorDrive:
         """The hand's motors with commands as a grasp has them: positive ones close.
 
-        Raises `InputError` for an unknown actuator.
+        Args:
+            backdrivable: motors that give their command whichever way they turn, lock: joints that stand still.
+
+        Raises:
+            InputError: an unknown actuator or joint.
         """
         direct = mechanism == "direct"
         whole = Mechanism.direct(hand.joint_names) if direct else hand.mechanism
         command = whole.commands(dict(preload))
-        tendon = np.array(whole.tendon, dtype=bool)
+        turns = np.array([name in backdrivable for name in whole.actuators], dtype=bool)
+        tendon = np.array(whole.tendon, dtype=bool) & ~turns
         sense = np.where((whole.R @ hand.closing < 0) & ~tendon, -1.0, 1.0)
         rows = sense[:, None] * whole.R
-        return cls(whole.actuators, rows, command, (command != 0) | tendon, direct)
+        held = np.eye(hand.l)[[hand.joint(name, field="lock") for name in lock]]
+        return cls(whole.actuators, rows, command, (command != 0) | tendon | turns, ~turns, direct, held)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +118,7 @@ class SlowMotion:
 
     Attributes:
         q, pose: joints (l,) and object (4, 4), hand's base frame.
-        share: of the load that acts; driven: of the commands.
+        share: of the load that acts; driven: of the commands and of what springs of joints give.
         winding: do gearings follow what closes?
     """
 
@@ -125,8 +143,12 @@ class SlowMotion:
         self._unit = np.array([1.0 if j.type == "revolute" else self.length for j in self.hand.joints])
         self._sense = np.where(drive.command < 0, -1.0, 1.0)
         self._gear = self._sense * (drive.rows @ self.q)
-        lower, upper = self.hand.limits.T
-        self._limits = np.minimum(lower, self.q), np.maximum(upper, self.q)
+        self._resistance = JointResistance.of(self.hand)
+        tendons = self.hand.tendons
+        self._ends = np.vstack([np.eye(self.hand.l), *(t.row for t in tendons)])  # what has ends: joints, tendons
+        limits = np.vstack([self.hand.limits, *(t.law.stops for t in tendons)])
+        at = self._ends @ self.q
+        self._limits = np.minimum(limits[:, 0], at), np.maximum(limits[:, 1], at)
         self._duration, self._farthest = LONGEST, FARTHEST
         self._last = np.zeros(0)
         self._pressure: dict[Pair, list[float]] = {}
@@ -175,7 +197,7 @@ class SlowMotion:
         coupled = hand.mechanism_at(self.q).A
         if self.drive.direct:  # a motor for each joint takes the couplings' place; loops stay
             coupled = coupled[len(hand.couplings) :]
-        rows = np.vstack([coupled, self.drive.rows[~self.drive.moves]]) * self._unit
+        rows = np.vstack([coupled, self.drive.rows[~self.drive.moves], self.drive.held]) * self._unit
         if not len(rows):
             return np.eye(hand.l)
         _, s, V = np.linalg.svd(rows)
@@ -201,7 +223,8 @@ class SlowMotion:
         parting = motions[:, :3] - motions[:, 3:]
         local = np.einsum("ijk,ijn->ikn", points.frames, parting)
         acts = self._acting(middle)
-        torque = self._unit * (self.drive.rows.T @ (self.driven * self.drive.command)) / (F * L)
+        given, elastic = self._resistance.springs(self.q)
+        torque = self._unit * self.driven * (self.drive.rows.T @ self.drive.command + given) / (F * L)
         push = np.r_[self.share * acts, basis.T @ torque]
         stops, room = self._stops(basis)
         mu = np.array([self._mu[i] for i in points.links])
@@ -209,7 +232,19 @@ class SlowMotion:
         problem = StepProblem(
             drag, push, local[:, 0], local[:, 1:], points.depths / L, STIFFNESS, mu, stops, room, HARDER * STIFFNESS
         )
-        return problem, motions
+        return (self._resisted(problem, elastic, basis) if self._resistance.laws else problem), motions
+
+    def _resisted(self, problem: StepProblem, elastic: Array, basis: Array) -> StepProblem:
+        """The problem with what springs give less as they go (l, l) [N m/rad, N/m], and with joints that rub."""
+        per = self.force * self.length
+        moved = self._unit[:, None] * basis
+        S = np.zeros((len(problem.drag),) * 2)
+        S[6:, 6:] = self.driven / per * moved.T @ elastic @ moved
+        rows, most = self._resistance.rows @ moved, self._resistance.friction
+        size = np.linalg.norm(rows, axis=1)
+        rubs = (size > 1e-9) & (most > 0)
+        rows = np.hstack([np.zeros((int(rubs.sum()), 6)), rows[rubs] / size[rubs, None]])
+        return replace(problem, elastic=S, joints=rows, dry=(most * size)[rubs] / per)
 
     def _acting(self, middle: Array) -> Array:
         """(6,) the full load about the middle, scaled, hand's axes."""
@@ -218,15 +253,14 @@ class SlowMotion:
         return np.r_[self.load.force / self.force, torque / (self.force * self.length)]
 
     def _stops(self, basis: Array) -> tuple[Array, Array]:
-        """Rows and rooms of gearings that do not turn back, and of the ends of joints."""
+        """Rows and rooms of gearings that do not turn back, and of the ends of joints and tendons."""
         gear = self._sense * (self.drive.rows @ self.q)
-        towards = -(self._sense[:, None] * self.drive.rows * self._unit)[self.drive.moves]
-        ends = np.vstack([np.eye(len(basis)), -np.eye(len(basis))])
+        stand = self.drive.moves & self.drive.holds
+        towards = -(self._sense[:, None] * self.drive.rows * self._unit)[stand]
+        ends, at = self._ends * self._unit, self._ends @ self.q
         lower, upper = self._limits
-        rooms = np.r_[
-            (gear - self._gear)[self.drive.moves], (upper - self.q) / self._unit, (self.q - lower) / self._unit
-        ]
-        rows = np.vstack([towards, ends]) @ basis
+        rooms = np.r_[(gear - self._gear)[stand], upper - at, at - lower]
+        rows = np.vstack([towards, ends, -ends]) @ basis
         size = np.linalg.norm(rows, axis=1)
         kept = (size > 1e-9) & np.isfinite(rooms)
         rows, rooms, size = rows[kept], rooms[kept], size[kept]

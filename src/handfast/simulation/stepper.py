@@ -82,6 +82,7 @@ class Stepper:
         self._gears = [t for t, winds in zip(twin.gear, twin.winds, strict=True) if winds]
         self._contact_of = self._tips(len(points))
         self.load = 0.0
+        self.rubs = bool(np.any(twin.model.dof_frictionloss))  # whether a joint has dry friction
         self.winding = True  # whether gearings follow
         mujoco.mj_forward(self._model, self.data)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,14 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import normal_frame
 from handfast.model.grasp import Contact, Grasp
+from handfast.stability.scaled_problem import MAX_ETA
 
-STEEPEST = np.pi / 2  # [rad] a normal that is off by more points out of the object
+BOUNDS = {  # what is too large, and what is right
+    "positions": (np.inf, "0 m or more"),
+    "normals": (MAX_ETA, "0 to below 45 degrees, as for eta,"),
+    "friction": (np.nextafter(1.0, 2.0), "a share from 0 to 1"),
+    "command": (1.0, "a share from 0 to below 1, so that no command is lost"),
+}
 PARTS = ("positions", "normals", "friction", "command")  # each with random numbers of its own
 
 
@@ -24,12 +31,12 @@ class Perturbation:
 
     Attributes:
         positions: [m] radius of the ball about each contact in which it may be.
-        normals: [rad] half angle of the cone about each normal in which it may be.
+        normals: [rad] half angle of the cone about each normal in which it may be, below 45 degrees.
         friction: share of each contact's coefficient by which that may be larger or smaller, 0 to 1.
         command: share of each commanded force or torque by which that may be larger or smaller, below 1.
 
     Raises:
-        InputError: a bound that is negative, not finite or too large, or all of them 0.
+        InputError: a bound that is no number, negative, not finite or too large, or all of them 0.
     """
 
     positions: float = 0.0
@@ -38,14 +45,18 @@ class Perturbation:
     command: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, most in (("positions", np.inf), ("normals", STEEPEST), ("friction", 1.0), ("command", 1.0)):
+        for name, (least_too_large, right) in BOUNDS.items():
             value = getattr(self, name)
-            if not (np.isfinite(value) and 0 <= value <= most) or (name == "command" and value == most):
-                right = {"positions": "0 m or more", "normals": "0 to 90 degrees", "friction": "a share from 0 to 1"}
-                text = right.get(name, "a share from 0 to below 1, so that no command is lost")
-                raise InputError(f"is {value:g}; {text} is needed", field=name)
+            if not (isinstance(value, Real) and np.isfinite(value) and 0 <= value < least_too_large):
+                shown = f"{value:g}" if isinstance(value, Real) else repr(value)
+                raise InputError(f"is {shown}; {right} is needed", field=name)
         if not any(getattr(self, f.name) for f in fields(self)):
             raise InputError("are all 0; give at least one of positions, normals, friction and command", field="bounds")
+
+    def leaves(self, grasp: Grasp) -> bool:
+        """Is every sample the grasp itself, for want of commands or friction to be off?"""
+        rubs, driven = self.friction and grasp.mu.any(), self.command and grasp.command.any()
+        return not (self.positions or self.normals or rubs or driven)
 
     def sample(self, grasp: Grasp, seed: int, number: int) -> Grasp:
         """The sample of this number: the same for the same seed, however many there are and whatever else varies."""

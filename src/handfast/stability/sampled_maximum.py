@@ -151,12 +151,15 @@ def sampled_maximum(
         on_item: called with (done, total) of the samples.
 
     Raises:
-        InputError: no samples, a negative seed, and what `maximum` raises.
+        InputError: no samples, a negative seed, bounds that leave this grasp as it is, and what `maximum` raises.
     """
     if samples < 1:
         raise InputError(f"is {samples}; at least 1 is needed", field="samples")
     if seed < 0:
         raise InputError(f"is {seed}; 0 or more is needed", field="seed")
+    if bounds.leaves(grasp):
+        what = " and ".join(n for n, share in (("friction", bounds.friction), ("command", bounds.command)) if share)
+        raise InputError(f"of {what} alone leave this grasp as it is: it has none", source=grasp.name, field="bounds")
     settings = settings or Settings(time_limit=10.0)
     towards = scaled_problem.as_wrench(direction, "direction")
     beside = np.zeros(6) if base is None else scaled_problem.as_wrench(base, "base")
