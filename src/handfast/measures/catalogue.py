@@ -71,7 +71,7 @@ class Asked:
 
     @cached_property
     def closure(self) -> tuple[bool, float]:
-        return force_closure(self.cones)
+        return (False, 0.0) if self.l1.is_one_sided else force_closure(self.cones)
 
     @cached_property
     def internal(self) -> InternalForces:

@@ -8,6 +8,7 @@ smallest wrench that cannot be balanced. Nothing of the hand is known to it.
 
 from __future__ import annotations
 
+from math import factorial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from handfast.core.arrays import Array
 from handfast.measures.not_measured import NotMeasured
 
 FLAT = 1e-9  # singular values below this share of the largest are none
+OUTSIDE = 1e-6  # relative distance of the origin from a hull that rounding does not make
 MOST_SUMS = 1000  # corners whose hull is built for the volume of a Minkowski sum
 MOST_ROUNDS, BATCH = 100, 24  # of growing, facets that grow in one round
 EXACT = 1e-8  # relative distance of the two bounds at which growing ends
@@ -57,9 +59,22 @@ class L1Space:
 
     @property
     def volume(self) -> float:
-        """[N^6] of the hull of the edges and of the origin, for no force at all is always possible."""
-        whole = self._hull if self.epsilon > 0 else _hull(np.vstack([self.points, np.zeros((1, 6))]))
-        return 0.0 if whole is None else float(whole.volume)
+        """[N^6] of the hull of the edges and of the origin, for no force at all is always possible.
+
+        An origin outside adds the simplices between it and the facets that it sees.
+        """
+        if self._hull is None:
+            whole = _hull(np.vstack([self.points, np.zeros((1, 6))]))
+            return 0.0 if whole is None else float(whole.volume)
+        seen = self._hull.simplices[self._hull.equations[:, -1] > 0]
+        return float(self._hull.volume + np.abs(np.linalg.det(self.points[seen])).sum() / factorial(6))
+
+    @property
+    def is_one_sided(self) -> bool:
+        """Is the origin outside by more than rounding, so that no forces whatever balance each other?"""
+        if self._hull is None:
+            return False
+        return bool(self._hull.equations[:, -1].max() > OUTSIDE * float(np.abs(self.points).max()))
 
     def epsilon_in(self, turned: Array) -> float:
         """[N] epsilon where each wrench w is `turned` w, a regular (6, 6): facets stay facets, n . w becomes
