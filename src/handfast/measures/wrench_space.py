@@ -70,11 +70,21 @@ class L1Space:
         return float(self._hull.volume + np.abs(np.linalg.det(self.points[seen])).sum() / factorial(6))
 
     @property
-    def is_one_sided(self) -> bool:
-        """Is the origin outside by more than rounding, so that no forces whatever balance each other?"""
+    def closure_margin(self) -> float | None:
+        """The margin of `force_closure`, where facets tell it; None where the hull is flat.
+
+        With coefficients x = d + y, y >= 0, of n edges w_i that sum to n, forces balance where the hull has the point
+        sum y_i w_i / (n - n d) = -d / (1 - d) mean(w): as far as a ray from the origin goes within the hull.
+        """
         if self._hull is None:
-            return False
-        return bool(self._hull.equations[:, -1].max() > OUTSIDE * float(np.abs(self.points).max()))
+            return None
+        inside = -self._hull.equations[:, -1]
+        if inside.min() < 0:
+            return None if inside.min() > -OUTSIDE * float(np.abs(self.points).max()) else 0.0
+        towards = -self._hull.equations[:, :-1] @ self.points.mean(axis=0)
+        ahead = towards > 0
+        t = float((inside[ahead] / towards[ahead]).min(initial=np.inf))
+        return t / (1 + t) if t < np.inf else 1.0
 
     def epsilon_in(self, turned: Array) -> float:
         """[N] epsilon where each wrench w is `turned` w, a regular (6, 6): facets stay facets, n . w becomes

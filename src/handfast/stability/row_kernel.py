@@ -57,9 +57,7 @@ class RowKernel:
         columns["seconds"] = np.full(len(W), (time.monotonic() - start) / len(W))
         return columns, settled
 
-    def _search(
-        self, goal: Goal, w: Array, base: Array, settings: Settings, reach: float = 0.0
-    ) -> BatchSearch | None:
+    def _search(self, goal: Goal, w: Array, base: Array, settings: Settings, reach: float = 0.0) -> BatchSearch | None:
         """The search for a goal, made for the first row; None where that is refused, or another goal's."""
         if (goal, reach) not in self._searches:
             of_max = goal != ANY_STATE
@@ -130,7 +128,11 @@ class RowKernel:
         columns["nodes"][none] += found.nodes
         slips = none[found.none]
         settled[slips] = True
-        columns["verdict"][slips], columns["residual"][slips], columns["verified"][slips] = str(Verdict.SLIPS), np.nan, False
+        columns["verdict"][slips], columns["residual"][slips], columns["verified"][slips] = (
+            str(Verdict.SLIPS),
+            np.nan,
+            False,
+        )
         columns["lower"][slips] = columns["upper"][slips] = 0.0
         columns["unbounded"][slips] = False
 
