@@ -79,7 +79,7 @@ class RowKernel:
 
         Where the limit of nodes was reached, a whole search would reach it as well.
         """
-        residual = self._judge.worst(W, found.states)
+        residual = self._residuals(found.held, W, found.states)
         held = found.held & (residual <= VALID)
         slips = found.none & (not settings.verify)
         limited = found.hard & (found.nodes >= settings.node_limit)
@@ -106,7 +106,7 @@ class RowKernel:
                 lower, upper = np.maximum(0.0, found.scalar * scale), np.maximum(0.0, -found.cut * scale)
         unbounded = lower >= loads.last_magnitude * (1 - NEAR_END)
         good = found.held & np.isfinite(lower) & (lower > 0)
-        residual = self._judge.worst(B + np.where(good, lower, 0.0)[:, None] * W, states)
+        residual = self._residuals(good, B + np.where(good, lower, 0.0)[:, None] * W, states)
         good &= residual <= VALID
         verdict = np.full(len(W), str(Verdict.HOLDS))
         upper = np.where(unbounded | found.at_end, np.inf, upper)
@@ -135,6 +135,13 @@ class RowKernel:
         )
         columns["lower"][slips] = columns["upper"][slips] = 0.0
         columns["unbounded"][slips] = False
+
+    def _residuals(self, there: Mask, W: Array, states: StateRows) -> Array:
+        """(k,) the worst residuals of those states that are there, NaN for the others."""
+        out = np.full(len(W), np.nan)
+        if there.any():
+            out[there] = self._judge.worst(W[there], states.rows(there))
+        return out
 
     @cached_property
     def _runs_away(self) -> bool:
