@@ -44,6 +44,14 @@ def test_a_table_a_summary_and_a_picture(folder: Path, capsys: pytest.CaptureFix
         (["a.jsonl", "-o", "b.jsonl", "--hand", "x"], "--object: is missing; a table of postures needs both"),
         (["a.jsonl", "-o", "b.jsonl", "--jobs", "-1"], "--jobs: is -1; 0 or more is needed"),
         (["a.jsonl", "-o", "b.jsonl", "--gap", "0"], "gap: is 0; a positive number is needed"),
+        (
+            ["a.jsonl", "-o", "b.jsonl", "--joint-laws", "none"],
+            "--joint-laws: is of the --hand of a table of postures; grasp files say it themselves",
+        ),
+        (
+            ["a.jsonl", "-o", "b.jsonl", "--hand", "barrett-bh8-280", "--object", "can", "--joint-laws", "some"],
+            "--joint-laws: is 'some'; all, none, or some of stops, friction, springs with commas between them",
+        ),
         (["a.jsonl", "-o", "b.jsonl", "--friction", "-1"], "friction: is -1; a friction coefficient is 0 or more"),
     ],
 )

@@ -13,7 +13,7 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import matrix_quaternion
 from handfast.geometry.contacts import contact_grasp
 from handfast.label import label_dataset as run_module
-from handfast.label.dataset_rows import GraspChanges
+from handfast.label.dataset_rows import GraspChanges, PosedRow
 from handfast.label.label_dataset import label_dataset
 from handfast.label.label_files import load_labels
 from handfast.label.labeller import Labelling
@@ -169,6 +169,22 @@ def test_a_hand_that_changed_ends_the_run_and_breaks_no_row(
     with pytest.raises(InputError, match="is not the file of the hand that the labels began with"):
         label_dataset(tmp_path / "a.npz", tmp_path / "b.jsonl", scene=other, jobs=1)
     assert not (tmp_path / "b.jsonl").exists()
+
+
+def test_laws_of_joints_count_as_asked(arrays: dict[str, Any]) -> None:
+    """Stops that were not asked for are none, motors that may be driven back are; the parts of a run know of both."""
+    row = PosedRow(arrays["joints"][0], arrays["object_position"][0], arrays["object_quaternion"][0])
+    lawful, back, manifests = [], [], []
+    for laws, motors in (("all", ()), ("none", ("finger_1_prox",))):
+        scene = SceneSource.of("barrett-bh8-280", "can", joint_laws=laws, backdrivable=motors)
+        mechanism = scene.grasp(row, "a", GraspChanges()).mechanism
+        lawful.append(any(joint.law.any for joint in scene.scene().hand.joints))
+        back.append([name for name, b in zip(mechanism.actuators, mechanism.backdrivable, strict=True) if b])
+        manifests.append(scene.to_json())
+    assert (lawful, back) == ([True, False], [[], ["finger_1_prox"]])
+    assert manifests[0] != manifests[1]
+    with pytest.raises(InputError, match="thumb"):
+        SceneSource.of("barrett-bh8-280", "can", backdrivable=("thumb",))
 
 
 def test_odd_changes_are_refused() -> None:

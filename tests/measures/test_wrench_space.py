@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from handfast import InputError, load_grasp
 from handfast.measures.cone_edges import edge_forces, edge_wrenches
@@ -99,6 +100,26 @@ def test_force_closure():
     from tests.support.round_grasps import round_grasp
 
     assert force_closure(cones(round_grasp((0, 60, 300), MU))) == (False, 0.0)
+
+
+@pytest.mark.parametrize("side", [0.0, 0.02, 1.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_facets_tell_the_margin_and_the_volume_with_the_origin(side, seed):
+    """As the linear program and a hull of more points do; where all edges lie on one side there is no margin."""
+    rng = np.random.default_rng(seed)
+    wrenches = rng.normal(size=(5, 4, 6))
+    wrenches[:, :, 0] = (1 - side) * wrenches[:, :, 0] + side * (1 + rng.uniform(size=(5, 4)))
+    space = L1Space(wrenches)
+    closed, margin = force_closure(wrenches)
+    assert space.closure_margin == pytest.approx(margin, abs=1e-9)
+    assert (space.closure_margin > 0) == closed
+    assert closed == (side < 1.0 and seed > 0)
+    whole = ConvexHull(np.vstack([wrenches.reshape(-1, 6), np.zeros((1, 6))]))
+    assert space.volume == pytest.approx(whole.volume, rel=1e-9)
+
+
+def test_flat_cones_leave_the_margin_to_the_program():
+    assert L1Space(cones(pair(MU))).closure_margin is None
 
 
 def test_scale():

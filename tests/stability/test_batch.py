@@ -129,6 +129,37 @@ def test_what_slips_is_replayed_unless_that_is_switched_off() -> None:
     assert (down.verdict[0], down.upper[0], down.verified[0]) == ("slips", 0.0, True)
 
 
+@pytest.mark.parametrize("g", [hand(), solved(3, 4).grasp, solved(4, 8).grasp])
+def test_what_slips_at_every_magnitude_is_told_together(g: Grasp, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However small it is; a search by itself says the same of each."""
+    g = g.with_friction(0.05)
+    D = np.vstack([np.eye(6), -np.eye(6)])
+    one_by_one = [maximum(g, d, settings=QUICK) for d in D]
+    assert any(m.verdict == "slips" for m in one_by_one)
+    alone: list[int] = []
+    by_itself = batch._alone
+    monkeypatch.setattr(batch, "_alone", lambda *given: alone.append(given[2]) or by_itself(*given))
+    found = max_many(g, D, settings=QUICK, jobs=1)
+    for i, one in enumerate(one_by_one):
+        assert (found.verdict[i], found.unbounded[i]) == (one.verdict, one.unbounded)
+        assert (found.upper[i] == 0) == (one.upper == 0)
+    slips = [i for i, one in enumerate(one_by_one) if one.verdict == "slips"]
+    assert not found.verified[slips].any()
+    assert len(set(alone) & set(slips)) <= 1
+
+
+def test_a_check_beyond_its_limit_of_nodes_is_not_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    g = solved(4, 8).grasp
+    W = 2 * loads(g, 20, seed=3)
+    limited = check_many(g, W, settings=Settings(verify=False, node_limit=3.0), jobs=1)
+    stopped = limited.stop == "nodes"
+    assert stopped.any()
+    assert (limited.verdict[stopped] == "undecided").all()
+    assert not limited.verified[stopped].any()
+    monkeypatch.setattr(batch, "_alone", lambda *given: pytest.fail("asked again"))
+    check_many(g, W[stopped], settings=Settings(verify=False, node_limit=3.0), jobs=1)
+
+
 def test_shapes_of_several_grasps() -> None:
     grasps = [pinch(), pinch(0.3), bell()]
     W = np.array([[0, 0.8, 0, 0, 0, 0], [0, 0.5, 0, 0, 0, 0]])

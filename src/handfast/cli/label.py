@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli import console
+from handfast.cli.joint_options import JointLawOptions
 from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, assigned
 from handfast.core.errors import InputError
 
@@ -27,7 +28,7 @@ LOG = 60.0  # [s] between lines of progress where there is no terminal
 
 
 @dataclass(kw_only=True)
-class Label(Command):
+class Label(JointLawOptions, Command):
     """Labels for every grasp of a dataset: what it holds, by how much, with which commands.
 
     DATASET is a folder or JSON lines of grasp files, or a table (.npz, .parquet) of joint values and object poses of a
@@ -166,12 +167,19 @@ class Label(Command):
 
     def _scene(self) -> SceneSource | None:
         from handfast.label.scene_source import SceneSource
+        from handfast.model.hand.joint_law import laws_named
 
+        laws_named(self.joint_laws, "--joint-laws")
         if bool(self.hand) != bool(self.object):
             raise InputError("is missing; a table of postures needs both", field="--object" if self.hand else "--hand")
         if not self.hand:
+            if self.joint_laws != "all" or self.backdrivable:
+                given = "--backdrivable" if self.backdrivable else "--joint-laws"
+                raise InputError("is of the --hand of a table of postures; grasp files say it themselves", field=given)
             return None
-        return SceneSource.of(self.hand, self.object, root=self.root, scale=self.scale, threshold=self.threshold)
+        laws: dict[str, Any] = {"joint_laws": self.joint_laws, "backdrivable": self.backdrivable}
+        how: dict[str, Any] = {"root": self.root, "scale": self.scale, "threshold": self.threshold}
+        return SceneSource.of(self.hand, self.object, **how, **laws)
 
     def _show(self, summary: LabelSummary, files: list[Path]) -> None:
         from handfast.cli.table import table

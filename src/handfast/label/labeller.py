@@ -192,7 +192,7 @@ def _worst(
     sooner than a maximum, and many checks together sooner than one by one. Those that are likely to be the least come
     first.
     """
-    left = sorted(range(len(directions)), key=lambda k: (_guess(directions[k], forces), k))
+    left = np.argsort(_guesses(directions, forces), kind="stable").tolist()
     worst, where = LargestLoad(np.inf, np.inf, False), left[0]
     while left and worst.upper > 0:
         k = left.pop(0)
@@ -205,16 +205,18 @@ def _worst(
     return _bounds("worst_force", worst) | {"worst_direction": directions[where].tolist()}
 
 
-def _guess(direction: Array, forces: dict[tuple[float, ...], LargestLoad]) -> float:
-    """What a grasp might resist in a direction (3,), from what it resists along the axes; only an order comes of it."""
-    axes = [np.sign(x) * np.eye(3)[i] for i, x in enumerate(direction) if x]
-    known = [(abs(float(direction @ a)), forces[_key(a)].lower) for a in axes]
-    return 1 / sum(share / max(lower, 1e-12) for share, lower in known)
+def _guesses(directions: Array, forces: dict[tuple[float, ...], LargestLoad]) -> Array:
+    """(n,) what a grasp might resist in directions (n, 3), from what it resists along the axes: only for an order."""
+    towards, away = (
+        np.array([max(forces[_key(sign * axis)].lower, 1e-12) for axis in np.eye(3)]) for sign in (1.0, -1.0)
+    )
+    return 1 / (np.maximum(directions, 0.0) / towards + np.maximum(-directions, 0.0) / away).sum(axis=1)
 
 
 def _force(direction: Array, at: Array) -> Array:
     """(6,) the wrench of a force (3,) at a point (3,), at the origin."""
-    return np.concatenate([direction, np.cross(at, direction)])
+    (a, b, c), (x, y, z) = at.tolist(), direction.tolist()
+    return np.array([x, y, z, b * z - c * y, c * x - a * z, a * y - b * x])
 
 
 def _key(v: Array) -> tuple[float, ...]:

@@ -31,6 +31,8 @@ class SceneSource:
         hand: as `load_hand` takes it; root: of what is read of it.
         object: as `load_body` takes it; scale: metres per unit of its mesh.
         threshold: [m] surfaces nearer than this touch.
+        joint_laws: which of the hand's joint laws count, see `Hand.with_laws`.
+        backdrivable: motors that give what they are commanded and no more.
         files: the two files' SHA-256, for whoever goes on elsewhere or later.
     """
 
@@ -39,6 +41,8 @@ class SceneSource:
     root: str | None = None
     scale: float = 1.0
     threshold: float = 5e-4
+    joint_laws: str = "all"
+    backdrivable: tuple[str, ...] = ()
     files: tuple[str | None, str | None] = (None, None)
 
     @classmethod
@@ -67,7 +71,8 @@ class SceneSource:
                 found = SourceFile.of(source, kind)
                 if known and found and found.sha256 != known:
                     raise InputError(f"is not the file of the {kind} that the labels began with", source=source)
-            _own.source, _own.scene = self, Scene(hand, body)
+            lawful = hand.with_laws(self.joint_laws).with_backdrivable(self.backdrivable)
+            _own.source, _own.scene = self, Scene(lawful, body)
         return _own.scene
 
     def joints_of(self, row: PosedRow) -> Array:
@@ -101,7 +106,8 @@ class SceneSource:
     def to_json(self) -> dict[str, Any]:
         kept = dict(zip(("hand_sha256", "object_sha256"), self.files, strict=True))
         paths = {"hand": self.hand, "object": self.object, "root": self.root}
-        return paths | kept | {"scale": self.scale, "threshold": self.threshold}
+        laws = {"joint_laws": self.joint_laws, "backdrivable": list(self.backdrivable)}
+        return paths | kept | {"scale": self.scale, "threshold": self.threshold} | laws
 
 
 def _absolute(name: str) -> str:

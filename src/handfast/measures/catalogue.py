@@ -12,7 +12,7 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.measures import chosen_forces, energies, map_conditioning, wrench_space
 from handfast.measures.cone_edges import EDGES, edge_wrenches
-from handfast.measures.force_closure import force_closure
+from handfast.measures.force_closure import LEAST, force_closure
 from handfast.measures.internal_forces import InternalForces, internal_forces
 from handfast.measures.passive import PassiveMaxima, passive_maxima
 from handfast.measures.robustness import contact_robustness, grasp_robustness
@@ -71,7 +71,8 @@ class Asked:
 
     @cached_property
     def closure(self) -> tuple[bool, float]:
-        return force_closure(self.cones)
+        margin = self.l1.closure_margin  # at next to no cost, as the hull is there
+        return force_closure(self.cones) if margin is None else (margin > LEAST, margin)
 
     @cached_property
     def internal(self) -> InternalForces:

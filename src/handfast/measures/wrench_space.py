@@ -8,6 +8,7 @@ smallest wrench that cannot be balanced. Nothing of the hand is known to it.
 
 from __future__ import annotations
 
+from math import factorial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from handfast.core.arrays import Array
 from handfast.measures.not_measured import NotMeasured
 
 FLAT = 1e-9  # singular values below this share of the largest are none
+OUTSIDE = 1e-6  # relative distance of the origin from a hull that rounding does not make
 MOST_SUMS = 1000  # corners whose hull is built for the volume of a Minkowski sum
 MOST_ROUNDS, BATCH = 100, 24  # of growing, facets that grow in one round
 EXACT = 1e-8  # relative distance of the two bounds at which growing ends
@@ -57,9 +59,32 @@ class L1Space:
 
     @property
     def volume(self) -> float:
-        """[N^6] of the hull of the edges and of the origin, for no force at all is always possible."""
-        whole = self._hull if self.epsilon > 0 else _hull(np.vstack([self.points, np.zeros((1, 6))]))
-        return 0.0 if whole is None else float(whole.volume)
+        """[N^6] of the hull of the edges and of the origin, for no force at all is always possible.
+
+        An origin outside adds the simplices between it and the facets that it sees.
+        """
+        if self._hull is None:
+            whole = _hull(np.vstack([self.points, np.zeros((1, 6))]))
+            return 0.0 if whole is None else float(whole.volume)
+        seen = self._hull.simplices[self._hull.equations[:, -1] > 0]
+        return float(self._hull.volume + np.abs(np.linalg.det(self.points[seen])).sum() / factorial(6))
+
+    @property
+    def closure_margin(self) -> float | None:
+        """The margin of `force_closure`, where facets tell it; None where the hull is flat.
+
+        With coefficients x = d + y, y >= 0, of n edges w_i that sum to n, forces balance where the hull has the point
+        sum y_i w_i / (n - n d) = -d / (1 - d) mean(w): as far as a ray from the origin goes within the hull.
+        """
+        if self._hull is None:
+            return None
+        inside = -self._hull.equations[:, -1]
+        if inside.min() < 0:
+            return None if inside.min() > -OUTSIDE * float(np.abs(self.points).max()) else 0.0
+        towards = -self._hull.equations[:, :-1] @ self.points.mean(axis=0)
+        ahead = towards > 0
+        t = float((inside[ahead] / towards[ahead]).min(initial=np.inf))
+        return t / (1 + t) if t < np.inf else 1.0
 
     def epsilon_in(self, turned: Array) -> float:
         """[N] epsilon where each wrench w is `turned` w, a regular (6, 6): facets stay facets, n . w becomes

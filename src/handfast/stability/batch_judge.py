@@ -28,6 +28,11 @@ class StateRows:
     coupling: Array
     reaction: Array
 
+    def rows(self, which: Mask) -> StateRows:
+        """Some of them."""
+        parts = self.r, self.q, self.c, self.f, self.coupling, self.reaction
+        return StateRows(*(part[which] for part in parts))
+
     def row(self, i: int) -> State:
         """One of them."""
         return State(self.r[i], self.q[i], self.c[i], self.f[i], self.coupling[i], self.reaction[i])

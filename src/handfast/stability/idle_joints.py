@@ -21,13 +21,17 @@ def runs_away(grasp: Grasp) -> bool:
     mech, given = grasp.mechanism, grasp.given_torques
     if not idle.any() or not (grasp.command.any() or given[idle].any()):
         return False
-    from scipy.optimize import linprog  # slow to import, and seldom needed
-
     moves, back = model.commanded(grasp), np.array(mech.backdrivable, dtype=bool)
     f_c = grasp.command
     low = np.where(back, f_c, np.where(moves & (f_c >= 0), f_c, -np.inf))
     high = np.where(back, f_c, np.where(moves & (f_c < 0), f_c, np.inf))
     lo, hi = model.reaction_range(grasp)
+    of_idle = mech.R[:, idle].any(axis=1)
+    rest = not given[idle].any() and ((low <= 0) & (high >= 0))[of_idle].all() and ((lo <= 0) & (hi >= 0))[idle].all()
+    if rest:  # nothing pulls them
+        return False
+    from scipy.optimize import linprog  # slow to import, and seldom needed
+
     free = np.full(len(mech.A), np.inf)
     columns = np.hstack([mech.R.T, mech.A.T, np.eye(grasp.l)])[idle]
     bounds = np.column_stack([np.concatenate([low, -free, lo]), np.concatenate([high, free, hi])])

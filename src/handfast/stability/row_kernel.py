@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict
-from handfast.core.arrays import Array, Mask
+from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.batch_judge import Judge, StateRows
-from handfast.stability.goal import ANY_STATE, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.goal import ANY_STATE, FARTHER, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.idle_joints import runs_away
 from handfast.stability.queries.max_query import max_goal
 from handfast.stability.search.batch_search import BatchSearch, FoundRows
 from handfast.stability.search.template import LoadRows, Template
@@ -34,7 +36,7 @@ class RowKernel:
     def __init__(self, grasp: Grasp, limits: Mapping[str, Any]) -> None:
         self.grasp, self.limits = grasp, dict(limits)
         self._judge = Judge(grasp, eta=self.limits["eta"])
-        self._searches: dict[Goal, BatchSearch] = {}
+        self._searches: dict[tuple[Goal, float], BatchSearch] = {}
 
     def ask(self, goal: Goal, W: Array, B: Array, settings: Settings) -> Settled | None:
         """Columns of rows (k, 6): loads, or directions with their base loads; None where no row can be asked so."""
@@ -49,35 +51,47 @@ class RowKernel:
         loads = template.loads(B if of_max else W, W if of_max else None)
         found = search.ask(loads)
         columns, settled = (self._maxima if of_max else self._checks)(template, loads, found, W, B, settings)
-        columns["stop"] = np.full(len(W), str(Stop.COMPLETE))
+        if template.reduced.goal == SMALLEST_PRELOAD and not settings.verify and found.none.any():
+            self._slipping(columns, settled, np.flatnonzero(found.none), W, B, settings)
+        columns.setdefault("stop", np.full(len(W), str(Stop.COMPLETE)))
         columns["seconds"] = np.full(len(W), (time.monotonic() - start) / len(W))
         return columns, settled
 
-    def _search(self, goal: Goal, w: Array, base: Array, settings: Settings) -> BatchSearch | None:
+    def _search(self, goal: Goal, w: Array, base: Array, settings: Settings, reach: float = 0.0) -> BatchSearch | None:
         """The search for a goal, made for the first row; None where that is refused, or another goal's."""
-        if goal not in self._searches:
+        if (goal, reach) not in self._searches:
             of_max = goal != ANY_STATE
             try:
                 p = scaled_problem.build(self.grasp, base if of_max else w, w if of_max else None, **self.limits)
                 if of_max and max_goal(p) != goal:
                     return None
-                self._searches[goal] = BatchSearch(Template.of(p, goal), settings)
+                self._searches[goal, reach] = BatchSearch(Template.of(p, goal, reach), settings)
             except (InputError, ValueError):  # its first row is asked alone, and says what is wrong
                 return None
-        search = self._searches[goal]
+        search = self._searches[goal, reach]
         search.limit(settings)
         return search
 
     def _checks(
         self, template: Template, loads: LoadRows, found: FoundRows, W: Array, B: Array, settings: Settings
     ) -> Settled:
-        """Columns of these checks, and which rows are settled: what slips is replayed, unless that is switched off."""
-        residual = self._judge.worst(W, found.states)
+        """Columns of these checks, and which rows are settled: what slips is replayed, unless that is switched off.
+
+        Where the limit of nodes was reached, a whole search would reach it as well.
+        """
+        residual = self._residuals(found.held, W, found.states)
         held = found.held & (residual <= VALID)
         slips = found.none & (not settings.verify)
-        verdict = np.where(held, str(Verdict.HOLDS), str(Verdict.SLIPS))
-        residual = np.where(held, residual, np.nan)
-        return {"verdict": verdict, "residual": residual, "verified": held, "nodes": found.nodes}, held | slips
+        limited = found.hard & (found.nodes >= settings.node_limit)
+        verdict = np.select([held, limited], [str(Verdict.HOLDS), str(Verdict.UNDECIDED)], str(Verdict.SLIPS))
+        columns = {
+            "verdict": verdict,
+            "residual": np.where(held, residual, np.nan),
+            "verified": held,
+            "nodes": found.nodes,
+            "stop": np.where(limited, str(Stop.NODES), str(Stop.COMPLETE)),
+        }
+        return columns, held | slips | limited
 
     def _maxima(
         self, template: Template, loads: LoadRows, found: FoundRows, W: Array, B: Array, settings: Settings
@@ -92,12 +106,46 @@ class RowKernel:
                 lower, upper = np.maximum(0.0, found.scalar * scale), np.maximum(0.0, -found.cut * scale)
         unbounded = lower >= loads.last_magnitude * (1 - NEAR_END)
         good = found.held & np.isfinite(lower) & (lower > 0)
-        residual = self._judge.worst(B + np.where(good, lower, 0.0)[:, None] * W, states)
+        residual = self._residuals(good, B + np.where(good, lower, 0.0)[:, None] * W, states)
         good &= residual <= VALID
         verdict = np.full(len(W), str(Verdict.HOLDS))
         upper = np.where(unbounded | found.at_end, np.inf, upper)
         columns = {"verdict": verdict, "lower": lower, "upper": upper, "unbounded": unbounded, "residual": residual}
         return columns | {"verified": unbounded, "nodes": found.nodes}, good
+
+    def _slipping(
+        self, columns: dict[str, Any], settled: Mask, none: Indices, W: Array, B: Array, settings: Settings
+    ) -> None:
+        """Settle those of the rows without a state (none) that have none either at any magnitude, however small.
+
+        A search ends at commands that are some ten thousand times as large as the load, and some smaller loads may
+        be resisted: see `solve.without_end`. What it would find there, or not, is left to it.
+        """
+        search = self._search(SMALLEST_PRELOAD, W[0], B[0], settings, 1.0 if self._runs_away else FARTHER)
+        if search is None:
+            return
+        found = search.ask(search.template.loads(B[none], W[none]))
+        columns["nodes"][none] += found.nodes
+        slips = none[found.none]
+        settled[slips] = True
+        columns["verdict"][slips], columns["residual"][slips], columns["verified"][slips] = (
+            str(Verdict.SLIPS),
+            np.nan,
+            False,
+        )
+        columns["lower"][slips] = columns["upper"][slips] = 0.0
+        columns["unbounded"][slips] = False
+
+    def _residuals(self, there: Mask, W: Array, states: StateRows) -> Array:
+        """(k,) the worst residuals of those states that are there, NaN for the others."""
+        out = np.full(len(W), np.nan)
+        if there.any():
+            out[there] = self._judge.worst(W[there], states.rows(there))
+        return out
+
+    @cached_property
+    def _runs_away(self) -> bool:
+        return runs_away(self.grasp)
 
 
 def _times(x: StateRows, s: Array) -> StateRows:

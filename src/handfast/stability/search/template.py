@@ -22,7 +22,7 @@ from handfast.core.groups import whole_vectors
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.batch_judge import StateRows
-from handfast.stability.goal import HIGHEST, LARGEST, SMALLEST_PRELOAD, Goal
+from handfast.stability.goal import HIGHEST, INF, LARGEST, SMALLEST_PRELOAD, Goal
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search.arrays import UNASKED, QuestionRows
 from handfast.stability.search.reduced import (
@@ -60,22 +60,24 @@ class Template:
         reduced: of some load; E: its equilibrium equations, without the scalar's column where that is the load's.
         inverse: (ny, e) pseudo-inverse of E, filled up with a row of zeros for the scalar.
         mix: (nv,) parts that the columns of the basis have of a row's own one; empty where there is none.
+        reach: 0, or of the smallest preload: sought however large, and as many times smaller than searches end.
     """
 
     reduced: Reduced
     E: Array
     inverse: Array
     mix: Array
+    reach: float = 0.0
 
     @classmethod
-    def of(cls, p: ScaledProblem, goal: Goal) -> Template:
+    def of(cls, p: ScaledProblem, goal: Goal, reach: float = 0.0) -> Template:
         """From a problem with any load, of which only the commands and limits count."""
         if len(p.soft):
             raise ValueError("soft fingers are asked about one by one")
-        r = reduce(p, goal)
+        r = reduce(p, goal, within=(1.0 / (reach * p.search_end), INF) if reach else None)
         E = equilibrium(p, goal)
         if goal != LARGEST:
-            return cls(r, E, r.solve, np.zeros(0))
+            return cls(r, E, r.solve, np.zeros(0), reach)
         bare = E[:, :-1]  # without the scalar, the last of y where there are no efforts
         inverse = np.vstack([np.linalg.pinv(bare, rcond=1e-10), np.zeros(len(E))])
         _, sv, Vt = np.linalg.svd(bare)
@@ -192,6 +194,8 @@ class Template:
         if r.objective:
             end = loads.last_magnitude / loads.direction_scale
             lo[:, 0], hi[:, 0] = (1.0 / end, HIGHEST) if r.goal == SMALLEST_PRELOAD else (-end, 0.0)
+            if self.reach:
+                lo[:, 0], hi[:, 0] = 1.0 / (self.reach * end), INF
         energy = np.zeros((k, 0, r.M.shape[1]))
         if r.names and r.names[-1][0] == "energy":
             energy = self._energy(loads, f_c)
