@@ -47,6 +47,7 @@ from handfast.model.grasp_file import from_dict, to_dict
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.load import load_hand
 from handfast.model.shape import Shape
+from handfast.stability.model import reaction_range
 
 DATA = Path(__file__).parent / "grasps"
 INDEX = DATA / "index.json"
@@ -228,7 +229,13 @@ def pressing(grasp: Grasp, least: float, edges: int = 16) -> Array | None:
     given = [(least * f, f) if f else (None, None) for f in grasp.command]
     bounds = [(0, None)] * n + given + [(None, None)] * len(mech.A)
     cost = np.r_[np.zeros(n), np.where(grasp.command != 0, -1.0, 0.0), np.zeros(len(mech.A))]
-    found = linprog(cost, A_eq=rows, b_eq=np.zeros(len(rows)), bounds=bounds)
+    right = np.zeros(len(rows))
+    if any(joint.friction or joint.torque or joint.stop for joint in grasp.joints):  # what joints carry themselves
+        rows = np.hstack([rows, np.vstack([np.zeros((6, grasp.l)), -np.eye(grasp.l) / size])])
+        cost = np.r_[cost, np.zeros(grasp.l)]
+        bounds += [tuple(bound) for bound in np.column_stack(reaction_range(grasp))]
+        right[6:] = [joint.torque / size for joint in grasp.joints]
+    found = linprog(cost, A_eq=rows, b_eq=right, bounds=bounds)
     return np.where(grasp.command != 0, found.x[n : n + mech.a], 0.0) if found.status == 0 else None
 
 

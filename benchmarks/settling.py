@@ -29,9 +29,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.agreement_grasps import axes
 from benchmarks.grasps import Rig, bodies, pull, rigs
 from benchmarks.machine import describe
-from benchmarks.simulation_agreement import axes
 from handfast.core import bundled
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array

@@ -1,17 +1,18 @@
-"""Does a dynamics engine agree? Grasps of three to eight contacts, loads below and above their certified maxima.
+"""Does a dynamics engine agree? Grasps of three to ten contacts, loads below and above their certified maxima.
 
-    python -m benchmarks.simulation_agreement [--seconds 300] [--only barrett-egg]
+    python -m benchmarks.simulation_agreement [--hands FOLDER] [--shared ../shared] [--seconds 300] [--only barrett-egg]
 
-Questions: the bundled grasps along the six axes, and the random, Barrett and Allegro grasps of `benchmarks.grasps`
-along their own direction and, those of real hands, along one axis. Those whose maximum is bounded are simulated at
+Questions are those of `benchmarks.agreement_grasps`: a thousand grasps, bundled, random, and closed Barrett, Allegro,
+SA, Shadow and Adroit hands on YCB and other objects. Those of hands that are not in the repository are left out, and
+counted, unless `--hands` and `--shared` say where these are. Those whose maximum is bounded are simulated at
 fixed shares of it and in the middle of the first hole below it, once with the commands first and the load after them,
 once with both growing together. Where Handfast says HOLDS and neither rests, a third simulation begins at an
 equilibrium that it found. What Handfast says at each load is asked by `check`.
 
 The rule of what is fragile, fixed beforehand: what `check --margin` calls fragile, by its own default rule, at FIRM of
 the maximum, or that cannot be asked there as it lies in a hole. An earlier study's rule, LITTLE, is counted beside it.
-Undecided and ill-posed simulations agree with nothing. Questions come in a fixed shuffled order, those of more than
-five contacts last. Writes results/simulation_agreement.json as it goes on, and goes on where it was stopped.
+Undecided and ill-posed simulations agree with nothing. Questions come in a fixed shuffled order. Writes
+results/simulation_agreement.json as it goes on, and goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.grasps import cases
+from benchmarks.agreement_grasps import questions
+from benchmarks.closed_grasps import ClosedHands, add_folders
 from benchmarks.machine import describe
-from handfast.core import bundled
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
+from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
 from handfast.simulation.ending import Ending
 from handfast.simulation.loaded_twin import Loading, force_unit, simulate
 from handfast.simulation.result import SimulationResult
@@ -53,37 +54,18 @@ STATEMENT = "an equilibrium exists"  # the model's own: some simulation of the l
 FIRM = 0.8  # of the maximum, where fragility is asked
 LITTLE = 50.0  # times what the most loaded contact gives way, by the least motion at FIRM: an earlier study's rule
 RAMP = 4.0  # [s]
-LIMIT = Settings(time_limit=20.0)
-QUICK = Settings(node_limit=1000, time_limit=20.0)  # of holes, and of each check of fragility
-SEED = 19
-LAST = 5  # grasps with more contacts come last: their fragility takes most of the time
+LIMIT = Settings(time_limit=60.0)
+QUICK = Settings(node_limit=1000, time_limit=60.0)  # of holes, and of each check of fragility
 RESTS = (Ending.HOLDS, Ending.SETTLES)
 OPEN = (Ending.UNDECIDED, Ending.ILL_POSED)
-
-
-def axes() -> dict[str, Array]:
-    """Forces along the six directions of the object's axes."""
-    return {f"{s}{a}": np.eye(6)[k] * (1 if s == "+" else -1) for k, a in enumerate("xyz") for s in "+-"}
-
-
-def questions() -> Iterator[tuple[str, str, Grasp, Array]]:
-    """Name, family, grasp and direction of all, shuffled, those with more than five contacts last."""
-    along = axes()
-    found = [(f"{n} {a}", "bundled", load_grasp(n), d) for n in bundled.names("grasps") for a, d in along.items()]
-    draw = np.random.default_rng(SEED)
-    for case in cases(("random", "barrett", "allegro")):
-        found.append((case.name, case.family, case.grasp, case.direction))
-        if case.family != "random":
-            axis = str(draw.choice(list(along)))
-            found.append((f"{case.name} {axis}", case.family, case.grasp, along[axis]))
-    return iter(sorted((found[k] for k in draw.permutation(len(found))), key=lambda q: q[2].m > LAST))
 
 
 def answered(grasp: Grasp, direction: Array) -> dict[str, Any]:
     """The maximum along a direction, whether it is fragile, and all simulations of it."""
     most = maximum(grasp, direction, settings=LIMIT)
     if most.unbounded or most.verdict is not Verdict.HOLDS or not most.lower:
-        return {"maximum": None}
+        why = "unbounded" if most.unbounded else "no load" if most.verdict is Verdict.HOLDS else str(most.verdict)
+        return {"maximum": None, "contacts": grasp.m, "why": why}
     largest = float(most.lower)
     shares = list(SHARES)
     most = with_interval(most, QUICK)
@@ -118,8 +100,8 @@ def seen(grasp: Grasp, found: SimulationResult, share: float) -> dict[str, Any]:
 
     Its forces and all that has moved since the beginning are put into `model.residuals` as a witness would be.
     """
-    out: dict[str, Any] = {"ending": str(found.ending), "rate": found.rate / grasp.size}
-    out["onset"] = None if found.onset is None else share * found.onset
+    out: dict[str, Any] = {"ending": str(found.ending), "rate": float(f"{found.rate / grasp.size:.4g}")}
+    out["onset"] = None if found.onset is None else round(share * found.onset, 4)
     if found.ending in RESTS:
         missed = asdict(residuals(grasp, found.wrench, state_of(grasp, found)))
         out["missed"] = {name: round(value, 5) for name, value in missed.items()}
@@ -186,20 +168,41 @@ def summary(asked: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_folders(parser)
     parser.add_argument("--seconds", type=float, default=np.inf, help="stop after the question at which this is over")
     parser.add_argument("--only", default="", help="questions whose name begins so")
+    parser.add_argument("--results", type=Path, default=RESULTS)
     args = parser.parse_args()
     begun = time.monotonic()
-    data = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"questions": {}}
-    for name, family, grasp, direction in questions():
-        if name in data["questions"] or not name.startswith(args.only):
+    data = json.loads(args.results.read_text()) if args.results.exists() else {"questions": {}}
+    whole = questions(ClosedHands(args.hands, args.shared))
+    absent = Counter(q.missing for q in whole if q.missing and q.name not in data["questions"])
+    for what, count in absent.items():
+        print(f"left out: {count} questions for want of {what}", flush=True)
+    for question in whole:
+        if question.name in data["questions"] or question.missing or not question.name.startswith(args.only):
             continue
         if time.monotonic() - begun > args.seconds:
             break
-        data["questions"][name] = {"family": family} | answered(grasp, direction)
-        data |= {"machine": describe(), "rule": f"margin at {FIRM}", "summary": summary(data["questions"])}
-        RESULTS.write_text(json.dumps(data, indent=1) + "\n")
-    print(json.dumps(data.get("summary", {}), indent=1), flush=True)
+        used = time.process_time()
+        try:
+            found = answered(*question.made())
+        except InputError as fault:
+            found = {"maximum": None, "reason": str(fault)}
+        found["processor seconds"] = round(time.process_time() - used, 2)
+        data["questions"][question.name] = {"family": question.family} | found
+        data |= {"machine": describe(), "rule": f"margin at {FIRM}", "asked of": len(whole)}
+        save(data | {"summary": summary(data["questions"])}, args.results)
+    data["summary"] = summary(data["questions"])
+    save(data, args.results)
+    print(json.dumps(data["summary"], indent=1), flush=True)
+
+
+def save(data: dict[str, Any], target: Path) -> None:
+    """Written beside and moved, so that what is there is whole whenever it is stopped."""
+    part = target.with_suffix(".part")
+    part.write_text(json.dumps(data, separators=(",", ":")).replace('},"', '},\n"') + "\n")
+    part.replace(target)
 
 
 if __name__ == "__main__":

@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.agreement_grasps import axes
 from benchmarks.machine import describe
-from benchmarks.simulation_agreement import LIMIT, axes
+from benchmarks.simulation_agreement import LIMIT
 from handfast.core import bundled
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array

@@ -115,22 +115,34 @@ class Stepper:
         Raises:
             FloatingPointError: the engine's numbers have run away.
         """
-        d, m = self.data, self._model
+        # plain numbers: for vectors of three, arrays would take longer than the engine's step
+        d, m, step = self.data, self._model, self._mujoco.mj_step
+        R, velocity = d.xmat[self._object].reshape(3, 3), d.qvel[self._v : self._v + 6]
+        applied = d.xfrc_applied[self._object]
+        origin, middle, driven = d.xpos[self._object], d.xipos[self._object], d.qfrc_applied
         drag = 1.0 / DRAG_TIME
-        inertia = m.body_inertia[self._object]
+        turning_drag = drag * float(m.body_inertia[self._object][0])
+        wx, wy, wz, tx, ty, tz = self._wrench.tolist()
         for _ in range(steps):
             self.load += load_step
-            R = d.xmat[self._object].reshape(3, 3)
+            load = self.load
+            v0, v1, v2, *_ = velocity.tolist()
+            a, b, c = (R @ velocity[3:]).tolist()
+            x, y, z = (R @ self._middle).tolist()
             # the force acts at the object's origin, which moves along with it; its direction stays
-            arm = d.xpos[self._object] - d.xipos[self._object]
-            force = self.load * self._wrench[:3]
-            torque = self.load * self._wrench[3:] + cross(arm, force)
-            velocity = d.qvel[self._v : self._v + 6]
-            turning = R @ velocity[3:]
-            d.xfrc_applied[self._object, :3] = force - drag * self._speed_of_middle(R, velocity)
-            d.xfrc_applied[self._object, 3:] = torque - drag * inertia[0] * turning
-            d.qfrc_applied[:] = self._close
-            self._mujoco.mj_step(m, d)
+            (ox, oy, oz), (mx, my, mz) = origin.tolist(), middle.tolist()
+            ax, ay, az = ox - mx, oy - my, oz - mz
+            fx, fy, fz = load * wx, load * wy, load * wz
+            applied[:] = (
+                fx - drag * (v0 + (b * z - c * y)),
+                fy - drag * (v1 + (c * x - a * z)),
+                fz - drag * (v2 + (a * y - b * x)),
+                load * tx + (ay * fz - az * fy) - turning_drag * a,
+                load * ty + (az * fx - ax * fz) - turning_drag * b,
+                load * tz + (ax * fy - ay * fx) - turning_drag * c,
+            )
+            driven[:] = self._close
+            step(m, d)
             self.hold_gears()
         warned = d.warning[self._mujoco.mjtWarning.mjWARN_BADQACC].number
         if warned or not np.isfinite(d.qpos).all():
