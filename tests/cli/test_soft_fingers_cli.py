@@ -16,7 +16,8 @@ from handfast.model.shape import Shape
 from tests.support.program import ask, complains, run
 from tests.support.soft_fingers import coin
 
-HAND = """<mujoco model="jaw"><compiler angle="radian"/><default><geom friction="0.8 0.004 0.0001"/></default><worldbody>
+HAND = """<mujoco model="jaw"><compiler angle="radian"/><default><geom friction="0.8 0.004 0.0001"/></default>
+  <worldbody>
   <body name="palm"><geom name="palm" type="box" size=".06 .02 .01" pos="0 0 -.05"/>
     <body name="left" pos="-.03 0 0"><joint name="left" type="slide" axis="1 0 0" range="-.01 .01"/>
       <geom name="pad" type="box" size=".01 .01 .01" condim="4"/><geom name="nail" type="box" size=".004 .004 .02"
@@ -82,5 +83,5 @@ def test_a_question_its_answer_and_its_proof(capsys: pytest.CaptureFixture[str])
     assert run(capsys, "verify", "slips.json")[0] == 0
     asked = ["check", "coin.json", *turn]
     complains(capsys, [*asked, "--torsion", "0"], ["cannot be balanced by any forces"])
-    complains(capsys, [*asked, "--eta", "5"], ["contacts[0].torsion", "uncertainty of the normals knows point contacts"])
+    complains(capsys, [*asked, "--eta", "5"], ["contacts[0].torsion", "uncertainty of the normals knows point"])
     complains(capsys, [*asked, "--torsion", "-1"], ["torsion", "is -1.0"])

@@ -46,12 +46,14 @@ def bodies_of(grasp: Grasp) -> Bodies:
     """Hand and object as the grasp's provenance has them.
 
     Raises:
-        InputError: a file that is missing or has changed; a contact on a link that the hand does not have, or on none.
+        InputError: a file that is missing or has changed; a contact on a link that the hand does not have, or on none; soft
+            fingers.
     """
     from handfast.model.body import load_body
     from handfast.model.configuration import load_configuration
     from handfast.model.hand.load import load_hand
 
+    grasp.refuse_soft_fingers("the simulation of bodies")
     came = grasp.provenance or Provenance()
     faults = came.faults()
     if faults or not (came.hand and came.object and came.configuration):

@@ -119,12 +119,13 @@ def settle(
         on_path: called after each step with the share of the load and the distance moved [m].
 
     Raises:
-        InputError: no files or changed ones, a wrench of another length, nothing that acts.
+        InputError: no files or changed ones, a wrench of another length, nothing that acts, soft fingers.
     """
     begun = time.perf_counter()
     settings = settings or LIMIT
     placed = grasp if isinstance(grasp, GraspInScene) else GraspInScene.of(grasp)
     grasp = placed.grasp
+    grasp.refuse_soft_fingers("settling")
     w = np.asarray(wrench, dtype=float).ravel()
     w = frozen(np.r_[w, 0, 0, 0] if len(w) == 3 else w, (6,), "wrench")
     length = _length(placed)
