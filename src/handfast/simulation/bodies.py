@@ -46,8 +46,8 @@ def bodies_of(grasp: Grasp) -> Bodies:
     """Hand and object as the grasp's provenance has them.
 
     Raises:
-        InputError: a file that is missing or has changed; a contact on a link that the hand does not have, or on none; soft
-            fingers.
+        InputError: a file that is missing or has changed; a contact on a link that the hand does not have, or on
+            none; soft fingers.
     """
     from handfast.model.body import load_body
     from handfast.model.configuration import load_configuration
