@@ -266,7 +266,8 @@ def test_places_of_the_equalities() -> None:
 def test_sizes_of_the_grasp_map_and_the_jacobian() -> None:
     """Sums of absolute values of the products behind every entry, of unlike numbers; 0 where a joint moves nothing."""
     g = hand()
-    G, J = sizes(g)
+    found = sizes(g)
+    G, J = found.G, found.J
     expected_G, expected_J = np.zeros((6, 9)), np.zeros((9, 3))
     for i, contact in enumerate(g.contacts):
         for k in range(3):

@@ -151,7 +151,7 @@ def test_the_first_row_that_is_wrong_is_named() -> None:
 
     place = "leaf 1 (node 0), row 1"
     assert fault() == f"{place}, CN_DOWN 1 [3, 4]: does not hold in this case"
-    for kind in (-1, 23, 99):
+    for kind in (-1, 29, 99):
         assert fault(kind=np.array([0, 5, 0, kind])) == f"{place}, {kind} 1 [3, 4]: no such kind"
     none = "no such contact, actuator, column or reference"
     for kind, ends in ((Row.CN_UP, 3), (Row.STILL_2_DOWN, 3), (Row.T_UP, 3), (Row.S_UP, 3), (Row.BOUND_UP, 22)):

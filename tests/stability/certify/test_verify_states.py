@@ -155,4 +155,4 @@ def test_every_kind_of_row_was_tried(capped: bool) -> None:
     for seed in range(40):
         certificate, _, case, rng = planted(seed, WORDS[seed % 4], capped)
         seen |= {name[0] for name in legal_rows(certificate, known(certificate), case, rng)}
-    assert seen == set(Row)
+    assert seen == {kind for kind in Row if kind <= Row.ENERGY}  # soft fingers: test_soft_rows.py
