@@ -45,6 +45,21 @@ def test_what_holds_is_not_followed(capsys: pytest.CaptureFixture[str]) -> None:
     assert "HOLDS  fig1 holds 1 N along +y as it stands: nothing was followed" in said
 
 
+def test_the_files_have_the_mass_and_the_centre_that_were_asked_about(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """30 kg, 0.25 m behind the origin: 294.2 N and 73.55 N m."""
+    weight = ("--gravity", "0", "0", "-1", "--mass", "30", "--com", "-0.25", "0", "0.1")
+    found = ask(capsys, "settle", "four-feet", *weight, "--follow", "--no-judge", "-o", str(tmp_path / "out"))
+    for name in ("first", "last"):
+        grasp = load_grasp(tmp_path / "out" / f"{name}.grasp.json")
+        assert grasp.mass == 30
+        assert grasp.center_of_mass == pytest.approx([-0.25, 0, 0.1])
+    assert found["wrench"] == pytest.approx([0, 0, -294.2, 0, -73.55, 0], rel=1e-3)
+    again = ask(capsys, "settle", str(tmp_path / "out" / "first.grasp.json"), "--gravity", "0", "0", "-1", "--no-judge")
+    assert again["wrench"] == found["wrench"]
+
+
 def test_a_motion_without_end_in_its_steps_is_open(capsys: pytest.CaptureFixture[str]) -> None:
     status, said, _ = run(capsys, "settle", "fig11", "--wrench", "0", "1.1", "0", "--steps", "3")
     assert status == 3

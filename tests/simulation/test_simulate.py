@@ -289,6 +289,7 @@ def test_a_simulation_that_breaks_down_says_so(monkeypatch: pytest.MonkeyPatch) 
     [
         ({"wrench": [1, 2]}, "wrench"),
         ({"wrench": [0, 0, 1], "ramp": 0}, "ramp: is 0; a number above 0"),
+        ({"wrench": [0, 0, 1], "ramp": 1e9}, "ramp: is 1e.09; at most 10000 s"),
         ({"wrench": [0, 0, 1], "loading": "both"}, "'preload-first' or 'together'"),
     ],
 )

@@ -56,7 +56,9 @@ class Settle(GraspOptions, Load, Command):
         self._check_output()
         grasp = self.load()
         wrench = self.disturbance(grasp, self.grasp)
-        centre = self.weighed(grasp, self.grasp).center_of_mass if self.gravity else None
+        if self.gravity:  # both grasps are written with the mass and the centre that were asked about
+            grasp = self.weighed(grasp, self.grasp)
+        centre = grasp.center_of_mass if self.gravity else None
         at = (0.0, 0.0, 0.0) if centre is None else tuple(centre.tolist())
         with console.watch("settle") as watch:
             found = settle(

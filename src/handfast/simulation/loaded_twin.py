@@ -17,6 +17,7 @@ from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import STEP, STIFFNESS, build_twin, free_joints
 
 Loading = Literal["preload-first", "together"]
+SLOWEST = 1e4  # [s of the twin] of a ramp: ten million steps
 
 
 def simulate(
@@ -73,10 +74,12 @@ def simulate(
 
 
 def checked_times(ramp: float, step: float, stiffness: float, loading: str) -> None:
-    """Raises `InputError` for numbers that are not above 0, and an unknown way of loading."""
+    """Raises `InputError` for numbers that are not above 0, a ramp without end, and an unknown way of loading."""
     for name, value in (("ramp", ramp), ("step", step), ("stiffness", stiffness)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"is {value}; a number above 0 is needed", field=name)
+    if ramp > SLOWEST:
+        raise InputError(f"is {ramp:g}; at most {SLOWEST:g} s are possible", field="ramp")
     if loading not in ("preload-first", "together"):
         raise InputError(f"is '{loading}'; 'preload-first' or 'together' is needed", field="loading")
 

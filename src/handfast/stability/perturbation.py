@@ -46,9 +46,10 @@ class Perturbation:
 
     def __post_init__(self) -> None:
         for name, (least_too_large, right) in BOUNDS.items():
-            value = getattr(self, name)
-            if not (isinstance(value, Real) and np.isfinite(value) and 0 <= value < least_too_large):
-                shown = f"{value:g}" if isinstance(value, Real) else repr(value)
+            given = getattr(self, name)
+            value = float(given) if isinstance(given, Real) else np.nan
+            if not (np.isfinite(value) and 0 <= value < least_too_large):
+                shown = f"{value:g}" if isinstance(given, Real) else repr(given)
                 raise InputError(f"is {shown}; {right} is needed", field=name)
         if not any(getattr(self, f.name) for f in fields(self)):
             raise InputError("are all 0; give at least one of positions, normals, friction and command", field="bounds")
