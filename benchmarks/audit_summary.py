@@ -64,9 +64,10 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     keys = sorted({k for r in whole for k in r["here"]})
     out["holds here"] = {k: sum(r["here"][k] == "holds" for r in whole) for k in keys}
     out["open here"] = {k: sum(r["here"][k] == "undecided" for r in whole) for k in keys}
-    if any("tendons free" in r for r in whole):
-        kinds = ("own", "preload alone")
-        out["tendons free"] = {k: sum(r["tendons free"][k] == "holds" for r in whole) for k in kinds}
+    for variant in ("without laws", "tendons free"):
+        if any(variant in r for r in whole):
+            kinds = ("own", "preload alone")
+            out[variant] = {k: sum(r[variant][k] == "holds" for r in whole) for k in kinds}
     if any("sides here" in r for r in whole):
         out["sides"] = by_side(whole)
     out["area"] = areas(sure, "own")

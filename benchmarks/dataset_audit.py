@@ -3,7 +3,8 @@
     python -m benchmarks.dataset_audit bundled [--allegro HAND.urdf] [--count 1000]
     python -m benchmarks.dataset_audit published --bench ../DexGraspBench [--count 200] [--hand right_hand.xml]
     python -m benchmarks.dataset_audit friction --files dataset/*.npy --hand right_hand.xml --objects meshdata
-    python -m benchmarks.dataset_audit summary
+    python -m benchmarks.dataset_audit summary                                # counts and areas anew from what is there
+    python -m benchmarks.dataset_audit tables                                 # those of docs/dataset-audit.md
 
 `bundled`: the repository's own thousand grasps, made again from their seeds; those of the Allegro hand need its URDF.
 Their test is a simulation of the contacts (`simulate`) under the weight from six sides, ended by the first failure. It
@@ -16,8 +17,9 @@ is passed as DexGraspBench has it: moved by less than 5 cm and 15 degrees, slow 
 grasps: do *some* forces at the contacts balance the weight from six sides, at which coefficients? No hand holds what
 none balance.
 
-Of each grasp of the first two: does it hold all six loads here, at several coefficients of friction, how many times as
-much does it resist in the worst of the six, and all classical measures. Writes results/dataset_audit.json as it goes
+Of each grasp of the first two: does it hold all six loads here, at several coefficients of friction, with the laws of
+joints that the hand's file has and without, how many times as much does it resist in the worst of the six, and all
+classical measures. Writes results/dataset_audit.json as it goes
 on, and goes on where it was stopped. `docs/make_audit_picture.py` draws it.
 """
 
@@ -27,12 +29,14 @@ import argparse
 import gzip
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.audit_summary import MEASURES, OURS, summary
+from benchmarks.audit_tables import tables
 from benchmarks.bench_protocol import FAR, FRICTION, MASS, PUSH, TURNED, GraspBench, Settled, recorded
 from benchmarks.grasp_dataset import BUNDLED, posture, runner
 from benchmarks.machine import describe
@@ -60,8 +64,8 @@ from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "dataset_audit.json"
 FRICTIONS = (0.3, 0.6, 1.0, 3.0, 10.0)  # Dexonomy's hard test, DexGraspBench, GraspQP, DexGraspNet, GenDexGrasp
-LIMIT = Settings(node_limit=6000, time_limit=4.0, gap=1e-2, verify=False)
-BRIEF = Settings(node_limit=1000, time_limit=1.5, verify=False)  # for frictions other than the grasp's own
+LIMIT = Settings(node_limit=6000, time_limit=12.0, gap=1e-2, verify=False)
+BRIEF = Settings(node_limit=1000, time_limit=4.0, verify=False)  # for frictions other than the grasp's own
 STEP = 5  # grasps between two times of writing
 FAST = 4.0  # [s of the twin] over which the load of a simulation grows
 SIDES = np.repeat(np.eye(3), 2, axis=0) * np.tile([-1.0, 1.0], 3)[:, None]  # −x, +x, −y, ...
@@ -101,6 +105,13 @@ def asked(grasp: Grasp, loads: Array, least: Array) -> dict[str, Any]:
     values = {OURS: float(least.min())} | {k: v for k, v in found.items() if k in MEASURES and v is not None}
     own = {"own": held(grasp, loads), "preload alone": held(grasp, np.zeros((1, 6)))}
     return {"contacts": grasp.m, "here": own | at, "measures": {k: short(v) for k, v in values.items()}}
+
+
+def without_laws(grasp: Grasp, loads: Array) -> dict[str, str]:
+    """Verdicts where joints neither rub nor stand at stops, nor have springs."""
+    joints = [replace(j, friction=0.0, torque=0.0, stop="") for j in grasp.joints]
+    bare = Grasp(grasp.contacts, joints, grasp.mechanism, grasp.preload, grasp.name)
+    return {"own": held(bare, loads), "preload alone": held(bare, np.zeros((1, 6)))}
 
 
 def largest(grasp: Grasp, loads: Array) -> Array:
@@ -165,7 +176,7 @@ class BundledSet:
         least = largest(grasp, loads)
         passed, endings = passes_bench(grasp, loads[np.argsort(least)])  # the first failure ends it: weakest first
         found = {"passes": {"own": passed}, "endings": endings, "friction": row["friction"]}
-        return found | asked(grasp, loads, least)
+        return found | {"without laws": without_laws(grasp, loads)} | asked(grasp, loads, least)
 
 
 # --- a published set --------------------------------------------------------------------------------
@@ -203,7 +214,8 @@ class PublishedSet:
         free, locked = (self.grasp(settled, body, lock) for lock in ([], self.second))
         tendons = {"own": held(free, loads), "preload alone": held(free, np.zeros((1, 6)))}
         each = [str(verdict(locked, load)) for load in loads]
-        return found | {"tendons free": tendons, "sides here": each} | asked(locked, loads, largest(locked, loads))
+        found |= {"tendons free": tendons, "without laws": without_laws(locked, loads), "sides here": each}
+        return found | asked(locked, loads, largest(locked, loads))
 
     def body(self, thing: str, scale: float) -> Body:
         if (thing, scale) not in self.kept:
@@ -287,7 +299,7 @@ def spread(items: list[Any], count: int) -> list[Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("bundled", "published", "friction", "summary"))
+    parser.add_argument("what", choices=("bundled", "published", "friction", "summary", "tables"))
     parser.add_argument("--allegro", default="", help="URDF of the vendor, for the bundled grasps of that hand")
     parser.add_argument("--bench", type=Path, help="a clone of DexGraspBench, with grasps and objects")
     parser.add_argument("--hand", type=Path, help="its hand's model, if the clone lacks the meshes")
@@ -313,7 +325,11 @@ def main() -> None:
         data["friction"] = data.get("friction", {}) | {
             args.name: frictions(args.files, args.hand, args.objects, args.count)
         }
-        print(json.dumps(data["friction"], indent=1))
+        save(data)
+        print(json.dumps(data["friction"], indent=1), flush=True)
+    if args.what == "tables":
+        print(*tables(data).values(), sep="\n\n")
+        return
     for name, found in data.items():
         if "rows" in found:
             found["summary"] = summary(found["rows"])

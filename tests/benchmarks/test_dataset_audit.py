@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +12,9 @@ import pytest
 import trimesh
 
 from benchmarks.audit_summary import roc, summary
+from benchmarks.audit_tables import tables
 from benchmarks.bench_protocol import GraspBench
-from benchmarks.dataset_audit import BundledSet, PublishedSet, balanced, held, passes_bench
+from benchmarks.dataset_audit import RESULTS, BundledSet, PublishedSet, balanced, held, passes_bench, without_laws
 from handfast import Contact, Grasp, GraspJoint, load_body, load_hand
 
 JAWS = """<mujoco model="jaws"><compiler angle="radian"/>
@@ -23,6 +26,7 @@ JAWS = """<mujoco model="jaws"><compiler angle="radian"/>
   <actuator><position name="left_servo" joint="left_slide" kp="300"/>
     <position name="right_servo" joint="right_slide" kp="300"/></actuator></mujoco>"""
 OPEN, TOUCHING, SQUEEZED = 0.01, 0.015, 0.035
+ROOT = Path(__file__).parents[2]
 POSE = [0.0, 0, 0, 1, 0, 0, 0]
 
 
@@ -71,6 +75,10 @@ def test_what_is_asked_here_is_the_settled_grasp(jaws: tuple[Path, Path]) -> Non
     assert held(grasp, along_x[None]) == "holds"
     assert held(grasp, 6 * along_x[None]) == "holds"  # 0.6 times 5.5 N at each of two sides: 6.6 N
     assert held(grasp, 7.5 * along_x[None]) == "slips"
+    rubbing = [replace(j, friction=3.0) for j in grasp.joints]  # takes 3 N of each servo's 5.5 N
+    rubs = Grasp(grasp.contacts, rubbing, grasp.mechanism, grasp.preload)
+    assert held(rubs, 4 * along_x[None]) == "slips"
+    assert without_laws(rubs, 4 * along_x[None]) == {"own": "holds", "preload alone": "holds"}
 
 
 def pinch(command: float) -> Grasp:
@@ -117,6 +125,7 @@ def test_the_tables_count_what_is_open_by_itself() -> None:
             "name": "x",
             "passes": {"own": passed},
             "here": {"own": here, "preload alone": "holds"},
+            "without laws": {"own": "slips", "preload alone": "holds"},
             "measures": {"margin": margin, "tdg": 1 / (1 + margin)},
         }
 
@@ -124,6 +133,14 @@ def test_the_tables_count_what_is_open_by_itself() -> None:
     found = summary([*rows, {"name": "left out", "passes": {"own": None}, "reason": "touches nothing"}])
     assert (found["grasps"], found["asked"], found["test decided"]) == (5, 4, 3)
     assert found["there, here"] == {"passes, holds": 1, "passes, slips": 1, "fails, slips": 1, "open, undecided": 1}
+    assert found["without laws"] == {"own": 0, "preload alone": 4}
     assert found["area"]["margin"][0] == 1.0
     assert found["area"]["tdg"][0] == 1.0  # less of it is better
     assert found["area"]["dfc"][0] == 0.5  # not measured: all alike
+
+
+def test_the_page_has_the_tables_that_the_command_writes() -> None:
+    page = (ROOT / "docs" / "dataset-audit.md").read_text("utf-8")
+
+    for name, table in tables(json.loads(RESULTS.read_text("utf-8"))).items():
+        assert table in page, f"docs/dataset-audit.md: {name}; run python -m benchmarks.dataset_audit tables"
