@@ -5,8 +5,9 @@
 Random grasps of two to five contacts, each a soft finger or, one in four, a point contact, on joints that squeeze or
 are locked, and a random load. Asked: the largest disturbance with soft fingers and, side by side, with point contacts
 where these can balance the load; `check` a hundredth above the upper bound, which must not hold; and the question in a
-frame turned at random, whose bounds must overlap. Half and one and a half of each bounded maximum are simulated in
-MuJoCo's elliptic cones, which obey the same ellipsoid. Writes results/soft_fingers.json.
+frame turned at random, whose bounds must overlap, but where one is proved up to a motion only and the other's state
+moves more. Half and one and a half of each bounded maximum are simulated in MuJoCo's elliptic cones, which obey the
+same ellipsoid. Writes results/soft_fingers.json.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.simulation.loaded_twin import simulate
+from handfast.stability.certify import checker
 from handfast.stability.queries import check, maximum
 from handfast.stability.queries.max_query import MaxAnswer
 from handfast.stability.settings import Settings
@@ -83,6 +85,12 @@ def _closed(answer: MaxAnswer) -> bool:
     return answer.unbounded or answer.upper - answer.lower <= 1.01e-3 * answer.upper + 1e-9
 
 
+def _within(one: MaxAnswer, two: MaxAnswer) -> bool:
+    """Does the state of one answer move no more than the proof of the other is about?"""
+    cap = None if two.certificate is None else checker.verify(two.certificate).cap
+    return cap is None or one.witness is None or one.witness.largest_motion <= cap
+
+
 def _costs(g: Grasp, direction: Array) -> tuple[MaxAnswer, dict[str, Any]]:
     begun = time.process_time()
     answer = maximum(g, direction, settings=LIMIT)
@@ -100,15 +108,23 @@ def question(number: int) -> dict[str, Any] | None:
         found, soft = _costs(g, direction)
     except InputError:
         return None
-    row: dict[str, Any] = {"number": number, "contacts": g.m, "fingers": len(g.soft), "soft": soft, "wrong": []}
+    row: dict[str, Any] = {
+        "number": number,
+        "contacts": g.m,
+        "fingers": len(g.soft),
+        "soft": soft,
+        "wrong": [],
+        "beyond": [],
+    }
     try:
         row["point"] = _costs(g.with_torsion(0.0), direction)[1]
     except InputError:
         row["point"] = None
     R = random_turn(rng)
     other = maximum(turned(g, R), np.r_[R @ direction[:3], R @ direction[3:]], settings=LIMIT)
-    if other.lower > found.upper * (1 + 1e-6) + 1e-9 or found.lower > other.upper * (1 + 1e-6) + 1e-9:
-        row["wrong"].append("turned")
+    for one, two in ((found, other), (other, found)):
+        if one.lower > two.upper * (1 + 1e-6) + 1e-9:
+            row["wrong" if _within(one, two) else "beyond"].append("turned")
     if np.isfinite(found.upper) and found.upper > 0:
         above = check(g, 1.01 * found.upper * direction, settings=LIMIT)
         if above.verdict is Verdict.HOLDS:
@@ -125,6 +141,7 @@ def question(number: int) -> dict[str, Any] | None:
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Nodes and processor time by contacts, soft and point side by side; contradictions; the simulation's endings."""
     out: dict[str, Any] = {"questions": len(rows), "contradictions": sum(len(row["wrong"]) for row in rows)}
+    out["states that move beyond a proof's cap"] = sum(len(row["beyond"]) for row in rows)
     for m in sorted({row["contacts"] for row in rows}):
         some = [row for row in rows if row["contacts"] == m]
         both = [row for row in some if row["point"]]
