@@ -72,7 +72,8 @@ class Contact:
         if not np.isfinite(torsion) or torsion < 0:
             raise InputError(f"is {torsion}; a coefficient of torsional friction is 0 or more [m]", field="torsion")
         if torsion > 0 and mu == 0:
-            problem = f"is {torsion:g} m where friction is 0; a soft finger needs a friction above 0, else set torsion to 0"
+            right = "a soft finger needs a friction above 0, else set torsion to 0"
+            problem = f"is {torsion:g} m where friction is 0; {right}"
             raise InputError(problem, field="torsion")
         if torsion > 0 and not LEAST_LEVER < torsion / mu < 1 / LEAST_LEVER:
             problem = f"is {torsion:g} m beside a friction of {mu:g}; their ratio is to be a length of a hand"
