@@ -128,13 +128,9 @@ class RowKernel:
         columns["nodes"][none] += found.nodes
         slips = none[found.none]
         settled[slips] = True
-        columns["verdict"][slips], columns["residual"][slips], columns["verified"][slips] = (
-            str(Verdict.SLIPS),
-            np.nan,
-            False,
-        )
-        columns["lower"][slips] = columns["upper"][slips] = 0.0
-        columns["unbounded"][slips] = False
+        said = {"verdict": str(Verdict.SLIPS), "residual": np.nan, "verified": False}
+        for name, value in (said | {"lower": 0.0, "upper": 0.0, "unbounded": False}).items():
+            columns[name][slips] = value
 
     def _residuals(self, there: Mask, W: Array, states: StateRows) -> Array:
         """(k,) the worst residuals of those states that are there, NaN for the others."""
