@@ -134,6 +134,12 @@ def test_a_spring_that_presses_alone_is_the_largest_force() -> None:
     assert force_unit(grasp.with_preload(None), np.r_[0, 0, 1.0, 0, 0, 0]) == 1.0
 
 
+def test_a_joints_friction_grows_with_the_command_it_takes_from() -> None:
+    """With all of it from the beginning the finger would not touch before the load pulls: the object would jump."""
+    assert ended(slid(friction=0.6), [0, 0, -0.9 * 0.4], loading="together", ramp=4.0) is Ending.HOLDS
+    assert ended(slid(friction=0.6), [0, 0, -1.1 * 0.4], loading="together", ramp=4.0) is Ending.SLIPS
+
+
 def test_a_joint_at_its_stop_does_not_move_that_way() -> None:
     """At its upper stop the finger presses nothing; at the lower one alone it does, and is held from behind."""
     assert ended(slid(stop="upper"), [0, 0, -0.5]) is Ending.SLIPS

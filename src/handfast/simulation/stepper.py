@@ -79,6 +79,7 @@ class Stepper:
         self._marks = np.vstack([self._arms, self._arms[grasp.soft] + self._frames[grasp.soft, :, 1]])
         self._wrench = wrench
         self._close = twin.given + twin.drive @ twin.command
+        self._rubs = twin.model.dof_frictionloss.copy()
         self._gears = [t for t, winds in zip(twin.gear, twin.winds, strict=True) if winds]
         self._contact_of = self._tips(len(points))
         self.load = 0.0
@@ -106,7 +107,11 @@ class Stepper:
         self._model.opt.impratio = CREEP_RATIO / times
 
     def command(self, share: float) -> None:
-        """From now on every motor has this share of its command, and so have the torques that are given."""
+        """From now on every motor has this share of its command, and joints of their given torques and friction.
+
+        What rubs with all its friction while the command is still small would keep the hand from touching.
+        """
+        self._model.dof_frictionloss[:] = share * self._rubs
         self._close = share * (self._twin.given + self._twin.drive @ self._twin.command)
 
     def run(self, steps: int, load_step: float = 0.0) -> None:
