@@ -7,7 +7,7 @@ SA, Shadow and Adroit hands on YCB and other objects. Those of hands that are no
 counted, unless `--hands` and `--shared` say where these are. Those whose maximum is bounded are simulated at
 fixed shares of it and in the middle of the first hole below it, once with the commands first and the load after them,
 once with both growing together. Where Handfast says HOLDS and neither rests, a third simulation begins at an
-equilibrium that it found. What Handfast says at each load is asked by `check`.
+equilibrium that it found. What Handfast says at each load is asked by `check`; beyond the maximum its proof says it.
 
 The rule of what is fragile, fixed beforehand: what `check --margin` calls fragile, by its own default rule, at FIRM of
 the maximum, or that cannot be asked there as it lies in a hole. An earlier study's rule, LITTLE, is counted beside it.
@@ -44,6 +44,7 @@ from handfast.stability.least_motion import least_motion
 from handfast.stability.margin_search import margin
 from handfast.stability.model import State, joint_torques, residuals
 from handfast.stability.queries import check, maximum
+from handfast.stability.queries.check_query import CheckAnswer
 from handfast.stability.queries.max_query import with_interval
 from handfast.stability.settings import Settings
 
@@ -55,7 +56,8 @@ FIRM = 0.8  # of the maximum, where fragility is asked
 LITTLE = 50.0  # times what the most loaded contact gives way, by the least motion at FIRM: an earlier study's rule
 RAMP = 4.0  # [s]
 LIMIT = Settings(time_limit=60.0)
-QUICK = Settings(node_limit=1000, time_limit=60.0)  # of holes, and of each check of fragility
+QUICK = Settings(node_limit=1000, time_limit=60.0)  # of each check of fragility
+HOLES = Settings(node_limit=1000, time_limit=4.0, gap=1e-2)  # of the search for holes, the widest ranges first
 RESTS = (Ending.HOLDS, Ending.SETTLES)
 OPEN = (Ending.UNDECIDED, Ending.ILL_POSED)
 
@@ -68,31 +70,36 @@ def answered(grasp: Grasp, direction: Array) -> dict[str, Any]:
         return {"maximum": None, "contacts": grasp.m, "why": why}
     largest = float(most.lower)
     shares = list(SHARES)
-    most = with_interval(most, QUICK)
+    most = with_interval(most, HOLES)
     if most.interval is not None and most.interval.holes:
         first, last = most.interval.holes[0]
         shares.append(float((first + last) / 2 / largest))
     firmly = FIRM * largest * direction
-    firm = margin(grasp, firmly, settings=QUICK, answer=check(grasp, firmly, settings=LIMIT))
-    rows = [row for share in shares for row in simulated(grasp, share, largest * direction)]
+    known = {FIRM: check(grasp, firmly, settings=LIMIT)}
+    firm = margin(grasp, firmly, settings=QUICK, answer=known[FIRM])
+    rows = []
+    for share in shares:
+        beyond = share * largest > most.upper  # slips: the maximum's own proof says that nothing larger is resisted
+        answer = None if beyond else known.get(share) or check(grasp, share * largest * direction, settings=LIMIT)
+        rows += simulated(grasp, share, largest * direction, answer)
     fragile = ["hole"] if firm is None else list(firm.why)
     motion = None if firm is None else firm.motion / max(firm.squeeze, 1e-12)
     return {"maximum": largest, "contacts": grasp.m, "fragile": fragile, "motion": motion, "rows": rows}
 
 
-def simulated(grasp: Grasp, share: float, most: Array) -> Iterator[dict[str, Any]]:
-    """The simulations at one share of the maximum (6,)."""
+def simulated(grasp: Grasp, share: float, most: Array, answer: CheckAnswer | None) -> Iterator[dict[str, Any]]:
+    """The simulations at one share of the maximum (6,), of which `check` says this; None: slips, as it is beyond."""
     wrench = share * most
-    answer = check(grasp, wrench, settings=LIMIT)
+    said = str(Verdict.SLIPS if answer is None else answer.verdict)
     rests = False
     for loading in LOADINGS:
         found = simulate(grasp, wrench, loading=loading, ramp=RAMP)
         rests = rests or found.ending in RESTS
-        yield {"share": share, "loading": loading, "said": str(answer.verdict)} | seen(grasp, found, share)
-    if answer.witness is not None and not rests:
+        yield {"share": share, "loading": loading, "said": said} | seen(grasp, found, share)
+    if answer is not None and answer.witness is not None and not rests:
         state = least_motion(scaled_problem.build(grasp, wrench), answer.witness).state
         found = simulate(grasp, wrench, start=(state.r, state.q))
-        yield {"share": share, "loading": "at it", "said": str(answer.verdict)} | seen(grasp, found, share)
+        yield {"share": share, "loading": "at it", "said": said} | seen(grasp, found, share)
 
 
 def seen(grasp: Grasp, found: SimulationResult, share: float) -> dict[str, Any]:
@@ -172,6 +179,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=np.inf, help="stop after the question at which this is over")
     parser.add_argument("--only", default="", help="questions whose name begins so")
     parser.add_argument("--results", type=Path, default=RESULTS)
+    parser.add_argument("--part", default="1/1", help="K/N: every N-th question alone, from the K-th; for several runs")
     args = parser.parse_args()
     begun = time.monotonic()
     data = json.loads(args.results.read_text()) if args.results.exists() else {"questions": {}}
@@ -179,7 +187,8 @@ def main() -> None:
     absent = Counter(q.missing for q in whole if q.missing and q.name not in data["questions"])
     for what, count in absent.items():
         print(f"left out: {count} questions for want of {what}", flush=True)
-    for question in whole:
+    part, parts = map(int, args.part.split("/"))
+    for question in whole[part - 1 :: parts]:
         if question.name in data["questions"] or question.missing or not question.name.startswith(args.only):
             continue
         if time.monotonic() - begun > args.seconds:
