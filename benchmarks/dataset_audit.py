@@ -38,7 +38,7 @@ import numpy as np
 from benchmarks.audit_summary import MEASURES, OURS, summary
 from benchmarks.audit_tables import tables
 from benchmarks.bench_protocol import FAR, FRICTION, MASS, PUSH, TURNED, GraspBench, Settled, recorded
-from benchmarks.grasp_dataset import BUNDLED, posture, runner
+from benchmarks.grasp_dataset import BUNDLED, postures_of, runner
 from benchmarks.machine import describe
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
@@ -51,7 +51,7 @@ from handfast.measures.chosen_forces import smallest_forces
 from handfast.measures.measuring import measure_columns
 from handfast.measures.wrench_scale import WrenchScale
 from handfast.model.body import Body, load_body
-from handfast.model.grasp import Contact, Grasp
+from handfast.model.grasp import LARGEST, Contact, Grasp
 from handfast.model.hand import Hand, load_hand
 from handfast.model.servo import servo_commands
 from handfast.published.importing import Importer, Treatment, imported, sources
@@ -159,9 +159,11 @@ class BundledSet:
         if (hand, thing) not in self.made:
             self.made[hand, thing] = runner(hand, thing), SceneSource.of(hand, thing)
         run, scene = self.made[hand, thing]
-        found = posture(run, thing, int(row["name"].split()[1]))
-        if found is None:
+        number, draw, *_ = [*map(int, row["name"].split()[1:]), 0]
+        all_draws = postures_of(run, thing, number, draw + 1, LARGEST)
+        if not all_draws:
             raise InputError("is not made again from its seed", source=row["name"])
+        found = all_draws[draw]
         placed = (found[k] for k in ("joints", "object_position", "object_quaternion"))
         posed = PosedRow(*placed, preload=found["preload"], mass=found["mass"], friction=found["friction"])
         grasp = scene.grasp(posed, row["name"], GraspChanges())

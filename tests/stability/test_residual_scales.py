@@ -195,7 +195,7 @@ def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.
                 sums = model.linear_sums(g, W, state, 2.5, arms, lever)
                 assert bool(calls) == exact == (sums is None), (field, k, factor)
                 if exact:
-                    given = (g, W, state.r, state.q, state.c, state.f, state.coupling, state.reaction)
+                    given = (g, W, state.r, state.q, state.c, state.f, state.coupling, state.reaction, state.torsion)
                     assert all(mine is its for mine, its in zip(calls[0], given, strict=True))
 
 

@@ -21,7 +21,8 @@ class Sums:
 
     Attributes:
         object: (6,) G c + w of (1). joints: (l,) of (2), with all that carries. couplings: (k,) A q.
-        d: (3m,) of (3). t: (a,) R q of (8). twist: (s,) turning about the normals of soft fingers.
+        d: (3m,) of (3). t: (a,) R q of (8). twist: (s,) turning about the normals of soft
+            fingers times their levers.
     """
 
     object: Array
@@ -96,7 +97,8 @@ def exact_sums(
             axis = [rational(x) for x in grasp.joints[j].axis]
             turning = [x - q_[j] * v for x, v in zip(turning, axis, strict=True)]
             torques[j] += turned[i] * sum((x * n for x, n in zip(axis, frame[0], strict=True)), zero)
-        twist.append(sum((x * n for x, n in zip(turning, frame[0], strict=True)), zero))
+        lever = rational(grasp.levers[len(twist)])
+        twist.append(lever * sum((x * n for x, n in zip(turning, frame[0], strict=True)), zero))
     for rows, values in ((R, f_), (A, lambda_)):
         for row, value in zip(rows, values, strict=True):
             torques = [x - a * value for x, a in zip(torques, row, strict=True)]

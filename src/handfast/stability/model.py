@@ -17,7 +17,7 @@ which is a force too, and the motions that belong to them, see `friction` and do
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -310,8 +310,7 @@ def linear_sums(grasp: Grasp, w: Array, state: State, force: float, arms: Array,
         largest = max(largest, (np.abs(mech.A * state.coupling[:, None]) / arms).max())
     if max(largest / force, reach / grasp.spacing) > LARGE:
         x = state
-        exact = exact_sums(grasp, w, x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
-        return replace(exact, twist=grasp.levers * exact.twist)
+        return exact_sums(grasp, w, x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
     return Sums(
         object_balance(grasp, state.c, w, state.torsion),
         joint_balance(grasp, state.c, state.f, state.coupling, state.reaction, state.torsion),
