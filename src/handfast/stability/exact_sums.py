@@ -76,7 +76,8 @@ def exact_sums(
     r_, q_, c_, f_, lambda_, load = ([rational(x) for x in v] for v in (r, q, c, f, coupling, w))
     R, A = ([[rational(x) for x in row] for row in a] for a in (grasp.mechanism.R, grasp.mechanism.A))
     zero, l = fmpq(0), grasp.l
-    balance, torques, d, twist = list(load), [zero] * l, [], []
+    balance, torques, d = list(load), [zero] * l, []
+    twist: list[fmpq] = []
     torsions = np.zeros(grasp.m) if torsion is None else torsion
     turned = {int(i): rational(torsions[i]) for i in grasp.soft}
     for i, (p, frame, speeds) in enumerate(exact_contacts(grasp)):
