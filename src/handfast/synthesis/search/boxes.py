@@ -30,7 +30,7 @@ from handfast.synthesis.task_problem import TaskProblem
 STEP = 2000  # nodes of one call of a kernel
 RESOLUTION = 1e-5  # [m] a box within which no point strays farther is set aside, undecided
 DEEPEST = 4000  # boxes on a kernel's stack
-KEPT = 256  # small boxes of one call
+KEPT = 256  # small boxes of one call, where they are wanted
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +65,7 @@ class Boxes:
         concern: those and the ones that are narrowed.
         words: which contacts it is about, for people.
         roots: everything.
+        kept: small boxes after which a call ends.
     """
 
     problem: TaskProblem
@@ -72,6 +73,7 @@ class Boxes:
     concern: Indices
     words: str
     roots: tuple[Part, ...]
+    kept: int = 1  # which shows that this search cannot become empty
 
     def explore(self, waiting: Indices, budget: int) -> None:
         """Depth first from the first box of a `Stack`, given by its table, up to `budget` nodes."""
@@ -85,7 +87,7 @@ class Boxes:
         """One call of the kernel on a box: up to `budget` nodes depth first."""
         if part.small:
             return Unfinished(part, 0)
-        block = Block(stack(self.problem.n, DEEPEST, KEPT))
+        block = Block(stack(self.problem.n, DEEPEST, self.kept))
         boxes = block.arrays()
         boxes.box[0], boxes.share[0] = part.box, part.share
         self.explore(block.table, budget)
@@ -112,9 +114,11 @@ class Boxes:
 class ContactSet(Boxes):
     """One set of contacts: can these be made together, in any pose of the object?"""
 
-    def __init__(self, problem: TaskProblem, subset: tuple[int, ...], derivative_bounds: Array, cones: Array) -> None:
+    def __init__(
+        self, problem: TaskProblem, subset: tuple[int, ...], derivative_bounds: Array, cones: Array, kept: int
+    ) -> None:
         coordinates, b = problem.flat.coordinates, len(problem.flat.chains.joints)
-        self.problem = problem
+        self.problem, self.kept = problem, kept
         use = {int(coordinates.parameter[0]) - POSE + i for i in range(3)} if b in subset else set()
         for k in subset:
             if k < b:

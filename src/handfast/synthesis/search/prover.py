@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from typing import Any, Literal
 
@@ -23,14 +24,17 @@ from handfast.core.branch import BranchAndPrune
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
 from handfast.core.limits import SearchLimits
-from handfast.synthesis.search.boxes import Boxes, ContactSet, Part, PoseSpace
+from handfast.synthesis.search.boxes import KEPT, Boxes, ContactSet, Part, PoseSpace
 from handfast.synthesis.search.derivative_bounds import cones, derivative_bounds
+from handfast.synthesis.search.suspects import suspects
 from handfast.synthesis.task_problem import TaskProblem
 
-SLICE = 20  # calls before another search has its turn, doubled each time round
+FIRST, SLICE = 2, 20  # calls before another search has its turn: at the very beginning, and then
+LONGER = 4  # turns grow to this fraction of what a search has had so far
 LEAVES = 64  # small boxes of all contacts after which these are searched no further
 POSES = "poses"  # name of the pose-space search
-CHEAP = 8  # times as many calls for the poses: of three contacts and more their boxes cost a quarter
+MOST = 8  # times as much for the searches that are likely to succeed as for all others together
+FEW = 2  # contacts of a set that may be one of those
 FROM = 3  # contacts, for the pose-space search: with two of them the pose is too free
 
 
@@ -82,7 +86,10 @@ class Prover:
         sizes = range(2, points + 1) if points > 1 else range(1, 2)
         subsets = [s for size in sizes for s in combinations(range(points), size)]
         rates, bounds = derivative_bounds(problem), cones(problem)
-        self.domains: dict[str, Boxes] = {"-".join(map(str, s)): ContactSet(problem, s, rates, bounds) for s in subsets}
+        self.domains: dict[str, Boxes] = {
+            "-".join(map(str, s)): ContactSet(problem, s, rates, bounds, kept=KEPT if s == subsets[-1] else 1)
+            for s in subsets
+        }
         self.whole = next(reversed(self.domains))
         if b >= FROM:
             self.domains[POSES] = PoseSpace(problem, rates)
@@ -149,22 +156,40 @@ class Prover:
         return {"schema": "handfast/prover/1", "sets": {name: x.save() for name, x in self.searches.items()}}
 
     def _turns(self) -> Generator[None, None, None]:
-        """Step by step: each set of contacts in its turn, and after each the one that has come farthest.
+        """Step by step: short turns for each search, and after each for the set that has come farthest.
 
-        The poses come last in the first round, which settles what is far from possible, and after every turn of a
-        set in the others. A search with a small box left can no longer become empty and has no more turns; the
-        set of all contacts has some, since its small boxes are where configurations may be.
+        They settle what is far from possible. Then turns go to the search that has had least of its share. A search
+        with a small box left can no longer become empty and has no more turns; the set of all contacts has some,
+        since its small boxes are where configurations may be.
         """
-        steps = SLICE
-        while any(map(self._open, self.searches)):
-            for name in filter(self._open, self.searches):
+        for calls in (FIRST, SLICE):
+            for name in [s for s, x in self.searches.items() if x.state.steps < calls]:
                 sets = [s for s in self.searches if s != POSES and self._open(s)]
                 farthest = max(sets, key=lambda s: self.searches[s].state.discarded, default=name)
                 for turn in dict.fromkeys((name, farthest)):
-                    yield from self._turn(turn, steps)
-                    if steps > SLICE:
-                        yield from self._turn(POSES, CHEAP * steps)
-            steps *= 2
+                    yield from self._turn(turn, calls)
+        while any(map(self._open, self._shares)):
+            name = min(filter(self._open, self._shares), key=lambda s: self._spent(s) / self._shares[s])
+            yield from self._turn(name, max(SLICE, self.searches[name].state.steps // LONGER))
+
+    def _spent(self, name: str) -> int:
+        """What a search has taken so far: its boxes, those of sets times the contacts, by which they take longer."""
+        return self.searches[name].state.nodes * (1 if name == POSES else 1 + name.count("-"))
+
+    @cached_property
+    def _shares(self) -> dict[str, float]:
+        """How much of the time each search is to have, without the sets that nothing can show impossible.
+
+        Of two contacts it is quick to tell that they cannot be made together, if they are the reason. Else it is the
+        poses that see what three and more want of each other.
+        """
+        names = {tuple(map(int, name.split("-"))): name for name in self.searches if name != POSES}
+        with self._limits.paused():
+            may = suspects(self.problem.task, list(names))
+        pairs = [names[s] for s, least in may.items() if least and len(s) <= FEW]
+        rest = [names[s] for s in may if names[s] not in pairs]
+        parts = ((pairs, MOST), ([POSES] if POSES in self.searches else [], 1 if pairs else MOST), (rest, 1))
+        return {name: part / len(group) for group, part in parts for name in group}
 
     def _turn(self, name: str, steps: int) -> Generator[None, None, None]:
         if name in self.searches and self._open(name):

@@ -266,16 +266,21 @@ def explore_poses(
         guess[0, i] = 0.5 * (stack.box[0, i, 0] + stack.box[0, i, 1])
     last[:] = 0
     pose = question.use[0, : question.shared]
-    count, nodes, small = 1, 0, 0
+    count, nodes, small, again = 1, 0, 0, False
     while count > 0 and nodes < budget and count + 2 < stack.share.shape[0] and small < stack.small_share.shape[0]:
         count -= 1
         nodes += 1
+        second, again = again, False
         here = stack.box[count]
         if not _bounded(here, pose, coordinates, question, work):
             continue
         fits, split, stray, spent = _examine(here, count, chains, regions, coordinates, question, work)
         nodes += spent
         if not fits:
+            continue
+        if stray < resolution and not second:  # rows that made it small may discard what they have left
+            again = True
+            count += 1
             continue
         if stray < resolution:
             set_aside(stack, count, small)

@@ -38,7 +38,6 @@ from handfast.synthesis.search.kernel.narrowing import (
     AGAIN,
     LOOKS,
     PAD,
-    RADIAN,
     angle,
     center,
     cut,
@@ -60,6 +59,8 @@ from handfast.synthesis.search.kernel.taylor import (
     spread,
 )
 from handfast.synthesis.search.workspace import LEFT, NODES, SMALL
+
+TURN = 0.12  # units of length that one of a direction counts for when a coordinate is chosen to split
 
 
 @inner
@@ -205,8 +206,8 @@ def _longest(box, question, slope):
         half = 0.5 * (box[i, 1] - box[i, 0])
         stray = 0.0
         for a in range(question.contacts.shape[0]):
-            on_hand = norm(slope[a, HAND_POINT, i]) + RADIAN * norm(slope[a, HAND_DIRECTION, i])
-            on_object = norm(slope[a, OBJECT_POINT, i]) + RADIAN * norm(slope[a, OBJECT_DIRECTION, i])
+            on_hand = norm(slope[a, HAND_POINT, i]) + TURN * norm(slope[a, HAND_DIRECTION, i])
+            on_object = norm(slope[a, OBJECT_POINT, i]) + TURN * norm(slope[a, OBJECT_DIRECTION, i])
             stray = max(stray, max(on_hand, on_object) * half)
         if stray > worst:
             best, worst = i, stray
@@ -241,15 +242,20 @@ def explore_set(
     question: `SetQuestion`. Boxes that stray by less than `resolution` [units] are set aside.
     """
     _prepare(regions, question, polynomials)
-    count, nodes, small = 1, 0, 0
+    count, nodes, small, again = 1, 0, 0, False
     while count > 0 and nodes < budget and count + 2 < stack.share.shape[0] and small < stack.small_share.shape[0]:
         count -= 1
         nodes += 1
+        second, again = again, False
         here = stack.box[count]
         if not _narrowed(here, chains, regions, coordinates, question, box, polynomials, taylor, line, terms):
             continue
         split, stray = _longest(here, question, polynomials.slope)
         if split < 0:
+            continue
+        if stray < resolution and not second:  # rows that made it small may discard what they have left
+            again = True
+            count += 1
             continue
         if stray < resolution:
             set_aside(stack, count, small)
