@@ -11,7 +11,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from benchmarks.simulation_agreement import LOADINGS, RESULTS, STATEMENT, outcome, statement
+from benchmarks.simulation_agreement import LOADINGS, RESULTS, STATEMENT, loads, outcome, statement
 
 SPOKEN = {"preload-first": "load after commands", "together": "together", STATEMENT: f"**{STATEMENT}**"}
 HEADED = {
@@ -60,12 +60,6 @@ def _agreement(chosen: list[dict[str, Any]]) -> tuple[int, str]:
     said = Counter(statement(rows) for q in chosen for rows in loads(q))
     total = said.total()
     return total, f"{100 * round(said['agree'] / total, 4):.1f} %" if total else ""  # rounded as in the summary
-
-
-def loads(question: dict[str, Any]) -> list[list[dict[str, Any]]]:
-    """The simulations of each load of a question."""
-    shares = dict.fromkeys(r["share"] for r in question["rows"])
-    return [[r for r in question["rows"] if r["share"] == share] for share in shares]
 
 
 def disagreements(questions: dict[str, dict[str, Any]]) -> list[str]:

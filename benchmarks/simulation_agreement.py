@@ -149,6 +149,12 @@ def statement(rows: list[dict[str, Any]]) -> str:
     return outcome(next(r for r in rows if r["loading"] == "together"))
 
 
+def loads(question: dict[str, Any]) -> list[list[dict[str, Any]]]:
+    """The simulations of each load of a question."""
+    shares = dict.fromkeys(r["share"] for r in question["rows"])
+    return [[r for r in question["rows"] if r["share"] == share] for share in shares]
+
+
 def summary(asked: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Counts by loading: of all answers, of those that move little, and of those that are not fragile."""
     out: dict[str, Any] = {}
@@ -162,11 +168,10 @@ def summary(asked: dict[str, dict[str, Any]]) -> dict[str, Any]:
         for loading in (*LOADINGS, STATEMENT):
             counts: Counter[str] = Counter()
             for q in chosen:
-                if loading != STATEMENT:
+                if loading == STATEMENT:
+                    counts.update(map(statement, loads(q)))
+                else:
                     counts.update(outcome(r) for r in q["rows"] if r["loading"] == loading)
-                    continue
-                for share in dict.fromkeys(r["share"] for r in q["rows"]):
-                    counts.update([statement([r for r in q["rows"] if r["share"] == share])])
             total = sum(counts.values())
             rate = {"simulated": total, "agreement": round(counts["agree"] / total, 4)} if total else {}
             out[f"{name}, {loading}"] = {"questions": len(chosen)} | rate | dict(sorted(counts.items()))
