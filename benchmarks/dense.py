@@ -9,7 +9,8 @@ its own here; those at the knuckles of four fingers (J3) are commanded 0.3 N m w
 locked. Of each grasp: six checks with a weight of 0.3 kg along the axes, and six largest forces; one thread, proofs not
 replayed. Times are processor times, and what takes more than a second of that is open: on a busy machine a second by
 the clock says nothing. Two versions are compared by running this with each of them, at the
-same time on a busy machine, the second with --against. The kept results/dense.json has both, "before" and "after".
+same time on a busy machine, the second with --against. The kept results/dense.json has three,
+"before", "between" and "after".
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import pytest
 from handfast import Body, Grasp, InputError, Mechanism, Verdict, check, load_grasp, maximum
 from handfast.core.arrays import Array
 from handfast.model.grasp_file import from_dict, to_dict
-from tests.support.problems import bell, pinch
+from tests.support.problems import pinch
 
 UP = [0.0, 1.0, 0, 0, 0, 0]
 
@@ -53,12 +53,12 @@ def test_real_grasps_come_back_joint_by_joint(name: str, order: tuple[int, int, 
 
 
 def test_the_answers_are_those_of_the_grasp() -> None:
-    for old in (pinch(), bell()):
-        G, J, _ = turned(old)
-        new = Grasp.from_matrices(G, J, old.mu, preload=old.command)
-        assert maximum(new, UP).lower == pytest.approx(maximum(old, UP).lower, rel=2e-3)
-        again = from_dict(to_dict(new))
-        assert np.array_equal(again.J, new.J)
+    old = pinch()
+    G, J, _ = turned(old)
+    new = Grasp.from_matrices(G, J, old.mu, preload=old.command)
+    assert maximum(new, UP).lower == pytest.approx(maximum(old, UP).lower, rel=2e-3)
+    again = from_dict(to_dict(new))
+    assert np.array_equal(again.J, new.J)
 
 
 def test_a_column_that_no_joint_has_becomes_joints_that_are_coupled() -> None:

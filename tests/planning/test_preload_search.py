@@ -66,7 +66,7 @@ def test_few_contacts_are_asked_as_they_are() -> None:
     answer, how = search().run(grasp, 4, clamped, ("slide",))
     assert answer.verdict is Verdict.HOLDS
     assert (how.searched, how.error) == (4, 0.0)
-    assert answer.upper == pytest.approx(0.981)  # 2 mu N holds the weight
+    assert answer.lower <= 0.981 <= answer.upper <= 1.001 * 0.981  # 2 mu N holds the weight
 
 
 @pytest.mark.parametrize(

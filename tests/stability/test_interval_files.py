@@ -86,7 +86,7 @@ def forged(what: dict[str, Any], name: str) -> dict[str, Any]:
         ("a state is off", "off by"),
         ("a state across the hole", "off by"),
         ("no certificate", "it says"),
-        ("a wider certificate", "does not hold in this case"),
+        ("a wider certificate", "is not resisted with"),
         ("a certificate of another question", "another question"),
         ("nothing asked", "claims nothing of them"),
     ],

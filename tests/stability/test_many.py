@@ -13,7 +13,7 @@ from handfast.core.parallel import WorkerPool
 from handfast.model.grasp_file import load_grasp
 from handfast.stability import many
 from handfast.stability.certify.checker import verify
-from handfast.stability.many import FEW, max_answers
+from handfast.stability.many import max_answers
 from handfast.stability.queries import MaxAnswer, maximum
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, table
@@ -43,9 +43,9 @@ def test_every_bound_is_certified() -> None:
 
 
 def test_processes_and_threads_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    grasp, directions = bell(), [x for x in CIRCLE for _ in range(3)]
-    assert len(directions) > FEW
-    monkeypatch.setattr("handfast.stability.many.BLOCK", 20)  # as many as that know of each other
+    grasp, directions = bell(), CIRCLE
+    monkeypatch.setattr("handfast.stability.many.FEW", len(directions) - 1)
+    monkeypatch.setattr("handfast.stability.many.BLOCK", 7)  # as many as that know of each other
     ways = [max_answers(grasp, directions, jobs=2)]
     monkeypatch.setattr("handfast.core.parallel.START", "spawn")
     ways.append(max_answers(grasp, directions, jobs=2))

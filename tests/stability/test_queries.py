@@ -312,10 +312,11 @@ def test_bounds_of_two_lanes_at_a_limit_are_proved(nodes: int) -> None:
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_comes_while_two_lanes_are_searched(workers: int) -> None:
-    grasp, heard = load_grasp("barrett-torch"), threading.Event()
+    grasp, heard, begun = load_grasp("barrett-torch"), threading.Event(), threading.Event()
 
     def press() -> None:
         """Once more after a while: Python drops an interruption that comes within a weak reference's callback."""
+        begun.wait()
         patience = 0.3
         while not heard.wait(patience):
             _thread.interrupt_main()
@@ -323,7 +324,8 @@ def test_ctrl_c_comes_while_two_lanes_are_searched(workers: int) -> None:
 
     threading.Thread(target=press, daemon=True).start()
     try:
-        answer = maximum(grasp, sideways(60), settings=Settings(workers=workers, gap=1e-11))
+        settings = Settings(workers=workers, gap=1e-11)
+        answer = maximum(grasp, sideways(60), settings=settings, on_step=lambda _: begun.set())
     finally:
         heard.set()
     assert answer.stop is Stop.INTERRUPTED

@@ -38,7 +38,6 @@ FINE = Settings(gap=1e-6)
     [
         ([0, 0, 0, 0, 0, 1], LARGEST_TORQUE),
         ([0, 0, 0, 0, 0, -1], LARGEST_TORQUE),
-        ([1, 0, 0, 0, 0, 0], LARGEST_FORCE),
         ([0.6, -0.8, 0, 0, 0, 0], LARGEST_FORCE),
         ([LARGEST_FORCE, 0, 0, 0, 0, LARGEST_TORQUE], 2**-0.5),
         ([0, 3.0, 0, 0, 0, -0.08], 1 / np.hypot(0.3, 1.0)),

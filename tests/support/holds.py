@@ -11,7 +11,7 @@ from handfast.model.region import Bezier, Cap
 from handfast.synthesis.task import ContactPair, Task
 
 OPEN = 0.08  # [m] between the gripper's fingertips when it is open: wider objects do not fit
-HARD = 0.1612  # [m] edge of a block at the end of what the Schunk hand can pinch: not decided within seconds
+HARD = 0.1614  # [m] edge of a block at the end of what the Schunk hand can pinch: not decided within a minute
 LARGE = 0.168  # [m] edge of a block a little too large for the Schunk hand's pinch: ten thousands of boxes to show it
 
 

@@ -31,7 +31,7 @@ CONVERGED = 1e-11  # scaled residual
 ALLOWED = 1e-9  # (scaled) by which an inequality may be missed
 NO_MOTION = 1e-7  # (scaled) motions below this are none, or below this share of the largest times MOTION
 MOTION = 1e-5
-FLAT = 1e-6  # relative: what grows by less does not grow
+FLAT = 1e-8  # relative: what grows by less does not grow
 
 
 @dataclass(frozen=True, eq=False)

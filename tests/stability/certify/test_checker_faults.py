@@ -10,8 +10,9 @@ import pytest
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
 from handfast.stability.certify import checker
-from handfast.stability.certify.certificate import HALF, TURN, Question, Row
+from handfast.stability.certify.certificate import HALF, TURN, Question, Row, directions
 from handfast.stability.certify.claim import Claim
+from handfast.stability.search import cases
 from tests.support.altered_certificates import exact_margins, leaf_where, put, refused, with_row, without_leaf
 from tests.support.certificates import (
     CAPS,
@@ -23,6 +24,7 @@ from tests.support.certificates import (
     PULL_Y,
     SLIDE,
     STICK,
+    UNDECIDED,
     capped_proof,
     empty,
     prove,
@@ -94,10 +96,53 @@ def test_splits() -> None:
     assert "no sector" in fault((SLIDE, 5, 9), [(SLIDE, 5, 9), (SLIDE, 9, 9)])
     assert "overlap" in fault((SLIDE, 5, 9), [(SLIDE, 5, 8), (SLIDE, 7, 9)])
     assert "are not [5, 9]" in fault((SLIDE, 5, 9), [(SLIDE, 5, 8)])
+    halves = [(CLOSED, 9, 9 + HALF), (CLOSED, 9 + HALF, 9 + TURN)]
+    assert not fault((CLOSED, *none), halves)
+    assert not fault((CLOSED, 5, 5 + HALF), [(CLOSED, 5, 9), (CLOSED, 9, 5 + HALF)])
+    assert not fault((CLOSED, 5, 9), [(STICK, 5, 9), (SLIDE, 5, 7), (SLIDE, 7, 9)])
+    assert not fault((CLOSED, 5, 9), [(STICK, *none), (SLIDE, 5, 9)])
+    assert "gap between 8 and 9" in fault((CLOSED, 5, 12), [(CLOSED, 5, 8), (CLOSED, 9, 12)])
+    assert "not a full turn" in fault((CLOSED, *none), halves[:1])
+    assert "not a full turn" in fault((CLOSED, *none), [halves[0], (CLOSED, 9 + HALF, 8 + TURN)])
+    assert "no sector" in fault((CLOSED, *none), [(CLOSED, 0, HALF + 1), (CLOSED, HALF + 1, TURN)])
+    assert "are not [5, 9]" in fault((CLOSED, 5, 9), [(STICK, 5, 9), (SLIDE, 5, 8)])
+    assert "needs STICK" in fault((CLOSED, 5, 9), [(STICK, 5, 8), (SLIDE, 5, 9)])
+    assert "needs STICK" in fault((CLOSED, 5, 9), [(SLIDE, 5, 9)])
+    assert "needs STICK" in fault((CLOSED, 5, 9), [(STICK, 5, 9), (STICK, 5, 9), (SLIDE, 5, 9)])
+    assert "needs STICK" in fault((CLOSED, 5, 9), [(STICK, 5, 9), (CLOSED, *none), (SLIDE, 5, 9)])
+    assert "no sector" in fault((CLOSED, 5, 9), [(STICK, 5, 9), (CLOSED, 5, 7), (SLIDE, 7, 9)])
+    assert "no sector" in fault((SLIDE, 5, 9), [(CLOSED, 5, 7), (CLOSED, 7, 9)])
+    assert "needs OPEN" in fault((UNDECIDED, *none), halves)
+    assert "decided" in fault((STICK, 5, 9), [(STICK, 5, 7), (STICK, 7, 9)])
+    assert "decided" in fault((CLOSED, *none), halves, name="no dissipation")
     assert "decided" in fault((OPEN, *none), opened, name="nest")
     assert "decided" in fault((STICK, *none), ring)
     assert "decided" in fault((CLOSED, *none), [*ring, (STICK, *none)], name="no dissipation")
     assert "decided" in fault((LOCKED, *none), [(LOCKED, *none), (MOVES, *none)], name="check", part=2)
+
+
+def test_what_leaves_are_split_into_leaves_out_nothing() -> None:
+    for old in ((CLOSED, 0, 0), (CLOSED, 5, 5 + HALF), (CLOSED, TURN - 5, TURN + 9), (SLIDE, 5, 900)):
+        state = np.array([old[0], STICK, old[1], 0, old[2], 0])  # of two contacts
+        part, children = cases.split(state, 2, True, False, np.zeros(2, bool))
+        new = [tuple(child[[0, 2, 4]].tolist()) for child in children]
+        assert part == 0
+        assert not checker._split_fault(CASES["nest"][0], 0, list(old), new)
+
+
+def test_no_state_is_in_neither_half() -> None:
+    """Where a contact slides or sticks, the rows of one half turn hold, wherever the line is; not those of both."""
+    ends = np.random.default_rng(3).integers(0, TURN, 1000)
+    assert (directions(ends + HALF) == -directions(ends)).all()  # to the last bit: no wedge is left out
+    rng = np.random.default_rng(4)
+    for _ in range(200):
+        friction = rng.normal(size=2)
+        motion = -rng.random() * friction * rng.integers(2)  # -d_t along friction, or none
+        held = []
+        for left in np.array([0.0, np.pi]) + rng.uniform(0, 2 * np.pi):
+            along = np.array([np.cos(left), np.sin(left)])  # of a half turn, both ends say the same
+            held.append(all(along[0] * x[1] - along[1] * x[0] >= 0 for x in (friction, -motion)))
+        assert sum(held) == 1
 
 
 @pytest.mark.parametrize(

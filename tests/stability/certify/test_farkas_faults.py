@@ -61,7 +61,7 @@ def test_a_row_dropped() -> None:
     """Where the others do not prove the leaf it is refused, and sometimes they do."""
     c = proof("check")
     answers = []
-    for r in range(0, len(c.kind), 5):
+    for r in range(0, len(c.kind), 11):
         other = without_row(c, r)
         agree(other)
         answers.append(checker.verify(other).ok)

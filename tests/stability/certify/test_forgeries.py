@@ -19,12 +19,13 @@ from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
 from handfast.stability import model
 from handfast.stability.certify import checker
-from handfast.stability.certify.certificate import Columns, Row
+from handfast.stability.certify.certificate import TURN, Columns, Question, Row
 from handfast.stability.model import State
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.verification import Verified
 from handfast.stability.witness import Witness
 from tests.stability.test_limit import cup
+from tests.support.certificates import empty
 
 Y = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 
@@ -63,6 +64,31 @@ def test_what_a_witness_may_miss_proves_no_slip(torque: float) -> None:
     assert not checker.verify(leaf).ok
 
 
+def facing(tilt: float) -> tuple[Question, np.ndarray]:
+    """Two jaws without friction that press with 10 N each, and no load; to balance along y matters by 1 / tilt."""
+    contacts = [Contact([0.03, 0.0, 0.0], [-1.0, 0.0, 0.0], 0.0), Contact([-0.03, 0.0, 0.0], [1.0, tilt, 0.0], 0.0)]
+    joints = [
+        GraspJoint(n, c.normal, np.zeros(3), (i,), "prismatic")
+        for i, (n, c) in enumerate(zip("ab", contacts, strict=True))
+    ]
+    squeezed = Grasp(contacts, joints, preload={"a": 10.0, "b": 10.0})
+    return Question(squeezed), squeezed.G.T[:, 1] / tilt
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_rounding_of_normals_proves_no_slip(sign: int) -> None:
+    """Forces without friction meet one equation in a special position: what it is missed by counts 1e17 times."""
+    question, large = facing(1e-17)
+    held = check(question.grasp, question.wrench)
+    assert (held.verdict, held.witness.residuals.worst < 1e-9) == (Verdict.HOLDS, True)
+    names, y = [(Row.E_UP, 0, 0, 0)], [1.0]
+    for i, (_, *along) in enumerate(sign * large.reshape(-1, 3)):
+        for axis, push in enumerate(along):
+            names.append((Row.TANGENT, i, (axis + (0 if push > 0 else 2)) * TURN // 4, 0))
+            y.append(abs(push))
+    assert not checker.verify(empty(question, None, names, y)).ok
+
+
 def test_nothing_is_no_magnitude(tmp_path: Path) -> None:
     """HOLDS at 0, with the state in which nothing acts and nothing moves."""
     answer = maximum(load_grasp("fig1").with_preload({}), Y)
@@ -82,7 +108,7 @@ def test_nothing_is_no_magnitude(tmp_path: Path) -> None:
     "limit",
     [
         {},
-        {"value": "lower"},
+        {"value": "less"},
         {"object_motion": [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]},
         {"motion": "the object turns about the moon"},
         {"slides": [99]},
@@ -103,7 +129,7 @@ def test_a_limit_is_followed_again(limit: dict[str, Any], preload: bool, tmp_pat
     assert forged(answer, tmp_path / "as it is.json", lambda data: None).ok
 
     def change(data: dict[str, Any]) -> None:
-        values = {k: data["answer"]["lower"] if v == "lower" else v for k, v in limit.items()}
+        values = {k: 0.99999 * data["answer"]["lower"] if v == "less" else v for k, v in limit.items()}
         data["answer"]["limit"] = data["answer"]["limit"] | values if limit else {}
 
     said = forged(answer, tmp_path / "a.json", change)

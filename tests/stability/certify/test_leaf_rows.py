@@ -68,7 +68,7 @@ def test_every_coefficient(name: str) -> None:
         size = np.abs(exact).max()
         np.testing.assert_allclose(found.value[r], exact, rtol=0, atol=8 * UNIT * size, err_msg=str(of))
         np.testing.assert_allclose(found.b[r], float(b), rtol=8 * UNIT, err_msg=str(of))
-        gives_way = Row.GAP_UP <= of[0] <= Row.C_RIGHT and not (Row.GAP_UP <= of[0] <= Row.DN_UP and not question.eta)
+        gives_way = Row.GAP_UP <= of[0] <= Row.CHORD and not (Row.GAP_UP <= of[0] <= Row.DN_UP and not question.eta)
         assert (np.abs(found.value[r] - plain.value[r]).max() > 0.05 * WIDER) == gives_way, of
 
 
@@ -139,20 +139,25 @@ def test_equalities_and_motions(name: str) -> None:
 
 
 def test_what_a_witness_may_miss() -> None:
-    """1e-9 of the largest force of the load, moments by the grasp's size; of the scalar's load apart."""
-    g = hand()
-    force, turn = np.r_[0.0, 3.0, 4.0, g.size, 0.0, 0.0], np.r_[0.6, 0, 0, g.size * np.array([1.2, 1.6, 0.0])]
-    for base, direction in ((force, turn), (turn, force)):
-        five, two = (5.0, 2.0) if base is force else (2.0, 5.0)
-        slack, growth = missed(Question(g, LARGEST, base, direction), 11)
-        for found, size in ((slack, five), (growth, two)):
-            np.testing.assert_allclose(found[:3], 1e-9 * size, rtol=1e-12)
-            np.testing.assert_allclose(found[3:6], 1e-9 * size * g.size, rtol=1e-12)
-            assert found.shape == (11,)
-            assert not found[6:].any()
-    slack, growth = missed(Question(g, wrench=force), 11)
+    """1e-9 of the largest force of the load or the commands, moments by its size; of the scalar's load apart."""
+    commanded, idle = hand(), hand().with_preload(None)
+    size = idle.size
+    force, turn = np.r_[0.0, 3.0, 4.0, size, 0.0, 0.0], np.r_[0.6, 0, 0, size * np.array([1.2, 1.6, 0.0])]
+    arms = np.linalg.norm(idle.J, axis=0)
+    most = 0.4 / (arms[:2] / [1.0, 0.5]).min()  # [N] of motor m; the tendon pulls less
+    for g, least in ((idle, 0.0), (commanded, most)):
+        for base, direction in ((force, turn), (turn, force)):
+            five, two = (5.0, 2.0) if base is force else (2.0, 5.0)
+            slack, growth = missed(Question(g, LARGEST, base, direction), 11)
+            for found, largest in ((slack, max(five, least)), (growth, two)):
+                np.testing.assert_allclose(found[:3], 1e-9 * largest, rtol=1e-12)
+                np.testing.assert_allclose(found[3:6], 1e-9 * largest * size, rtol=1e-12)
+                assert found.shape == (11,)
+                assert not found[6:].any()
+    slack, growth = missed(Question(idle, wrench=force), 11)
     assert slack.any()
     assert not growth.any()
+    assert missed(Question(commanded), 11)[0][:6].all()
 
 
 def test_bounds_of_each_unknown() -> None:

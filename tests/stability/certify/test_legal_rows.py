@@ -32,7 +32,7 @@ from tests.support.rounding_edges import QUESTIONS, REFERENCES, D, W, hand
 
 CHORDS = HALF - TURN // 128  # the widest sector whose chord says something
 FORCES = {Row.CN_UP, Row.TANGENT}
-SECTORS = [(0, 0), (100, 900), (TURN - 50, TURN + 70), (5, 5 + TURN // 3)]
+SECTORS = [(0, 0), (100, 900), (TURN - 50, TURN + 70), (5, 5 + TURN // 3), (7, 7 + HALF)]
 
 
 def holds(kind: Row, a: int, b: int, state: int, left: int, right: int, eta: float, capped: bool) -> bool:
@@ -58,7 +58,7 @@ def holds(kind: Row, a: int, b: int, state: int, left: int, right: int, eta: flo
         return state == SLIDE and narrow
     side = (a, a + HALF) if kind in (Row.C_LEFT, Row.D_LEFT) else (b - HALF, b)
     if kind in (Row.C_LEFT, Row.C_RIGHT):
-        return state == SLIDE and within(*side)
+        return state in (CLOSED, STICK, SLIDE) and within(*side)
     if kind in (Row.D_LEFT, Row.D_RIGHT):
         return state == STICK or within(*side)
     return state == STICK  # d_t = 0

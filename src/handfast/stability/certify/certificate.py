@@ -45,8 +45,8 @@ class ContactState(IntEnum):
 
     UNDECIDED = 0
     OPEN = 1  # c = 0, d^_n >= 0; with a sector: -d_t in its cone
-    CLOSED = 2  # c_n = -d^_n >= 0
-    STICK = 3  # closed, d_t = 0
+    CLOSED = 2  # c_n = -d^_n >= 0; with a sector, of half a turn at most: -d_t and c_t in its cone
+    STICK = 3  # closed, d_t = 0; with a sector: c_t in its cone
     SLIDE = 4  # closed, -d_t in the sector's cone and c_t = mu c_n along it
 
 

@@ -184,16 +184,20 @@ def _split_fault(question: Question, part: int, old: list[int], new: list[tuple[
         return "" if plain == [OPEN, CLOSED] and not sectors else "needs OPEN and CLOSED"
     if not question.mdp or state == STICK or (state == OPEN and question.eta == 0):
         return "it is decided already"
-    if plain != ([STICK] if state == CLOSED else []):
-        return "needs STICK and sectors" if state == CLOSED else "needs sectors only"
     if soft:
-        halves = list(OCTANTS) if state == CLOSED else [2 * left, 2 * left + 1]
-        right_ones = state == CLOSED or left <= LAST // 2
-        right_ones &= sectors == [(number, 0, SLIDE) for number in halves]
-        return "" if right_ones else f"needs the patches {halves[0]} to {halves[-1]}"
-    kind = OPEN if state == OPEN else SLIDE
+        return _patches_fault(state, left, new)
+    kind, widest = (OPEN if state == OPEN else SLIDE), HALF - 1
+    if state == CLOSED and all(s == CLOSED for s, _, _ in new):  # by (7) friction and -d_t are on one side of any line
+        kind, widest = CLOSED, HALF
+    elif state == CLOSED:
+        stuck = [(a, b) for s, a, b in new if s == STICK]
+        if len(stuck) != 1 or stuck[0] not in ((0, 0), (left, right)):
+            return "needs STICK and sectors"
+        sectors = [x for x in sectors if x[2] != STICK]
+    if any(s != STICK or state != CLOSED for s in plain):
+        return "needs STICK and sectors" if state == CLOSED else "needs sectors only"
     for a, b, s in sectors:
-        if s != kind or not a < b < a + HALF:
+        if s != kind or not a < b <= a + widest:
             return f"[{a}, {b}] is no sector, or not of state {kind.name}"
     for (_, end, _), (begin, _, _) in pairwise(sectors):
         if end != begin:
@@ -204,6 +208,16 @@ def _split_fault(question: Question, part: int, old: list[int], new: list[tuple[
     if left == right:
         return "" if last - first == TURN else f"the sectors from {first} to {last} are not a full turn"
     return "" if (first, last) == (left, right) else f"the sectors [{first}, {last}] are not [{left}, {right}]"
+
+
+def _patches_fault(state: int, number: int, new: list[tuple[int, int, int]]) -> str:
+    """The same of a soft finger that is closed, or slides in a patch."""
+    stuck = [(STICK, 0, 0)] if state == CLOSED else []
+    if sorted(x for x in new if x[0] != SLIDE) != stuck:
+        return "needs STICK and patches" if stuck else "needs patches only"
+    halves = list(OCTANTS) if state == CLOSED else [2 * number, 2 * number + 1]
+    right_ones = halves[-1] <= LAST and sorted(x for x in new if x[0] == SLIDE) == [(SLIDE, k, 0) for k in halves]
+    return "" if right_ones else f"needs the patches {halves[0]} to {halves[-1]}"
 
 
 # --- the rows -----------------------------------------------------------------------------------
@@ -253,6 +267,7 @@ def legal(certificate: Certificate, cases: Integers, lo: Array, hi: Array) -> Ma
     soft = np.append(q.soft_fingers >= 0, False)[np.where(twists, c.index, m)]
     patched = soft & slides & contains(c.a, left)
     sided = patched & (c.b >= 0) & (c.b < 3)
+    pressed = (state == CLOSED) | still | slides
     driven, may_move = (np.append(v, False)[j] for v in (q.is_driven, q.may_move))
     moves, commanded = state == MOVES, may_move & ~driven
     always = np.ones(len(part), dtype=bool)
@@ -266,12 +281,12 @@ def legal(certificate: Certificate, cases: Integers, lo: Array, hi: Array) -> Ma
         Row.CN_UP: always,
         Row.CN_DOWN: opens,
         Row.GAP_UP: still | chord,
-        Row.GAP_DOWN: (state == CLOSED) | still | slides,
+        Row.GAP_DOWN: pressed,
         Row.DN_UP: opens & chord,
         Row.TANGENT: always,
         Row.CHORD: slides & within,
-        Row.C_LEFT: slides & leftish,
-        Row.C_RIGHT: slides & rightish,
+        Row.C_LEFT: pressed & leftish,
+        Row.C_RIGHT: pressed & rightish,
         Row.D_LEFT: still | leftish,
         Row.D_RIGHT: still | rightish,
         **dict.fromkeys((Row.STILL_1_UP, Row.STILL_1_DOWN, Row.STILL_2_UP, Row.STILL_2_DOWN), still),

@@ -15,7 +15,8 @@ from it by least squares; `proved_margins` shows that multipliers near them canc
 
 All of F, b, E, h but the grasp map and the Jacobian are floating-point numbers taken as they are. G and J come
 from the file's positions, axes and contact frames exactly. Rows of the friction cone are wider than the cone by
-`WIDER`, which covers directions and frames that are of unit length, and at right angles, to rounding only.
+`WIDER`, which covers directions and frames that are of unit length, and at right angles, to rounding only. Sides of
+sectors are not: a case says on which side of a direction, as its numbers are, friction and -d_t lie.
 """
 
 from __future__ import annotations

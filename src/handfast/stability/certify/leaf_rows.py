@@ -25,6 +25,7 @@ from handfast.stability.certify.certificate import (
     directions,
 )
 from handfast.stability.certify.patches import patch
+from handfast.stability.model import actuator_arms, joint_arms
 from handfast.stability.witness import VALID
 
 UNIT = 2.0**-53  # relative error of one rounded operation
@@ -96,12 +97,15 @@ def missed(question: Question, p: int) -> tuple[Array, Array]:
     """(p,) each: what a witness may miss the equalities by is the first plus |scalar| times the second.
 
     Loads in special positions are not proved to slip for their rounding: a jaw holds no torque about the line through
-    its two contacts, and a direction that was computed has one of 1e-17.
+    its two contacts, and a direction that was computed has one of 1e-17. Neither are commands, where contacts without
+    friction face each other but for rounding.
     """
-    out = np.zeros((2, p))
-    for x, load in zip(out, (question.load.w_a, question.load.w_b), strict=True):
-        force = max(np.linalg.norm(load[:3]), np.linalg.norm(load[3:]) / question.grasp.size)
-        x[:6] = VALID * force * np.repeat([1.0, question.grasp.size], 3)
+    g, size, out = question.plain, question.grasp.size, np.zeros((2, p))
+    own = np.concatenate([question.load.f_a / actuator_arms(g), np.abs(question.load.g_a) / joint_arms(g)])
+    # no growth with commands: where they grow without end beside a load, all of it would be missed
+    for x, load, least in zip(out, (question.load.w_a, question.load.w_b), (own.max(initial=0.0), 0.0), strict=True):
+        force = max(np.linalg.norm(load[:3]), np.linalg.norm(load[3:]) / size, least)
+        x[:6] = VALID * force * np.repeat([1.0, size], 3)
     return out[0], out[1]
 
 
@@ -135,7 +139,6 @@ def rows_of(certificate: Certificate, states: Integers, lo: Array, hi: Array, wi
     put((Row.CN_DOWN, Row.GAP_DOWN), force, -1.0)
     put((Row.TANGENT,), force, mu * (1 + wider))
     put((Row.CHORD,), force, -mu * (both / 2 - wider))
-    put((Row.C_LEFT, Row.C_RIGHT), force, mu * wider)
     put((Row.GAP_UP, Row.DN_UP), motion, cos)
     put((Row.GAP_DOWN,), motion, -cos)
     for axis in (0, 1):

@@ -185,7 +185,8 @@ def _search(
     if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
         same = p.equivalent
         little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
-        return held_under(little, p, settings, found) or found
+        held = held_under(little, p, settings, found)
+        return found if held is None else replace(held, stop=Stop.COMPLETE)  # nothing is less than none
     if found.witness is not None and settings.method == "engine":
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         command = found.witness.grasp.command

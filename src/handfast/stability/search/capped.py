@@ -8,8 +8,9 @@ end to motions the limit is left out. The bound is then proved up to that motion
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import INF, Search
 
 CAP = 2e4  # force scales
-FARTHER = 2e6, 2e8  # in turn, before it is said that no state exists up to a cap: those that move as far are tried
+FARTHER = 2e6, 2e8  # in turn, before it is said that no state exists up to a cap, or none with smaller commands
 FIRST = 4096  # nodes of the other search when it is helped first, then whenever it has twice as many
 STALLED = 1e-6  # relative: a bound that has moved by less while the nodes became four times as many makes no progress
 SHARE = 0.25  # of the other search's nodes, where any state is sought and no bound shows whether there is progress
@@ -39,6 +40,7 @@ class Capped:
         cap: on motions, in force scales.
         better: point (n,) of the other question with more motion, better than the bound.
         due: nodes of the other search at which that is looked at next; before: its bounds the last times.
+        made: all searches up to a cap, this one's and those up to farther ones.
     """
 
     other: Reduced
@@ -52,6 +54,7 @@ class Capped:
     better: Array | None = None
     due: int = FIRST // 2
     before: tuple[float, ...] = ()
+    made: list[Search] = field(default_factory=list)
 
     @property
     def possible(self) -> bool:
@@ -72,7 +75,7 @@ class Capped:
 
     @property
     def nodes(self) -> int:
-        return 0 if self.search is None else self.search.nodes
+        return sum(search.nodes for search in self.made)
 
     def watch(self, other: Search, node_limit: float, time_limit: float) -> Search | None:
         """Look at the other search, help it if it makes no progress; returns this one if its answer is to be taken."""
@@ -95,12 +98,29 @@ class Capped:
         return None
 
     def contradicted(self, nodes: int, node_limit: float, time_limit: float) -> bool:
-        """Does a state that moves more do better than the bound? Then it is none."""
-        s = self.search
-        if not self.any and self.bounds and s is not None and s.z is not None:
-            self.better = self.beyond(float(s.hi[0]), int(min(max(nodes, FIRST), node_limit)), time_limit)
-            self.bounds = self.better is None
-        return not self.bounds and self.better is not None
+        """Does a state that moves more do better than the bound? Then it is none.
+
+        Where commands are sought, or nothing was found, the bound is that of the farthest cap that gives one.
+        """
+        s, most = self.search, int(min(max(nodes, FIRST), node_limit))
+        if self.any or not self.bounds or s is None:
+            return not self.bounds and self.better is not None
+        if s.z is not None and not self.other.goal.seeks_commands:
+            self.better = self.beyond(float(s.hi[0]), most, time_limit)
+        else:
+            for farther in self.farther(None, most, time_limit):
+                if farther.stop is not Stop.COMPLETE:
+                    self.better = farther.z if farther.best < s.end else None
+                    break
+                self.search = s = farther
+        self.bounds = self.better is None
+        return not self.bounds
+
+    def farther(self, point: Array | None, node_limit: float, time_limit: float) -> Iterator[Search]:
+        """Searches up to caps that are farther away, in turn, each with so many nodes, all with so much time."""
+        end = time.monotonic() + time_limit
+        for cap in FARTHER:
+            yield replace(self, cap=cap, search=None).run(point, node_limit, end - time.monotonic())
 
     def run(self, point: Array | None, node_limit: float, time_limit: float) -> Search:
         """Search on up to so many nodes, from an incumbent (n,) if there is one."""
@@ -109,6 +129,7 @@ class Capped:
             within = (float(r.lo[0]), float(r.hi[0])) if r.objective else None
             capped = reduce(r.p, r.goal, within=within, cap=self.cap)
             self.search = Search(capped, gap=self.gap, gap_absolute=self.gap_absolute, workers=self.workers)
+            self.made.append(self.search)
         s = self.search
         if s.stop is not Stop.COMPLETE:
             s.node_limit, s.time_limit, s.stop = node_limit, time_limit, None

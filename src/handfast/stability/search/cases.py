@@ -31,10 +31,12 @@ def split(state: Indices, m: int, mdp: bool, robust: bool, soft: Mask) -> tuple[
     whole = (state[:m] == CLOSED) | (robust & (state[:m] == OPEN) & (width == 0))
     if mdp and whole.any():
         i = int(np.flatnonzero(whole)[0])
-        kind, third = (SLIDE if state[i] == CLOSED else OPEN), TURN // 3
-        ends = [0, third, 2 * third, TURN]
+        kind = SLIDE if state[i] == CLOSED else OPEN
+        left, right = (int(state[m + i]), int(state[2 * m + i])) if width[i] else (0, TURN)
+        ends = [left + k * (right - left) // 3 for k in range(4)]
         sectors = [(kind, a, b) for a, b in itertools.pairwise(ends)]
-        return _changed(state, m, i, [*([(STICK, 0, 0)] if kind == SLIDE else []), *sectors])
+        stuck = [(STICK, *((left, right) if width[i] else (0, 0)))] if kind == SLIDE else []
+        return _changed(state, m, i, [*stuck, *sectors])
     undecided = np.flatnonzero(state[:m] == UNDECIDED)
     if len(undecided):
         return _changed(state, m, int(undecided[0]), [(CLOSED, 0, 0), (OPEN, 0, 0)])

@@ -15,7 +15,7 @@ from handfast.core.parallel import default_jobs
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, Goal, Range
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays, exact
-from handfast.stability.search.capped import FARTHER, FIRST, Capped
+from handfast.stability.search.capped import FIRST, Capped
 from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.proof import Proof
 from handfast.stability.search.reduced import Reduced, reduce
@@ -28,7 +28,7 @@ FINER = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smalle
 LEAST = 1e-3  # [s] in the time that is left, or this
 REPLAY = 2.0  # times the time limit, after which a proof that is being replayed is given up
 BEST, TURN = 3, 2048  # searches that go on in turn where no box does well, and nodes of their first turn
-ROUNDS = 3  # in which leaves that are not proved without a cap are split
+ROUNDS = 8  # in which leaves that are not proved without a cap are split
 INSIDE = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
 PAUSE = 0.05  # [s] between two reports of progress
 
@@ -139,7 +139,7 @@ def _search(
                 left = settings.time_limit - (time.monotonic() - start)
                 other = beside.watch(state, settings.node_limit - spent, left) if beside else None
                 if other:
-                    return _outcome(other, goal, settings, start, spent + s.nodes)
+                    return _outcome(other, goal, settings, start, spent + s.nodes + beside.nodes - other.nodes)
                 if state.stop is None and (state.nodes >= until or (until == INF and not state.healthy)):
                     break
             if s.stop is not None:
@@ -166,19 +166,18 @@ def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> O
     nodes = min(max(found.nodes, FIRST), settings.node_limit - found.nodes)
     try:
         s = beside.run(found.point, nodes, settings.time_limit)
-        farther = FARTHER if beside.any and s.stop is Stop.COMPLETE and s.z is None else ()
-        for cap in farther:
-            spent -= s.nodes
-            left = settings.time_limit - (time.monotonic() - start)
-            s = replace(beside, cap=cap, search=None).run(found.point, nodes, left)
-            if s.stop is not Stop.COMPLETE or s.z is not None:
-                break
-        done = s.stop is Stop.COMPLETE
-        if done and beside.contradicted(int(nodes), settings.node_limit, settings.time_limit):
-            return replace(found, nodes=found.nodes + beside.nodes - spent)
+        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
+        if beside.any and s.stop is Stop.COMPLETE and s.z is None:
+            for s in beside.farther(found.point, nodes, left):
+                if s.stop is not Stop.COMPLETE or s.z is not None:
+                    break
+        elif s.stop is Stop.COMPLETE:
+            if beside.contradicted(int(nodes), settings.node_limit, left):
+                return replace(found, nodes=found.nodes + beside.nodes - spent)
+            s = beside.search or s
     except KeyboardInterrupt:
         return replace(found, stop=Stop.INTERRUPTED)
-    out = _outcome(s, goal, settings, start, found.nodes - spent)
+    out = _outcome(s, goal, settings, start, found.nodes + beside.nodes - spent - s.nodes)
     if s.stop is not Stop.COMPLETE or out.stop is not Stop.COMPLETE or (out.bound > found.value and not beside.any):
         return replace(found, nodes=out.nodes)  # also where a state beyond the cap says otherwise
     if found.value < out.value:
@@ -244,7 +243,7 @@ def _beyond(r: Reduced, value: float, settings: Settings) -> Array | None:
 
     Bounds up to a cap on motions are tried by it: what moves more may resist more.
     """
-    if r.goal.seeks_commands or value == 0:
+    if value == 0:
         return None
     return _at(r, r.goal.magnitude(r.p, value) * (1 + INSIDE * settings.gap), settings)
 

@@ -174,10 +174,11 @@ def _candidates(
         if state == ContactState.STICK:
             rows += [(Row.STILL_1_UP, i, 0, 0), (Row.STILL_2_UP, i, 0, 0)]
         if state == ContactState.SLIDE:
-            rows += [(Row.CHORD, i, left, right), (Row.C_LEFT, i, left, 0), (Row.C_RIGHT, i, 0, right)]
-            rows += [(Row.TANGENT, i, (left + right) // 2, 0)]
+            rows += [(Row.CHORD, i, left, right), (Row.TANGENT, i, (left + right) // 2, 0)]
         if left != right:
             rows += [(Row.D_LEFT, i, left, 0), (Row.D_RIGHT, i, 0, right)]
+        if left != right and state >= ContactState.CLOSED:
+            rows += [(Row.C_LEFT, i, left, 0), (Row.C_RIGHT, i, 0, right)]
         if state >= ContactState.CLOSED and q.eta > 0:
             rows += [(Row.GAP_DOWN, i, k * TURN // TANGENTS, 0) for k in range(TANGENTS)]
     for j, state in enumerate(case[m:, 0].tolist()):

@@ -238,12 +238,13 @@ def sector(i, question, node, c, d, worst, found):
     if x > worst:
         worst = x
         found = here | (D_RIGHT << KIND) | lb
-    reach = -question.sin * ((xa + xb) * d1 + (ya + yb) * d2) / h
+    reach = -question.sin * ((xa + xb) * d1 + (ya + yb) * d2) / h if question.sin > 0.0 else 0.0
     if node.state[i] == SLIDE:
         x = 0.5 * (question.mu[i] * h * c[k] - (xa + xb) * c1 - (ya + yb) * c2)
         if x > worst:
             worst = x
             found = here | (CHORD << KIND) | (la << ANGLE) | lb
+    if node.state[i] != OPEN:
         x = ya * c1 - xa * c2
         if x > worst:
             worst = x

@@ -38,7 +38,7 @@ ROUNDING = 1e-12  # of the terms of a ray: more than its checker allows for
 PURE = 1e-10  # relative: a ray with more than this of the box is none
 WIDE = 1e3  # the box, where a program seems empty for its sake
 MISSING = 0.1  # (scaled) energy by which the balance must be missed for its row to enter
-REFRESH = 40
+REFRESH = 80
 MOST_EXCHANGES = 500
 MUCH = 30.0
 

@@ -22,22 +22,27 @@ CONE = 1e-6  # friction may leave its cone by as much in a program: fewer tangen
 FINER = 1e-3  # or by this share of a smaller gap,
 FINEST = 2e-9  # but not by less: rows are met to 1e-9
 SMALLEST = 1 << 30  # patches of soft fingers from this number on are not split
+APART, EIGHTH, STILL = 0.5, TURN // 8, 1e-9  # cosine of an angle; no sector below is parted; no direction of less
 DECIDE = 1e9  # added to the energy that an undecided part misses: it is split before any sector
+# how much more that energy counts where a contact, or an actuator, is undecided, and the share of its friction in it
+TOUCHES, TURNS, FRICTION = 20.0, 100.0, 0.1
 
 
 @inner
 def select(question, node, c, d, cone, loose):
     """Where to split, by the point's forces c and motions d: contact i or m + actuator j; -1 if all is decided.
 
-    Of what is violated, an undecided part comes first, then where the balance of energy misses most:
-    c_n (c_n + d_n) of (4), |c_t| |d_t| + c_t . d_t and (mu c_n - |c_t|) |d_t| of (7), t (f - f_c) of (8). Where
-    nothing is violated, an undecided part or the widest sector. node.violation says whether anything is.
+    Of what is violated, the part where the balance of energy misses most: c_n (c_n + d_n) of (4), |c_t| |d_t| +
+    c_t . d_t and (mu c_n - |c_t|) |d_t| of (7), t (f - f_c) of (8). That of undecided parts counts more, by `TOUCHES`
+    and `TURNS`; where normals are uncertain they always come first. Where nothing is violated, an undecided part or
+    the widest sector. node.violation says whether anything is.
 
     cone, loose: by how much friction may leave its cone where all is nearly met, and in the point at hand.
     """
     m = question.m
     none = VIOLATION * loose
     narrow = larger(NARROW * cone / CONE, LEAST)
+    first = DECIDE if question.sin > 0.0 else 0.0
     most = -1.0
     pick = -1
     total = 0.0
@@ -52,7 +57,7 @@ def select(question, node, c, d, cone, loose):
         amount, missing, rank = contact(i, question, node, c, d, loose, narrow)
         total += larger(amount, 0.0)
         if state == UNDECIDED:
-            missing += DECIDE
+            missing = TOUCHES * missing + first
         if amount > none and missing > most:
             most = missing
             pick = i
@@ -67,8 +72,9 @@ def select(question, node, c, d, cone, loose):
         slack = larger(larger(-c[k], -c[k + 1]), 0.0) if question.driven[j] else c[k]  # complementary to t
         amount = smaller(t, slack)
         total += larger(amount, 0.0)
-        if amount > none and DECIDE + t * slack > most:
-            most = DECIDE + t * slack
+        missing = TURNS * t * slack + first
+        if amount > none and missing > most:
+            most = missing
             pick = m + j
         if spare < 2.5:
             spare = 2.5
@@ -118,7 +124,8 @@ def contact(i, question, node, c, d, cone, narrow):
         y = c[k + 2] * speed + w * d2
         z = c3 * speed + w * d3
         size = np.sqrt(c[k + 1] * c[k + 1] + c[k + 2] * c[k + 2] + c3 * c3)
-        missing += size * speed + c[k + 1] * d1 + c[k + 2] * d2 + c3 * d3 + larger(w - size - cone, 0.0) * speed
+        rubbed = size * speed + c[k + 1] * d1 + c[k + 2] * d2 + c3 * d3 + larger(w - size - cone, 0.0) * speed
+        missing += rubbed * (FRICTION if state == UNDECIDED else 1.0)
         if amount < VIOLATION * cone and cn > 1e-9:  # (4) holds: what about (7)?
             amount = np.sqrt(x * x + y * y + z * z) / larger(speed, 1.0) - cone
             if state == UNDECIDED:
@@ -158,6 +165,8 @@ def split(question, node, c, d, pick):
     left = node.state[m + pick]
     width = node.state[2 * m + pick] - left
     along = direction(state, c, d, pick)
+    if state == CLOSED and question.sin == 0.0:
+        return split_closed(left, width, node, c, d, pick)
     if width == 0:  # stick, or one of three sectors, the middle of one at -d_t
         count = 0
         if state == CLOSED:
@@ -171,11 +180,7 @@ def split(question, node, c, d, pick):
             child[count, 2] = begin + (third if s < 2 else TURN - 2 * third)
             count += 1
         return count
-    ahead = (along - left) % TURN
-    if ahead > (width + TURN) // 2:
-        ahead = 0  # behind the sector's start
-    step = int(smaller(larger(ahead / width, 0.15), 0.85) * width)
-    cut = left + (step if step > 0 else 1)
+    cut = left + share(along, left, width)
     child[0, 0] = state
     child[0, 1] = left
     child[0, 2] = cut
@@ -201,6 +206,65 @@ def split_patch(number, child):
 
 
 @inner
+def split_closed(left, width, node, c, d, pick):
+    """The same of a closed contact whose normal is exact.
+
+    Its friction and -d_t lie on the same side of any line through the contact, (7), whether it slides or sticks. So it
+    is parted by the line that has them on different sides in the point at hand, into two half turns, and again
+    between them, as long as they are far `APART`; then into stick and slide.
+    """
+    child = node.children
+    k = 3 * pick
+    speed = larger(length(d[k + 1], d[k + 2]), 1e-12)
+    force = larger(length(c[k + 1], c[k + 2]), 1e-12)
+    x = c[k + 1] / force
+    y = c[k + 2] / force
+    u = -d[k + 1] / speed
+    v = -d[k + 2] / speed
+    if width == 0:
+        begin = (angle(x - u, y - v) - TURN // 4) % TURN
+        for s in range(2):
+            child[s, 0] = CLOSED
+            child[s, 1] = (begin + s * (TURN // 2)) % TURN
+            child[s, 2] = child[s, 1] + TURN // 2
+        return 2
+    right = left + width
+    if x * u + y * v < APART and width > EIGHTH and speed > STILL and force > STILL:
+        child[0, 0] = child[1, 0] = CLOSED
+        child[0, 1] = left
+        child[0, 2] = child[1, 1] = left + share(angle(x + u, y + v), left, width)
+        child[1, 2] = right
+        return 2
+    child[0, 0] = STICK
+    child[0, 1] = left
+    child[0, 2] = right
+    child[1, 0] = child[2, 0] = SLIDE
+    child[1, 1] = left
+    if width <= TURN // 3:
+        child[1, 2] = right
+        return 2
+    child[1, 2] = child[2, 1] = left + width // 2  # the chord of more says little
+    child[2, 2] = right
+    return 3
+
+
+@inner
+def angle(x, y):
+    """Of a vector in the plane, in grid steps."""
+    return int(np.rint(np.arctan2(y, x) * TURN / (2 * np.pi))) % TURN
+
+
+@inner
+def share(along, left, width):
+    """Where to cut a sector: at a direction, but not too near to its ends; from its left end."""
+    ahead = (along - left) % TURN
+    if ahead > (width + TURN) // 2:
+        ahead = 0  # behind the sector's start
+    step = int(smaller(larger(ahead / width, 0.15), 0.85) * width)
+    return step if step > 0 else 1
+
+
+@inner
 def direction(state, c, d, pick):
     """Against the motion of a contact; where it slides or rests, between that and its friction."""
     k = 3 * pick
@@ -211,4 +275,4 @@ def direction(state, c, d, pick):
     if (state == SLIDE) or (state == CLOSED and speed < 1e-9):
         x += c[k + 1] / force
         y += c[k + 2] / force
-    return int(np.rint(np.arctan2(y, x) * TURN / (2 * np.pi))) % TURN
+    return angle(x, y)

@@ -46,10 +46,11 @@ from handfast.stability.search.kernel.values import row, values
 from handfast.stability.search.rows import BOX_DOWN, BOX_UP, INDEX, KIND
 
 FIRST = 8  # Newton is tried on the first programs, where nothing is violated, and where little is:
-LESS, MORE = 0.5, 1.1  # less than this share of where it was tried last, a limit that grows with every node
+LESS, MORE = 0.25, 1.1  # less than this share of where it was tried last, a limit that grows with every node
 LITTLE = 1e-3
 SOON, LATE = 16, 64  # nodes after which any state, or one at the end, is looked for in another way: few questions need
 # as many, or very many more
+DENSE = 8  # contacts from which on, and nodes: most of what such a grasp resists has no end
 NEARLY = 1e-3  # motions and forces below count as none then, or below a tenth or a hundredth of this
 LOOSE = 1e-4  # friction may leave its cone by as much in a program far from the model: its node is split anyway, and
 # half of all exchanges were tangents of cones
@@ -76,7 +77,8 @@ def run(question, worker, pool, kept, node, work, room, gap, gap_absolute, budge
             return ROOM
         if question.objective != ANY and not close and worker.hi[0] < question.lo[0]:
             return ENDLESS
-        first = SOON if question.objective == ANY else LATE
+        late = DENSE if question.m >= DENSE else LATE
+        first = SOON if question.objective == ANY else late
         if worker.counts[SETTLED] == 0 and worker.counts[NODES] >= first and question.objective <= SCALAR and not close:
             worker.counts[SETTLED] = 1
             if settled(question, worker, room, gap, gap_absolute) and question.objective == ANY:

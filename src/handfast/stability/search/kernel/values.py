@@ -161,11 +161,9 @@ def contact_row(id, kind, question, g):
         g[1] = 0.5 * (xa + xb)
         g[2] = 0.5 * (ya + yb)
     elif kind == C_LEFT:
-        g[0] = mu * WIDER
         g[1] = -ya
         g[2] = xa
     elif kind == C_RIGHT:
-        g[0] = mu * WIDER
         g[1] = yb
         g[2] = -xb
     elif kind == D_LEFT:
