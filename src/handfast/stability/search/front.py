@@ -138,7 +138,7 @@ def _search(
                     on_step(Progress(*goal.bounds(p, state.best * r.scale, bound * r.scale), nodes))
                 left = settings.time_limit - (time.monotonic() - start)
                 other = beside.watch(state, settings.node_limit - spent, left) if beside else None
-                if other:
+                if beside and other:
                     return _outcome(other, goal, settings, start, spent + s.nodes + beside.nodes - other.nodes)
                 if state.stop is None and (state.nodes >= until or (until == INF and not state.healthy)):
                     break
