@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from benchmarks.grasps import random_case
 from benchmarks.no_cap import question
 from handfast.core.answer import Verdict
-from handfast.stability.queries import check, maximum
+from handfast.model.grasp_file import load_grasp
+from handfast.stability.queries import check, maximum, torques
 from handfast.stability.settings import Settings
+
+DATA = Path(__file__).parents[2] / "data"
 
 
 def test_a_capped_bound_that_more_motion_beats_is_not_given() -> None:
@@ -38,6 +43,21 @@ def test_a_bound_that_a_plain_order_of_cases_shows_up_to_a_cap_only() -> None:
     assert answer.upper - answer.lower <= 1e-3 * answer.upper
     for factor in np.geomspace(1.0001, 3.0, 6):
         assert check(grasp, factor * answer.upper * direction).verdict is Verdict.SLIPS
+
+
+def test_least_commands_that_only_a_farther_cap_shows() -> None:
+    """A Barrett hand holds an egg's weight with 0.1114 N m; with motions of 39,000 N at most it needs 0.1535 N m."""
+    grasp = load_grasp(DATA / "egg-83.json")
+    assert grasp.mass is not None
+    answer = torques(grasp, [0, 0, 9.81 * grasp.mass])
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.upper <= 0.1115
+    assert answer.lower >= 0.1112
+    assert answer.witness is not None
+    assert answer.witness.valid
+    assert answer.preload is not None
+    more = grasp.with_commands({name: 1.01 * command for name, command in answer.preload.items()})
+    assert check(more, [0, 0, 9.81 * grasp.mass]).verdict is Verdict.HOLDS
 
 
 def test_what_a_maximum_holds_slips_in_no_check() -> None:
