@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -186,6 +187,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--part", default="1/1", help="K/N: every N-th question alone, from the K-th; for several runs")
     args = parser.parse_args()
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends at once: an answer that Ctrl-C cut off is none
     begun = time.monotonic()
     data = json.loads(args.results.read_text()) if args.results.exists() else {"questions": {}}
     whole = questions(ClosedHands(args.hands, args.shared))

@@ -234,8 +234,8 @@ def test_a_map_says_what_its_maxima_say(holed_map: MapAnswer) -> None:
     curve = holed_map.preloaded
     said = curve.to_json()
     assert any(said["holes"])
-    for k, direction in enumerate(holed_map.directions):
-        shown = maximum(holed_map.grasp, [*direction, 0, 0, 0], interval=True).interval
+    for k in (1, 2):  # one of them with a hole
+        shown = maximum(holed_map.grasp, [*holed_map.directions[k], 0, 0, 0], interval=True).interval
         if shown is None:
             assert (said["holds_from_zero_to"][k], said["holes"][k]) == (0.0, [])
             continue
