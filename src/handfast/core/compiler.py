@@ -1,8 +1,9 @@
 """From the functions of a `Library` to one object file: numba makes LLVM's representation of them, LLVM optimises it.
 
-Public interfaces are used, `cfunc`, `carray` and `intrinsic` of numba, and of llvmlite modules and passes, but for what
-`_not_to_be_run` does to save half of the time. The environment variable NUMBA_OPT is 0 here, so that functions come as they were written, and one pass over all of
-them together does the work: it takes half as long, and arguments that are the same in every call vanish.
+Public interfaces are used, `cfunc`, `carray` and `intrinsic` of numba, and of llvmlite modules and passes, but for
+what `_not_to_be_run` does. The environment variable NUMBA_OPT is 0 here, so that functions come as they were written,
+and one pass over all of them together does the work: it takes half as long, and arguments that are the same in every
+call vanish.
 
 Kernels neither allocate nor raise, and their arrays have no owners. Numba writes the counting of references and
 the handling of errors all the same; once LLVM sees that owners are always null and errors never occur, all of it
