@@ -10,7 +10,8 @@ locked. Of each grasp: six checks with a weight of 0.3 kg along the axes, and si
 replayed. Times are processor times, and what takes more than a second of that is open: on a busy machine a second by
 the clock says nothing. Two versions are compared by running this with each of them, at the
 same time on a busy machine, the second with --against. The kept results/dense.json has three,
-"before", "between" and "after".
+"before", "between" and "after". With --ways the six maxima alone are asked in three ways, by the clock: one by one,
+one by one with two threads each, and together by `max_many`. On a quiet machine; kept there as "ways".
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ import argparse
 import json
 import statistics
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +29,7 @@ import numpy as np
 
 from benchmarks.grasps import cases
 from benchmarks.machine import describe
-from handfast import check, load_grasp, maximum
+from handfast import check, load_grasp, max_many, maximum
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
 from handfast.stability.settings import Settings
@@ -36,6 +39,7 @@ COMMAND = 0.3  # [N m]
 KNUCKLES = ("FFJ3", "MFJ3", "RFJ3", "LFJ3")
 LIMIT = 1.0  # [s] of processor time, beyond which a question is open
 PATIENCE = 20.0  # [s] by the clock
+KINDS = ("published", "power", "random")
 
 
 def published(folder: Path, least: int = 8, most: int = 12) -> list[tuple[str, Grasp]]:
@@ -74,6 +78,36 @@ def asked(grasp: Grasp) -> dict[str, Any]:
     return out
 
 
+def ways(grasp: Grasp) -> dict[str, float]:
+    """Time [ms] by the clock of six maxima: one by one, with two threads each, and together."""
+    one = Settings(verify=False, workers=1, time_limit=PATIENCE)
+    two = replace(one, workers=2)
+    center = grasp.positions.mean(axis=0)
+    W = [np.r_[axis, np.cross(center, axis)] for axis in np.vstack([np.eye(3), -np.eye(3)])]
+    asks: dict[str, Callable[[], Any]] = {
+        "one by one": lambda: [maximum(grasp, w, settings=one) for w in W],
+        "two threads each": lambda: [maximum(grasp, w, settings=two) for w in W],
+        "together": lambda: max_many(grasp, W, settings=one, jobs=1),
+    }
+    out = {}
+    for way, ask in asks.items():
+        start = time.monotonic()
+        ask()
+        out[way] = 1e3 * (time.monotonic() - start)
+    return out
+
+
+def in_ways(chosen: list[tuple[str, Grasp]]) -> dict[str, Any]:
+    """Medians over the grasps of each kind, and of how much sooner than one by one."""
+    out: dict[str, Any] = {}
+    for kind in KINDS:
+        times = [ways(grasp) for name, grasp in chosen if name.startswith(kind)]
+        out[kind] = {f"{way}, median ms": statistics.median(t[way] for t in times) for way in times[0]}
+        for way in list(times[0])[1:]:
+            out[kind][f"{way}, times as soon"] = statistics.median(t["one by one"] / t[way] for t in times)
+    return out
+
+
 def summary(rows: dict[str, Any]) -> dict[str, Any]:
     """Medians and means [ms], questions that a limit left open."""
     checks = [x[-1] for row in rows.values() for x in row["checks"]]
@@ -107,15 +141,19 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=30, help="of the published grasps")
     parser.add_argument("--out", type=Path)
     parser.add_argument("--against", type=Path)
+    parser.add_argument("--ways", action="store_true", help="only this: six maxima in three ways, by the clock")
     options = parser.parse_args()
     found = published(options.folder)
     chosen = [found[i] for i in np.linspace(0, len(found) - 1, min(options.count, len(found))).astype(int)]
     check(chosen[0][1], np.zeros(6))  # loads the machine code
     chosen += [(f"power {c.name}", c.grasp) for c in [c for c in cases(("power",)) if c.contacts <= 12][::3]]
     chosen += [(c.name, c.grasp) for c in [c for c in cases(("random",)) if c.contacts == 8][::2]]
+    if options.ways:
+        print(json.dumps(in_ways(chosen), indent=1))
+        return
     rows = {name: asked(grasp) for name, grasp in chosen}
     said: dict[str, Any] = {"machine": describe()}
-    for kind in ("published", "power", "random"):
+    for kind in KINDS:
         said[kind] = summary({name: row for name, row in rows.items() if name.startswith(kind)})
     if options.out:
         options.out.write_text(json.dumps(said | {"rows": rows}) + "\n")
