@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks.grasps import random_case
 from handfast import InputError, check, maximum, prepare
 from handfast.model.grasp import Grasp
 from handfast.stability.certify import checker
@@ -67,3 +69,29 @@ def test_bad_loads_are_refused() -> None:
         prepared.holds([0, 0, 0, 1, 0, 0])
     with pytest.raises(InputError, match="nobody"):
         prepared.preload({"nobody": 1.0})
+
+
+def test_a_command_beyond_its_limit_is_refused_and_the_old_one_stays() -> None:
+    """Whatever was prepared for the same senses: a backdrivable motor has nothing but its command."""
+    g = random_case(3, 9_300_000).grasp
+    i = int(np.argmax(np.abs(g.command)))
+    back = tuple(k == i for k in range(len(g.command)))
+    g = Grasp(g.contacts, g.joints, replace(g.mechanism, backdrivable=back), g.command)
+    prepared = prepare(g, torque_limits={g.mechanism.actuators[i]: 2 * abs(g.command[i])})
+    idle = np.flatnonzero(g.command == 0)[0]
+    for more in (0.0, 0.01):  # in the same senses, and in others
+        command = 3 * g.command
+        command[idle] += more
+        with pytest.raises(InputError, match="is backdrivable and gives its command"):
+            prepared.preload(command)
+        np.testing.assert_array_equal(prepared.grasp.command, g.command)
+    prepared.preload(1.5 * g.command)
+    np.testing.assert_array_equal(prepared.grasp.command, 1.5 * g.command)
+
+
+def test_a_load_that_no_forces_balance_is_refused_however_small() -> None:
+    case = random_case(2, 9_400_001)  # two contacts: no torque about the line through them
+    prepared = prepare(case.grasp)
+    for size in (1e-3, 1e-8, 1e-9):
+        with pytest.raises(InputError, match="cannot be balanced by any forces"):
+            prepared.holds(size * case.direction)

@@ -17,12 +17,11 @@ from handfast.model.grasp import Grasp
 from handfast.stability.batch import GraspBatch, max_many
 from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.queries import torques
-from handfast.stability.scaled_problem import unbalanced
+from handfast.stability.scaled_problem import spans, unbalanced
 from handfast.stability.settings import Settings
 
 LEAST = 1e-3  # [s] that a question has where no time is left,
 FEWEST = 64  # and nodes
-SPANS = 1e-6  # relative singular value of the grasp map from which on contact forces balance any disturbance
 
 
 @dataclass(frozen=True)
@@ -122,9 +121,7 @@ class Questions:
 
     @cached_property
     def _spans(self) -> bool:
-        alike = np.r_[np.ones(3), np.full(3, 1 / self.grasp.size)]
-        sizes = np.linalg.svd(alike[:, None] * self.grasp.G, compute_uv=False)
-        return len(sizes) == 6 and bool(sizes[-1] >= SPANS * sizes[0])
+        return spans(self.grasp)
 
     @cached_property
     def _together(self) -> GraspBatch:

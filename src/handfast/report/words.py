@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -45,7 +46,8 @@ def vector(v: Sequence[float] | Array, digits: int = 3) -> str:
 
 def along(v: Sequence[float] | Array) -> str:
     """'+y' for a multiple of an axis, otherwise the unit vector."""
-    u = np.asarray(v, dtype=float) / np.linalg.norm(v)
+    u = np.asarray(v, dtype=float) / np.abs(v).max()  # squares of tiny numbers are none
+    u /= np.linalg.norm(u)
     k = int(np.abs(u).argmax())
     if abs(u[k]) > 1 - 1e-12:
         return ("+" if u[k] > 0 else "−") + AXES[k]
@@ -55,7 +57,7 @@ def along(v: Sequence[float] | Array) -> str:
 def load_text(w: Sequence[float] | Array) -> str:
     """A disturbance: '2.2 N along +y'."""
     w = np.asarray(w, dtype=float)
-    force, moment = float(np.linalg.norm(w[:3])), float(np.linalg.norm(w[3:]))
+    force, moment = math.hypot(*w[:3]), math.hypot(*w[3:])
     parts = []
     if force:
         parts.append(f"{num(force)} N along {along(w[:3])}")

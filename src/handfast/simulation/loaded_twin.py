@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -15,6 +16,7 @@ from handfast.simulation.recording import HOLD, PRELOAD, Recording
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import STEP, STIFFNESS, build_twin, free_joints
+from handfast.stability import scaled_problem
 
 Loading = Literal["preload-first", "together"]
 SLOWEST = 1e4  # [s of the twin] of a ramp: ten million steps
@@ -86,8 +88,7 @@ def checked_times(ramp: float, step: float, stiffness: float, loading: str) -> N
 
 def checked_wrench(wrench: Sequence[float] | Array) -> Array:
     """(6,) of six numbers, or of a force; raises `InputError` for others."""
-    w = np.asarray(wrench, dtype=float).ravel()
-    return frozen(np.r_[w, 0, 0, 0] if len(w) == 3 else w, (6,), "wrench")
+    return frozen(scaled_problem.as_wrench(wrench), (6,), "wrench")
 
 
 def force_unit(grasp: Grasp, wrench: Array) -> float:
@@ -96,7 +97,7 @@ def force_unit(grasp: Grasp, wrench: Array) -> float:
     Springs of joints that are locked press nothing. Raises `InputError` if there is none.
     """
     size = grasp.size
-    least = max(float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:])) / size)
+    least = max(math.hypot(*wrench[:3]), math.hypot(*wrench[3:]) / size)
     for row, f in zip(grasp.mechanism.R, grasp.command, strict=True):
         arms = [  # of the contacts' motion over the actuator's
             float(np.linalg.norm(joint.velocity_at(grasp.contacts[i].position))) / abs(float(row[j]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable
 from itertools import pairwise
@@ -131,7 +132,7 @@ class Recording:
         time = np.array([h.time for h in history])
         speed = np.array([h.speed for h in history])
         after = speed[before:] if len(speed) > before else speed
-        sought = max(float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:])) / length)
+        sought = max(math.hypot(*wrench[:3]), math.hypot(*wrench[3:]) / length)
         faint = 0 < sought < LEAST * force
         start = min(max(before - 1, 0), len(history) - 1)
         forces = np.array([h.forces for h in history])

@@ -78,7 +78,8 @@ class PreparedGrasp:
     def __init__(self, grasp: Grasp, limits: Mapping[str, Any], settings: Settings) -> None:
         self.grasp, self.settings, self._limits = grasp, settings, dict(limits)
         self._kernels: dict[bytes, _Kernel] = {}
-        self._kernel = self._prepared()
+        self._kernel = self._prepared(grasp)
+        self._spans = scaled_problem.spans(grasp)
 
     def preload(self, preload: Mapping[str, float] | Array | None) -> None:
         """Let other commands be in force: by actuator name, or (a,) [N m or N]; absent ones are locked.
@@ -86,10 +87,12 @@ class PreparedGrasp:
         As long as the same actuators are commanded in the same sense, what was prepared is kept.
 
         Raises:
-            InputError: an unknown actuator, numbers that are not finite.
+            InputError: an unknown actuator, numbers that are not finite, a backdrivable motor's command beyond its
+                limit. What was in force stays in force then.
         """
-        self.grasp = self.grasp.with_preload(preload)
-        self._kernel = self._prepared()
+        grasp = self.grasp.with_preload(preload)
+        self._kernel = self._prepared(grasp)
+        self.grasp = grasp
 
     def holds(self, wrench: Sequence[float] | Array) -> PreparedAnswer:
         """Is this load resisted? (6,) force [N] and torque [N m], object frame, or (3,) a force at its origin.
@@ -99,7 +102,8 @@ class PreparedGrasp:
         """
         start = time.perf_counter()
         w = scaled_problem.as_wrench(wrench)
-        found = self._kernel.ask(self.grasp, w) if self._kernel else None
+        refused = not self._spans and scaled_problem.unbalanced(self.grasp, w)  # `check` says why
+        found = self._kernel.ask(self.grasp, w) if self._kernel and not refused else None
         if found is not None and found[1] <= VALID:
             return self._said(Verdict.HOLDS, w, start, *found[:2], None, Stop.COMPLETE, found[2])
         answer: CheckAnswer = check(self.grasp, w, settings=self.settings, **self._limits)
@@ -126,13 +130,14 @@ class PreparedGrasp:
         eta = self._limits["eta"]
         return PreparedAnswer(verdict, w, self.grasp, state, residual, certificate, stop, nodes, seconds, eta)
 
-    def _prepared(self) -> _Kernel | None:
+    def _prepared(self, grasp: Grasp) -> _Kernel | None:
         """What is prepared for the commanded actuators and their senses; None with soft fingers, which are searched."""
-        if len(self.grasp.soft):
+        scaled_problem.check_backdrivable(grasp, self._limits["torque_limits"] or {})
+        if len(grasp.soft):
             return None
-        key = np.sign(self.grasp.command).tobytes()
+        key = np.sign(grasp.command).tobytes()
         if key not in self._kernels:
-            self._kernels[key] = _Kernel(self.grasp, self._limits, self.settings)
+            self._kernels[key] = _Kernel(grasp, self._limits, self.settings)
         return self._kernels[key]
 
 

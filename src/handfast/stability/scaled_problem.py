@@ -247,7 +247,7 @@ def build(
     _check_terms(grasp, eta, mdp, force_limit)
     same = equivalent_of(grasp, driven, torque_limits or {})
     plain, back = same.plain, np.array(grasp.mechanism.backdrivable, dtype=bool)
-    _check_backdrivable(grasp, back, torque_limits or {})
+    check_backdrivable(grasp, torque_limits or {})
     row = _lengths(grasp.size)
     units = _joint_units(same)
     # the force scale is what is asked about: it must not depend on an answer that is not known yet, nor, where
@@ -326,9 +326,9 @@ def _check_terms(grasp: Grasp, eta: float, mdp: bool, force_limit: float | None)
         raise InputError(f"is {force_limit:g}; a largest normal force is positive", field="force limit")
 
 
-def _check_backdrivable(grasp: Grasp, back: Mask, torque_limits: Mapping[str, float]) -> None:
+def check_backdrivable(grasp: Grasp, torque_limits: Mapping[str, float]) -> None:
     """Refuse a limit that a backdrivable motor's command is beyond: such a motor has nothing but its command."""
-    for i in np.flatnonzero(back):
+    for i in np.flatnonzero(grasp.mechanism.backdrivable):
         name, command = grasp.mechanism.actuators[i], abs(grasp.command[i])
         if command > torque_limits.get(name, np.inf):
             problem = f"is {torque_limits[name]:g}; '{name}' is backdrivable and gives its command, {command:g}"
@@ -439,6 +439,7 @@ def _lengths(length: float) -> Array:
     return np.array([1.0] * 3 + [1.0 / length] * 3)
 
 
+SPANS = 1e-6  # relative singular value of the grasp map from which on contact forces balance any disturbance
 LEAST, MOST = 1e-100, 1e100  # of the largest number of a direction, and of any disturbance: squares stay numbers
 
 
@@ -484,6 +485,13 @@ def beyond_range(G: Array, w: Array) -> int | None:
     out = U[:, (np.r_[sv, np.zeros(6 - len(sv))] < 1e-9 * sv[0])]
     beyond = out.size and np.abs(out.T @ w).max() > BALANCED * max(np.abs(w).max(), 1e-300)
     return 6 - out.shape[1] if beyond else None
+
+
+def spans(grasp: Grasp) -> bool:
+    """Does some force at the contacts, friction aside, balance any wrench? None is `unbalanced` then."""
+    alike = np.r_[np.ones(3), np.full(3, 1 / grasp.size)]
+    sizes = np.linalg.svd(alike[:, None] * grasp.G, compute_uv=False)
+    return len(sizes) == 6 and bool(sizes[-1] >= SPANS * sizes[0])
 
 
 def unbalanced(grasp: Grasp, wrench: Array) -> bool:
