@@ -30,6 +30,7 @@ import numpy as np
 from benchmarks.grasps import cases
 from benchmarks.machine import describe
 from handfast import check, load_grasp, max_many, maximum
+from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
 from handfast.stability.settings import Settings
@@ -59,13 +60,17 @@ def published(folder: Path, least: int = 8, most: int = 12) -> list[tuple[str, G
     return out
 
 
+def pulls(grasp: Grasp) -> list[Array]:
+    """(6,) each: forces of 1 N along the axes both ways, in the middle of the contacts."""
+    center = grasp.positions.mean(axis=0)
+    return [np.r_[axis, np.cross(center, axis)] for axis in np.vstack([np.eye(3), -np.eye(3)])]
+
+
 def asked(grasp: Grasp) -> dict[str, Any]:
     """Six checks and six maxima: verdicts, bounds, how they ended, nodes and processor time [ms]."""
     settings = Settings(verify=False, workers=1, time_limit=PATIENCE)
-    center = grasp.positions.mean(axis=0)
     out: dict[str, Any] = {"contacts": grasp.m, "checks": [], "maxima": []}
-    for axis in np.vstack([np.eye(3), -np.eye(3)]):
-        w = np.r_[axis, np.cross(center, axis)]
+    for w in pulls(grasp):
         start = time.process_time()
         held = check(grasp, WEIGHT * w, settings=settings)
         middle = time.process_time()
@@ -82,8 +87,7 @@ def ways(grasp: Grasp) -> dict[str, float]:
     """Time [ms] by the clock of six maxima: one by one, with two threads each, and together."""
     one = Settings(verify=False, workers=1, time_limit=PATIENCE)
     two = replace(one, workers=2)
-    center = grasp.positions.mean(axis=0)
-    W = [np.r_[axis, np.cross(center, axis)] for axis in np.vstack([np.eye(3), -np.eye(3)])]
+    W = pulls(grasp)
     asks: dict[str, Callable[[], Any]] = {
         "one by one": lambda: [maximum(grasp, w, settings=one) for w in W],
         "two threads each": lambda: [maximum(grasp, w, settings=two) for w in W],

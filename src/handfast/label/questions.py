@@ -17,7 +17,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability.batch import GraspBatch, max_many
 from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.queries import torques
-from handfast.stability.scaled_problem import spans, unbalanced
+from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import Settings
 
 LEAST = 1e-3  # [s] that a question has where no time is left,
@@ -61,7 +61,7 @@ class Questions:
     def largest(self, directions: list[Array]) -> list[LargestLoad]:
         """The largest multiple of each disturbance (6,) that is resisted; each helps the next."""
         out = [LargestLoad(0.0, 0.0, False)] * len(directions)
-        asked = [k for k, direction in enumerate(directions) if not self._unbalanced(direction)]
+        asked = [k for k, direction in enumerate(directions) if not unbalanced(self.grasp, direction)]
         if not asked:
             return out
         settings, W = self._limited(len(asked)), [directions[k] for k in asked]
@@ -78,7 +78,7 @@ class Questions:
     def held(self, wrenches: list[Array]) -> list[Verdict]:
         """Is each of these disturbances (6,) resisted? Each helps the next."""
         out = [Verdict.SLIPS] * len(wrenches)
-        asked = [k for k, wrench in enumerate(wrenches) if not self._unbalanced(wrench)]
+        asked = [k for k, wrench in enumerate(wrenches) if not unbalanced(self.grasp, wrench)]
         if not asked:
             return out
         found = self._together.checks([wrenches[k] for k in asked], self._limited(len(asked)))
@@ -89,7 +89,7 @@ class Questions:
 
     def commands(self, wrench: Array) -> tuple[dict[str, float] | None, float, float]:
         """Smallest commands that resist a disturbance (6,), by actuator; bounds of the largest, inf for none."""
-        if self._unbalanced(wrench) or not self.grasp.mechanism.a:
+        if unbalanced(self.grasp, wrench) or not self.grasp.mechanism.a:
             return None, np.inf, np.inf
         answer = torques(self.grasp, wrench, settings=self._limited(1))
         self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
@@ -114,14 +114,6 @@ class Questions:
             self.stop = stop
         if not closed or stop in (Stop.TIME, Stop.NODES):
             self.open += 1
-
-    def _unbalanced(self, wrench: Array) -> bool:
-        """Can no forces at the contacts whatever balance it? None is like that where some balance any."""
-        return not self._spans and unbalanced(self.grasp, wrench)
-
-    @cached_property
-    def _spans(self) -> bool:
-        return spans(self.grasp)
 
     @cached_property
     def _together(self) -> GraspBatch:

@@ -22,6 +22,7 @@ UNIT_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; 
 # 3 x contacts + joints + 2 x actuators + 2 x soft fingers of a grasp at most. The search names its unknowns, at most
 # this and 7, and the values that it bounds, at most this and 9 less two for each contact, by one byte
 LARGEST = 249
+SPANS = 1e-6  # relative singular value of the grasp map from which on contact forces balance any disturbance
 LEAST_LEVER = 1e-7  # [m] the ratio of torsional friction to friction is above this, and below its inverse
 
 
@@ -364,6 +365,13 @@ class Grasp:
         p = self.positions
         r = float(np.linalg.norm(p - p.mean(axis=0), axis=1).max())
         return r if r > 1e-9 else 1.0
+
+    @cached_property
+    def spans(self) -> bool:
+        """Do some forces at the contacts, friction aside, balance any wrench, and not by rounding?"""
+        alike = np.r_[np.ones(3), np.full(3, 1 / self.size)]
+        sizes = np.linalg.svd(alike[:, None] * self.G, compute_uv=False)
+        return len(sizes) == 6 and bool(sizes[-1] >= SPANS * sizes[0])
 
     @cached_property
     def given_torques(self) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -15,7 +14,7 @@ from handfast.model.grasp import Grasp
 from handfast.simulation.recording import HOLD, PRELOAD, Recording
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.stepper import Stepper
-from handfast.simulation.twin import STEP, STIFFNESS, build_twin, free_joints
+from handfast.simulation.twin import STEP, STIFFNESS, build_twin, free_joints, load_force
 from handfast.stability import scaled_problem
 
 Loading = Literal["preload-first", "together"]
@@ -97,7 +96,7 @@ def force_unit(grasp: Grasp, wrench: Array) -> float:
     Springs of joints that are locked press nothing. Raises `InputError` if there is none.
     """
     size = grasp.size
-    least = max(math.hypot(*wrench[:3]), math.hypot(*wrench[3:]) / size)
+    least = load_force(wrench, size)
     for row, f in zip(grasp.mechanism.R, grasp.command, strict=True):
         arms = [  # of the contacts' motion over the actuator's
             float(np.linalg.norm(joint.velocity_at(grasp.contacts[i].position))) / abs(float(row[j]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time as clock
 from collections.abc import Callable
 from itertools import pairwise
@@ -14,7 +13,7 @@ from handfast.model.grasp import Grasp
 from handfast.simulation.ending import CREEPS, EVIDENT, LEAST, LOST, REST, SLIP, Ending, judge
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.stepper import Moment, Stepper
-from handfast.simulation.twin import Twin
+from handfast.simulation.twin import Twin, load_force
 
 PRELOAD = 2.0  # [s] of the simulation for the commands alone
 CLOSING = 1.5  # [s] of these over which commands grow where joints rub: dry friction would keep the squeeze of a jolt
@@ -132,7 +131,7 @@ class Recording:
         time = np.array([h.time for h in history])
         speed = np.array([h.speed for h in history])
         after = speed[before:] if len(speed) > before else speed
-        sought = max(math.hypot(*wrench[:3]), math.hypot(*wrench[3:]) / length)
+        sought = load_force(wrench, length)
         faint = 0 < sought < LEAST * force
         start = min(max(before - 1, 0), len(history) - 1)
         forces = np.array([h.forces for h in history])

@@ -8,6 +8,7 @@ Mass is numerical: the questions are about rest, where it does not matter, and t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -148,6 +149,11 @@ def assembled(
     command = np.array([g.command / force for g in gears])
     stands, winds = tuple(t for t, _ in held), tuple(w for _, w in held)
     return Twin(model, length, force, free, places, address, drive, command, stands, winds, given)
+
+
+def load_force(wrench: Array, length: float) -> float:
+    """[N] a load (6,): its force, or its torque over a length [m]."""
+    return max(math.hypot(*wrench[:3]), math.hypot(*wrench[3:]) / length)  # squares of tiny numbers are none
 
 
 def free_joints(grasp: Grasp) -> tuple[int, ...]:

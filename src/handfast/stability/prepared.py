@@ -79,7 +79,6 @@ class PreparedGrasp:
         self.grasp, self.settings, self._limits = grasp, settings, dict(limits)
         self._kernels: dict[bytes, _Kernel] = {}
         self._kernel = self._prepared(grasp)
-        self._spans = scaled_problem.spans(grasp)
 
     def preload(self, preload: Mapping[str, float] | Array | None) -> None:
         """Let other commands be in force: by actuator name, or (a,) [N m or N]; absent ones are locked.
@@ -102,7 +101,7 @@ class PreparedGrasp:
         """
         start = time.perf_counter()
         w = scaled_problem.as_wrench(wrench)
-        refused = not self._spans and scaled_problem.unbalanced(self.grasp, w)  # `check` says why
+        refused = scaled_problem.unbalanced(self.grasp, w)  # `check` says why
         found = self._kernel.ask(self.grasp, w) if self._kernel and not refused else None
         if found is not None and found[1] <= VALID:
             return self._said(Verdict.HOLDS, w, start, *found[:2], None, Stop.COMPLETE, found[2])

@@ -439,7 +439,6 @@ def _lengths(length: float) -> Array:
     return np.array([1.0] * 3 + [1.0 / length] * 3)
 
 
-SPANS = 1e-6  # relative singular value of the grasp map from which on contact forces balance any disturbance
 LEAST, MOST = 1e-100, 1e100  # of the largest number of a direction, and of any disturbance: squares stay numbers
 
 
@@ -487,15 +486,10 @@ def beyond_range(G: Array, w: Array) -> int | None:
     return 6 - out.shape[1] if beyond else None
 
 
-def spans(grasp: Grasp) -> bool:
-    """Does some force at the contacts, friction aside, balance any wrench? None is `unbalanced` then."""
-    alike = np.r_[np.ones(3), np.full(3, 1 / grasp.size)]
-    sizes = np.linalg.svd(alike[:, None] * grasp.G, compute_uv=False)
-    return len(sizes) == 6 and bool(sizes[-1] >= SPANS * sizes[0])
-
-
 def unbalanced(grasp: Grasp, wrench: Array) -> bool:
     """Is there no force at the contacts whatever, friction aside, that balances a wrench (6,)? Queries refuse it."""
+    if grasp.spans:
+        return False
     alike = np.r_[np.ones(3), np.full(3, 1 / grasp.size)]
     return beyond_range(alike[:, None] * np.hstack([grasp.G, grasp.twist_map]), alike * wrench) is not None
 
