@@ -182,7 +182,7 @@ def assert_next_to_nothing(answer: MaxAnswer) -> None:
     assert checker.verify(answer.certificate).ok
 
 
-@pytest.mark.parametrize("third", [0.0, 0.08, 0.0895])
+@pytest.mark.parametrize("third", [0.0, 0.045, 0.08, 0.0895])
 def test_fig12_two_curves(third: float) -> None:
     force, moment = by_hand(third)
     for direction, expected in (([0, 0, 1, 0, 0, 0], force), ([0, 0, 0, 1, 0, 0], moment)):
