@@ -320,7 +320,7 @@ def test_ctrl_c_comes_while_two_lanes_are_searched(workers: int) -> None:
         patience = 0.3
         while not heard.wait(patience):
             _thread.interrupt_main()
-            patience = 5.0
+            patience = 20.0  # on a busy machine the proof of what was reached takes more than five seconds
 
     threading.Thread(target=press, daemon=True).start()
     try:
