@@ -1,0 +1,168 @@
+"""Fields of a parsed JSON object, read one by one: every fault is one line with the field, and what is left is one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+LARGEST = 1e50  # numbers in files are at most so large: no product of a few overflows
+SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
+_NEEDED: Any = object()
+
+
+class BadFile(ValueError):
+    """What is wrong with a file: the field, and what would be right."""
+
+    def __init__(self, problem: str, field: str = "") -> None:
+        super().__init__(f"{field}: {problem}" if field else problem)
+        self.problem, self.field = problem, field
+
+
+class Fields:
+    """An object of a file. Each field is taken once; `done` refuses what nobody took.
+
+    Raises:
+        BadFile: it is no object.
+    """
+
+    def __init__(self, data: Any, place: str = "") -> None:
+        if not isinstance(data, Mapping):
+            raise BadFile("is no object", place)
+        self.place, self._left = place, dict(data)
+
+    def at(self, name: str) -> str:
+        """The field's whole name."""
+        return f"{self.place}.{name}" if self.place else name
+
+    def has(self, name: str) -> bool:
+        """Is it there, and not null?"""
+        return self._left.get(name) is not None
+
+    def take(self, name: str, default: Any = _NEEDED) -> Any:
+        """The value as it is."""
+        if name not in self._left and default is _NEEDED:
+            raise BadFile("is missing", self.at(name))
+        return self._left.pop(name, default)
+
+    def done(self) -> None:
+        """`BadFile` for a field that nobody took."""
+        if self._left:
+            raise BadFile("is not a known field; leave it out", self.at(next(iter(self._left))))
+
+    def text(self, name: str, default: Any = _NEEDED, among: Sequence[str] = ()) -> str:
+        """A text, one of `among` if these are given."""
+        value = self.take(name, default)
+        if not isinstance(value, str) or (among and value not in among):
+            raise BadFile(f"is {value!r}; {' or '.join(map(repr, among)) or 'a text'} is needed", self.at(name))
+        return value
+
+    def flag(self, name: str, default: Any = _NEEDED) -> bool:
+        """True or false."""
+        value = self.take(name, default)
+        if not isinstance(value, bool):
+            raise BadFile(f"is {value!r}; true or false is needed", self.at(name))
+        return value
+
+    def number(self, name: str, default: Any = _NEEDED, least: float = -LARGEST) -> float:
+        """A finite number, at least `least`."""
+        return number(self.take(name, default), self.at(name), least)
+
+    def whole(self, name: str, default: Any = _NEEDED, least: int = 0) -> int:
+        """A whole number, at least `least`."""
+        value = self.take(name, default)
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            raise BadFile(f"is {value!r}; a whole number of {least} or more is needed", self.at(name))
+        return value
+
+    def numbers(self, name: str, shape: tuple[int, ...], default: Any = _NEEDED) -> Array:
+        """Finite numbers of a shape, in which -1 is any length."""
+        return numbers(self.take(name, default), shape, self.at(name))
+
+    def named(self, name: str, default: Any = _NEEDED) -> dict[str, float]:
+        """Finite numbers by name."""
+        value = self.take(name, default)
+        if not isinstance(value, Mapping):
+            raise BadFile("is no object of numbers by name", self.at(name))
+        return {key: number(x, f"{self.at(name)}.{key}") for key, x in value.items()}
+
+    def texts(self, name: str, default: Any = _NEEDED) -> tuple[str, ...]:
+        """A list of texts."""
+        value = self.take(name, default)
+        if not isinstance(value, Sequence) or isinstance(value, str) or not all(isinstance(x, str) for x in value):
+            raise BadFile("is no list of texts", self.at(name))
+        return tuple(value)
+
+    def object(self, name: str) -> Fields:
+        """The object in a field."""
+        return Fields(self.take(name), self.at(name))
+
+    def objects(self, name: str, default: Any = _NEEDED) -> Iterator[Fields]:
+        """The objects of a list."""
+        value = self.take(name, default)
+        if not isinstance(value, Sequence) or isinstance(value, str):
+            raise BadFile("is no list", self.at(name))
+        return (Fields(x, f"{self.at(name)}[{i}]") for i, x in enumerate(value))
+
+
+def number(value: Any, field: str, least: float = -LARGEST) -> float:
+    """A finite number, no text and no truth value."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise BadFile(f"is {value!r}; a finite number is needed", field)
+    if not least <= value <= LARGEST:
+        right = f"{least:g} or more is needed" if value < least else f"numbers up to {LARGEST:g} are possible"
+        raise BadFile(f"is {value:g}; {right}", field)
+    return float(value)
+
+
+def numbers(value: Any, shape: tuple[int, ...], field: str) -> Array:
+    """Finite numbers of a shape, in which -1 is any length; a list of lists, or an array."""
+    wanted = " x ".join("n" if n < 0 else str(n) for n in shape)
+    if not isinstance(value, np.ndarray):
+        _only_numbers(value, field)
+    try:
+        out = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise BadFile(f"is no table of {wanted} numbers", field) from None
+    if out.size == 0 and -1 in shape:
+        out = out.reshape([max(n, 0) for n in shape])
+    if out.ndim != len(shape) or any(n not in (-1, k) for n, k in zip(shape, out.shape, strict=True)):
+        raise BadFile(f"has {' x '.join(map(str, out.shape)) or 'one'} numbers; {wanted} are needed", field)
+    if not (np.abs(out) <= LARGEST).all():
+        raise BadFile(f"has a number that is not finite, or beyond {LARGEST:g}", field)
+    out.flags.writeable = False
+    return out
+
+
+def _only_numbers(value: Any, field: str) -> None:
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        for x in value:
+            _only_numbers(x, field)
+    elif isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+        raise BadFile(f"has {value!r} where a number is needed", field)
+
+
+def refuse_unknown(name: str, known: Sequence[str], kind: str, field: str) -> None:
+    """`BadFile` for a name that nothing has."""
+    if name not in known:
+        raise BadFile(f"has unknown {kind} '{name}'; known are {', '.join(known) or 'none'}", field)
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal JSON; numbers within `SAME`, relative, or absolute below 1."""
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
+    if isinstance(a, list | tuple) and isinstance(b, list | tuple):
+        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, bool) or isinstance(b, bool):
+        return a is b
+    if isinstance(a, float | int) and isinstance(b, float | int):
+        return bool(abs(a - b) <= SAME * max(1.0, abs(b)))
+    return bool(a == b)

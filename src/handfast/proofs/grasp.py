@@ -1,0 +1,348 @@
+"""Contacts, joints and mechanism of a grasp as plain arrays, read from a `handfast/grasp/1` object.
+
+All numbers are in the object frame and in SI units. The grasp map G and the Jacobian J of equations (1) to (3) are
+there three times: rounded, as sums of absolute values that bound the rounding, and exactly, as rational numbers of the
+positions, axes and contact frames as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask, refuse_unknown
+from handfast.proofs.rational import cross, dot, rational, rationals
+
+MANY = 249  # contacts, joints, actuators, couplings at most
+UNIT_TOLERANCE = 1e-3  # a normal or an axis may be off unit length by rounding in a file; it is then normalised
+STOPS = "", "lower", "upper", "both"
+
+
+@dataclass(frozen=True, eq=False)
+class GraspData:
+    """A grasp, as the equations know it.
+
+    Attributes:
+        positions: (m, 3) [m]. frames: (m, 3, 3) columns n, t1, t2; n points into the object.
+        mu: (m,) friction. lever: (m,) [m] torsional friction over friction; 0 is a point contact.
+        links: (m,) names of the hand's links.
+        joints: (l,) names. axes, origins: (l, 3). revolute: (l,) bool. moves: (m, l) bool, which joint moves which
+            contact.
+        friction, torque: (l,) [N m or N] dry friction of the joints, and what acts on them whatever moves.
+        stop: (l,) place in `STOPS`.
+        actuators: (a,) names. R: (a, l), A: (k, l) of the mechanism. tendon, backdrivable: (a,) bool.
+        command: (a,) f_c [N m or N]; 0 is a locked actuator.
+    """
+
+    positions: Array
+    frames: Array
+    mu: Array
+    lever: Array
+    links: tuple[str, ...]
+    joints: tuple[str, ...]
+    axes: Array
+    origins: Array
+    revolute: Mask
+    moves: Mask
+    friction: Array
+    torque: Array
+    stop: Integers
+    actuators: tuple[str, ...]
+    R: Array
+    A: Array
+    tendon: Mask
+    backdrivable: Mask
+    command: Array
+
+    @property
+    def m(self) -> int:
+        """Number of contacts."""
+        return len(self.mu)
+
+    @property
+    def l(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def a(self) -> int:
+        """Number of actuators."""
+        return len(self.actuators)
+
+    @property
+    def soft(self) -> Integers:
+        """(s,) which contacts are soft fingers."""
+        return np.flatnonzero(self.lever > 0)
+
+    @cached_property
+    def stops(self) -> tuple[Mask, Mask]:
+        """(l,) bool each: does the joint stand at its lower stop, and at its upper one?"""
+        both = self.stop == STOPS.index("both")
+        return (self.stop == STOPS.index("lower")) | both, (self.stop == STOPS.index("upper")) | both
+
+    @property
+    def has_laws(self) -> bool:
+        """Has any joint friction, a given torque or a stop, or is a motor backdrivable?"""
+        return bool(self.friction.any() or self.torque.any() or self.stop.any() or self.backdrivable.any())
+
+    def with_command(self, command: Array) -> GraspData:
+        """With other commands (a,)."""
+        return replace(self, command=command)
+
+    def commands(self, by_name: dict[str, float], field: str) -> Array:
+        """(a,) commands by name, 0 where none is named. `BadFile` for an unknown name, or a tendon that pushes."""
+        out = np.zeros(self.a)
+        for name, value in by_name.items():
+            refuse_unknown(name, self.actuators, "actuator", field)
+            i = self.actuators.index(name)
+            if self.tendon[i] and value < 0:
+                raise BadFile(f"is {value:g}; a tendon can only pull", f"{field}.{name}")
+            out[i] = value
+        return out
+
+    # --- sizes
+
+    @cached_property
+    def size(self) -> float:
+        """[m] the largest distance of a contact from the contacts' centroid; 1 where that is none."""
+        r = float(np.linalg.norm(self.positions - self.positions.mean(axis=0), axis=1).max())
+        return r if r > 1e-9 else 1.0
+
+    @cached_property
+    def joint_arms(self) -> Array:
+        """(l,) motion of the contacts for a unit of joint motion: J's column norms, levers included; 1 for none."""
+        arms = np.sqrt((self.J * self.J).sum(axis=0))
+        turned = np.sqrt((self.twist_jacobian**2).sum(axis=0))
+        arms = np.where(arms > 1e-12, arms, turned)
+        return np.where(arms > 1e-12, arms, 1.0)
+
+    @cached_property
+    def actuator_arms(self) -> Array:
+        """(a,) motion of the contacts for a unit of actuator motion, the least of the joints that it drives."""
+        R = np.abs(self.R)
+        if not R.size:
+            return np.ones(self.a)
+        return np.where(R > 0, self.joint_arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1)
+
+    # --- the maps, rounded, and the absolute values behind them
+
+    @cached_property
+    def _maps(self) -> tuple[Array, Array, Array, Array]:
+        return self._built(np.cross, self.positions, self.frames, self.axes, self.origins, -1.0)
+
+    @cached_property
+    def sizes(self) -> tuple[Array, Array, Array, Array]:
+        """As G, J, twist map and twist Jacobian, sums of absolute values: rounding is at most a few ulp of these."""
+        places = np.abs(self.positions), np.abs(self.frames)
+        return self._built(_crossed, *places, np.abs(self.axes), np.abs(self.origins), 1.0)
+
+    def _built(
+        self, product: Any, positions: Array, frames: Array, axes: Array, origins: Array, sign: float
+    ) -> tuple[Array, Array, Array, Array]:
+        m, l, soft = self.m, self.l, self.soft
+        columns = frames.transpose(0, 2, 1)  # (m, 3 directions, 3)
+        G = np.concatenate([columns, product(positions[:, None], columns)], axis=2).reshape(3 * m, 6).T
+        arm = positions[:, None] + sign * origins[None]
+        speed = np.where(self.revolute[None, :, None], product(axes[None], arm), axes[None]) * self.moves[..., None]
+        J = np.einsum("ikx,ijx->ikj", columns, speed).reshape(3 * m, l)
+        normals = self.lever[soft, None] * columns[soft, 0]
+        twist_map = np.concatenate([np.zeros((3, len(soft))), normals.T])
+        turned = (self.moves & self.revolute)[soft]
+        return G, J, twist_map, np.where(turned, normals @ axes.T, 0.0)
+
+    @property
+    def G(self) -> Array:
+        """(6, 3m) grasp map: contact forces (n, t1, t2 each) to the wrench on the object, (1)."""
+        return self._maps[0]
+
+    @property
+    def J(self) -> Array:
+        """(3m, l) contact Jacobian: joint motion to the finger's motion in the contact frames, (3)."""
+        return self._maps[1]
+
+    @property
+    def twist_map(self) -> Array:
+        """(6, s) torsions of soft fingers over their levers [N] to the wrench on the object."""
+        return self._maps[2]
+
+    @property
+    def twist_jacobian(self) -> Array:
+        """(s, l) joint motion to the turning about the normal of each soft finger, times its lever [m]."""
+        return self._maps[3]
+
+    # --- the maps, exactly
+
+    @cached_property
+    def exact_motion(self) -> list[list[fmpq]]:
+        """3m + s rows over (r, q): relative motions d of (3), then the turning of soft fingers, as rational numbers.
+
+        The columns of the object are G^T, those of the joints -J.
+        """
+        rows, turning = [], []
+        axes = [rationals(axis) for axis in self.axes]
+        for i in range(self.m):
+            p = rationals(self.positions[i])
+            speeds = [self._exact_speed(axes[j], p, i, j) for j in range(self.l)]
+            frame = [rationals(column) for column in self.frames[i].T]
+            rows += [[*n, *cross(p, n), *(-dot(n, speed) for speed in speeds)] for n in frame]
+            if self.lever[i] > 0:
+                normal = [rational(self.lever[i]) * x for x in frame[0]]
+                turns = self.moves[i] & self.revolute
+                joints = [-dot(normal, axis) if turns[j] else fmpq(0) for j, axis in enumerate(axes)]
+                turning.append([fmpq(0)] * 3 + normal + joints)
+        return rows + turning
+
+    def _exact_speed(self, axis: list[fmpq], p: list[fmpq], i: int, j: int) -> list[fmpq]:
+        """(3,) of contact i at p for a unit of joint j."""
+        if not self.moves[i, j]:
+            return [fmpq(0)] * 3
+        if not self.revolute[j]:
+            return axis
+        return cross(axis, [x - y for x, y in zip(p, rationals(self.origins[j]), strict=True)])
+
+
+def read_grasp(data: Any, place: str) -> GraspData:
+    """The grasp in a parsed `handfast/grasp/1` object; what no equation knows is read past.
+
+    Raises:
+        BadFile: the field, what is wrong, and what would be right.
+    """
+    f = Fields(data, place)
+    f.text("schema", among=["handfast/grasp/1"])
+    for name in ("name", "mass", "center_of_mass", "provenance"):
+        f.take(name, None)
+    contacts, joints = list(f.objects("contacts")), list(f.objects("joints", []))
+    if not 0 < len(contacts) <= MANY or len(joints) > MANY:
+        raise BadFile(f"has {len(contacts)} contacts and {len(joints)} joints; 1 to {MANY} are possible", place)
+    of_contacts = [_contact(c) for c in contacts]
+    of_joints = [_joint(j, len(contacts)) for j in joints]
+    names = tuple(str(j["name"]) for j in of_joints)
+    _refuse_twice(names, f.at("joints"))
+    moves = np.zeros((len(contacts), len(joints)), dtype=bool)
+    for j, joint in enumerate(of_joints):
+        moves[joint["moves"], j] = True
+    actuators, R, A, tendon, backdrivable = _mechanism(f, names)
+
+    def stacked(rows: list[dict[str, Any]], name: str, *shape: int) -> Array:
+        return np.array([row[name] for row in rows], dtype=float).reshape(len(rows), *shape)
+
+    out = GraspData(
+        positions=stacked(of_contacts, "position", 3),
+        frames=stacked(of_contacts, "frame", 3, 3),
+        mu=stacked(of_contacts, "friction"),
+        lever=stacked(of_contacts, "lever"),
+        links=tuple(c["link"] for c in of_contacts),
+        joints=names,
+        axes=stacked(of_joints, "axis", 3),
+        origins=stacked(of_joints, "origin", 3),
+        revolute=np.array([j["type"] == "revolute" for j in of_joints], dtype=bool),
+        moves=moves,
+        friction=stacked(of_joints, "friction"),
+        torque=stacked(of_joints, "torque"),
+        stop=np.array([STOPS.index(j["stop"]) for j in of_joints], dtype=np.int64),
+        actuators=actuators,
+        R=R,
+        A=A,
+        tendon=tendon,
+        backdrivable=backdrivable,
+        command=np.zeros(len(actuators)),
+    )
+    command = out.commands(f.named("preload", {}), f.at("preload"))
+    f.done()
+    return out.with_command(command)
+
+
+def _contact(f: Fields) -> dict[str, Any]:
+    normal, mu = _unit(f, "normal"), f.number("friction", least=0.0)
+    out: dict[str, Any] = {"position": f.numbers("position", (3,)), "frame": _frame(normal), "friction": mu}
+    torsion = f.number("torsion", 0.0, least=0.0)
+    if torsion > 0 and mu == 0:
+        raise BadFile(f"is {torsion:g} where friction is 0; a soft finger needs both", f.at("torsion"))
+    out |= {"lever": torsion / mu if torsion > 0 else 0.0, "link": f.text("link", "")}
+    f.take("depth", None)
+    f.done()
+    return out
+
+
+def _joint(f: Fields, m: int) -> dict[str, Any]:
+    moves = f.numbers("moves", (-1,))
+    if (moves != np.round(moves)).any() or (moves < 0).any() or (moves >= m).any():
+        raise BadFile(f"has a contact that is none; they are 0 to {m - 1}", f.at("moves"))
+    out: dict[str, Any] = {"name": f.text("name"), "axis": _unit(f, "axis"), "origin": f.numbers("origin", (3,))}
+    out |= {"moves": moves.astype(np.intp), "type": f.text("type", "revolute", among=["revolute", "prismatic"])}
+    out |= {"friction": f.number("friction", 0.0, least=0.0), "torque": f.number("torque", 0.0)}
+    out["stop"] = f.text("stop", "", among=STOPS)
+    f.done()
+    return out
+
+
+def _mechanism(f: Fields, joints: Sequence[str]) -> tuple[tuple[str, ...], Array, Array, Mask, Mask]:
+    """Names, R, A, tendon and backdrivable; a motor for each joint where there is none."""
+    l = len(joints)
+    if not f.has("mechanism"):
+        f.take("mechanism", None)
+        none = np.zeros(l, dtype=bool)
+        return tuple(joints), np.eye(l), np.zeros((0, l)), none, none
+    mech = f.object("mechanism")
+    names, R, tendon, back = [], [], [], []
+    for part in mech.objects("actuators"):
+        names.append(part.text("name"))
+        R.append(_row(part.named("joints"), joints, part.at("joints")))
+        tendon.append(part.flag("tendon", False))
+        back.append(part.flag("backdrivable", False))
+        part.done()
+    tied = mech.take("couplings", [])
+    if not isinstance(tied, Sequence) or isinstance(tied, str):
+        raise BadFile("is no list", mech.at("couplings"))
+    A = [_row(Fields({"x": row}).named("x"), joints, f"{mech.at('couplings')}[{i}]") for i, row in enumerate(tied)]
+    mech.done()
+    _refuse_twice(names, mech.at("actuators"))
+    if len(names) > MANY or len(A) > MANY:
+        raise BadFile(f"has {len(names)} actuators and {len(A)} couplings; at most {MANY} are possible", mech.place)
+    shape = (-1, l) if l else (len(names), 0)
+    flags = np.array(tendon, dtype=bool), np.array(back, dtype=bool)
+    return tuple(names), np.array(R).reshape(shape), np.array(A).reshape(len(A), l), *flags
+
+
+def _row(weights: dict[str, float], joints: Sequence[str], field: str) -> list[float]:
+    for name in weights:
+        refuse_unknown(name, joints, "joint", field)
+    if not any(abs(x) >= 1e-50 for x in weights.values()):
+        raise BadFile("moves no joint", field)
+    return [weights.get(name, 0.0) for name in joints]
+
+
+def _refuse_twice(names: Sequence[str], field: str) -> None:
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise BadFile(f"'{twice[0]}' is there twice", field)
+
+
+def _unit(f: Fields, name: str) -> Array:
+    """(3,) a unit vector; as it is where it is one but for rounding of its own."""
+    v = f.numbers(name, (3,))
+    length = float(np.linalg.norm(v))
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise BadFile(f"has length {length:.6g}; a unit vector is needed", f.at(name))
+    return v if abs(length - 1.0) <= 4e-16 else v / length
+
+
+def _frame(n: Array) -> Array:
+    """(3, 3) columns n, t1, t2: t1 = n x e with the axis e that n is least along, the first of several; t2 = n x t1."""
+    e = np.zeros(3)
+    e[np.argmin(np.abs(n))] = 1.0
+    t1 = np.cross(n, e)
+    t1 /= np.linalg.norm(t1)
+    return np.column_stack([n, t1, np.cross(n, t1)])
+
+
+def _crossed(a: Array, b: Array) -> Array:
+    """The cross product of absolute values, with plus signs."""
+    a, b = np.broadcast_arrays(a, b)
+    turned = (a[..., i] * b[..., j] + a[..., j] * b[..., i] for i, j in ((1, 2), (2, 0), (0, 1)))
+    return np.stack(list(turned), axis=-1)
