@@ -1,0 +1,170 @@
+"""The laws of joints as tendons and given torques: the equivalent of a grasp that certificates speak of.
+
+A joint with friction F, a given torque g and a stop carries tau = (R^T f + A^T lambda)_j + g + rho, with its reaction
+rho in [-F, F] (without end on the side where a stop carries), rho = -F where q > 0 and F where q < 0. The equivalent
+has given torques alone, and rows of actuators without command that can only pull (*tendons*: t >= 0, f >= 0, t f = 0).
+Each step replaces a law by one that allows the same pairs of motion and torque; proofs are in docs/joint-laws.md.
+
+- *Given torques*, and R^T f_c of backdrivable motors, are constants; these motors have no row.
+- A *stop* is a tendon: t = -q at the upper one, t = q at the lower one. A joint at both is tied: a row of A.
+- *Friction* where a tendon, a stop or a commanded motor lets the joint move in one sense s only: the torque -s F.
+- *Friction* otherwise: a joint u that touches nothing (a *slider*), with the tendons u and u - weights . q and the
+  torque -2 F on it, so that both forces add up to 2 F; and the torque F weights on the joints.
+- *Joints that are tied* to each other rigidly and may move have one friction, of the weighted sum of their motions.
+- Friction of a joint that is held rigidly does nothing.
+
+Actuators with a largest force, passive reaction included, are no part of these mergers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from handfast.proofs.fields import Array, BadFile, Integers, Mask
+from handfast.proofs.grasp import GraspData
+
+CANCELLED = 1e-13  # relative: a sum of given torques below this is one of rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Equivalent:
+    """What stands for a grasp with laws of joints; without laws its own mechanism.
+
+    Attributes:
+        sliders: s', joints that are added behind the grasp's; they touch nothing.
+        kept: (a0,) actuators of the grasp that are its first rows: all that are not backdrivable.
+        R, A: (a', l + s'), (k', l + s'). tendon: (a',) bool. command: (a',) f_c.
+        torque: (l + s',) that is given.
+        drives: is anything given that may put energy in, as springs and backdrivable motors do? Friction only takes.
+    """
+
+    sliders: int
+    kept: Integers
+    R: Array
+    A: Array
+    tendon: Mask
+    command: Array
+    torque: Array
+    drives: bool
+
+
+def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -> Equivalent:
+    """The equivalent of a grasp.
+
+    Args:
+        g: with its commands.
+        sought: (a,) bool, actuators whose commands are sought, in the sense of the grasp's; the others that are not
+            backdrivable are then locked. None if none are.
+        limited: names of actuators with a largest force.
+
+    Raises:
+        BadFile: a backdrivable motor whose command is sought.
+    """
+    back = g.backdrivable
+    if sought is not None and (sought & back).any():
+        name = g.actuators[int(np.flatnonzero(sought & back)[0])]
+        raise BadFile(f"has '{name}', which is backdrivable: its command is given, not sought", "driven")
+    command = g.command if sought is None else np.where(sought | back, g.command, 0.0)
+    kept, drives = np.flatnonzero(~back), bool(g.torque.any() or g.command[back].any())
+    if not g.has_laws:
+        return Equivalent(0, kept, g.R, g.A, g.tendon, command, g.torque, drives)
+    R, f_c = g.R[kept], command[kept]
+    free = np.array([g.actuators[i] not in limited for i in kept], dtype=bool)
+    one_sided = ((f_c != 0) | g.tendon[kept] | (False if sought is None else sought[kept])) & free
+    locked = ~((f_c != 0) | g.tendon[kept] | (False if sought is None else sought[kept])) & free
+    lower, upper = g.stops
+    both = lower & upper
+    held, groups = _ties(g.l, [*g.A, *R[locked]], both)
+    stops = [(j, 1.0 if lower[j] else -1.0) for j in range(g.l) if lower[j] != upper[j] and not held[j]]
+
+    reaction, sliders = np.zeros(g.l), []
+    for rates in groups:
+        rubs = [j for j in rates if g.friction[j] > 0]
+        if not rubs:
+            continue
+        along = np.zeros(g.l)
+        along[rubs] = g.friction[rubs] * np.sign([rates[j] for j in rubs])
+        sense = _sense(rates, stops, R[one_sided], f_c[one_sided], held)
+        reaction += -sense * along if sense else along
+        if not sense:
+            total = float(g.friction[rubs].sum())
+            sliders.append((along / total, total))
+    return _assembled(g, kept, f_c, R, both, stops, sliders, _torques(g, reaction), drives)
+
+
+def _ties(l: int, rows: list[Array], both: Mask) -> tuple[Mask, list[dict[int, float]]]:
+    """(l,) bool which joints are held rigidly; the others in groups that move alike, each joint with its rate."""
+    held, found = both.copy(), True
+    while found:  # what is tied to nothing but held joints is held
+        found = False
+        for row in rows:
+            rest = np.flatnonzero((row != 0) & ~held)
+            if len(rest) == 1:
+                held[rest] = found = True
+    groups = {j: {j: 1.0} for j in range(l) if not held[j]}
+    for row in rows:
+        two = np.flatnonzero((row != 0) & ~held).tolist()
+        if len(two) != 2 or groups[two[0]] is groups[two[1]]:
+            continue
+        first, second = groups[two[0]], groups[two[1]]
+        rate = -row[two[0]] / row[two[1]] * first[two[0]] / second[two[1]]  # q_b = rate q_a
+        first.update({j: rate * x for j, x in second.items()})
+        groups.update(dict.fromkeys(second, first))
+    return held, list({id(group): group for group in groups.values()}.values())
+
+
+def _sense(rates: dict[int, float], stops: list[tuple[int, float]], R: Array, f_c: Array, held: Mask) -> float:
+    """In which sense of the group's rate alone, +1 or -1, a row of one of its joints lets it move; 0 if in both."""
+    for j, sign in stops:
+        if j in rates:
+            return float(sign * np.sign(rates[j]))
+    for row, command in zip(R, f_c, strict=True):
+        moved = np.flatnonzero((row != 0) & ~held).tolist()
+        if len(moved) == 1 and moved[0] in rates:
+            return float((-1.0 if command < 0 else 1.0) * np.sign(row[moved[0]]) * np.sign(rates[moved[0]]))
+    return 0.0
+
+
+def _torques(g: GraspData, reaction: Array) -> Array:
+    """(l,) given torques and what friction adds to them; 0 where they cancel but for rounding."""
+    own = g.torque + g.R[g.backdrivable].T @ g.command[g.backdrivable]
+    terms = np.abs(g.R[g.backdrivable].T) @ np.abs(g.command[g.backdrivable]) + np.abs(g.torque)
+    total = own + reaction
+    return np.where(np.abs(total) > CANCELLED * (terms + np.abs(reaction)), total, 0.0)
+
+
+def _assembled(
+    g: GraspData,
+    kept: Integers,
+    f_c: Array,
+    R_own: Array,
+    both: Mask,
+    stops: list[tuple[int, float]],
+    sliders: list[tuple[Array, float]],
+    torque: Array,
+    drives: bool,
+) -> Equivalent:
+    tied, own = np.flatnonzero(both), len(kept)
+    l, rows = g.l + len(sliders), own + len(stops) + 2 * len(sliders)
+    R, A = np.zeros((rows, l)), np.zeros((len(g.A) + len(tied), l))
+    R[:own, : g.l], A[: len(g.A), : g.l] = R_own, g.A
+    A[len(g.A) + np.arange(len(tied)), tied] = 1.0
+    for k, (j, sign) in enumerate(stops, start=own):
+        R[k, j] = sign
+    for n, (weights, _) in enumerate(sliders):
+        first = own + len(stops) + 2 * n
+        R[first : first + 2, g.l + n], R[first + 1, : g.l] = 1.0, -weights
+    more = np.ones(rows - own, dtype=bool)
+    return Equivalent(
+        len(sliders),
+        kept,
+        R,
+        A,
+        np.concatenate([g.tendon[kept], more]),
+        np.concatenate([f_c, np.zeros(rows - own)]),
+        np.concatenate([torque, [-2 * total for _, total in sliders]]),
+        drives,
+    )
