@@ -39,6 +39,7 @@ class Equivalent:
         R, A: (a', l + s'), (k', l + s'). tendon: (a',) bool. command: (a',) f_c.
         torque: (l + s',) that is given.
         drives: is anything given that may put energy in, as springs and backdrivable motors do? Friction only takes.
+        held: (l,) bool, joints that are held rigidly.
     """
 
     sliders: int
@@ -49,6 +50,7 @@ class Equivalent:
     command: Array
     torque: Array
     drives: bool
+    held: Mask
 
 
 def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -> Equivalent:
@@ -70,7 +72,7 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
     command = g.command if sought is None else np.where(sought | back, g.command, 0.0)
     kept, drives = np.flatnonzero(~back), bool(g.torque.any() or g.command[back].any())
     if not g.has_laws:
-        return Equivalent(0, kept, g.R, g.A, g.tendon, command, g.torque, drives)
+        return Equivalent(0, kept, g.R, g.A, g.tendon, command, g.torque, drives, np.zeros(g.l, dtype=bool))
     R, f_c = g.R[kept], command[kept]
     free = np.array([g.actuators[i] not in limited for i in kept], dtype=bool)
     one_sided = ((f_c != 0) | g.tendon[kept] | (False if sought is None else sought[kept])) & free
@@ -92,7 +94,7 @@ def equivalent_of(g: GraspData, sought: Mask | None, limited: Collection[str]) -
         if not sense:
             total = float(g.friction[rubs].sum())
             sliders.append((along / total, total))
-    return _assembled(g, kept, f_c, R, both, stops, sliders, _torques(g, reaction), drives)
+    return _assembled(g, kept, f_c, R, both, stops, sliders, _torques(g, reaction), drives, held)
 
 
 def _ties(l: int, rows: list[Array], both: Mask) -> tuple[Mask, list[dict[int, float]]]:
@@ -146,6 +148,7 @@ def _assembled(
     sliders: list[tuple[Array, float]],
     torque: Array,
     drives: bool,
+    held: Mask,
 ) -> Equivalent:
     tied, own = np.flatnonzero(both), len(kept)
     l, rows = g.l + len(sliders), own + len(stops) + 2 * len(sliders)
@@ -167,4 +170,5 @@ def _assembled(
         np.concatenate([f_c, np.zeros(rows - own)]),
         np.concatenate([torque, [-2 * total for _, total in sliders]]),
         drives,
+        held,
     )

@@ -1,0 +1,526 @@
+"""What an answer about one disturbance claims, and its replay: check (20), maximum (23), least commands (26).
+
+A `handfast/result/2` file holds the question, the answer, the state behind HOLDS (the *witness*) and the proof behind
+SLIPS or a bound (the *certificate*); of a maximum also arcs of states and certificates of smaller magnitudes. Every key
+of the answer is worked out again from these, but for `COURSE`, and none is there that its query does not have.
+
+HOLDS and SLIPS exclude each other: HOLDS is an exact state of the numbers in the file, or, where the answer says so,
+one for a load and joint torques that differ by 1e-9 of the load; SLIPS says that there is neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from handfast.proofs import arcs, checker
+from handfast.proofs.certificate import Certificate, read_certificate
+from handfast.proofs.existence import Proved, prove
+from handfast.proofs.fields import SAME, Array, BadFile, Fields
+from handfast.proofs.forces import FAR, drives, farthest
+from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
+from handfast.proofs.ranges import Known, known
+from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.states import State, read_state
+from handfast.proofs.tolerance import load_scale
+
+SCHEMA = "handfast/result/2"
+VERDICTS = "holds", "slips", "undecided"
+STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
+COURSE = "stop", "seconds", "nodes", "verified"  # the course of the search: recorded, and nothing rests on it
+NOT_REPLAYED = f"{', '.join(COURSE)}: the course of the search is recorded, and nothing rests on it"
+NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
+LIMIT = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
+OF_INTERVAL = "holds_from_zero_upper", "holes", "unproved", "resolution"  # keys beside `holds_from_zero_to`
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """A state and what it answers for: wrench (6,) and commands (a,)."""
+
+    wrench: Array
+    command: Array
+    state: State
+
+
+@dataclass(frozen=True, eq=False)
+class SavedAnswer:
+    """A result file, read.
+
+    Attributes:
+        question: what was asked.
+        said: the answer, as JSON.
+        witness, certificate: what backs it; None without.
+        arcs, slips: states and certificates of smaller magnitudes.
+    """
+
+    question: Question
+    said: Mapping[str, Any]
+    witness: Witness | None
+    certificate: Certificate | None
+    arcs: tuple[arcs.Arc, ...] = ()
+    slips: tuple[Certificate, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        return self.said["verdict"] == "holds"
+
+    def number(self, key: str) -> float | None:
+        """A number of the answer, None for null; `Refused` for what is none."""
+        x = self.said.get(key)
+        if x is not None and (isinstance(x, bool) or not isinstance(x, int | float)):
+            raise Refused(f"{key} is {x!r}, no number")
+        return None if x is None else float(x)
+
+
+def read_answer(data: Any, place: str = "") -> SavedAnswer:
+    """A parsed `handfast/result/2` object. Raises `BadFile`."""
+    f = Fields(data, place)
+    f.text("schema", among=[SCHEMA])
+    question = read_question(f.take("question"), f.at("question"))
+    said = f.take("answer")
+    of_answer = Fields(said, f.at("answer"))
+    of_answer.text("schema", among=["handfast/answer/1"])
+    of_answer.text("query", among=tuple(QUERIES))
+    of_answer.text("verdict", among=VERDICTS)
+    of_answer.text("stop", among=STOPS)
+    of_answer.number("seconds", least=0.0)
+    of_answer.whole("nodes")
+    of_answer.flag("verified")
+    witness = _read_witness(f.object("witness"), question) if f.has("witness") else None
+    proof = f.take("certificate") if f.has("certificate") else None
+    certificate = None if proof is None else read_certificate(proof, f.at("certificate"), question)
+    of_arcs = tuple(arcs.read_arc(x, question) for x in f.objects("arcs", []))
+    slips = enumerate(f.take("slips", []))
+    of_slips = tuple(read_certificate(x, f"{f.at('slips')}[{i}]", question) for i, x in slips)
+    for name in ("witness", "certificate"):
+        f.take(name, None)
+    f.done()
+    return SavedAnswer(question, said, witness, certificate, of_arcs, of_slips)
+
+
+def _read_witness(f: Fields, q: Question) -> Witness:
+    wrench, by_name = f.numbers("wrench", (6,)), f.named("command")
+    if set(by_name) != set(q.grasp.actuators):
+        raise BadFile(f"are not those of the actuators {', '.join(q.grasp.actuators)}", f.at("command"))
+    command = q.grasp.commands(by_name, f.at("command"))
+    return Witness(wrench, command, read_state(f, q.grasp))
+
+
+def replay(saved: SavedAnswer) -> Replay:
+    """Is everything that an answer claims proved?"""
+    query = QUERIES[saved.said["query"]]
+    parts: list[Replay] = []
+    try:
+        proved = None
+        if saved.witness is not None or saved.holds:
+            proved, part = _witness(saved, query)
+            parts.append(part)
+        part_of_certificate, cap = _certificate(saved, query)
+        parts += part_of_certificate
+        parts += query.smaller(saved)
+        reason = ""
+        if not any(part.reason for part in parts):
+            _compare(saved, query, proved, cap)
+    except Refused as fault:
+        reason = f"answer: {fault}"
+    more = (LIMIT,) if saved.said.get("limit") is not None else ()
+    return Replay(saved.said["query"], "", reason, parts=tuple(parts), not_replayed=(*more, NOT_REPLAYED))
+
+
+def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
+    q, w = saved.question, saved.witness
+    if w is None:
+        raise Refused("HOLDS without a witness")
+    if not saved.holds:
+        raise Refused(f"{saved.said['verdict'].upper()} with a witness")
+    claim, base, along, command = query.held(saved, w)
+    if not _close(w.command, command):
+        return None, Replay("witness", claim, "it is a state with other commands")
+    limits = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.actuators], dtype=float)
+    found = prove(
+        q.grasp.with_command(command),
+        w.state,
+        base,
+        along=along,
+        eta=q.eta,
+        mdp=q.mdp,
+        torque_limit=limits,
+        force_limit=q.force_limit,
+    )
+    reason = "" if found.exact or found.tolerant else found.reason
+    reason = reason or query.held_fault(saved, w, found)
+    to = "" if found.exact else ", to 1e-9 of load and commands"
+    figures = {"residual": found.residual, "exact": found.exact, "radius": found.radius}
+    return found, Replay("witness", claim + to, reason, figures)
+
+
+def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float | None]:
+    """What its certificate shows, as parts, and the cap on motions that it is proved up to."""
+    q, c = saved.question, saved.certificate
+    need = query.refuted(saved)
+    if need is None:
+        if c is not None:
+            raise Refused("has a certificate, but claims nothing that needs one")
+        return [], None
+    claim, magnitude, (lo, hi) = need
+    if c is None:
+        raise Refused(f"{claim}: no certificate")
+    if c.scalar is not None and not (c.scalar[0] <= lo and c.scalar[1] >= hi):
+        reason = f"it covers {c.scalar[0]:.9g} to {c.scalar[1]:.9g}; the answer needs {lo:.9g} to {hi:.9g}"
+        return [Replay("certificate", claim, reason)], None
+    found = checker.verify(c)
+    reason = found.reason
+    if magnitude > 0 or saved.said["query"] == "max":
+        claim += f", up to {q.magnitudes(c.scalar)[1]:.6g} times the direction" if c.scalar is not None else ""
+    if found.cap is not None and not reason:
+        claim += f", up to virtual motions of {found.cap:.6g} N"
+        if saved.said["stop"] == "complete":
+            reason = cap_fault(q, found.cap, magnitude, saved.witness)
+    figures = {"motion_cap": found.cap, "leaves": found.leaves, "margin": found.margin}
+    return [Replay("certificate", claim, reason, figures)], found.cap
+
+
+def cap_fault(q: Question, cap: float, magnitude: float, witness: Witness | None) -> str:
+    """Why a bound that is proved for motions inside a cap [N] does not count as complete; "" if it does.
+
+    The cap has to be far above every force in play at the bound, and beyond what the answer's own witness moves by.
+    """
+    g = q.grasp
+    load = load_scale(g, q.wrench + magnitude * q.direction)
+    most, what = max(load, drives(q)), "the forces in play"
+    if witness is not None:
+        moved = witness.state.largest_motion(g)
+        if moved > most:
+            most, what = moved, "what its own witness moves by"
+    if cap >= FAR * most:
+        return ""
+    return f"it is proved for motions up to {cap:.3g} N only, not {FAR:g} times {what}, {most:.3g} N"
+
+
+def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float | None) -> None:
+    """`Refused` if an answer has other keys than its query's, or says else than what was replayed."""
+    said = saved.said
+    shown: dict[str, Any] = {key: said[key] for key in ("schema", "query", "verdict")}
+    shown |= {"certified": saved.certificate is not None, "motion_cap": cap}
+    shown |= {"exact": None if proved is None else proved.exact}
+    shown |= query.shown(saved, proved)
+    for key in said:
+        if key not in shown and key not in COURSE:
+            raise Refused(f"{key} is nothing that it can say; leave it out")
+    for key, value in shown.items():
+        if key not in said:
+            raise Refused(f"{key} is missing")
+        if not matches(said[key], value):
+            raise Refused(f"{key} is not what the rest of the file shows")
+
+
+# --- the queries ----------------------------------------------------------------------------------
+
+Held = tuple[str, Array, Array | None, Array]  # claim, load, direction of its unknown magnitude, commands
+Refuted = tuple[str, float, Range]  # claim, magnitude of the direction, range of the scalar that is to be covered
+
+
+class Query:
+    """`check`: does the grasp resist the load?"""
+
+    def held(self, saved: SavedAnswer, w: Witness) -> Held:
+        """What the witness of an answer that HOLDS has to be."""
+        q = saved.question
+        if not _close(w.wrench, q.wrench):
+            raise Refused("witness: it is a state under another disturbance")
+        return "the disturbance is resisted", q.wrench, None, q.grasp.command
+
+    def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
+        """What else is wrong with a witness that is proved; "" if nothing."""
+        return ""
+
+    def refuted(self, saved: SavedAnswer) -> Refuted | None:
+        """What the certificate has to show; None if nothing needs one."""
+        q = saved.question
+        if q.goal != CHECK:
+            raise Refused(f"is of a check, its question of '{q.goal}'")
+        return (q.claim(None), 0.0, (0.0, 0.0)) if saved.said["verdict"] == "slips" else None
+
+    def smaller(self, saved: SavedAnswer) -> list[Replay]:
+        """The replay of what is said of smaller magnitudes."""
+        if saved.arcs or saved.slips:
+            raise Refused("has states or certificates of smaller magnitudes, but claims nothing of them")
+        return []
+
+    def shown(self, saved: SavedAnswer, proved: Proved | None) -> dict[str, Any]:
+        """What it has to say by key, beside what every answer says."""
+        w = saved.witness
+        return described(saved.question, w, proved) | {"margin": None}  # nothing in the file shows a margin
+
+
+class Maximum(Query):
+    """`max`: which is the largest magnitude of a direction that is resisted?"""
+
+    def held(self, saved: SavedAnswer, w: Witness) -> Held:
+        base, along, lower = *_line(saved), saved.number("lower") or 0.0
+        magnitude = float((w.wrench - base) @ along / (along @ along))
+        if not _close(w.wrench, base + magnitude * along) or magnitude < lower:
+            raise Refused("witness: it is a state under another disturbance")
+        claim = f"{lower:.6g} times the direction is resisted, or more" if lower > 0 else "the base load is resisted"
+        return claim, base + magnitude * along, (along if lower > 0 else None), saved.question.grasp.command
+
+    def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
+        if found.magnitude is None or not saved.number("lower"):
+            return ""
+        base, along = _line(saved)
+        least = float((w.wrench - base) @ along / (along @ along)) + found.magnitude[0]
+        return "" if least >= (saved.number("lower") or 0.0) else f"it is proved from a magnitude of {least:.12g} on"
+
+    def refuted(self, saved: SavedAnswer) -> Refuted | None:
+        q, end = saved.question, self._end(saved)
+        self._check_bounds(saved, end)
+        lower, upper = saved.number("lower") or 0.0, saved.number("upper")
+        if upper is None:
+            return None
+        if lower > upper:
+            raise Refused(f"its lower bound {lower:.9g} is above its upper bound {upper:.9g}")
+        slips = saved.said["verdict"] == "slips"
+        claim = f"{'nothing' if slips else f'nothing above {upper:.6g} times the direction'} is resisted"
+        if not q.has_scalar:  # homogeneous: what slips at one magnitude slips at all
+            if not slips:
+                raise Refused("has an upper bound where magnitudes make no difference")
+            return claim, 0.0, (0.0, 0.0)
+        if q.homogeneous:  # its scalar is 1 / s
+            return claim, upper, ((1 + NEAR_END) / end, (1 - SAME) / upper if upper > 0 else np.inf)
+        return claim, upper, (upper * (1 + SAME), end * (1 - NEAR_END))
+
+    def _end(self, saved: SavedAnswer) -> float:
+        q = saved.question
+        return farthest(q) if q.has_scalar else farthest(_with_direction(q))
+
+    def _check_bounds(self, saved: SavedAnswer, end: float) -> None:
+        """`Refused` if verdict and bounds contradict each other."""
+        verdict, unbounded = saved.said["verdict"], saved.said.get("unbounded")
+        lower, upper = saved.number("lower"), saved.number("upper")
+        if lower is None or not lower >= 0:
+            raise Refused(f"a largest magnitude of {lower}")
+        base, _ = _line(saved)
+        if verdict == "holds" and not unbounded and lower == 0 and not base.any():
+            raise Refused("HOLDS without a magnitude that is resisted")
+        if verdict != "holds" and lower != 0:
+            raise Refused(f"{verdict.upper()} with a magnitude that is resisted")
+        if verdict == "slips" and upper != 0:
+            raise Refused("SLIPS with bounds above 0")
+        if unbounded and (upper is not None or verdict != "holds"):
+            raise Refused("unbounded, with a bound")
+        if unbounded and not lower >= end * (1 - 2 * NEAR_END):
+            raise Refused(f"unbounded, but shown up to {lower:.6g} only; {end:.6g} is needed")
+
+    def smaller(self, saved: SavedAnswer) -> list[Replay]:
+        to = saved.number("holds_from_zero_to")
+        if to is None:
+            if any(saved.said.get(key) for key in OF_INTERVAL[:3]):
+                raise Refused("has holes, but does not say up to where everything is resisted")
+            return super().smaller(saved)
+        holes = [(float(a), float(b)) for a, b in saved.said.get("holes", [])]
+        claim = f"everything up to {to:.6g} times the direction is resisted"
+        if holes:
+            claim += f", nothing at {', '.join(f'{a:.6g} to {b:.6g}' for a, b in holes)}"
+        bounds = [arcs.replayed(saved.question, arc) for arc in saved.arcs]
+        reason = next((fault for fault, _ in bounds if fault), "") or _slips_fault(saved) or _ranges_fault(saved, holes)
+        figures = {"arcs": len(saved.arcs), "slips": len(saved.slips)}
+        figures |= {"residual": max((off for _, off in bounds), default=0.0)}
+        return [Replay("interval", claim + ", to 1e-9 of load and commands", reason, figures)]
+
+    def shown(self, saved: SavedAnswer, proved: Proved | None) -> dict[str, Any]:
+        """The bounds are those that witness and certificate were held against."""
+        lower, upper, said = saved.number("lower") or 0.0, saved.number("upper"), saved.said
+        gap = 0.0 if said.get("unbounded") or upper == 0 else None
+        if gap is None and upper is not None and lower > 0:
+            gap = (upper - lower) / lower
+        out: dict[str, Any] = {"lower": lower, "upper": upper, "gap": gap, "unbounded": bool(said.get("unbounded"))}
+        out["holds_from_zero_to"] = said.get("holds_from_zero_to")  # held against states and certificates
+        if out["holds_from_zero_to"] is not None:
+            out |= {name: said.get(name) for name in OF_INTERVAL}
+        limit = said.get("limit")
+        out |= {"attained": limit is None, "limit": limit}
+        if limit is not None:
+            value = limit.get("value") if isinstance(limit, Mapping) else None
+            if not isinstance(value, float) or upper is None or not lower <= value <= upper * (1 + SAME):
+                raise Refused("its limit lies outside of its bounds")
+        return out
+
+
+class Torques(Query):
+    """`torques`: which commands resist the load with the least effort?"""
+
+    def held(self, saved: SavedAnswer, w: Witness) -> Held:
+        if not _close(w.wrench, saved.question.wrench):
+            raise Refused("witness: it is a state under another disturbance")
+        upper = saved.number("upper")
+        return f"commands of {upper or 0.0:.6g} suffice", saved.question.wrench, None, w.command
+
+    def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
+        """Are the commands those that the answer gives, and do they cost what it says?"""
+        q, g = saved.question, saved.question.grasp
+        given = np.where(g.backdrivable, g.command, 0.0)
+        if (w.command[~q.sought] != given[~q.sought]).any():
+            return "an actuator is commanded that was to stay locked, or a backdrivable one otherwise"
+        if (np.where(g.command < 0, -1.0, 1.0) * w.command < 0)[q.sought].any():
+            return "a command has the wrong sense"
+        sizes = np.abs(w.command[~g.backdrivable])
+        cost = float(sizes.sum() if q.sums else sizes.max(initial=0.0))
+        upper = saved.number("upper")
+        same = upper is not None and abs(upper - cost) <= SAME * cost
+        return "" if same else f"its commands cost {cost:.6g}; the answer says {upper}"
+
+    def refuted(self, saved: SavedAnswer) -> Refuted | None:
+        q, lower, upper = saved.question, saved.number("lower"), saved.number("upper")
+        if q.goal != TORQUES:
+            raise Refused(f"is of torques, its question of '{q.goal}'")
+        if saved.said["verdict"] == "slips":
+            if lower is not None or upper is not None:
+                raise Refused("SLIPS with bounds")
+            return "no commands suffice", 0.0, (0.0, np.inf)
+        if lower is None or not lower >= 0:
+            raise Refused(f"a lower bound of {lower}")
+        if upper is not None and lower > upper:
+            raise Refused(f"its lower bound {lower:.9g} is above its upper bound {upper:.9g}")
+        return (f"no commands below {lower:.6g} suffice", 0.0, (0.0, lower)) if lower > 0 else None
+
+    def shown(self, saved: SavedAnswer, proved: Proved | None) -> dict[str, Any]:
+        w, q = saved.witness, saved.question
+        commands = None if w is None else dict(zip(q.grasp.actuators, w.command.tolist(), strict=True))
+        preload = None if commands is None else {name: commands[name] for name in q.driven}
+        return {
+            "preload": preload,
+            "lower": saved.number("lower"),
+            "upper": None if w is None else saved.number("upper"),
+        }
+
+
+QUERIES: dict[str, Query] = {"check": Query(), "max": Maximum(), "torques": Torques()}
+
+
+# --- parts of them --------------------------------------------------------------------------------
+
+
+def described(q: Question, w: Witness | None, proved: Proved | None) -> dict[str, Any]:
+    """What `check` says of a state by key; null without one."""
+    keys = "residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"
+    if w is None or proved is None:
+        return dict.fromkeys(keys)
+    g, x = q.grasp, w.state
+    c, d = x.c.reshape(-1, 3), x.relative_motion(g).reshape(-1, 3)
+    contacts = [
+        {
+            "link": g.links[i],
+            "position": g.positions[i].tolist(),
+            "force": (g.frames[i] @ c[i]).tolist(),
+            "normal_force": float(c[i, 0]),
+            "friction_force": float(np.linalg.norm(c[i, 1:])),
+            "motion": (g.frames[i] @ d[i]).tolist(),
+            "state": proved.words[i],
+        }
+        | ({"torsion": float(x.torsion[i])} if g.lever[i] > 0 else {})
+        for i in range(g.m)
+    ]
+    torques = x.joint_torques(g)
+    out = {"joint_reactions": dict(zip(g.joints, x.reaction.tolist(), strict=True))} if g.has_laws else {}
+    return out | {
+        "residual": proved.residual,
+        "contacts": contacts,
+        "joint_torques": dict(zip(g.joints, torques.tolist(), strict=True)),
+        "actuator_forces": dict(zip(g.actuators, x.f.tolist(), strict=True)),
+        "object_motion": x.r.tolist(),
+        "joint_motion": dict(zip(g.joints, x.q.tolist(), strict=True)),
+    }
+
+
+def _line(saved: SavedAnswer) -> tuple[Array, Array]:
+    """(6,) each: the disturbance is the first plus s times the second; `Refused` if it is that of no maximum."""
+    q = saved.question
+    if q.has_scalar and not q.seeks_commands:
+        return q.wrench, q.direction
+    limited = bool(q.torque_limits) or np.isfinite(q.force_limit)
+    if q.goal != CHECK or q.grasp.command.any() or q.equivalent.torque.any() or limited or not q.wrench.any():
+        raise Refused(f"is of a maximum, its question of '{q.goal}'")
+    return np.zeros(6), q.wrench
+
+
+def _with_direction(q: Question) -> Question:
+    """A maximum of which magnitudes make no difference, its load as the direction."""
+    return replace(q, goal=SMALLEST_PRELOAD, direction=q.wrench, wrench=np.zeros(6))
+
+
+def _slips_fault(saved: SavedAnswer) -> str:
+    """What is wrong with the certificates of smaller magnitudes; "" if nothing."""
+    for c in saved.slips:
+        found = checker.verify(c)
+        if not found.ok:
+            return f"{saved.question.claim(c.scalar)}: {found.reason}"
+        if found.cap is not None:
+            return f"{saved.question.claim(c.scalar)}: proved up to virtual motions of {found.cap:.6g} N only"
+    return ""
+
+
+def _ranges_fault(saved: SavedAnswer, holes: Sequence[Range]) -> str:
+    """What is wrong with what is said of smaller magnitudes, if all its states and certificates are right."""
+    q, lower, upper = saved.question, saved.number("lower") or 0.0, saved.number("upper")
+    top = np.inf if upper is None else upper
+    resolution = saved.number("resolution")
+    if not q.has_scalar:  # magnitudes make no difference
+        if saved.slips or saved.arcs:
+            return "it has states or certificates where magnitudes make no difference"
+        shown = Known(lower, top, (), ())
+    elif resolution is None or not resolution > 0:
+        return f"its resolution is {resolution}; a positive number is needed"
+    else:
+        good, bad = [(a.first, a.last) for a in saved.arcs], [q.magnitudes(c.scalar) for c in saved.slips]
+        if len(set(good)) < len(good):
+            return "an arc is there twice"
+        try:
+            shown = known(good, bad, lower, top, resolution, farthest(q) / 1e4)
+        except ValueError as fault:
+            return str(fault)
+    above = saved.number("holds_from_zero_upper")
+    unproved = tuple((float(a), float(b)) for a, b in saved.said.get("unproved", []))
+    to = saved.number("holds_from_zero_to") or 0.0
+    said = Known(to, np.inf if above is None else above, tuple(holes), unproved)
+    return "" if said == shown else f"it says {said}; what is shown is {shown}"
+
+
+def _close(a: Array, b: Array) -> bool:
+    """The same numbers but for rounding."""
+    return bool(np.abs(a - b).max(initial=0.0) <= 1e-15 * np.abs(b).max(initial=0.0))
+
+
+def matches(said: Any, shown: Any) -> bool:
+    """The same JSON; numbers within `SAME` of the largest under the same key, of each list of objects key by key."""
+    if isinstance(shown, list) and shown and isinstance(shown[0], dict):
+        if not isinstance(said, list) or [x.keys() for x in said if isinstance(x, Mapping)] != [
+            x.keys() for x in shown
+        ]:
+            return False
+        return all(matches([x[key] for x in said], [x[key] for x in shown]) for key in shown[0])
+    return _alike(said, shown, SAME * _largest(shown))
+
+
+def _alike(said: Any, shown: Any, within: float) -> bool:
+    if isinstance(shown, Mapping):
+        there = isinstance(said, Mapping) and said.keys() == shown.keys()
+        return there and all(_alike(said[key], shown[key], within) for key in shown)
+    if isinstance(shown, list | tuple):
+        there = isinstance(said, list | tuple) and len(said) == len(shown)
+        return there and all(_alike(x, y, within) for x, y in zip(said, shown, strict=True))
+    if _is_number(shown):
+        return _is_number(said) and bool(abs(said - shown) <= within)
+    return type(said) is type(shown) and bool(said == shown)
+
+
+def _is_number(x: Any) -> bool:
+    return isinstance(x, int | float) and not isinstance(x, bool)
+
+
+def _largest(x: Any) -> float:
+    parts = x.values() if isinstance(x, Mapping) else x if isinstance(x, list | tuple) else ()
+    return abs(x) if _is_number(x) else max(map(_largest, parts), default=0.0)

@@ -1,0 +1,222 @@
+"""One preload for many loads: what a `handfast/hold/1` file claims, put together from answers about single loads.
+
+HOLDS needs a `check` of every load under the preload, a lower bound of the largest command the `torques` of one load.
+SLIPS needs a load that no commands resist, or none within the limit of commands; or one that no forces at the contacts
+balance, whatever they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from handfast.proofs import answers, checker
+from handfast.proofs.answers import SavedAnswer
+from handfast.proofs.certificate import Certificate
+from handfast.proofs.fields import Array, BadFile, Fields, same
+from handfast.proofs.grasp import GraspData
+from handfast.proofs.question import TORQUES, Question, read_question
+from handfast.proofs.replay import Refused, Replay
+
+SCHEMA = "handfast/hold/1"
+NOT_REPLAYED = "hardest, stop, seconds, nodes: the course of the search is recorded, and nothing rests on it"
+KEYS = ("schema", "query", "verdict", "stop", "seconds", "nodes", "loads", "preload", "lower", "upper", "hardest")
+
+
+@dataclass(frozen=True, eq=False)
+class SavedHold:
+    """A hold file, read.
+
+    Attributes:
+        question: of the first load, whose limits and actuators are those of all; its goal is `TORQUES`.
+        loads: by name, (6,) [N, N m].
+        command_limit: [N m or N] the largest command that is allowed; inf for none.
+        said: the answer, as JSON.
+        checks: by the names of loads. bounding, refuted: name and answer; None without.
+    """
+
+    question: Question
+    loads: Mapping[str, Array]
+    command_limit: float
+    said: Mapping[str, Any]
+    checks: Mapping[str, SavedAnswer]
+    bounding: tuple[str, SavedAnswer | None] | None
+    refuted: tuple[str, SavedAnswer | None] | None
+
+
+def read_hold(data: Any, place: str = "") -> SavedHold:
+    """A parsed `handfast/hold/1` object. Raises `BadFile`."""
+    f = Fields(data, place)
+    f.text("schema", among=[SCHEMA])
+    asked = f.object("question")
+    loads = asked.object("loads")
+    by_name = {name: loads.numbers(name, (6,)) for name in dict(data["question"]["loads"])}
+    if not by_name:
+        raise BadFile("is empty; at least one load is needed", asked.at("loads"))
+    limit = asked.number("command_limit", least=0.0) if asked.has("command_limit") else np.inf
+    asked.take("command_limit", None)
+    one = {name: asked.take(name) for name in ("grasp", "eta", "torque_limits", "force_limit")}
+    one |= {"goal": TORQUES, "wrench": next(iter(by_name.values())), "driven": asked.take("actuators")}
+    asked.done()
+    question = read_question(one, asked.place)
+    said = f.take("answer")
+    Fields(said, f.at("answer")).text("query", among=["hold"])
+    checks = f.object("checks")
+    of_loads = {name: answers.read_answer(checks.take(name), checks.at(name)) for name in by_name if checks.has(name)}
+    checks.done()
+    parts = [_part(f, name) for name in ("bounding", "refuted")]
+    f.done()
+    return SavedHold(question, by_name, limit, said, of_loads, *parts)
+
+
+def _part(f: Fields, name: str) -> tuple[str, SavedAnswer | None] | None:
+    if not f.has(name):
+        f.take(name, None)
+        return None
+    part = f.object(name)
+    load = part.text("load")
+    found = answers.read_answer(part.take("result"), part.at("result")) if part.has("result") else None
+    part.take("result", None)
+    part.done()
+    return load, found
+
+
+def replay(saved: SavedHold) -> Replay:
+    """Is everything that it claims proved?"""
+    parts = [replace(answers.replay(answer), name=name) for name, answer in saved.checks.items()]
+    said, reason = saved.said, ""
+    try:
+        if said.get("verdict") == "slips":
+            parts += _refuted(saved)
+        else:
+            parts += _bounding(saved)
+            if said.get("verdict") == "holds":
+                _held(saved)
+            elif said.get("verdict") != "undecided" or saved.checks or said.get("preload") is not None:
+                raise Refused(f"{said.get('verdict')} with a preload")
+        _compare(saved)
+    except Refused as fault:
+        reason = f"answer: {fault}"
+    return Replay("hold", _claim(saved), reason, parts=tuple(parts), not_replayed=(NOT_REPLAYED,))
+
+
+def _claim(saved: SavedHold) -> str:
+    verdict, loads = saved.said.get("verdict"), f"{len(saved.loads)} loads"
+    if verdict == "slips":
+        return f"no preload holds {saved.refuted[0] if saved.refuted else 'some load'}"
+    return f"one preload holds {loads}" if verdict == "holds" else ""
+
+
+def _held(saved: SavedHold) -> None:
+    """`Refused` unless every load has an answer that says it is resisted, under the one preload."""
+    preload = saved.said.get("preload")
+    if not isinstance(preload, Mapping) or set(preload) != set(saved.question.driven):
+        raise Refused(f"its preload is not of the actuators {', '.join(saved.question.driven)}")
+    g = saved.question.grasp
+    back = {name: f for name, f, b in zip(g.actuators, g.command.tolist(), g.backdrivable, strict=True) if b}
+    command = g.commands(back | dict(preload), "answer.preload")
+    for name in saved.loads:
+        if name not in saved.checks:
+            raise Refused(f"{name} has no answer")
+        answer = saved.checks[name]
+        if answer.said["query"] != "check" or not answer.holds:
+            raise Refused(f"{name} is not resisted")
+        _same_question(saved, name, answer)
+        if (answer.question.grasp.command != command).any():
+            raise Refused(f"{name}: the answer is about another preload")
+    upper = max(map(abs, preload.values()), default=0.0)
+    if upper != saved.said.get("upper"):
+        raise Refused(f"its largest command is {upper:.6g}, not {saved.said.get('upper')}")
+    if upper > saved.command_limit:
+        raise Refused(f"its largest command is {upper:.6g}; the limit is {saved.command_limit:.6g}")
+
+
+def _bounding(saved: SavedHold) -> list[Replay]:
+    """What is behind the lower bound of the largest command."""
+    lower, upper = saved.said.get("lower"), saved.said.get("upper")
+    if lower == 0 and saved.bounding is None:
+        return []
+    if saved.bounding is None or saved.bounding[1] is None:
+        raise Refused(f"nothing is there that shows the bound {lower}")
+    name, answer = saved.bounding
+    _same_question(saved, name, answer)
+    if answer.said["query"] != "torques" or answer.said.get("lower") != lower or answer.question.sums:
+        raise Refused(f"the bound {lower} is not that of {name}")
+    _all_commands(saved, name, answer)
+    if upper is not None and lower > upper:
+        raise Refused(f"the bound {lower:.6g} is above the command {upper:.6g}")
+    return [replace(answers.replay(answer), name=f"{name}, least commands")]
+
+
+def _refuted(saved: SavedHold) -> list[Replay]:
+    """Why no preload holds some load."""
+    if saved.refuted is None or saved.checks or saved.bounding is not None:
+        raise Refused("SLIPS without a load that no preload resists, or with a preload")
+    name, answer = saved.refuted
+    if name not in saved.loads:
+        raise Refused(f"'{name}' is none of its loads")
+    if answer is None:
+        return [_unbalanced(saved, name)]
+    _same_question(saved, name, answer)
+    _all_commands(saved, name, answer)
+    more = isinstance(answer.said.get("lower"), float) and answer.said["lower"] > saved.command_limit
+    if answer.said["query"] != "torques" or (answer.said["verdict"] != "slips" and not more):
+        raise Refused(f"{name}: the answer does not say that it slips")
+    return [replace(answers.replay(answer), name=f"{name}, no commands")]
+
+
+def _unbalanced(saved: SavedHold, name: str) -> Replay:
+    """That no forces at the contacts balance a load: the equations (1) contradict themselves."""
+    found = checker.verify(Certificate.of_root(replace(saved.question, wrench=saved.loads[name]), (0.0, np.inf)))
+    claim = f"no forces at the contacts balance {name}"
+    return Replay(f"{name}, no forces", claim, found.reason and "forces at the contacts may balance it")
+
+
+def _same_question(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
+    """`Refused` unless an answer is about this load and about the grasp and the limits of all."""
+    q, asked = answer.question, saved.question
+    if name not in saved.loads or not np.array_equal(q.wrench, saved.loads[name]):
+        raise Refused(f"{name}: the answer is about another load")
+    limits = ("eta", "mdp", "torque_limits", "force_limit")
+    if any(getattr(q, field) != getattr(asked, field) for field in limits):
+        raise Refused(f"{name}: the answer is within other limits, or of another law of friction")
+    if not same(_bare(q), _bare(asked)):
+        raise Refused(f"{name}: the answer is about another grasp")
+
+
+def _all_commands(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
+    if set(answer.question.driven) != set(saved.question.driven):
+        raise Refused(f"{name}: the answer is not about all commands that were sought")
+    _same_senses(saved.question.grasp, answer.question, name)
+
+
+def _same_senses(g: GraspData, q: Question, name: str) -> None:
+    """`Refused` if an answer seeks commands in another sense than the grasp's, where it has one."""
+    turned = q.sought & (g.command != 0) & (np.sign(g.command) != np.where(q.grasp.command < 0, -1.0, 1.0))
+    if turned.any():
+        raise Refused(f"{name}: the answer seeks commands in another sense")
+
+
+def _bare(q: Question) -> dict[str, Any]:
+    """What of a question's grasp is not its preload."""
+    return {key: value for key, value in q.data["grasp"].items() if key != "preload"}
+
+
+def _compare(saved: SavedHold) -> None:
+    """`Refused` if the answer says else than the file shows."""
+    said = saved.said
+    loads = {name: load.tolist() for name, load in saved.loads.items()}
+    if set(said) - {"residuals", "exact"} != set(KEYS):
+        raise Refused(f"has other keys than {', '.join(KEYS)}")
+    if said["loads"] != loads:
+        raise Refused("loads are not those of the question")
+    shown = {"residuals": [a.said.get("residual") for a in saved.checks.values()]}
+    shown |= {"exact": all(a.said.get("exact") for a in saved.checks.values()) if saved.checks else None}
+    for key, value in shown.items():
+        if key in said and said[key] != value:
+            raise Refused(f"{key} is not what the rest of the file shows")
+    if said["verdict"] != "holds" and (said["preload"] is not None or said["upper"] is not None):
+        raise Refused(f"{said['verdict'].upper()} with a preload")
