@@ -1,73 +1,37 @@
-"""One door for checking answers: what a file or an answer claims is replayed by the half that it belongs to."""
+"""One door for checking answers: what a file, a folder or an answer claims is replayed by `handfast.proofs`."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Protocol
 
 from handfast.core.errors import InputError
-from handfast.core.files import read_json
-
-if TYPE_CHECKING:
-    from handfast.planning.results.grasps_file import SavedGrasps
-    from handfast.planning.results.verify_grasps import ReplayedGrasps
-    from handfast.stability.answers import Answer
-    from handfast.stability.certify.certificate import Certificate
-    from handfast.stability.query import SavedAnswer
-    from handfast.stability.verification import Verified
-    from handfast.synthesis.synthesis_answer import ReplayedSynthesis, Synthesis
-    from handfast.synthesis.synthesis_file import SavedSynthesis
-
-SCHEMAS = (
-    "handfast/result/1",
-    "handfast/result/2",
-    "handfast/certificate/1",
-    "handfast/certificate/2",
-    "handfast/synthesis/1",
-    "handfast/grasps/2",
-)
+from handfast.proofs.fields import BadFile
+from handfast.proofs.replay import Replay
 
 
-def verify(
-    what: str | Path | Answer | SavedAnswer[Any] | Certificate | Synthesis | SavedSynthesis | SavedGrasps,
-) -> Verified | ReplayedSynthesis | ReplayedGrasps:
+class Verifiable(Protocol):
+    """Any answer."""
+
+    def verify(self) -> Replay: ...
+
+
+def verify(what: str | Path | Verifiable) -> Replay:
     """Is everything that an answer claims proved? Replayed without any search and without any solver.
 
+    What is geometry, contacts and joints of a hand at a configuration, is measured anew, and said apart.
+
     Args:
-        what: a file of one of the `SCHEMAS`, or what it holds; an answer of either half, or a certificate.
+        what: a file that `--save` wrote, the folder of a plan; or an answer of any kind.
 
     Raises:
-        InputError: the file cannot be read, or is none of these.
+        InputError: the file cannot be read, or is none that can be verified.
     """
-    from handfast.planning.results import verify_grasps as grasps
-    from handfast.planning.results.grasps_file import SavedGrasps
-    from handfast.stability.certify.certificate import Certificate
-    from handfast.stability.verification import verified_certificate
+    if not isinstance(what, str | Path):
+        return what.verify()
+    from handfast.proofs import files
 
-    loaded = load(what) if isinstance(what, str | Path) else what
-    if isinstance(loaded, SavedGrasps):
-        return grasps.verify(loaded)
-    return verified_certificate(loaded) if isinstance(loaded, Certificate) else loaded.verify()
-
-
-def load(path: str | Path) -> Any:
-    """What a file holds, by its schema; `InputError` if it is none that can be verified."""
-    data = read_json(path, "result")
-    schema = data.get("schema") if isinstance(data, dict) else None
     try:
-        if schema == "handfast/synthesis/1":
-            from handfast.synthesis import synthesis_file
-
-            return synthesis_file.from_dict(data)
-        if schema in ("handfast/grasps/1", "handfast/grasps/2"):
-            from handfast.planning.results import grasps_file
-
-            return grasps_file.from_dict(data)
-        if schema not in SCHEMAS:
-            needed = f"{', '.join(SCHEMAS[:-1])} or {SCHEMAS[-1]} is needed"
-            raise InputError(f"is missing; {needed}" if schema is None else f"is '{schema}'; {needed}", field="schema")
-        from handfast.stability import answer_file
-
-        return answer_file.from_dict(data)
-    except InputError as fault:
-        raise fault.at(str(path)) from None
+        return files.verify_path(what)
+    except BadFile as fault:
+        raise InputError(fault.problem, source=str(what), field=fault.field or None) from None

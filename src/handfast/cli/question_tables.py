@@ -12,8 +12,6 @@ from handfast.cli.table import table
 from handfast.model import grasp_file
 from handfast.report import words
 from handfast.report.words import num
-from handfast.stability.certify.certificate import Question
-from handfast.stability.certify.certificate_file import question_to_dict
 from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
 
 if TYPE_CHECKING:
@@ -26,11 +24,11 @@ RELATIVE = ("hand", "object", "task")
 LAW = {True: "maximum dissipation", False: "friction without maximum dissipation, which may create energy"}
 
 
-def question_json(q: Question) -> dict[str, Any]:
-    """The question of an answer about one disturbance, with what tells its grasp from others."""
-    g = q.grasp
+def question_json(asked: Mapping[str, Any]) -> dict[str, Any]:
+    """The question of an answer about one disturbance or one preload, with what tells its grasp from others."""
+    g = grasp_file.from_dict(asked["grasp"])
     about = {"name": g.name, "sha256": grasp_digest(g), "friction": g.mu.tolist(), "preload": g.preload}
-    return question_to_dict(q) | {"grasp": about}
+    return dict(asked) | {"grasp": about}
 
 
 def grasp_digest(grasp: Grasp) -> str:
@@ -38,13 +36,15 @@ def grasp_digest(grasp: Grasp) -> str:
     return digest({k: v for k, v in grasp_file.to_dict(grasp).items() if k not in ("name", "preload")})
 
 
-def show_question(out: Console, q: Question, *, proved: bool) -> None:
-    """The question of an answer about one disturbance."""
-    out.print(f"\n{_opening(proved)} {_asked(q)}", soft_wrap=True)
-    facts = [words.grasp_text(q.grasp), f"preload {words.preload_text(q.grasp)}" if not q.goal.seeks_commands else ""]
-    out.print("; ".join(filter(None, [*facts, *_terms(q.eta, q.mdp, q.torque_limits, q.force_limit)])), soft_wrap=True)
-    told = f"relative to grasp '{q.grasp.name}' sha256 {grasp_digest(q.grasp)[:DIGITS]}…"
-    out.print(told, style="dim", soft_wrap=True)
+def show_question(out: Console, asked: Mapping[str, Any], *, proved: bool) -> None:
+    """The question of an answer about one disturbance or one preload."""
+    g = grasp_file.from_dict(asked["grasp"])
+    sought = "loads" in asked or asked["goal"] == "torques"
+    out.print(f"\n{_opening(proved)} {_asked(asked)}", soft_wrap=True)
+    facts = [words.grasp_text(g), "" if sought else f"preload {words.preload_text(g)}"]
+    limits = asked["torque_limits"], asked["force_limit"]
+    out.print("; ".join(filter(None, [*facts, *_terms(asked["eta"], asked.get("mdp", True), *limits)])), soft_wrap=True)
+    out.print(f"relative to grasp '{g.name}' sha256 {grasp_digest(g)[:DIGITS]}…", style="dim", soft_wrap=True)
 
 
 def task_json(task: Task) -> dict[str, Any]:
@@ -86,15 +86,18 @@ def _opening(proved: bool) -> str:
     return "Proved:" if proved else "Asked:"
 
 
-def _asked(q: Question) -> str:
-    if not q.goal.has_scalar:
-        return words.load_text(q.wrench)
-    if q.goal.seeks_commands:
+def _asked(q: Mapping[str, Any]) -> str:
+    if "loads" in q:
         return (
-            f"commands of {words.listed(q.driven) or 'no actuator'} ({q.goal.effort}) for {words.load_text(q.wrench)}"
+            f"one preload of {words.listed(q['actuators']) or 'no actuator'} for {words.count(len(q['loads']), 'load')}"
         )
-    base = f", beside {words.load_text(q.wrench)}" if q.wrench.any() else ""
-    return f"multiples of {words.load_text(q.direction if q.direction is not None else np.zeros(6))}{base}"
+    load = words.load_text(np.array(q["wrench"]))
+    if q["goal"] == "torques":
+        return f"commands of {words.listed(q['driven']) or 'no actuator'} ({q['objective']}) for {load}"
+    if q["direction"] is None:
+        return load
+    base = f", beside {load}" if any(q["wrench"]) else ""
+    return f"multiples of {words.load_text(np.array(q['direction']))}{base}"
 
 
 def _terms(eta: float, mdp: bool, torque_limits: Mapping[str, float], force_limit: float | None) -> list[str]:

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from handfast.cli.question_tables import show_question
 from handfast.cli.table import table
 from handfast.core.answer import Verdict
 from handfast.report import words
 from handfast.report.law_words import joint_text, laws_text
 from handfast.report.words import num, vector
 from handfast.stability import model
-from handfast.stability.certify.certificate import Certificate
 
 if TYPE_CHECKING:
     from handfast.cli.options import QueryOptions
     from handfast.model.grasp import Contact, Grasp
+    from handfast.proofs.replay import Replay
     from handfast.stability.answers import Answer
     from handfast.stability.loads import Loads
     from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
     from handfast.stability.margin import Margin
     from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
-    from handfast.stability.query import SavedAnswer
-    from handfast.stability.verification import Verified
     from handfast.stability.witness import Witness
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
@@ -110,37 +107,50 @@ def show_torques(
     _written(out, asked)
 
 
-def show_verified(out: Console, what: SavedAnswer[Any] | Certificate, done: Verified) -> None:
-    """What a saved answer claims and what of it was proved."""
+def show_replay(out: Console, head: str, done: Replay) -> str:
+    """What a saved answer claims and what of it was proved; returns the verdict: its first word."""
     word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
-    if done.ok and not (done.witness or done.certificate):
+    if done.ok and not done.replayed:
         word, style = "NOTHING CLAIMED", "bold yellow"
-    if isinstance(what, Certificate):
-        query, said = "certificate", "by itself"
-    else:
-        query, said = what.query.name, f"{what.answer.verdict.upper()}, stop {what.answer.stop}"
-    out.print(Text.assemble((word, style), "  ", f"{query} of {what.question.grasp.name}: {said}"))
+    out.print(Text.assemble((word, style), "  ", head))
     if not done.ok:
-        out.print(done.reason, style="yellow")
-    rows = []
-    if done.witness:
-        rows.append(["witness", done.witness.claim, f"residual {done.witness.residual:.1e}", done.witness.reason])
-    if done.certificate:
-        c = done.certificate
-        rows.append(["certificate", c.claim, f"{words.count(c.leaves, 'leaf')}, margin {c.margin:.1e}", c.reason])
-    if done.interval:
-        i = done.interval
-        shown = f"{words.count(i.arcs, 'range')} of states, {words.count(i.slips, 'certificate')}"
-        rows.append(["smaller", i.claim, f"{shown}, residual {i.residual:.1e}", i.reason])
+        out.print(done.reason, style="yellow", soft_wrap=True)
+    grid = table("", "claims", "replayed", "")
+    grid.columns[1].no_wrap, grid.columns[2].no_wrap = False, True
+    rows = list(_claims(done, ""))
+    for row in rows:
+        grid.add_row(*row)
     if rows:
-        grid = table("", "claims", "replayed", "")
-        grid.columns[1].no_wrap, grid.columns[2].no_wrap = False, True
-        for *cells, refused in rows:
-            grid.add_row(*cells, "refused" if refused else "proved")
         out.print()
         out.print(grid)
-    show_question(out, what.question, proved=word == "PROVED")
-    out.print(f"{num(done.seconds, 2)} s, without the engine and without any solver", style="dim")
+    for line in done.not_replayed:
+        out.print(f"Not shown: {line}.", style="dim", soft_wrap=True)
+    return word
+
+
+def _claims(done: Replay, above: str) -> Iterator[tuple[str, str, str, str]]:
+    """A row for each claim: where it belongs, what it says, figures, verdict."""
+    for part in done.parts:
+        name = f"{above}{part.name}"
+        if part.claim:
+            yield name, part.claim, _figures(part), "proved" if part.ok else "refused"
+        yield from _claims(part, f"{name}, ")
+
+
+def _figures(part: Replay) -> str:
+    """Its figures in a few words."""
+    f, out = part.figures, []
+    if f.get("exact"):
+        out.append("an exact state")
+    elif isinstance(f.get("residual"), float):
+        out.append(f"residual {f['residual']:.1e}")
+    for name, unit in (("leaves", "leaf"), ("arcs", "range of states"), ("slips", "certificate"), ("boxes", "box")):
+        count = f.get(name)
+        if isinstance(count, int):
+            out.append(words.count(count, unit))
+    if isinstance(f.get("margin"), float):
+        out.append(f"margin {f['margin']:.1e}")
+    return ", ".join(out)
 
 
 def show_map(out: Console, answer: MapAnswer, asked: QueryOptions) -> None:

@@ -26,26 +26,20 @@ class Verify(Command):
     """print one JSON object instead of a table"""
 
     def run(self) -> int:
-        from handfast.cli import grasp_tables, synthesis_tables, tables
-        from handfast.cli.question_tables import question_json, task_json
-        from handfast.planning.results.verify_grasps import ReplayedGrasps
-        from handfast.saved import load, verify
-        from handfast.stability.verification import Verified
-        from handfast.synthesis.synthesis_answer import ReplayedSynthesis
+        import time
 
-        what = load(self.result)
-        done = verify(what)
+        from handfast.cli import question_tables, tables
+        from handfast.saved import stated, verify
+
+        start = time.monotonic()
+        done, data = verify(self.result), stated(self.result)
+        seconds = time.monotonic() - start
         if self.json:
-            said = done.to_json()
-            if isinstance(done, Verified):
-                said["question"] = question_json(what.question)
-            elif isinstance(done, ReplayedSynthesis):
-                said["question"] = task_json(what.synthesis.task)
-            console.print_json(said)
-        elif isinstance(done, ReplayedSynthesis):
-            synthesis_tables.show_replayed(console.out(), what, done)
-        elif isinstance(done, ReplayedGrasps):
-            grasp_tables.show_replayed_grasps(console.out(), what, done)
+            said = {"schema": "handfast/verification/1", "seconds": round(seconds, 6)} | done.to_json()
+            console.print_json(said | {"question": question_tables.question_json(data)})
         else:
-            tables.show_verified(console.out(), what, done)
+            out = console.out()
+            word = tables.show_replay(out, question_tables.head(data), done)
+            question_tables.show_question(out, data, proved=word == "PROVED")
+            out.print(f"{tables.num(seconds, 2)} s, without any search and without any solver", style="dim")
         return console.ANSWERED if done.ok else console.REFUSED

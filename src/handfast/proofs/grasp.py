@@ -8,7 +8,7 @@ positions, axes and contact frames as they are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -91,8 +91,16 @@ class GraspData:
         return bool(self.friction.any() or self.torque.any() or self.stop.any() or self.backdrivable.any())
 
     def with_command(self, command: Array) -> GraspData:
-        """With other commands (a,)."""
-        return replace(self, command=command)
+        """With other commands (a,), and all that was worked out of the rest."""
+        out = replace(self, command=command)
+        known = {name: value for name, value in self.__dict__.items() if name not in out.__dict__}
+        out.__dict__.update(known)
+        return out
+
+    def same_but_commands(self, other: GraspData) -> bool:
+        """Are all other numbers and names the same?"""
+        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self) if f.name != "command")
+        return all(np.array_equal(a, b) for a, b in pairs)
 
     def commands(self, by_name: dict[str, float], field: str) -> Array:
         """(a,) commands by name, 0 where none is named. `BadFile` for an unknown name, or a tendon that pushes."""

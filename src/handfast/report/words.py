@@ -13,8 +13,8 @@ from handfast.core.answer import Stop, Verdict
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
     from handfast.model.grasp import Grasp
+    from handfast.proofs.certificate import Certificate
     from handfast.stability.answers import Answer
-    from handfast.stability.certify.certificate import Certificate
     from handfast.stability.maps import Curve
     from handfast.stability.margin import Flip, Margin
     from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer

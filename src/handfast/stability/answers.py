@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,17 +12,22 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import validate
-from handfast.stability import saved_answer
-from handfast.stability.certify.certificate import Certificate, Question
-from handfast.stability.posed import Posed
-from handfast.stability.query import Query, SavedAnswer
+from handfast.core.files import write_text
+from handfast.proofs import answers
+from handfast.proofs.existence import Proved, prove
+from handfast.proofs.grasp import GraspData
+from handfast.proofs.question import Question
+from handfast.proofs.replay import Replay
+from handfast.proofs.states import State as StateData
+from handfast.stability.model import State
+from handfast.stability.posed import Posed, grasp_data
 from handfast.stability.refinement import RefinementStep
-from handfast.stability.verification import Verified
 from handfast.stability.witness import Witness
 
 if TYPE_CHECKING:
+    from handfast.proofs.certificate import Certificate
     from handfast.stability.search.proof import Proof
 
 
@@ -30,17 +36,17 @@ class Answer(ABC):
     """What every query answers.
 
     Attributes:
-        query: what kind of answer it is.
+        query: its name in JSON.
         verdict: HOLDS with a valid witness; SLIPS if every case is refuted; else UNDECIDED.
         stop: why the search ended.
         seconds, nodes: its cost: wall time, nodes of the tree. steps: those of Algorithm 1.
-        witness: the exact solution behind `verdict` or `lower`.
+        witness: the state behind `verdict` or `lower`.
         proof: what the other bound rests on; Algorithm 1 has none.
         posed: the problem and the goal of the search.
         verified: was everything that it says replayed, the proof by the independent checker?
     """
 
-    query: ClassVar[Query[Any]]
+    query: ClassVar[str]
 
     verdict: Verdict
     stop: Stop
@@ -59,46 +65,99 @@ class Answer(ABC):
 
     @cached_property
     def question(self) -> Question | None:
-        """What was asked, as certificates and result files say it."""
+        """What was asked, as proofs take it."""
         return self.posed.question if self.posed else None
+
+    @cached_property
+    def proved(self) -> Proved | None:
+        """What is proved of its witness; None without one, or without a question."""
+        if self.witness is None or self.posed is None:
+            return None
+        p, g = self.posed.problem, _grasp(self.posed, self.witness)
+        limits = np.array([p.torque_limits.get(name, np.inf) for name in g.actuators], dtype=float)
+        force = np.inf if p.force_limit is None else p.force_limit
+        terms: dict[str, Any] = {"eta": p.eta, "mdp": p.mdp, "torque_limit": limits, "force_limit": force}
+        return prove(g, stated(self.witness.state), self.witness.wrench, along=self._along, **terms)
+
+    @property
+    def _along(self) -> Array | None:
+        """(6,) the direction whose magnitude is unknown in what is to be proved of the witness; None for none."""
+        return None
+
+    def state_json(self) -> dict[str, Any]:
+        """The witness by key, as `check` prints it; null without one."""
+        if self.witness is None or self.posed is None or self.proved is None:
+            return dict(answers.NOTHING)
+        return answers.described(_grasp(self.posed, self.witness), stated(self.witness.state), self.proved)
+
+    @property
+    def exact(self) -> bool | None:
+        """Is an exact state proved to exist, for the numbers as they are? None without a witness."""
+        return None if self.proved is None else self.proved.exact
 
     @abstractmethod
     def said(self) -> dict[str, Any]:
         """The keys of its query's JSON."""
 
     def proof_json(self) -> dict[str, Any]:
-        """Keys of every answer: is there a certificate, was all replayed, and up to which motions [N] if not all?"""
+        """Keys of every answer: is there a certificate, was all replayed, up to which motions [N] if not all?"""
         cap = self.proof.cap if self.proof else None
-        return {"certified": self.certificate is not None, "verified": self.verified, "motion_cap": cap}
+        known = {"certified": self.certificate is not None, "verified": self.verified, "motion_cap": cap}
+        return known | {"exact": self.exact}
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
-        return header(self, self.query.name) | self.proof_json() | self.said()
+        return header(self, self.query) | self.proof_json() | self.said()
 
-    def saved(self) -> SavedAnswer[Any]:
-        """The answer as a file has it; `InputError` if it does not know its question."""
-        if self.question is None:
+    def to_file(self) -> dict[str, Any]:
+        """The `handfast/result/2` object: question, answer, witness, certificate. `InputError` without a question."""
+        if self.posed is None:
             raise InputError("does not know its question; save what a query returned", field="answer")
-        said = self.to_json()
-        return SavedAnswer(
-            self.query, self.question, validate(self.query.entry, said), said, self.witness, self.certificate
-        )
+        return {
+            "schema": answers.SCHEMA,
+            "question": self.posed.to_json(),
+            "answer": self.to_json(),
+            "witness": None if self.witness is None else _witness_json(self.witness),
+            "certificate": None if self.certificate is None else self.certificate.to_json(),
+        }
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write a `handfast/result/2` file: question, answer, witness, certificate. For `handfast.verify`.
+        """Write a `handfast/result/2` file. For `handfast.verify`.
 
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.
         """
-        saved_answer.save_answer(self.saved(), path, force=force)
+        write_text(path, json.dumps(self.to_file(), allow_nan=False) + "\n", force=force)
 
-    def verify(self) -> Verified:
+    def verify(self) -> Replay:
         """Is everything that it claims proved? Replayed without the engine and without any solver.
 
         Raises:
             InputError: it does not know its question.
         """
-        return self.saved().verify()
+        return answers.replay(answers.read_answer(self.to_file()))
+
+
+def _grasp(posed: Posed, w: Witness) -> GraspData:
+    """The grasp with the commands of a witness."""
+    return grasp_data(posed.problem.grasp).with_command(w.grasp.command)
+
+
+def stated(s: State) -> StateData:
+    """A state as proofs take it."""
+    return StateData(s.r, s.q, s.c, s.f, s.coupling, s.reaction, s.torsion)
+
+
+def state_json(s: State) -> dict[str, Any]:
+    """A state as files have it: `reaction` and `torsion` only where joints and contacts have one."""
+    arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
+    arrays |= {name: x for name, x in (("reaction", s.reaction), ("torsion", s.torsion)) if x.any()}
+    return {name: value.tolist() for name, value in arrays.items()}
+
+
+def _witness_json(w: Witness) -> dict[str, Any]:
+    commands = dict(zip(w.grasp.mechanism.actuators, w.grasp.command.tolist(), strict=True))
+    return {"wrench": np.asarray(w.wrench).tolist(), "command": commands, **state_json(w.state)}
 
 
 def finite(x: float) -> float | None:

@@ -10,28 +10,32 @@ preload of a shape that nobody proposed.
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
+from handfast.core.errors import InputError
+from handfast.core.files import write_text
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import to_dict
+from handfast.proofs import holds
+from handfast.proofs.replay import Replay
 from handfast.stability.answers import Answer, finite
 from handfast.stability.equivalent_grasp import equivalent_of
 from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, TorquesAnswer, check, maximum, torques
 from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import Settings
-from handfast.stability.verification import Verified
 
 STRONG = 10.0  # times the largest load: a moderate command
 NO_LIMITS: Mapping[str, Any] = {"eta": 0.0, "torque_limits": {}, "force_limit": None}
 NEGLIGIBLE = 1e-6  # share of the largest command below which one is rounding
-HARDEST = ("hardest: which load asked most is the course of the search",)
 FACTORS = (1.0, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
 
 
@@ -73,82 +77,38 @@ class HoldAnswer:
     actuators: tuple[str, ...] = field(default=(), repr=False)
     limits: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
-    def verify(self) -> Verified:
-        """Replays every load's witness under the preload, the bound of the commands, or why some load is not held."""
-        start, reason = time.monotonic(), ""
-        parts = {name: answer.verify() for name, answer in zip(self.loads.names, self.checks, strict=False)}
-        if self.verdict is Verdict.HOLDS:
-            reason = self._held_fault()
-        if self.verdict is Verdict.SLIPS:
-            reason = self._refuted_fault()
-            if self.refuted and self.refuted[1]:
-                parts[f"{self.refuted[0]}, no commands"] = self.refuted[1].verify()
-        elif self.lower > 0:
-            reason = reason or self._bound_fault()
-            if self.bounding:
-                parts[f"{self.bounding[0]}, least commands"] = self.bounding[1].verify()
-        return Verified.of_parts(parts, time.monotonic() - start, reason, HARDEST)
+    def verify(self) -> Replay:
+        """Replays every load's witness under the preload, the bound of the commands, or why some load is not held.
 
-    def _held_fault(self) -> str:
-        """What is missing for the claim that one preload holds every load, if all answers are right."""
-        if len(self.checks) != len(self.loads) or self.preload is None:
-            return "HOLDS without a preload and an answer for each load"
-        for name, answer in zip(self.loads.names, self.checks, strict=True):
-            if answer.verdict is not Verdict.HOLDS or answer.question is None:
-                return f"{name} is not resisted"
-            if not self._is_load(name, answer):
-                return f"{name}: the answer is about another load"
-            asked = answer.question.grasp
-            if asked.with_commands({}).preload | {n: f for n, f in self.preload.items() if f} != asked.preload:
-                return f"{name}: the answer is about another preload"
-        if max(map(abs, self.preload.values()), default=0.0) != self.upper:
-            return f"the largest command is not {self.upper:.6g}"
-        return ""
+        Raises:
+            InputError: it does not know its grasp.
+        """
+        return holds.replay(holds.read_hold(self.to_file()))
 
-    def _bound_fault(self) -> str:
-        """What is missing for the lower bound, if its answer is right."""
-        if self.bounding is None:
-            return f"nothing is there that shows the bound {self.lower:.6g}"
-        name, answer = self.bounding
-        if answer.lower != self.lower or answer.question is None or answer.question.goal.effort != "max":
-            return f"the bound {self.lower:.6g} is not that of {name}"
-        if not self._is_load(name, answer):
-            return f"{name}: the answer is about another load"
-        if not self._is_of_all_commands(answer):
-            return f"{name}: the answer is not about all commands that were sought"
-        return "" if self.lower <= self.upper else f"the bound {self.lower:.6g} is above the command {self.upper:.6g}"
+    def to_file(self) -> dict[str, Any]:
+        """The `handfast/hold/1` object: question, answer, and the answers that back it. `InputError` without a grasp."""
+        if self.grasp is None:
+            raise InputError("does not know its grasp; save what `hold` returned", field="answer")
+        limits = {name: self.limits.get(name) or none for name, none in NO_LIMITS.items()}
+        asked = {"loads": self.loads.by_name, "actuators": list(self.actuators)} | limits
+        checks = zip(self.loads.names, self.checks, strict=False)
+        return {
+            "schema": holds.SCHEMA,
+            "question": {"grasp": to_dict(self.grasp), "command_limit": finite(self.command_limit)} | asked,
+            "answer": self.to_json(),
+            "checks": {name: answer.to_file() for name, answer in checks},
+            "bounding": _part(self.bounding if self.verdict is not Verdict.SLIPS and self.lower > 0 else None),
+            "refuted": _part(self.refuted),
+        }
 
-    def _refuted_fault(self) -> str:
-        """What is missing for the claim that no preload holds some load, if its answer is right."""
-        if self.refuted is None or self.refuted[0] not in self.loads.names:
-            return "SLIPS without a load that no preload resists"
-        name, answer = self.refuted
-        if answer is None:
-            wrench = self.loads.wrenches[self.loads.names.index(name)]
-            cannot = self.grasp is not None and unbalanced(self.grasp, wrench)
-            return "" if cannot else f"{name}: forces can balance it"
-        if not self._is_load(name, answer):
-            return f"{name}: the answer is about another load"
-        if not isinstance(answer, TorquesAnswer) or not self._is_of_all_commands(answer):
-            return f"{name}: the answer is not about all commands that were sought"
-        more = answer.lower > self.command_limit
-        return "" if answer.verdict is Verdict.SLIPS or more else f"{name}: the answer does not say that it slips"
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write a `handfast/hold/1` file. `InputError` if it exists and `force` is not set, or cannot be written."""
+        write_text(path, json.dumps(self.to_file(), allow_nan=False) + "\n", force=force)
 
-    def _is_load(self, name: str, answer: Answer) -> bool:
-        """Is the answer about this load, within the limits, and about the grasp, whatever its preload?"""
-        wrench = dict(zip(self.loads.names, self.loads.wrenches, strict=True)).get(name)
-        q = answer.question
-        if wrench is None or q is None or not np.array_equal(q.wrench, wrench) or not q.mdp:
-            return False
-        limits = q.eta, q.torque_limits, q.force_limit
-        if limits != tuple(self.limits.get(name) or none for name, none in NO_LIMITS.items()):
-            return False
-        bare, asked = (g and to_dict(g.with_commands({})) for g in (q.grasp, self.grasp))
-        return asked is None or bare == asked
-
-    def _is_of_all_commands(self, answer: TorquesAnswer) -> bool:
-        """Were the commands sought that were asked for, no fewer?"""
-        return answer.question is not None and set(answer.question.driven) == set(self.actuators)
+    @property
+    def exact(self) -> bool | None:
+        """Is an exact state of every load proved to exist? None unless HOLDS."""
+        return all(a.exact for a in self.checks) if self.checks else None
 
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints."""
@@ -158,8 +118,14 @@ class HoldAnswer:
             "lower": finite(self.lower),
             "upper": finite(self.upper),
             "hardest": self.hardest or None,
-            "residuals": [a.witness.residuals.worst if a.witness else None for a in self.checks],
+            "exact": self.exact,
+            "residuals": [a.proved.residual if a.proved else None for a in self.checks],
         }
+
+
+def _part(named: tuple[str, Answer | None] | None) -> dict[str, Any] | None:
+    """An answer about one load as a file has it."""
+    return None if named is None else {"load": named[0], "result": named[1].to_file() if named[1] else None}
 
 
 def hold(

@@ -13,13 +13,13 @@ from handfast.core.answer import Stop, Verdict, header
 from handfast.core.arrays import Array, Mask, frozen
 from handfast.core.errors import InputError, unknown_name
 from handfast.model.grasp import Grasp
+from handfast.proofs.replay import Replay
 from handfast.stability.answers import finite
 from handfast.stability.many import Case, OnItem, Options, maxima
 from handfast.stability.queries import MaxAnswer
 from handfast.stability.resisted_interval import ResistedInterval
 from handfast.stability.scaled_problem import as_wrench
 from handfast.stability.settings import Settings
-from handfast.stability.verification import Verified
 
 Plane = Literal["xy", "xz", "yz"]
 NO_PROOFS = "maps and sweeps keep no witnesses and certificates; ask `maximum` about single directions"
@@ -80,9 +80,9 @@ class _Curves:
 
     curves: tuple[Curve, ...]
 
-    def verify(self) -> Verified:
+    def verify(self) -> Replay:
         """Nothing of it can be replayed: curves keep neither witnesses nor certificates. `max_many` can keep them."""
-        return Verified.of_parts({}, 0.0, NO_PROOFS, (f"lower, upper, unbounded, verdicts: {NO_PROOFS}",))
+        return Replay("curves", "", NO_PROOFS, not_replayed=(f"lower, upper, unbounded, verdicts: {NO_PROOFS}",))
 
     @property
     def verdict(self) -> Verdict:

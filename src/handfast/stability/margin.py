@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,9 +13,9 @@ from handfast.core.arrays import Array
 from handfast.core.files import same_json
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.grasp_file import to_dict
+from handfast.proofs.replay import Replay
 from handfast.stability.answers import Answer
-from handfast.stability.verification import Verified, WitnessCheck
-from handfast.stability.witness import VALID, Witness
+from handfast.stability.witness import Witness
 
 FRAGILE_MOTION = 1.0  # [mm] a grasp that moves farther than this, and
 FRAGILE_LEAN = 5.0  # so many times as far as its pads are squeezed, is fragile,
@@ -66,14 +65,14 @@ class Flip:
         """
         if self.slips is None:
             return ""
-        if self.answer is None or self.answer.question is None or self.answer.verdict is not Verdict.SLIPS:
+        if self.answer is None or self.answer.posed is None or self.answer.verdict is not Verdict.SLIPS:
             return "without an answer that it slips"
         if self.holds > self.slips:
             return f"it slips at {self.slips:.6g}, and holds up to {self.holds:.6g}"
-        q = self.answer.question
-        same = same_json(to_dict(q.grasp), to_dict(changed(self.slips))) and np.array_equal(q.wrench, witness.wrench)
-        same = same and (q.eta, q.mdp) == (witness.eta, witness.mdp)
-        if not same or (q.torque_limits, q.force_limit) != limits:
+        p = self.answer.posed.problem
+        same = same_json(to_dict(p.grasp), to_dict(changed(self.slips))) and np.array_equal(p.wrench, witness.wrench)
+        same = same and (p.eta, p.mdp) == (witness.eta, witness.mdp)
+        if not same or (p.torque_limits, p.force_limit) != limits:
             return "the answer is about another change"
         return ""
 
@@ -138,16 +137,13 @@ class Margin:
         }
         return tuple(name for name, is_small in small.items() if is_small)
 
-    def verify(self) -> Verified:
+    def verify(self) -> Replay:
         """Replays the equilibrium, and the proof of each flip that one was found for."""
-        start, w = time.monotonic(), self.witness
-        residual = w.residuals.worst
-        reason = "" if w.valid else f"the residual is {residual:.1e}, above {VALID:g}"
         moves = f"an equilibrium moves by {self.motion:.6g} mm at {self.stiffness:.6g} N/m"
-        known = WitnessCheck(moves, residual, reason)
-        parts = {"motion": Verified(known, None, 0.0, reason and f"witness: {reason}", not_replayed=())}
+        known = replace(self.held.verify(), name="motion", claim=moves)
         flips = {"less friction": self.less, "more friction": self.more, "tilted normals": self.tilt}
-        parts |= {name: flip.answer.verify() for name, flip in flips.items() if flip.answer}
+        proofs = [replace(flip.answer.verify(), name=name) for name, flip in flips.items() if flip.answer]
+        w = self.witness
         changed = {
             "less friction": lambda x: rubbed(w.grasp, 1 - x),
             "more friction": lambda x: rubbed(w.grasp, 1 + x),
@@ -155,7 +151,7 @@ class Margin:
         }
         limits = dict(self.torque_limits), self.force_limit
         faults = (f"{name}: {fault}" for name, flip in flips.items() if (fault := flip.fault(w, changed[name], limits)))
-        return Verified.of_parts(parts, time.monotonic() - start, next(faults, ""), UNPROVED)
+        return Replay("margin", "", next(faults, ""), parts=(known, *proofs), not_replayed=UNPROVED)
 
     def to_json(self) -> dict[str, Any]:
         """The object under the key `margin` of a check."""

@@ -1,15 +1,24 @@
-"""A question as a search takes it, and as certificates and result files put it."""
+"""A question as a search takes it, and as proofs and result files state it."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from handfast.stability import scaled_problem
-from handfast.stability.certify.certificate import Question
+from handfast.model import grasp_file
+from handfast.model.grasp import Grasp
+from handfast.proofs.grasp import GraspData, read_grasp
+from handfast.proofs.question import Question
 from handfast.stability.goal import Goal
 from handfast.stability.scaled_problem import ScaledProblem
+
+
+@lru_cache(maxsize=64)  # of a grasp that is asked again and again
+def grasp_data(grasp: Grasp) -> GraspData:
+    """A grasp as proofs read it from a file."""
+    return read_grasp(grasp_file.to_dict(grasp), "grasp")
 
 
 class Posed(NamedTuple):
@@ -22,23 +31,37 @@ class Posed(NamedTuple):
     def question(self) -> Question:
         """The same in the grasp's own units."""
         p, goal = self
-        driven = zip(p.equivalent.plain.mechanism.actuators, p.driven, strict=True)
         return Question(
-            grasp=p.grasp,
-            goal=goal,
+            grasp=grasp_data(p.grasp),
+            goal=goal.word,
+            sums=goal.sums_commands,
             wrench=np.zeros(6) if goal.homogeneous else p.wrench,
-            direction=p.along if goal.has_direction else None,
+            direction=p.along if goal.has_direction else np.zeros(6),
             eta=p.eta,
             mdp=p.mdp,
             torque_limits=p.torque_limits,
-            force_limit=p.force_limit,
-            driven=[name for name, is_driven in driven if is_driven],
+            force_limit=np.inf if p.force_limit is None else p.force_limit,
+            driven=self.driven,
         )
 
-    @classmethod
-    def of(cls, q: Question) -> Posed:
-        """The other way round."""
-        limits = {"torque_limits": q.torque_limits, "force_limit": q.force_limit}
-        driven = q.sought if q.goal.seeks_commands else None
-        p = scaled_problem.build(q.grasp, q.wrench, q.direction, eta=q.eta, mdp=q.mdp, driven=driven, **limits)  # type: ignore[arg-type]
-        return cls(p, q.goal)
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Actuators whose commands are sought."""
+        p = self.problem
+        return tuple(n for n, sought in zip(p.equivalent.plain.mechanism.actuators, p.driven, strict=True) if sought)
+
+    def to_json(self) -> dict[str, Any]:
+        """The question as it stands in files."""
+        p, q = self.problem, self.question
+        return {
+            "grasp": grasp_file.to_dict(p.grasp),
+            "goal": q.goal,
+            "objective": "sum" if q.sums else "max",
+            "wrench": q.wrench.tolist(),
+            "direction": q.direction.tolist() if self.goal.has_direction else None,
+            "eta": q.eta,
+            "mdp": q.mdp,
+            "torque_limits": dict(q.torque_limits),
+            "force_limit": p.force_limit,
+            "driven": list(q.driven),
+        }

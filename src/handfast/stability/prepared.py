@@ -19,9 +19,9 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.groups import table
 from handfast.model.grasp import Grasp
+from handfast.proofs.certificate import Certificate
 from handfast.stability import scaled_problem
 from handfast.stability.batch_judge import Judge
-from handfast.stability.certify.certificate import Certificate
 from handfast.stability.goal import ANY_STATE
 from handfast.stability.model import State
 from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from handfast.stability.certify.arc import Arc
-from handfast.stability.certify.certificate import Certificate
+from handfast.proofs.arcs import Arc
+from handfast.proofs.certificate import Certificate
 from handfast.stability.goal import Range
 
 

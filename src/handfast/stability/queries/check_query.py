@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -17,43 +17,11 @@ from handfast.stability.goal import ANY_STATE, INF
 from handfast.stability.loads import Loads
 from handfast.stability.margin import Margin
 from handfast.stability.posed import Posed
-from handfast.stability.query import (
-    CertificateClaim,
-    ClaimRefused,
-    Query,
-    ResultAnswerEntry,
-    SavedAnswer,
-    WitnessClaim,
-)
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import OnStep, Settings
 from handfast.stability.solve import solve
-from handfast.stability.witness import KEYS, Witness
 
 MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
-
-
-class CheckEntry(ResultAnswerEntry):
-    query: Literal["check"]
-
-
-class CheckQuery(Query[CheckEntry]):
-    name = "check"
-    entry = CheckEntry
-
-    def witness_claim(self, saved: SavedAnswer[CheckEntry], witness: Witness) -> WitnessClaim:
-        return WitnessClaim("the disturbance is resisted", saved.question.wrench, saved.question.grasp.command)
-
-    def certificate_claim(self, saved: SavedAnswer[CheckEntry]) -> CertificateClaim | None:
-        goal = saved.question.goal
-        if goal != ANY_STATE:
-            raise ClaimRefused(f"is of a check, its question of '{goal.word}'")
-        slips = saved.answer.verdict is Verdict.SLIPS
-        return CertificateClaim(ANY_STATE.claim(None), (0.0, 0.0)) if slips else None
-
-    def shown(self, saved: SavedAnswer[CheckEntry]) -> dict[str, Any]:
-        state = saved.witness.to_json() if saved.witness else dict.fromkeys(KEYS)
-        return state if saved.first else state | {"margin": None}  # nothing in the file shows one
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +32,16 @@ class CheckAnswer(Answer):
         margin: how much a HOLDS leans on, if that was asked: `handfast.margin`.
     """
 
-    query = CheckQuery()
+    query = "check"
 
     margin: Margin | None = field(default=None, kw_only=True)
 
     def said(self) -> dict[str, Any]:
-        state = self.witness.to_json() if self.witness else dict.fromkeys(KEYS)
-        return state | {"margin": self.margin.to_json() if self.margin else None}
+        return self.state_json() | {"margin": self.margin.to_json() if self.margin else None}
 
-    def saved(self) -> SavedAnswer[Any]:
+    def to_file(self) -> dict[str, Any]:
         """Without the margin, which nothing in a file would prove; `Margin.verify` replays it."""
-        return Answer.saved(self if self.margin is None else replace(self, margin=None))
+        return Answer.to_file(self if self.margin is None else replace(self, margin=None))
 
 
 @overload

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,91 +14,17 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer, finite
-from handfast.stability.goal import INF, NEAR_END, STRONGEST, Effort, SmallestCommands
+from handfast.stability.goal import INF, Effort, SmallestCommands
 from handfast.stability.posed import Posed
-from handfast.stability.query import (
-    CertificateClaim,
-    ClaimRefused,
-    Query,
-    ResultAnswerEntry,
-    SavedAnswer,
-    WitnessClaim,
-    close,
-)
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import OnStep, Settings
 from handfast.stability.solve import held_under, solve, without_end
-from handfast.stability.witness import Witness
 
 if TYPE_CHECKING:
     from handfast.stability.search.outcome import Outcome
 
 MORE = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds
 NEARLY_NONE = 1e-6  # (scaled) commands where the least that hold are only approached, as they go to 0
-
-
-class TorquesEntry(ResultAnswerEntry):
-    query: Literal["torques"]
-    preload: dict[str, float] | None
-    lower: float | None
-    upper: float | None
-
-
-Saved = SavedAnswer[TorquesEntry]
-
-
-class TorquesQuery(Query[TorquesEntry]):
-    name = "torques"
-    entry = TorquesEntry
-
-    def witness_claim(self, saved: Saved, witness: Witness) -> WitnessClaim:
-        words = f"commands of {saved.answer.upper or 0.0:.6g} suffice"
-        return WitnessClaim(words, saved.question.wrench, witness.grasp.command)
-
-    def witness_fault(self, saved: Saved, witness: Witness) -> str:
-        """Are the commands those that the answer gives, and do they cost what it says?"""
-        q, answer, command = saved.question, saved.answer, witness.grasp.command
-        names = q.grasp.mechanism.actuators
-        sought = q.sought
-        given = np.where(q.grasp.mechanism.backdrivable, q.grasp.command, 0.0)
-        if (command[~sought] != given[~sought]).any():
-            return "an actuator is commanded that was to stay locked, or a backdrivable one otherwise"
-        if (np.where(q.grasp.command < 0, -1.0, 1.0) * command < 0)[sought].any():
-            return "a command has the wrong sense"
-        said = answer.preload or {}
-        if set(said) != {n for n, d in zip(names, sought, strict=True) if d}:
-            return "the answer's commands are of other actuators"
-        each = zip(names, command[:, None], given, strict=True)
-        if not all(close(np.array([said.get(n, own)]), x) for n, x, own in each):
-            return "the answer gives other commands"
-        cost = SmallestCommands(q.goal.effort).cost(witness.grasp)
-        if answer.upper is None or not close(np.array([answer.upper]), np.array([cost])):
-            return f"its commands cost {cost:.6g}; the answer says {answer.upper}"
-        return ""
-
-    def certificate_claim(self, saved: Saved) -> CertificateClaim | None:
-        q, answer = saved.question, saved.answer
-        if not q.goal.seeks_commands:
-            raise ClaimRefused(f"is of torques, its question of '{q.goal.word}'")
-        if answer.verdict is Verdict.SLIPS:
-            if answer.lower is not None or answer.upper is not None:
-                raise ClaimRefused("SLIPS with bounds")
-            end = STRONGEST * Posed.of(q).problem.command_unit * (1 - NEAR_END) if saved.first else INF
-            return CertificateClaim("no commands suffice", (0.0, end))
-        if answer.lower is None:
-            raise ClaimRefused("has no lower bound")
-        if not answer.lower >= 0:
-            raise ClaimRefused(f"a lower bound of {answer.lower:.6g}")
-        if answer.upper is not None and answer.lower > answer.upper:
-            raise ClaimRefused(f"its lower bound {answer.lower:.9g} is above its upper bound {answer.upper:.9g}")
-        words = f"no commands below {answer.lower:.6g} suffice"
-        return CertificateClaim(words, (0.0, answer.lower)) if answer.lower > 0 else None
-
-    def shown(self, saved: Saved) -> dict[str, Any]:
-        """The bounds are those that witness and certificate were held against."""
-        answer, w = saved.answer, saved.witness
-        commands = None if w is None else {n: w.grasp.preload.get(n, 0.0) for n in saved.question.driven}
-        return {"preload": commands, "lower": answer.lower, "upper": None if w is None else answer.upper}
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +36,7 @@ class TorquesAnswer(Answer):
         lower, upper: certified and witnessed bound on the objective [N m or N].
     """
 
-    query = TorquesQuery()
+    query = "torques"
 
     preload: dict[str, float] | None
     lower: float
