@@ -23,6 +23,7 @@ UNIT_TOLERANCE = 1e-3  # a normal may be off unit length by rounding in a file; 
 # this and 7, and the values that it bounds, at most this and 9 less two for each contact, by one byte
 LARGEST = 249
 SPANS = 1e-6  # relative singular value of the grasp map from which on contact forces balance any disturbance
+NO_LENGTH = 1e-14  # relative: what rounding leaves of a length that is none
 LEAST_LEVER = 1e-7  # [m] the ratio of torsional friction to friction is above this, and below its inverse
 
 
@@ -361,10 +362,17 @@ class Grasp:
 
     @cached_property
     def size(self) -> float:
-        """Characteristic length [m]: the largest distance of a contact from the contacts' centroid."""
+        """Characteristic length [m]: the largest distance of a contact from the contacts' centroid.
+
+        Where that is none but for rounding: the largest distance of a contact from a joint that turns it, else from
+        the origin; 1 if there is no length at all.
+        """
         p = self.positions
-        r = float(np.linalg.norm(p - p.mean(axis=0), axis=1).max())
-        return r if r > 1e-9 else 1.0
+        r, far = float(np.linalg.norm(p - p.mean(axis=0), axis=1).max()), float(np.abs(p).max())
+        if r > NO_LENGTH * far:
+            return r
+        turns = [(p[i] - joint.origin) for joint in self.joints if joint.type == "revolute" for i in joint.moves]
+        return max((float(np.linalg.norm(arm)) for arm in turns), default=0.0) or far or 1.0
 
     @cached_property
     def spans(self) -> bool:

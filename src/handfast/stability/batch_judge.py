@@ -49,14 +49,12 @@ class Judge:
         mech = grasp.mechanism
         self.arms = model.joint_arms(grasp)
         self.moment_arm = model.actuator_arms(grasp)
-        self.turns = np.array([joint.type == "revolute" for joint in grasp.joints], dtype=bool)
+        self.middle, self.units = grasp.positions.mean(axis=0), model.joint_units(grasp)
         self.reach = float(np.abs(grasp.positions).max(initial=0.0))
-        self.contact_forces = grasp.G[:3].reshape(3, grasp.m, 3).transpose(1, 2, 0)  # (m, 3 of the frame, 3)
         self.moves = model.commanded(grasp, np.zeros(mech.a))
         self.backdrivable = np.array(mech.backdrivable, dtype=bool)
         lo, hi = model.reaction_range(grasp)
         self.reaction_range = lo / self.arms, hi / self.arms
-        self.J_size, self.J_squares = np.abs(grasp.J), (grasp.J * grasp.J).reshape(grasp.m, 3, -1).sum(axis=1)
         self.slip = np.divide(self.arms, np.abs(mech.A), out=np.zeros(mech.A.shape), where=mech.A != 0)
 
     def worst(self, wrenches: Array, states: StateRows, commands: Array | None = None) -> Array:
@@ -85,13 +83,9 @@ class Judge:
         g, mech, k = self.grasp, self.grasp.mechanism, len(w)
         c = x.c.reshape(k, g.m, 3)
         largest = np.maximum(np.abs(w).max(axis=1), np.abs(x.c).max(axis=1, initial=0.0))
-        size = np.sqrt((c * c).sum(axis=2))
-        F = np.maximum(np.sqrt((w[:, :3] ** 2).sum(axis=1)), size.max(axis=1))
-        F = np.where(F > 0, F, 1.0)
-        at_rest = largest <= 0
-        if at_rest.any():
-            least = np.array([model.least_drive(g, x, self.moment_arm, self.arms) for x in f_c])
-            F = np.where(at_rest, np.where(np.isfinite(least), least, 1.0), F)
+        F = np.maximum(_norm(w[:, :3]), _norm(w[:, 3:] - _cross(self.middle, w[:, :3])) / g.size)
+        for i in np.flatnonzero(F <= 0):
+            F[i] = model.load_scale(g, w[i], f_c[i])
         plain = (largest == 0) | (largest >= VANISHING)
         plain &= self._moderate(x, F)
 
@@ -102,19 +96,9 @@ class Judge:
         if g.has_laws:
             missing_torque = missing_torque - g.given_torques - x.reaction
         t = x.q @ mech.R.T
-        weight = size.sum(axis=1)
-        middle = np.where((weight > 0)[:, None], (size @ g.positions) / weight[:, None], g.positions.mean(axis=0))
-        moment = missing_force[:, 3:] - _cross(middle, missing_force[:, :3])
-        moments = self._moment_scale(c, w, F, middle)
-        balance = np.maximum(_norm(missing_force[:, :3]) / F, _norm(moment) / moments)
-
-        loaded = c.any(axis=2)
-        terms = np.abs(x.c) @ self.J_size + np.abs(f_c) @ np.abs(mech.R) + np.abs(g.given_torques)
-        reach = F[:, None] * np.sqrt(loaded.astype(float) @ self.J_squares)
-        idle = np.where(self.turns, np.minimum(F[:, None] * self.arms, moments[:, None]), F[:, None])
-        torque = np.maximum(np.maximum(terms, reach), idle)
-        missing = np.abs(missing_torque)
-        joints = np.where(missing > 0, missing / np.maximum(torque, 1e-300), 0.0 * missing)
+        moment = missing_force[:, 3:] - _cross(self.middle, missing_force[:, :3])
+        balance = np.maximum(_norm(missing_force[:, :3]), _norm(moment) / g.size) / F
+        joints = np.abs(missing_torque) / (F[:, None] * self.units)
 
         d3 = d.reshape(k, g.m, 3)
         dt = np.sqrt((d3[:, :, 1:] ** 2).sum(axis=2))
@@ -135,6 +119,7 @@ class Judge:
         g, mech = self.grasp, self.grasp.mechanism
         r = np.abs(x.r)
         largest = np.maximum(r[:, :3].max(axis=1), r[:, 3:].max(axis=1) * (self.reach + g.size))
+        largest = np.maximum(largest, np.abs(x.c).max(axis=1, initial=0.0))
         largest = np.maximum(largest, (np.abs(x.q) * self.arms).max(axis=1, initial=0.0))
         largest = np.maximum(largest, (np.abs(x.reaction) / self.arms).max(axis=1, initial=0.0))
         largest = np.maximum(largest, (np.abs(x.f) / self.moment_arm).max(axis=1, initial=0.0))
@@ -143,14 +128,6 @@ class Judge:
             largest = np.maximum(largest, carried.max(axis=(1, 2)))
         out: Mask = np.maximum(largest / F, self.reach / g.spacing) <= LARGE
         return out
-
-    def _moment_scale(self, c: Array, w: Array, F: Array, middle: Array) -> Array:
-        """(k,) [N m] the largest moment about the middle that acts, see `model.residuals`."""
-        forces = np.einsum("kmi,mij->kmj", c, self.contact_forces)
-        arms = self.grasp.positions - middle[:, None, :]
-        moments = np.sqrt((_cross(arms, forces) ** 2).sum(axis=2)).max(axis=1)
-        load = _norm(w[:, 3:] - _cross(middle, w[:, :3]))
-        return np.maximum(np.maximum(moments, load), F * self.grasp.spacing)
 
     def _actuators(self, f: Array, t: Array, f_c: Array) -> Array:
         """(k, a) [N] how far (8) is missed, in the sense of each command."""

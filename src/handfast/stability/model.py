@@ -27,6 +27,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability.exact_sums import Sums, exact_sums
 
 LARGE = 1e4  # times the largest force: motions and forces from which on sums are taken without rounding
+NO_ARM = 1e-14  # relative: an arm that rounding makes
 VANISHING = 1e-100  # numbers below are scaled up before anything is squared
 NO_REACTION: Array = np.zeros(0)  # of a state that was given none: its joints carry nothing themselves
 NO_TORSION: Array = np.zeros(0)  # likewise, of its contacts
@@ -215,14 +216,21 @@ def reaction_defect(q: Array, reaction: Array, lo: Array, hi: Array) -> Array:
 
 
 def joint_arms(grasp: Grasp) -> Array:
-    """(l,) motion of the contacts per unit joint motion: J's column norms (1 where a joint moves nothing).
+    """(l,) motion of the contacts per unit joint motion: J's column norms.
 
-    A joint that does nothing but turn soft fingers about their normals has their levers for an arm.
+    A joint that does nothing but turn soft fingers about their normals has their levers for an arm, one that moves
+    nothing, or next to nothing for the grasp's size, its unit.
     """
     arms = np.sqrt((grasp.J * grasp.J).sum(axis=0))
+    least, units = NO_ARM * joint_units(grasp), joint_units(grasp)
     if len(grasp.soft):
-        arms = np.where(arms > 1e-12, arms, np.sqrt((grasp.twist_jacobian**2).sum(axis=0)))
-    return np.where(arms > 1e-12, arms, 1.0)
+        arms = np.where(arms > least, arms, np.sqrt((grasp.twist_jacobian**2).sum(axis=0)))
+    return np.where(arms > least, arms, units)
+
+
+def joint_units(grasp: Grasp) -> Array:
+    """(l,) torque or force of a joint that counts as much as a unit of force: the grasp's size if it turns, else 1."""
+    return np.array([grasp.size if joint.type == "revolute" else 1.0 for joint in grasp.joints])
 
 
 def actuator_arms(grasp: Grasp) -> Array:
@@ -241,53 +249,19 @@ def force_scale(w: Array, c: Array) -> float:
     return scale if scale > 0 else 1.0
 
 
-def least_drive(grasp: Grasp, f_c: Array, moment_arm: Array, arms: Array) -> float:
-    """[N] the smallest command, given torque or friction of a joint, as a force at a contact; inf if there is none.
+def load_scale(grasp: Grasp, w: Array, command: Array | None = None) -> float:
+    """[N] what residuals are measured by: the load (6,), its force, or its torque about the contacts' middle over size.
 
-    moment_arm: `actuator_arms`. arms: `joint_arms`.
+    Without a load the largest command or given torque, each over its joint's unit; 1 if none acts. Contact forces,
+    however large, have no part in it: what holds is what misses neither load nor commands.
     """
-    drives = (np.abs(f_c) / moment_arm)[f_c != 0]
-    if grasp.has_laws:
-        given = np.concatenate([np.abs(grasp.given_torques) / arms, grasp.joint_friction / arms])
-        drives = np.concatenate([drives, given[given != 0]])
-    return float(drives.min(initial=np.inf))
-
-
-def _equilibrium_residual(missing: Array, middle: Array) -> tuple[float, float]:
-    """What (1) misses: force [N], and torque [N m] about the middle of the contact forces."""
-    moment = missing[3:] - cross(middle, missing[:3])
-    return float(np.linalg.norm(missing[:3])), float(np.linalg.norm(moment))
-
-
-def _middle(p: Array, c: Array) -> Array:
-    """(3,) [m] the middle of the contacts, each weighed by its force: moments about it do not know the origin."""
-    weight = _norms(c.reshape(-1, 3))
-    total = float(weight.sum())
-    out: Array = weight @ p / total if total > 0 else p.mean(axis=0)
-    return out
-
-
-def _moment_scale(grasp: Grasp, c: Array, w: Array, force: float, middle: Array) -> float:
-    """[N m] the largest moment about the middle that acts; at least that of the force scale at the contacts' spacing.
-
-    A contact that carries next to nothing has no part in it, however far away it is, nor has the distance to the
-    origin.
-    """
-    F, arms = (grasp.G[:3] * c).reshape(3, -1, 3).sum(axis=2).T, grasp.positions - middle
-    M = arms[:, [1, 2, 0]] * F[:, [2, 0, 1]] - arms[:, [2, 0, 1]] * F[:, [1, 2, 0]]
-    moments = _norms(M).max(initial=0.0)
-    load = np.linalg.norm(w[3:] - cross(middle, w[:3]))
-    return float(max(moments, load, force * grasp.spacing))
-
-
-def idle_torque(grasp: Grasp, arms: Array, force: float, moment: float) -> Array:
-    """(l,) what measures the torque of a joint none of whose contacts carries: force and moment that act elsewhere.
-
-    Such a joint has nothing but rounding, and the distance of an open contact is to hide nothing. arms: (l,) of the
-    joints.
-    """
-    turns = np.array([joint.type == "revolute" for joint in grasp.joints], dtype=bool)
-    return np.where(turns, np.minimum(force * arms, moment), force)
+    middle = grasp.positions.mean(axis=0)
+    scale = max(float(np.linalg.norm(w[:3])), float(np.linalg.norm(w[3:] - cross(middle, w[:3]))) / grasp.size)
+    if scale > 0 or not grasp.l:
+        return scale or 1.0
+    f_c, units = grasp.command if command is None else command, joint_units(grasp)
+    drives = np.abs(grasp.mechanism.R.T * f_c) / units[:, None]
+    return max(float(drives.max(initial=0.0)), float((np.abs(grasp.given_torques) / units).max())) or 1.0
 
 
 def linear_sums(grasp: Grasp, w: Array, state: State, force: float, arms: Array, moment_arm: Array) -> Sums:
@@ -301,7 +275,7 @@ def linear_sums(grasp: Grasp, w: Array, state: State, force: float, arms: Array,
     mech = grasp.mechanism
     reach = float(np.abs(grasp.positions).max(initial=0.0))
     r = np.abs(state.r)
-    largest = max(r[:3].max(), r[3:].max() * (reach + grasp.size))
+    largest = max(r[:3].max(), r[3:].max() * (reach + grasp.size), np.abs(state.c).max(initial=0.0))
     if len(arms):
         largest = max(largest, (np.abs(state.q) * arms).max(), (np.abs(state.reaction) / arms).max())
     if mech.a:
@@ -323,13 +297,11 @@ def linear_sums(grasp: Grasp, w: Array, state: State, force: float, arms: Array,
 
 @dataclass(frozen=True)
 class Residuals:
-    """How far a state is from solving (1)-(8): relative to the forces and moments that act, so without units.
+    """How far a state is from solving (1)-(8), relative to the load (`load_scale`): without units.
 
-    Every equation is measured by what stands in it: forces by the largest that acts (where none does by the smallest
-    command), moments by the largest about the middle of the contact forces, joint torques by those of their own
-    joint, motions by the force that they cause at a contact. A contact or an actuator that takes no part hides
-    nothing. A sliding contact's direction is judged at full weight once it slides farther than the force scale;
-    below, in proportion.
+    Torques on the object are about the contacts' middle, over the grasp's size; those of joints over `joint_units`;
+    motions are measured by the force that they cause at a contact. A sliding contact's direction is judged at full
+    weight once it slides farther than the scale; below, in proportion.
     """
 
     object_balance: float  # (1)
@@ -369,25 +341,12 @@ def residuals(
     R, A = grasp.mechanism.R, grasp.mechanism.A
     arms = joint_arms(grasp)
     moment_arm = _actuator_arms(np.abs(R), arms)
-    F = force_scale(w, state.c) if largest > 0 else least_drive(grasp, f_c, moment_arm, arms)
-    F = F if np.isfinite(F) else 1.0
+    F = load_scale(grasp, w, f_c)
     sums = linear_sums(grasp, w, state, F, arms, moment_arm)
     d, c = sums.d, state.c.reshape(-1, 3)
     rubs, slides = friction(grasp, state.c, state.torsion), sliding(grasp, d, sums.twist)
     dt = _norms(slides)
-    middle = _middle(grasp.positions, state.c)
-    force, moment = _equilibrium_residual(sums.object, middle)
-
-    loaded = np.where(np.repeat(c.any(axis=1), 3)[:, None], grasp.J, 0.0)
-    # what locked gearings and couplings pass on has no part in it: where they depend on each other, it is arbitrary
-    terms = np.abs(loaded.T) @ np.abs(state.c) + np.abs(R.T) @ np.abs(f_c) + np.abs(grasp.given_torques)
-    if len(grasp.soft):
-        terms = terms + np.abs(grasp.twist_jacobian.T) @ np.abs(twisting(grasp, state.torsion))
-    moments = _moment_scale(grasp, state.c, w, F, middle)
-    torque = np.maximum.reduce(
-        [terms, F * np.sqrt((loaded * loaded).sum(axis=0)), idle_torque(grasp, arms, F, moments)]
-    )
-    missing = np.abs(sums.joints)
+    moment = sums.object[3:] - cross(grasp.positions.mean(axis=0), sums.object[:3])
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
     sense = np.where(f_c < 0, -1.0, 1.0)
@@ -399,18 +358,18 @@ def residuals(
     lo, hi = reaction_range(grasp)
     reaction = reaction_defect(state.q * arms, state.reaction / arms, lo / arms, hi / arms)
     dissipation = dissipation_defect(c[:, 0], rubs, slides, grasp.mu) / np.maximum(dt, F)[:, None]
-    idle = np.delete(np.abs(state.torsion), grasp.soft).max(initial=0.0) / moments  # point contacts carry no torsion
+    idle = np.abs(np.delete(state.torsion, grasp.soft)) / grasp.size  # point contacts carry no torsion
     slip = np.abs(sums.couplings)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
 
     def worst(values: Array) -> float:
         return float(values.max(initial=0.0)) / F
 
     return Residuals(
-        object_balance=max(force / F, moment / moments),
-        joint_balance=float((missing / np.where(missing > 0, np.maximum(torque, 1e-300), 1.0)).max(initial=0.0)),
+        object_balance=max(float(np.linalg.norm(sums.object[:3])), float(np.linalg.norm(moment)) / grasp.size) / F,
+        joint_balance=worst(np.abs(sums.joints) / joint_units(grasp)),
         couplings=worst(slip),
         normal=worst(np.abs(c[:, 0] - spring_force(d, eta))),
-        cone=max(worst(cone_excess(c[:, 0], rubs, grasp.mu)), float(idle)),
+        cone=max(worst(cone_excess(c[:, 0], rubs, grasp.mu)), worst(idle)),
         dissipation=worst(np.abs(dissipation)) if mdp else 0.0,
         actuators=worst(actuator),
         reactions=worst(reaction),

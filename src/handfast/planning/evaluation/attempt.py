@@ -70,6 +70,11 @@ class PlannedGrasp:
     index: int
     searched: SearchedContacts | None = None
 
+    @property
+    def held(self) -> HoldAnswer:
+        """The answer, which knows its grasp."""
+        return self.answer if self.answer.grasp else replace(self.answer, grasp=self.grasp)
+
 
 @dataclass(frozen=True, eq=False)
 class Attempts:

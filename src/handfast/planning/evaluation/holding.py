@@ -38,5 +38,5 @@ def held_again(
         checks.append(check(grasp, wrench, **how))
         if checks[-1].verdict is not Verdict.HOLDS:
             return None
-    asked: dict[str, Any] = {"grasp": grasp, "limits": limits.of_a_load}
+    asked: dict[str, Any] = {"grasp": grasp, "limits": limits.of_a_load, "actuators": tuple(known[0])}
     return HoldAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, nodes, loads, *known, tuple(checks), **asked)

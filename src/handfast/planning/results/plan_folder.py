@@ -1,7 +1,7 @@
 """The folder that `handfast plan` fills as it finds grasps, and from which it can go on.
 
-Two files a grasp, numbered in the order in which they were found, and `plan.json`, which names them and says how far
-the search has come. Each is written at once or not at all, `plan.json` last: what it names is there.
+Three files a grasp, numbered in the order in which they were found: its configuration, the grasp, and what backs that
+it holds. `plan.json` names them and says how far the search has come. Each is written at once or not at all, `plan.json` last: what it names is there.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from handfast.planning.rejection import OverlapEntry, Tally
 from handfast.planning.results.planned import Plan
 
 PLAN = "plan.json"
-FILES = "{:03d}.configuration.json", "{:03d}.grasp.json"
+FILES = "{:03d}.configuration.json", "{:03d}.grasp.json", "{:03d}.hold.json"
+KEYS = "configuration_file", "grasp_file", "hold_file"  # in `plan.json`
 
 
 class PreloadSearchEntry(Strict):
@@ -49,6 +50,7 @@ class PlannedEntry(Strict):
     self_penetration: float
     configuration_file: str
     grasp_file: str
+    hold_file: str
     preload_search: PreloadSearchEntry | None = None
 
 
@@ -67,7 +69,7 @@ class PlanFile(Strict):
 
 
 class PlanFolder(SearchFolder[Plan]):
-    """Two files a grasp, and `plan.json`.
+    """Three files a grasp, and `plan.json`.
 
     Args:
         hand, object: names or paths, as they are to stand in the files.
@@ -89,15 +91,15 @@ class PlanFolder(SearchFolder[Plan]):
         found = state.found
         number = {g.index: k for k, g in enumerate(found)}
         for k, g in enumerate(found[self._written :], start=self._written):
-            configuration, grasp = (self.path / name.format(k) for name in FILES)
+            configuration, grasp, held = (self.path / name.format(k) for name in FILES)
             names = {"hand": self.hand, "object": self.object, "closing": self.closing or None}
             placed = Configuration.of(state.hand, g.q, g.pose, **names, preload=g.grasp.preload)
             save_configuration(placed, configuration, force=True)
             save_grasp(g.grasp.from_configuration(configuration), grasp, force=True)
+            g.held.save(held, force=True)
         self.answer = state.to_json()
         for entry in (*self.answer["grasps"], *self.answer["others"]):
-            names_ = [name.format(number[entry["attempt"]]) for name in FILES]
-            entry["configuration_file"], entry["grasp_file"] = names_
+            entry |= {key: name.format(number[entry["attempt"]]) for key, name in zip(KEYS, FILES, strict=True)}
         write_text(self.path / PLAN, json.dumps(self.answer, indent=1) + "\n", force=True)
         self._written = len(found)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from handfast.core.answer import Stop, Verdict, header
@@ -14,8 +13,8 @@ from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
 from handfast.planning.fruitless import diagnosis
 from handfast.planning.rejection import Tally
 from handfast.planning.results.verify_plan import verify_planned
+from handfast.proofs.replay import Replay
 from handfast.stability.loads import Loads
-from handfast.stability.verification import Verified
 
 STARTS = ("what became of the other starts, and that the grasps differ from each other",)
 
@@ -86,11 +85,11 @@ class Plan:
         """Of the searches that hold the grasps."""
         return sum(g.answer.nodes for g in self.grasps)
 
-    def verify(self) -> Verified:
+    def verify(self) -> Replay:
         """Every grasp again: joints, mechanism and contacts of the hand, and each load's witness under its preload."""
-        start, scene = time.monotonic(), Scene(self.hand, self.body, self.asked.ignored)
-        parts = {f"grasp {self.number(g)}": verify_planned(self.asked, scene, g) for g in self.found}
-        return Verified.of_parts(parts, time.monotonic() - start, not_replayed=STARTS)
+        scene = Scene(self.hand, self.body, self.asked.ignored)
+        parts = (replace(verify_planned(self.asked, scene, g), name=f"grasp {self.number(g)}") for g in self.found)
+        return Replay("plan", parts=tuple(parts), not_replayed=STARTS)
 
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints and writes to plan.json, beside the files' names."""
@@ -118,5 +117,5 @@ def _entry(g: PlannedGrasp) -> dict[str, Any]:
         "preload": g.grasp.preload,
         "penetration": g.penetration,
         "self_penetration": g.self_penetration,
-        "residual": max(a.witness.residuals.worst for a in g.answer.checks if a.witness),
+        "residual": max(a.proved.residual for a in g.answer.checks if a.proved),
     }
