@@ -1,0 +1,364 @@
+"""A state of the model as arrays, the equations (1) to (8) with all laws, and the modes in which they are smooth.
+
+Everything that moves or carries is a row of `GraspData.rows` M: contact forces and motions, torsions of soft fingers,
+actuators, couplings, reactions of joints. A row's motion is d = M (r, q), and forces phi of all rows are in balance with
+the load, M^T phi + L = 0: that is (1) and (2). What is left are laws between d and phi, row by row. In fixed modes each
+row is *held* (its motion is 0), its force is *unknown*, or given, or follows from the motion of its contact:
+
+    open     c = 0, d^_n > 0              touches  c = 0, d_n = 0
+    sticks   c_n = -d^_n, d_t = 0         slides   c_n = -d^_n, c_t = -mu c_n d_t / |d_t|         (4) to (7), (17)
+    locked   t = 0                        rests    t = 0, f beyond its command                   (8)
+    moves    f = f_c, t > 0               at its command or limit: t = 0, f is given
+
+and likewise the reactions of joints. Without the maximum dissipation principle the friction of a closed contact is
+unknown and nothing is held. Symbols and signs are those of the paper; see docs/model.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, Mask
+from handfast.proofs.grasp import GraspData
+from handfast.proofs.tolerance import load_scale
+
+ULP = 2.0**-53
+NONE = 1e-9  # relative to the forces that act: motions and forces that may be none
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Motions r (6,), q (l,); forces c (3m,), f (a,), multipliers coupling (k,), reaction (l,), torsion (m,)."""
+
+    r: Array
+    q: Array
+    c: Array
+    f: Array
+    coupling: Array
+    reaction: Array
+    torsion: Array
+
+    @property
+    def motion(self) -> Array:
+        """(6 + l,) r and q."""
+        return np.r_[self.r, self.q]
+
+    def forces(self, g: GraspData) -> Array:
+        """(N + 1,) forces of `Problem.rows`."""
+        return np.r_[self.c, self.torsion[g.soft] / g.lever[g.soft], self.f, self.coupling, self.reaction, 0.0]
+
+    @classmethod
+    def of(cls, g: GraspData, motion: Array, forces: Array) -> State:
+        """From r and q, and the forces of `GraspData.rows`."""
+        contacts, soft, actuators, couplings, joints = g.parts
+        torsion = np.zeros(g.m)
+        torsion[g.soft] = g.lever[g.soft] * forces[soft]
+        return cls(
+            motion[:6], motion[6:], forces[contacts], forces[actuators], forces[couplings], forces[joints], torsion
+        )
+
+
+def read_state(f: Fields, g: GraspData) -> State:
+    """The state among the fields of a witness or a control of an arc. `BadFile` if lengths are others."""
+    sizes = {"r": 6, "q": g.l, "c": 3 * g.m, "f": g.a, "coupling": len(g.A)}
+    own = {"reaction": g.l, "torsion": g.m}  # only where there are any
+    out = {name: f.numbers(name, (n,)) for name, n in sizes.items()}
+    out |= {name: f.numbers(name, (n,), [0.0] * n) for name, n in own.items()}
+    if out["torsion"][g.lever == 0].any():
+        raise BadFile("is not 0 at a point contact", f.at("torsion"))
+    return State(**out)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What a state has to solve: the load is wrench + magnitude along, the commands are the grasp's + magnitude drive.
+
+    Attributes:
+        along (6,), drive (a,): None where there is no magnitude; else it is an unknown of the proof.
+        cos, sin: of the uncertainty of the normals, as they were rounded.
+        torque_limit: (a,) of |f|, inf where there is none. force_limit: of every normal force.
+    """
+
+    grasp: GraspData
+    wrench: Array
+    along: Array | None = None
+    drive: Array | None = None
+    magnitude: float = 0.0
+    cos: float = 1.0
+    sin: float = 0.0
+    mdp: bool = True
+    torque_limit: Array = field(default_factory=lambda: np.zeros(0))
+    force_limit: float = np.inf
+
+    @cached_property
+    def load(self) -> Array:
+        """(6,) rounded."""
+        return self.wrench if self.along is None else np.asarray(self.wrench + self.magnitude * self.along)
+
+    @cached_property
+    def command(self) -> Array:
+        """(a,) rounded."""
+        f_c = self.grasp.command
+        return f_c if self.drive is None else np.asarray(f_c + self.magnitude * self.drive)
+
+    @cached_property
+    def limit(self) -> Array:
+        """(a,) of |f|."""
+        return self.torque_limit if len(self.torque_limit) else np.full(self.grasp.a, np.inf)
+
+    @cached_property
+    def scale(self) -> float:
+        """[N] `load_scale`."""
+        return load_scale(self.grasp.with_command(self.command), self.load)
+
+    @cached_property
+    def rows(self) -> tuple[Array, Array]:
+        """(N + 1, 6 + l) each: `GraspData.rows`, and a last one of zeros that stands for what a contact has not."""
+        M, size = self.grasp.rows
+        last = np.zeros((1, M.shape[1]))
+        return np.vstack([M, last]), np.vstack([size, last])
+
+    @cached_property
+    def column_units(self) -> Array:
+        """(6 + l,) of r and q, so that each moves the contacts by about 1."""
+        g = self.grasp
+        return np.r_[1.0, 1.0, 1.0, np.full(3, 1.0 / g.size), 1.0 / g.joint_arms]
+
+    @cached_property
+    def row_units(self) -> Array:
+        """(N + 1,) motions of `rows` per unit of motion at the contacts; forces are the other way round."""
+        size = np.sqrt(((self.rows[0] * self.column_units) ** 2).sum(axis=1))
+        return np.where(size > 0, size, 1.0)
+
+    @cached_property
+    def tangents(self) -> Integers:
+        """(m, 4) rows of d_n, d_t1, d_t2 and the turning of each contact; N, which is none, at point contacts."""
+        g = self.grasp
+        out = np.full((g.m, 4), len(self.rows[0]) - 1)
+        out[:, :3] = np.arange(3 * g.m).reshape(-1, 3)
+        out[g.soft, 3] = 3 * g.m + np.arange(len(g.soft))
+        return out
+
+
+class Contact(IntEnum):
+    """The mode of a contact."""
+
+    OPEN = 0
+    TOUCHES = 1
+    STICKS = 2
+    SLIDES = 3
+    RUBS = 4  # closed, without the maximum dissipation principle
+
+
+class Part(IntEnum):
+    """The mode of an actuator, or of a joint's reaction."""
+
+    LOCKED = 0  # held, any force
+    RESTS = 1  # held, a force beyond its command, or between its ends
+    MOVES = 2  # an actuator moves in its own sense; a joint closes
+    OPENS = 3  # a joint opens
+    LOW = 4  # held, at its command; at the lower end of the reaction
+    HIGH = 5  # held, at its upper limit; at the upper end
+    LOWEST = 6  # held, at the negative of its limit
+    FREE = 7  # moves either way: a backdrivable motor, a joint without a law
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Modes of contacts (m,), actuators (a,) and joints' reactions (l,); `full` (m,): the normal force is the limit."""
+
+    contact: Integers
+    full: Mask
+    actuator: Integers
+    joint: Integers
+
+    @property
+    def closed(self) -> Mask:
+        """(m,) which contacts press."""
+        return np.asarray(self.contact >= Contact.STICKS)
+
+    def words(self, g: GraspData) -> dict[str, str]:
+        """By contact, actuator and joint."""
+        out = {f"contact {i}": Contact(k).name.lower() for i, k in enumerate(self.contact)}
+        out |= {name: Part(k).name.lower() for name, k in zip(g.actuators, self.actuator, strict=True)}
+        laws = zip(g.joints, self.joint, strict=True)
+        return out | {f"reaction of {name}": Part(k).name.lower() for name, k in laws if k != Part.FREE}
+
+
+def reaction_ends(g: GraspData) -> tuple[Array, Array]:
+    """(l,) each: between which a joint carries at rest; infinite where a stop carries. See docs/joint-laws.md."""
+    lower, upper = g.stops
+    return np.where(upper, -np.inf, -g.friction), np.where(lower, np.inf, g.friction)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The laws of all rows in some modes, (N + 1,) each: held, unknown, given forces, their share of a magnitude."""
+
+    held: Mask
+    unknown: Mask
+    given: Array
+    drive: Array
+
+    @classmethod
+    def of(cls, p: Problem, modes: Modes) -> Rows:
+        g, n = p.grasp, len(p.rows[0])
+        held, unknown = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+        given, drive = np.zeros(n), np.zeros(n)
+        held[p.tangents[modes.contact == Contact.TOUCHES, 0]] = True
+        sticks = modes.contact == Contact.STICKS
+        held[p.tangents[sticks, 1:]] = True
+        rubs = (sticks | (modes.contact == Contact.RUBS)) & (g.mu > 0)
+        unknown[p.tangents[rubs, 1:]] = True
+        _, _, actuators, couplings, joints = g.parts
+        k = modes.actuator
+        held[actuators] = (k != Part.MOVES) & (k != Part.FREE)
+        unknown[actuators] = (k == Part.LOCKED) | (k == Part.RESTS)
+        high, lowest = k == Part.HIGH, k == Part.LOWEST
+        at_command = ~unknown[actuators] & ~high & ~lowest
+        given[actuators] = np.where(at_command, g.command, 0.0)
+        given[actuators][high], given[actuators][lowest] = p.limit[high], -p.limit[lowest]
+        drive[actuators] = 0.0 if p.drive is None else np.where(at_command, p.drive, 0.0)
+        held[couplings] = unknown[couplings] = True
+        k, (lo, hi) = modes.joint, reaction_ends(g)
+        held[joints] = np.isin(k, (Part.LOCKED, Part.RESTS, Part.LOW, Part.HIGH))
+        unknown[joints] = (k == Part.LOCKED) | (k == Part.RESTS)
+        low, high = (k == Part.MOVES) | (k == Part.LOW), (k == Part.OPENS) | (k == Part.HIGH)
+        given[joints] = np.where(low, lo, np.where(high, hi, 0.0))
+        held[-1] = unknown[-1] = False
+        return cls(held, unknown, given, drive)
+
+
+def sense(p: Problem) -> Array:
+    """(a,) in which actuators are commanded; 1 where they are not."""
+    return np.where(p.grasp.command < 0, -1.0, 1.0)
+
+
+def acting(p: Problem, x: State) -> float:
+    """[N] the largest force that acts: the load's scale, or a contact force."""
+    return max(p.scale, float(np.sqrt((x.c.reshape(-1, 3) ** 2).sum(axis=1)).max()))
+
+
+def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
+    """Modes that a state may have, the likeliest first, by `Modes` field and number ("contact 3"); see `modes_of`."""
+    g = p.grasp
+    M, size = p.rows
+    phi, d, act = x.forces(g), M @ x.motion, acting(p, x)
+    coarse = 8 * len(M) * ULP * (size @ np.abs(x.motion))
+    none_d, none_f = np.maximum(NONE * act * p.row_units, coarse), NONE * act / p.row_units
+    out = {}
+    for i, rows in enumerate(p.tangents):
+        out[f"contact {i}"] = _contact(p, g.mu[i], d[rows], phi[rows], none_d[rows], none_f[rows[0]])
+    _, _, actuators, _, joints = (range(s.start, s.stop) for s in g.parts)
+    for j, k in enumerate(actuators):
+        e, t = sense(p)[j] * (phi[k] - p.command[j]), sense(p)[j] * d[k]
+        full = [Part.HIGH if phi[k] > 0 else Part.LOWEST] * bool(p.limit[j] - abs(phi[k]) < none_f[k])
+        if g.backdrivable[j]:
+            kinds = [Part.FREE]
+        elif p.command[j] == 0 and not g.tendon[j]:
+            kinds = [*full, Part.LOCKED]
+        else:
+            rests, moves = e > none_f[k], t > none_d[k]
+            kinds = [Part.MOVES] if moves and not rests else [*full, Part.RESTS] if rests else [Part.LOW]
+            kinds += [x for x in (Part.RESTS, Part.LOW, Part.MOVES) if x not in kinds]
+        out[f"actuator {j}"] = [(int(x), False) for x in kinds]
+    lo, hi = reaction_ends(g)
+    for j, k in enumerate(joints):
+        t, over, under, near, still = d[k], phi[k] - lo[j], hi[j] - phi[k], none_f[k], none_d[k]
+        if lo[j] == hi[j]:
+            kinds = [Part.FREE]
+        elif not np.isfinite(over) and not np.isfinite(under):
+            kinds = [Part.LOCKED]
+        else:
+            ends = [Part.LOW] * bool(over < near) + [Part.HIGH] * bool(under < near)
+            ways = [Part.MOVES] * bool(over < near and t > 0) + [Part.OPENS] * bool(under < near and t < 0)
+            kinds = [*ways, Part.RESTS, *ends] if abs(t) > still else [*ends, Part.RESTS, *ways]
+        out[f"joint {j}"] = [(int(x), False) for x in kinds]
+    return out
+
+
+def _contact(p: Problem, mu: float, d: Array, phi: Array, none_d: Array, none_f: float) -> list[tuple[int, bool]]:
+    """Modes of one contact from d_n, d_t, turning and their forces, with what may be none of them."""
+    slides, rubs = float(np.linalg.norm(d[1:])), float(np.linalg.norm(phi[1:]))
+    gap = p.cos * d[0] + p.sin * slides
+    if phi[0] <= none_f:
+        shut = [Contact.TOUCHES, Contact.OPEN] if abs(gap) <= none_d[0] else [Contact.OPEN, Contact.TOUCHES]
+        if abs(gap) > none_d[0] or phi[0] <= 0:
+            return [(int(k), False) for k in shut]
+        return [(int(k), False) for k in (*shut, Contact.STICKS, Contact.SLIDES)]
+    still = slides <= float(none_d[1:].max())
+    if not p.mdp:
+        kinds = [Contact.STICKS, Contact.RUBS] if still and p.sin else [Contact.RUBS]
+    elif mu == 0:
+        kinds = [Contact.STICKS, Contact.SLIDES] if still and p.sin else [Contact.SLIDES]
+    else:
+        along = -float(phi[1:] @ d[1:]) > 0.99 * slides * rubs and slides > 0
+        inside = mu * phi[0] - rubs > none_f
+        kinds = [Contact.STICKS, Contact.SLIDES] if still and (inside or not along) else [Contact.SLIDES, Contact.STICKS]
+        kinds = kinds if still or not inside else kinds[:1]
+    full = abs(p.force_limit - phi[0]) <= none_f
+    return [(int(k), bool(full)) for k in kinds] + ([(int(k), False) for k in kinds] if full else [])
+
+
+def modes_of(g: GraspData, chosen: dict[str, tuple[int, bool]]) -> Modes:
+    """One of the modes of each part, by name as in `choices`."""
+    values = list(chosen.values())
+    kinds = np.array([k for k, _ in values], dtype=np.int64)
+    full = np.array([full for _, full in values], dtype=bool)
+    m, a = g.m, g.a
+    return Modes(kinds[:m], full[:m], kinds[m : m + a], kinds[m + a :])
+
+
+@dataclass(frozen=True, eq=False)
+class Laws:
+    """Forces of the contacts that press, from their motions, with their derivatives.
+
+    Attributes:
+        rows: (n, 4) of `Problem.tangents`. force: (n, 4). K: (n, 4, 4) of force by motion.
+        speed: (n,) |d_t|, where the direction of sliding counts; else inf. rub: (n,) mu where it slides, else 0.
+    """
+
+    rows: Integers
+    force: Array
+    K: Array
+    speed: Array
+    rub: Array
+
+    @classmethod
+    def of(cls, p: Problem, modes: Modes, d: Array) -> Laws:
+        """d: (N + 1,), the last 0."""
+        closed = np.flatnonzero(modes.closed)
+        rows, kinds = p.tangents[closed], modes.contact[closed]
+        D = d[rows]
+        rub = np.where(kinds == Contact.SLIDES, p.grasp.mu[closed], 0.0)
+        smooth = (rub > 0) | ((kinds != Contact.STICKS) & (p.sin != 0))
+        slides = np.sqrt((D[:, 1:] ** 2).sum(axis=1))
+        length = np.where(smooth, slides, np.inf)
+        u = D[:, 1:] / np.where(smooth & (slides > 0), slides, np.inf)[:, None]
+        normal = -(p.cos * D[:, 0] + p.sin * np.where(smooth, slides, 0.0))
+        by_d = np.concatenate([np.full((len(D), 1), -p.cos), -p.sin * u], axis=1)
+        across = np.eye(3) - u[:, :, None] * u[:, None, :]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turned = (normal / length)[:, None, None] * across
+        K = np.zeros((len(D), 4, 4))
+        K[:, 0], K[:, 1:] = by_d, -rub[:, None, None] * u[:, :, None] * by_d[:, None]
+        K[:, 1:, 1:] -= np.where(rub > 0, rub, 0.0)[:, None, None] * turned
+        force = np.concatenate([normal[:, None], -(rub * normal)[:, None] * u], axis=1)
+        return cls(rows, force, K, length, rub)
+
+    def change(self, p: Problem, reach: Array) -> Array:
+        """(n,) by which an entry of K changes at most for motions that differ by up to `reach` (n,); inf if unknown."""
+        share = reach / self.speed
+        ok = share < 0.5
+        share = np.where(ok, share, 0.0)
+        turn = 1.001 * share / (1.0 - share)  # of the direction of sliding
+        apart = np.where(np.isfinite(self.speed), self.speed, 1.0) * (1.0 - share)
+        normal = np.abs(self.force[:, 0])
+        strong = (1.01 * reach + normal * (2.0 * turn + share)) / apart
+        out = p.sin * turn + self.rub * (1.01 * turn + p.sin * turn + strong)
+        return np.where(ok, 1.001 * np.where(np.isfinite(self.speed), out, 0.0), np.inf)
+
