@@ -25,7 +25,7 @@ from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import Refused, Replay
-from handfast.proofs.states import State, read_state
+from handfast.proofs.states import Problem, State, read_state
 from handfast.proofs.tolerance import load_scale
 
 SCHEMA = "handfast/result/2"
@@ -138,25 +138,23 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
         raise Refused("HOLDS without a witness")
     if not saved.holds:
         raise Refused(f"{saved.said['verdict'].upper()} with a witness")
-    claim, base, along, command = query.held(saved, w)
+    claim, base, along, magnitude, command = query.held(saved, w)
     if not _close(w.command, command):
         return None, Replay("witness", claim, "it is a state with other commands")
-    limits = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.actuators], dtype=float)
-    found = prove(
-        q.grasp.with_command(command),
-        w.state,
-        base,
-        along=along,
-        eta=q.eta,
-        mdp=q.mdp,
-        torque_limit=limits,
-        force_limit=q.force_limit,
-    )
+    found = prove(problem(q, command, base, along, magnitude), w.state)
     reason = "" if found.exact or found.tolerant else found.reason
     reason = reason or query.held_fault(saved, w, found)
     to = "" if found.exact else ", to 1e-9 of load and commands"
     figures = {"residual": found.residual, "exact": found.exact, "radius": found.radius}
     return found, Replay("witness", claim + to, reason, figures)
+
+
+def problem(q: Question, command: Array, base: Array, along: Array | None = None, magnitude: float = 0.0) -> Problem:
+    """What a witness has to solve: the load base + magnitude along, with the magnitude unknown if along is given."""
+    limits = np.array([q.torque_limits.get(name, np.inf) for name in q.grasp.actuators], dtype=float)
+    cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
+    g = q.grasp.with_command(command)
+    return Problem(g, base, along, None, magnitude, cos, sin, q.mdp, limits, q.force_limit)
 
 
 def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float | None]:
@@ -185,6 +183,12 @@ def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float 
     return [Replay("certificate", claim, reason, figures)], found.cap
 
 
+def largest_motion(g: GraspData, x: State) -> float:
+    """[N] at unit stiffness: the largest motion at any contact, of the object or against the finger."""
+    both = g.G.T @ x.r, g.rows[0][: 3 * g.m] @ x.motion
+    return float(max(np.linalg.norm(motion.reshape(-1, 3), axis=1).max() for motion in both))
+
+
 def cap_fault(q: Question, cap: float, magnitude: float, witness: Witness | None) -> str:
     """Why a bound that is proved for motions inside a cap [N] does not count as complete; "" if it does.
 
@@ -194,7 +198,7 @@ def cap_fault(q: Question, cap: float, magnitude: float, witness: Witness | None
     load = load_scale(g, q.wrench + magnitude * q.direction)
     most, what = max(load, drives(q)), "the forces in play"
     if witness is not None:
-        moved = witness.state.largest_motion(g)
+        moved = largest_motion(g, witness.state)
         if moved > most:
             most, what = moved, "what its own witness moves by"
     if cap >= FAR * most:
@@ -221,7 +225,7 @@ def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float
 
 # --- the queries ----------------------------------------------------------------------------------
 
-Held = tuple[str, Array, Array | None, Array]  # claim, load, direction of its unknown magnitude, commands
+Held = tuple[str, Array, Array | None, float, Array]  # claim, load, direction of an unknown magnitude, commands
 Refuted = tuple[str, float, Range]  # claim, magnitude of the direction, range of the scalar that is to be covered
 
 
@@ -233,7 +237,7 @@ class Query:
         q = saved.question
         if not _close(w.wrench, q.wrench):
             raise Refused("witness: it is a state under another disturbance")
-        return "the disturbance is resisted", q.wrench, None, q.grasp.command
+        return "the disturbance is resisted", q.wrench, None, 0.0, q.grasp.command
 
     def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
         """What else is wrong with a witness that is proved; "" if nothing."""
@@ -268,14 +272,12 @@ class Maximum(Query):
         if not _close(w.wrench, base + magnitude * along) or magnitude < lower:
             raise Refused("witness: it is a state under another disturbance")
         claim = f"{lower:.6g} times the direction is resisted, or more" if lower > 0 else "the base load is resisted"
-        return claim, base + magnitude * along, (along if lower > 0 else None), saved.question.grasp.command
+        return claim, base, (along if lower > 0 else None), magnitude, saved.question.grasp.command
 
     def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
-        if found.magnitude is None or not saved.number("lower"):
+        if found.magnitude is None or found.magnitude[0] >= (saved.number("lower") or 0.0):
             return ""
-        base, along = _line(saved)
-        least = float((w.wrench - base) @ along / (along @ along)) + found.magnitude[0]
-        return "" if least >= (saved.number("lower") or 0.0) else f"it is proved from a magnitude of {least:.12g} on"
+        return f"it is proved from a magnitude of {found.magnitude[0]:.15g} on"
 
     def refuted(self, saved: SavedAnswer) -> Refuted | None:
         q, end = saved.question, self._end(saved)
@@ -359,7 +361,7 @@ class Torques(Query):
         if not _close(w.wrench, saved.question.wrench):
             raise Refused("witness: it is a state under another disturbance")
         upper = saved.number("upper")
-        return f"commands of {upper or 0.0:.6g} suffice", saved.question.wrench, None, w.command
+        return f"commands of {upper or 0.0:.6g} suffice", saved.question.wrench, None, 0.0, w.command
 
     def held_fault(self, saved: SavedAnswer, w: Witness, found: Proved) -> str:
         """Are the commands those that the answer gives, and do they cost what it says?"""
@@ -406,12 +408,14 @@ QUERIES: dict[str, Query] = {"check": Query(), "max": Maximum(), "torques": Torq
 # --- parts of them --------------------------------------------------------------------------------
 
 
+WORDS = {"open": "open", "touches": "open", "sticks": "stick", "slides": "slide", "rubs": "slide"}  # of contacts
 NOTHING = dict.fromkeys(("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"))
 
 
 def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
     """What `check` says of a state by key; `NOTHING` without one."""
-    c, d = x.c.reshape(-1, 3), x.relative_motion(g).reshape(-1, 3)
+    motions = g.rows[0] @ x.motion
+    c, d = x.c.reshape(-1, 3), motions[: 3 * g.m].reshape(-1, 3)
     contacts = [
         {
             "link": g.links[i],
@@ -420,12 +424,13 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
             "normal_force": float(c[i, 0]),
             "friction_force": float(np.linalg.norm(c[i, 1:])),
             "motion": (g.frames[i] @ d[i]).tolist(),
-            "state": proved.words[i],
+            "state": WORDS[proved.modes[f"contact {i}"]],
         }
         | ({"torsion": float(x.torsion[i])} if g.lever[i] > 0 else {})
         for i in range(g.m)
     ]
-    torques = x.joint_torques(g)
+    soft = g.soft
+    torques = g.J.T @ x.c + g.twist_jacobian.T @ (x.torsion[soft] / g.lever[soft])
     out = {"joint_reactions": dict(zip(g.joints, x.reaction.tolist(), strict=True))} if g.has_laws else {}
     return out | {
         "residual": proved.residual,

@@ -313,7 +313,9 @@ def _times(K: Array, x: Array) -> Array:
     return out
 
 
-def _derivative(p: Problem, rows: Rows, kept: Integers, full: Integers, laws: Laws, sought: Array) -> tuple[Array, Array]:
+def _derivative(
+    p: Problem, rows: Rows, kept: Integers, full: Integers, laws: Laws, sought: Array
+) -> tuple[Array, Array]:
     """(k, n) derivatives of (1), (2), held rows and normal forces at their limit; and what bounds their rounding."""
     has = bool(sought.any())
     nv, n = len(sought), int(rows.unknown.sum())
@@ -584,7 +586,9 @@ class _Balls:
         d, phi, magnitude, *_ = self.at(x)
         held = s.rows.held
         mid, off = _floats(d)
-        return Box(np.where(held, 0.0, mid), np.where(held, 0.0, off), *_floats(phi), *(y[0] for y in _floats([magnitude])))
+        return Box(
+            np.where(held, 0.0, mid), np.where(held, 0.0, off), *_floats(phi), *(y[0] for y in _floats([magnitude]))
+        )
 
 
 def _contact_law(

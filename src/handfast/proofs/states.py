@@ -298,7 +298,9 @@ def _contact(p: Problem, mu: float, d: Array, phi: Array, none_d: Array, none_f:
     else:
         along = -float(phi[1:] @ d[1:]) > 0.99 * slides * rubs and slides > 0
         inside = mu * phi[0] - rubs > none_f
-        kinds = [Contact.STICKS, Contact.SLIDES] if still and (inside or not along) else [Contact.SLIDES, Contact.STICKS]
+        kinds = (
+            [Contact.STICKS, Contact.SLIDES] if still and (inside or not along) else [Contact.SLIDES, Contact.STICKS]
+        )
         kinds = kinds if still or not inside else kinds[:1]
     full = abs(p.force_limit - phi[0]) <= none_f
     return [(int(k), bool(full)) for k in kinds] + ([(int(k), False) for k in kinds] if full else [])
@@ -361,4 +363,3 @@ class Laws:
         strong = (1.01 * reach + normal * (2.0 * turn + share)) / apart
         out = p.sin * turn + self.rub * (1.01 * turn + p.sin * turn + strong)
         return np.where(ok, 1.001 * np.where(np.isfinite(self.speed), out, 0.0), np.inf)
-

@@ -73,11 +73,14 @@ class Answer(ABC):
         """What is proved of its witness; None without one, or without a question."""
         if self.witness is None or self.posed is None:
             return None
-        p, g = self.posed.problem, _grasp(self.posed, self.witness)
-        limits = np.array([p.torque_limits.get(name, np.inf) for name in g.actuators], dtype=float)
-        force = np.inf if p.force_limit is None else p.force_limit
-        terms: dict[str, Any] = {"eta": p.eta, "mdp": p.mdp, "torque_limit": limits, "force_limit": force}
-        return prove(g, stated(self.witness.state), self.witness.wrench, along=self._along, **terms)
+        p, w = self.posed.problem, self.witness
+        question = self.posed.question
+        along = self._along
+        if along is None:
+            return prove(answers.problem(question, w.grasp.command, w.wrench), stated(w.state))
+        base = p.wrench if self.posed.goal.maximised else np.zeros(6)
+        magnitude = float((w.wrench - base) @ along / (along @ along))
+        return prove(answers.problem(question, w.grasp.command, base, along, magnitude), stated(w.state))
 
     @property
     def _along(self) -> Array | None:
