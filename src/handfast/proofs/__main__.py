@@ -23,7 +23,7 @@ def main(arguments: list[str]) -> int:
         print(f"{arguments[0]}: {fault}", file=sys.stderr)
         return 2
     _show(done, "")
-    print("PROVED" if done.ok else f"REFUSED: {done.fault}")
+    print("PROVED" if done.ok else f"REFUSED: {done.reason}")
     return 0 if done.ok else 1
 
 
@@ -31,7 +31,7 @@ def _show(done: Replay, indent: str) -> None:
     """A line for each claim, what it is made of below it."""
     if done.claim:
         figures = ", ".join(f"{name.replace('_', ' ')} {_text(x)}" for name, x in done.figures.items() if x is not None)
-        print(f"{indent}{'refused' if done.fault else 'proved'}: {done.claim}" + (f" ({figures})" if figures else ""))
+        print(f"{indent}{'refused' if done.reason else 'proved'}: {done.claim}" + (f" ({figures})" if figures else ""))
     elif done.parts:
         print(f"{indent}{done.name}")
     for part in done.parts:

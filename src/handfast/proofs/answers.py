@@ -21,6 +21,7 @@ from handfast.proofs.certificate import Certificate, read_certificate
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.fields import SAME, Array, BadFile, Fields
 from handfast.proofs.forces import FAR, drives, farthest
+from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import Refused, Replay
@@ -253,8 +254,9 @@ class Query:
 
     def shown(self, saved: SavedAnswer, proved: Proved | None) -> dict[str, Any]:
         """What it has to say by key, beside what every answer says."""
-        w = saved.witness
-        return described(saved.question, w, proved) | {"margin": None}  # nothing in the file shows a margin
+        w, g = saved.witness, saved.question.grasp
+        state = NOTHING if w is None or proved is None else described(g, w.state, proved)
+        return state | {"margin": None}  # nothing in the file shows a margin
 
 
 class Maximum(Query):
@@ -404,12 +406,11 @@ QUERIES: dict[str, Query] = {"check": Query(), "max": Maximum(), "torques": Torq
 # --- parts of them --------------------------------------------------------------------------------
 
 
-def described(q: Question, w: Witness | None, proved: Proved | None) -> dict[str, Any]:
-    """What `check` says of a state by key; null without one."""
-    keys = "residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"
-    if w is None or proved is None:
-        return dict.fromkeys(keys)
-    g, x = q.grasp, w.state
+NOTHING = dict.fromkeys(("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"))
+
+
+def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
+    """What `check` says of a state by key; `NOTHING` without one."""
     c, d = x.c.reshape(-1, 3), x.relative_motion(g).reshape(-1, 3)
     contacts = [
         {

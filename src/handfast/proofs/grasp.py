@@ -8,8 +8,9 @@ positions, axes and contact frames as they are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from handfast.proofs.rational import cross, dot, rational, rationals
 MANY = 249  # contacts, joints, actuators, couplings at most
 UNIT_TOLERANCE = 1e-3  # a normal or an axis may be off unit length by rounding in a file; it is then normalised
 STOPS = "", "lower", "upper", "both"
+NOTHING = 1e-14  # relative: what rounding leaves of a length that is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +93,16 @@ class GraspData:
         return bool(self.friction.any() or self.torque.any() or self.stop.any() or self.backdrivable.any())
 
     def with_command(self, command: Array) -> GraspData:
-        """With other commands (a,)."""
-        return replace(self, command=command)
+        """With other commands (a,), and all that was worked out of the rest."""
+        out = replace(self, command=command)
+        known = {name: value for name, value in self.__dict__.items() if name not in out.__dict__}
+        out.__dict__.update(known)
+        return out
+
+    def same_but_commands(self, other: GraspData) -> bool:
+        """Are all other numbers and names the same?"""
+        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self) if f.name != "command")
+        return all(np.array_equal(a, b) for a, b in pairs)
 
     def commands(self, by_name: dict[str, float], field: str) -> Array:
         """(a,) commands by name, 0 where none is named. `BadFile` for an unknown name, or a tendon that pushes."""
@@ -105,21 +115,41 @@ class GraspData:
             out[i] = value
         return out
 
-    # --- sizes
+    # --- sizes; each is in proportion to the grasp, however large or small that is
+
+    @cached_property
+    def centroid(self) -> Array:
+        """(3,) [m] the middle of the contacts."""
+        return np.asarray(self.positions.mean(axis=0))
 
     @cached_property
     def size(self) -> float:
-        """[m] the largest distance of a contact from the contacts' centroid; 1 where that is none."""
-        r = float(np.linalg.norm(self.positions - self.positions.mean(axis=0), axis=1).max())
-        return r if r > 1e-9 else 1.0
+        """[m] the largest distance of a contact from the contacts' centroid.
+
+        Where that is none but for rounding: the largest distance of a contact from a joint that turns it, else from
+        the origin; 1 if there is no length at all.
+        """
+        r = float(np.linalg.norm(self.positions - self.centroid, axis=1).max())
+        far = float(np.abs(self.positions).max())
+        if r > NOTHING * far:
+            return r
+        arms = np.linalg.norm(self.positions[:, None] - self.origins[None], axis=2) * (self.moves & self.revolute)
+        return float(arms.max(initial=0.0)) or far or 1.0
+
+    @cached_property
+    def joint_units(self) -> Array:
+        """(l,) torque or force of a joint that counts as much as a unit of force: `size` if it is revolute, else 1."""
+        return np.where(self.revolute, self.size, 1.0)
 
     @cached_property
     def joint_arms(self) -> Array:
-        """(l,) motion of the contacts for a unit of joint motion: J's column norms, levers included; 1 for none."""
-        arms = np.sqrt((self.J * self.J).sum(axis=0))
+        """(l,) motion of the contacts for a unit of joint motion: J's column norms.
+
+        Where these are none but for rounding: the levers of what turns; else the joint's unit.
+        """
+        arms, sums = (np.sqrt((x * x).sum(axis=0)) for x in (self.J, self.sizes[1]))
         turned = np.sqrt((self.twist_jacobian**2).sum(axis=0))
-        arms = np.where(arms > 1e-12, arms, turned)
-        return np.where(arms > 1e-12, arms, 1.0)
+        return np.where(arms > NOTHING * sums, arms, np.where(turned > 0, turned, self.joint_units))
 
     @cached_property
     def actuator_arms(self) -> Array:
@@ -128,6 +158,39 @@ class GraspData:
         if not R.size:
             return np.ones(self.a)
         return np.where(R > 0, self.joint_arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1)
+
+    @cached_property
+    def parts(self) -> tuple[slice, slice, slice, slice, slice]:
+        """Where the rows of `rows` begin and end: forces, torsions, actuators, couplings, joints."""
+        ends = np.cumsum([0, 3 * self.m, len(self.soft), self.a, len(self.A), self.l]).tolist()
+        one, two, three, four, five = (slice(x, y) for x, y in pairwise(ends))
+        return one, two, three, four, five
+
+    @cached_property
+    def rows(self) -> tuple[Array, Array]:
+        """(N, 6 + l) each: motions for (r, q), and sums of absolute values that bound the rounding.
+
+        Motions of the object against the fingers (3) and turning of soft fingers, A q and R q, q itself. The same
+        rows, transposed, take the forces that belong to them to (1) and (2).
+        """
+        out = []
+        for maps, sign, R, A in ((self._maps, -1.0, self.R, self.A), (self.sizes, 1.0, np.abs(self.R), np.abs(self.A))):
+            G, J, twist, turned = maps
+            own = np.vstack([R, A, np.eye(self.l)])
+            top = np.hstack([np.vstack([G.T, twist.T]), sign * np.vstack([J, turned])])
+            out.append(np.vstack([top, np.hstack([np.zeros((len(own), 6)), own])]))
+        return out[0], out[1]
+
+    @cached_property
+    def exact_rows(self) -> list[list[fmpq]]:
+        """`rows` as rational numbers."""
+        own = np.vstack([self.R, self.A, np.eye(self.l)])
+        return self.exact_motion + [[fmpq(0)] * 6 + rationals(row) for row in own]
+
+    @cached_property
+    def independent_rows(self) -> dict[bytes, Integers | None]:
+        """Of sets of held rows: some that the others follow from, exactly; None if that is not so. Filled in use."""
+        return {}
 
     # --- the maps, rounded, and the absolute values behind them
 

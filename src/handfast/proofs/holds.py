@@ -16,7 +16,7 @@ import numpy as np
 from handfast.proofs import answers, checker
 from handfast.proofs.answers import SavedAnswer
 from handfast.proofs.certificate import Certificate
-from handfast.proofs.fields import Array, BadFile, Fields, same
+from handfast.proofs.fields import Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, read_question
 from handfast.proofs.replay import Refused, Replay
@@ -183,7 +183,7 @@ def _same_question(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
     limits = ("eta", "mdp", "torque_limits", "force_limit")
     if any(getattr(q, field) != getattr(asked, field) for field in limits):
         raise Refused(f"{name}: the answer is within other limits, or of another law of friction")
-    if not same(_bare(q), _bare(asked)):
+    if not q.grasp.same_but_commands(asked.grasp):
         raise Refused(f"{name}: the answer is about another grasp")
 
 
@@ -198,11 +198,6 @@ def _same_senses(g: GraspData, q: Question, name: str) -> None:
     turned = q.sought & (g.command != 0) & (np.sign(g.command) != np.where(q.grasp.command < 0, -1.0, 1.0))
     if turned.any():
         raise Refused(f"{name}: the answer seeks commands in another sense")
-
-
-def _bare(q: Question) -> dict[str, Any]:
-    """What of a question's grasp is not its preload."""
-    return {key: value for key, value in q.data["grasp"].items() if key != "preload"}
 
 
 def _compare(saved: SavedHold) -> None:

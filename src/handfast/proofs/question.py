@@ -52,7 +52,6 @@ class Question:
         eta: uncertainty of the contact normals [rad], (17). mdp: with the maximum dissipation principle, (6), (7)?
         torque_limits: actuator -> largest |f| [N m or N]. force_limit: largest c_n [N], inf for none.
         driven: actuators whose commands are sought.
-        data: the object in the file that says all this.
     """
 
     grasp: GraspData
@@ -65,7 +64,6 @@ class Question:
     torque_limits: Mapping[str, float]
     force_limit: float
     driven: tuple[str, ...]
-    data: Mapping[str, Any]
 
     @property
     def has_scalar(self) -> bool:
@@ -199,4 +197,4 @@ def read_question(data: Any, place: str) -> Question:
         raise BadFile("is for the goal 'torques', each actuator once", f.at("driven"))
     f.done()
     zero = np.zeros(6) if direction is None else direction
-    return Question(g, goal, effort == "sum", wrench, zero, eta, mdp, limits, force, driven, data)
+    return Question(g, goal, effort == "sum", wrench, zero, eta, mdp, limits, force, driven)

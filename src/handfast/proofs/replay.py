@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,7 +21,7 @@ class Replay:
     Attributes:
         name: what backs it: "witness", "certificate", "configuration 0", the name of a part.
         claim: what it says, in words; "" for what is made of others.
-        reason: why it is refused, one line; "" if it is proved.
+        refused: why it is refused, one line; "" if it is proved, or if it only has parts.
         figures: what was measured, by name: residuals, margins, numbers of leaves.
         parts: the claims that it is made of; all of them have to be proved.
         not_replayed: what is said besides and cannot be shown here, and why, a line each.
@@ -29,38 +29,34 @@ class Replay:
 
     name: str
     claim: str = ""
-    reason: str = ""
+    refused: str = ""
     figures: Mapping[str, Figure] = field(default_factory=dict)
     parts: tuple[Replay, ...] = ()
     not_replayed: tuple[str, ...] = ()
 
     @property
-    def fault(self) -> str:
-        """Why not all of it is proved: its own reason, or that of the first part that is refused; "" if it is."""
-        faults = (f"{part.name}: {part.fault}" for part in self.parts if part.fault)
-        return self.reason or next(faults, "")
+    def reason(self) -> str:
+        """Why not all of it is proved, one line: its own reason, or that of the first part that is refused; or ""."""
+        return self.refused or next((f"{part.name}: {part.reason}" for part in self.parts if part.reason), "")
 
     @property
     def ok(self) -> bool:
         """Is all of it proved?"""
-        return not self.fault
+        return not self.reason
 
     def part(self, name: str) -> Replay | None:
         """The part with a name; None if there is none."""
         return next((part for part in self.parts if part.name == name), None)
 
     @property
-    def proved(self) -> Iterator[str]:
+    def replayed(self) -> tuple[str, ...]:
         """The claims that are proved, a line each."""
-        if self.claim and not self.reason:
-            yield self.claim
-        for part in self.parts:
-            head = "" if not part.parts else f"{part.name}: "
-            yield from (head + line for line in part.proved)
+        own = (self.claim,) if self.claim and not self.refused else ()
+        return own + tuple((f"{p.name}: " if p.parts else "") + line for p in self.parts for line in p.replayed)
 
     def to_json(self) -> dict[str, Any]:
         """The same as a JSON object; numbers that are not finite are null."""
         figures = {k: None if isinstance(x, float) and not math.isfinite(x) else x for k, x in self.figures.items()}
-        own = {"name": self.name, "claim": self.claim, "ok": self.ok, "reason": self.fault} | figures
+        own = {"name": self.name, "claim": self.claim, "ok": self.ok, "reason": self.reason} | figures
         own |= {"parts": [part.to_json() for part in self.parts]} if self.parts else {}
         return own | ({"not_replayed": list(self.not_replayed)} if self.not_replayed else {})
