@@ -1,0 +1,400 @@
+"""The proofs of leaves without any bound on motions or forces: multipliers that cancel every unknown exactly.
+
+A leaf's case and the equations of the model say, of the unknowns x (`rows.Columns`),
+
+    F x >= b,   E x = h.
+
+The leaf is empty if there are y (>= 0 where a row is an inequality) and v with y F + v E = 0 and y b + v h > 0, less
+what E x = h may be missed by. A sum that is only nearly 0 proves nothing, as motions have no bound. A certificate has
+y as rounded numbers, and v follows from it by least squares. Multipliers w = (y, v) near them cancel exactly:
+
+- The rows that a leaf uses leave out one combination of them, w itself. So all but one of these rows, the *basis*, are
+  as many as there are independent columns, and its multipliers follow from the one that is kept: a square system B.
+  Where X is its inverse but for rounding, |B X - 1| < 1 shows that the solution exists and how near it is.
+- Columns depend on each other by structure: two fingertips that stick do not keep an object from turning about the line
+  through them. As many columns as the rank are kept; that the rank of all is no higher is shown in whole numbers, once
+  for each set of rows (`ExactRows.rank`), for motions and forces apart. Then what cancels in the kept columns cancels
+  in all.
+- Where columns of motions depend on each other only but for rounding (points on a circle, parallel walls), what is left
+  in those that are not kept is multiplied by a motion, and the margin allows for motions up to a *cap* only: of the
+  object about the contacts' centroid, a turn times `GraspData.size`, and of each joint times its unit [N at unit
+  stiffness].
+- What remains is solved in rational arithmetic (`exact_leaves`).
+
+All of F, b, E, h but grasp map and Jacobian are floating-point numbers taken as they are, see `rows.row_values`.
+Rounding is bounded from above: a sum of k products is wrong by at most k ulp of the sum of sizes, and `error` is four
+times that and more.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from handfast.proofs.equations import ROUNDED, Equations, RightSide
+from handfast.proofs.fields import Array, Integers, Mask
+from handfast.proofs.rows import UNIT
+
+NEGLIGIBLE = 1e-13  # relative: multipliers of equalities below this are taken for 0
+LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
+RANK = 1e-9  # relative: pivots that are smaller do not count, until shown exactly
+ABOVE = 1 + 1e-9  # rounds sums of bounds up
+CHUNK, SIDE = 128, 4096  # systems inverted at a time; leaves whose rows are in memory at a time
+
+
+class Late(Exception):
+    """It was to end before."""
+
+
+@dataclass(frozen=True, eq=False)
+class CitedRows:
+    """Rows of leaves, one after the other.
+
+    Attributes:
+        value, right: (R, n+3m+a+s), (R,) of `rows.row_values`.
+        either: (R,) bool, multipliers may have any sign.
+        y: (R,) multipliers, not negative.
+        start: (L+1,) leaf i has the rows start[i] to start[i+1].
+        opened: (L, n) bool, unknowns that are 0: forces of open contacts.
+        first: (R,) bool, rows that the scalar is not below its first end. ends: of the scalar, 0 and 0 without.
+        energy: (R,) bool, balances of energy.
+    """
+
+    value: Array
+    right: Array
+    either: Mask
+    y: Array
+    start: Integers
+    opened: Mask
+    first: Mask
+    energy: Mask
+    ends: tuple[float, float]
+
+    def some(self, begin: int, end: int) -> CitedRows:
+        """Of the leaves from begin to end."""
+        rows, start = slice(self.start[begin], self.start[end]), self.start[begin : end + 1]
+        own = self.value[rows], self.right[rows], self.either[rows], self.y[rows]
+        of_kind = self.first[rows], self.energy[rows]
+        return CitedRows(*own, start - start[0], self.opened[begin:end], *of_kind, self.ends)
+
+
+def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf) -> tuple[Array, Array]:
+    """(L,) y b + v h less the slack, relative to its terms: positive is a proof; (L,) [N] the cap it needs, inf for none.
+
+    Raises:
+        Late: until [s] of `time.monotonic` is over.
+    """
+    margins, caps = np.full(len(rows.start) - 1, -np.inf), np.full(len(rows.start) - 1, np.inf)
+    for begin in range(0, len(margins), SIDE):
+        if time.monotonic() > until:
+            raise Late
+        end = min(begin + SIDE, len(margins))
+        systems = LeafSystems(equations, side, rows.some(begin, end))
+        margins[begin:end], caps[begin:end] = systems.proved(until)
+    return margins, caps
+
+
+class LeafSystems:
+    """Some leaves with scaled rows and unknowns.
+
+    Attributes:
+        F, F_size: (R, n) rows, and sums of absolute values behind them. E: (p, n).
+        y, v: (R,), (L, p) multipliers of scaled rows.
+        used, used_E: (R,), (L, p) bool: rows that count, and touch an unknown that is not 0.
+        alive: (L, n) bool: unknowns that they touch.
+    """
+
+    def __init__(self, equations: Equations, side: RightSide, rows: CitedRows) -> None:
+        q, n = equations, equations.columns.n
+        self.equations, self.side, self.rows = equations, side, rows
+        self.count = np.diff(rows.start)
+        self.leaf = np.repeat(np.arange(len(self.count)), self.count)
+        x, d = rows.value[:, :n] * q.scale, rows.value[:, n:]
+        self.F, size = x + d @ (q.Z * q.scale), np.abs(x) + np.abs(d) @ (q.Z_size * q.scale)
+        most = size.max(axis=1, initial=0.0)
+        self.unit: Array = np.exp2(np.round(np.log2(np.where(most > 0, most, 1.0))))
+        self.F /= self.unit[:, None]
+        self.largest = most / self.unit
+        self.E = q.E * q.scale / q.unit[:, None]
+        self.E_largest = (q.E_size * q.scale).max(axis=1, initial=0.0) / q.unit
+        self.y = rows.y * self.unit
+        self.b, self.h = rows.right / self.unit, side.h / q.unit
+        terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
+        self.error = ROUNDED + 4 * terms * UNIT
+
+        rest = self._summed(self.y[:, None] * self.F)
+        self.v = -rest @ q.inverse
+        alone = self.count == 0  # the equilibrium contradicts itself
+        self.v[alone] = self.h - (q.inverse.T @ (self.E.T @ self.h))
+        self.v -= (rest + self.v @ self.E) @ q.inverse  # once more for what rounding left
+
+        closed = ~rows.opened
+        touches, E_touches = size > 0, (q.E_size > 0).astype(float)
+        self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
+        size_of_v = np.abs(self.v)
+        top = np.maximum(self._top(self.y), size_of_v.max(axis=1, initial=0.0))
+        self.used_E = (size_of_v > NEGLIGIBLE * top[:, None]) & (closed.astype(float) @ E_touches.T > 0)
+        self.v = np.where(self.used_E, self.v, 0.0)
+        self.touches = touches
+        by_rows = self._summed((touches & self.used[:, None]).astype(float)) > 0
+        self.alive = (by_rows | (self.used_E.astype(float) @ E_touches > 0)) & closed
+        self.top = top
+
+    def _summed(self, x: Array) -> Array:
+        """(L, ...) sums over the rows of each leaf."""
+        out = np.add.reduceat(np.concatenate([x, np.zeros((1, *x.shape[1:]))]), self.rows.start[:-1], axis=0)
+        out[self.count == 0] = 0.0
+        return np.asarray(out)
+
+    def _top(self, x: Array) -> Array:
+        out = np.maximum.reduceat(np.append(x, 0.0), self.rows.start[:-1])
+        out[self.count == 0] = 0.0
+        return np.asarray(out)
+
+    # --- which rows and columns make the square system
+
+    def proved(self, until: float) -> tuple[Array, Array]:
+        """(L,) margins and caps."""
+        L, n = self.alive.shape
+        self.basis, self.basis_E, self.columns = self.used.copy(), self.used_E.copy(), self.alive.copy()
+        self.left, hopeless = np.zeros((L, n), dtype=bool), np.zeros(L, dtype=bool)
+        many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
+        wanted = self.alive.sum(axis=1)
+        self._leave_out_one()
+        for chosen in _groups(np.flatnonzero((many - 1 != wanted) & (wanted > 0)), many):
+            hopeless[chosen] = self._choose(chosen)
+        side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)
+        side[wanted == 0] = 0
+        hopeless |= (side != self.columns.sum(axis=1)) & (wanted > 0)
+        solvable = np.flatnonzero(~hopeless)
+        squares = [Square(self, chosen, int(side[chosen].max(initial=0))) for chosen in _groups(solvable, side)]
+        if time.monotonic() > until:
+            raise Late
+        margins, caps = self._enclosed(squares)
+        margins[hopeless] = -np.inf
+        for k in np.flatnonzero(~(margins > 0) & ~self.left.any(axis=1) & ~hopeless):
+            if time.monotonic() > until:
+                raise Late
+            margins[k] = self._exactly(int(k))
+        return margins, caps
+
+    def _leave_out_one(self) -> None:
+        """Of each leaf's basis, the row with the largest multiplier."""
+        of_y, of_v = np.where(self.used, self.y, -1.0), np.where(self.used_E, np.abs(self.v), -1.0)
+        most, place = self._top(of_y), of_v.argmax(axis=1)
+        in_E = of_v[np.arange(len(place)), place] > np.where(self.count > 0, most, -1.0)
+        self.basis_E[np.flatnonzero(in_E), place[in_E]] = False
+        rows = np.flatnonzero(self.used & (of_y == most[self.leaf]) & ~in_E[self.leaf])
+        self.basis[rows[np.unique(self.leaf[rows], return_index=True)[1]]] = False
+
+    def _choose(self, chosen: Integers) -> Mask:
+        """Rows and columns by complete pivoting, where there are more of one than of the other; (C,) which are hopeless."""
+        R, p, out = len(self.F), len(self.E), np.zeros(len(chosen), dtype=bool)
+        index, there = self.places(chosen, self.used, self.used_E)
+        every = np.concatenate([self.F, self.E, np.zeros((1, self.F.shape[1]))])
+        size = np.abs(np.append(self.y, np.zeros(p + 1)))[index] / self.top[chosen][:, None]
+        free = np.append(self.rows.either, np.ones(p + 1, dtype=bool))[index]
+        weight = np.where(free, 1.0, np.clip(np.sqrt(size), LEAST, 1.0))
+        rows, columns = _pivots(every[index] * self.alive[chosen][:, None] * weight[..., None])
+        for k, leaf in enumerate(chosen.tolist()):
+            mine = index[k][rows[k] & there[k]]
+            self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
+            self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True
+            self.columns[leaf] = columns[k]
+            out[k] = self._drop(leaf, columns[k])
+        return out
+
+    def _drop(self, leaf: int, kept: Mask) -> bool:
+        """See whether other columns depend on those kept exactly; those of motions may be left over, others not: True."""
+        dropped, motions = self.alive[leaf] & ~kept, np.arange(len(kept)) < self.equations.columns.motions
+        blocks = [block for block in (motions, ~motions) if (dropped & block).any()]
+        if all(self._rank(leaf, block) <= (kept & block).sum() for block in blocks):
+            return False
+        if self._rank(leaf, motions | True) <= kept.sum():
+            return False
+        self.left[leaf] = dropped
+        return bool((dropped & ~motions).any())
+
+    def _rank(self, leaf: int, block: Mask) -> int:
+        """Exactly, of the rows that a leaf uses, in some columns."""
+        own, columns = slice(self.rows.start[leaf], self.rows.start[leaf + 1]), self.alive[leaf] & block
+        touching = self.used[own] & (self.touches[own] & columns).any(axis=1)
+        values = self.rows.value[own][touching].copy()
+        values[:, : len(block)] *= columns
+        values[:, len(block) :] *= block[0]
+        equalities = self.used_E[leaf] & ((self.equations.E_size > 0) & columns).any(axis=1)
+        return self.equations.exact.rank(values, equalities, columns)
+
+    def places(self, chosen: Integers, rows: Mask, equalities: Mask) -> tuple[Integers, Mask]:
+        """(C, K) where in (F, E, 0) some rows (R,) and equalities (L, p) of leaves stand; and which are there."""
+        R, p, counts = len(self.F), len(self.E), self.count[chosen]
+        place = self.rows.start[chosen][:, None] + np.arange(int(counts.max(initial=0)))
+        inside = place < self.rows.start[chosen + 1][:, None]
+        there = np.concatenate([np.append(rows, False)[np.where(inside, place, R)], equalities[chosen]], axis=1)
+        index = np.concatenate([place, np.broadcast_to(R + np.arange(p), (len(chosen), p))], axis=1)
+        order = np.argsort(~there, axis=1, kind="stable")[:, : int(there.sum(axis=1).max(initial=0))]
+        there = np.take_along_axis(there, order, axis=1)
+        return np.where(there, np.take_along_axis(index, order, axis=1), R + p), there
+
+    # --- their solutions
+
+    def residual(self) -> Array:
+        """(L, n) y F + v E, rounded."""
+        return self._summed(self.y[:, None] * self.F) + self.v @ self.E
+
+    def _enclosed(self, squares: list[Square]) -> tuple[Array, Array]:
+        """(L,) margins and caps by the square systems; margins are -inf where these show nothing."""
+        L, R, p = len(self.count), len(self.F), len(self.E)
+        w = np.concatenate([self.y, self.v.ravel(), [0.0]])
+        rest = self.residual()
+        for square in squares:
+            w[square.places] -= square.solution(rest)
+        self.y, self.v = w[:R], w[R:-1].reshape(L, p)
+        rest = self.residual()
+        sizes = self._summed(np.abs(self.y) * self.largest) + np.abs(self.v) @ self.E_largest
+        bound = self.error * sizes * ABOVE + 1e-300
+        change, sound = np.zeros(len(w)), np.zeros(L, dtype=bool)
+        for square in squares:
+            change[square.places], sound[square.leaves] = square.bound(np.abs(rest) + bound[:, None])
+        change_y, change_v = change[:R], change[R:-1].reshape(L, p)
+
+        good = (self.y >= change_y) | self.rows.either
+        sound &= self._summed((~good).astype(np.int64)) == 0
+        unit = self.equations.unit
+        terms = self._summed(np.abs(self.y * self.b)) + np.abs(self.v) @ np.abs(self.h)
+        value = self._summed(self.y * self.b) + self.v @ self.h - self.error * terms
+        value -= (self._summed(change_y * np.abs(self.b)) + change_v @ np.abs(self.h)) * ABOVE
+        slack, grows = self.side.costs(self.equations.about, self.v / unit, change_v / unit)
+        first = self.rows.first
+        pushes = self._summed(np.where(first, self.y - change_y, 0.0) / self.unit) * (1 - 1e-9)
+        energy = self._summed(np.where(self.rows.energy, np.abs(self.y) + change_y, 0.0) / self.unit) * self.side.energy
+        value -= (slack + energy) * ABOVE + grown(grows, pushes, self.rows.ends)
+        caps = np.full(L, np.inf)
+        if self.left.any():
+            caps = self._caps(value, rest, bound, change_y, change_v)
+        margins = value / np.maximum(terms, 1e-300)
+        return np.where(sound & np.isfinite(margins), margins, -np.inf), caps
+
+    def _caps(self, value: Array, rest: Array, bound: Array, change_y: Array, change_v: Array) -> Array:
+        """(L,) [N] up to which motions leave half of the margin, where columns are left over."""
+        q = self.equations
+        wide = self._summed((np.abs(change_y) * self.largest)) + change_v @ self.E_largest
+        rest = np.where(self.left, rest, 0.0) / q.scale
+        off = np.where(self.left, (wide * ABOVE + bound)[:, None], 0.0) / q.scale
+        turn, joints = slice(3, 6), q.columns.q
+        force, torque = rest[:, :3], rest[:, 3:6]
+        c, units = q.grasp.centroid, q.joint_units
+        arm = float(np.linalg.norm(c))
+        about = torque - np.cross(c, force)
+        length = {k: np.linalg.norm(x, axis=1) for k, x in enumerate((force, torque, about, off[:, :3], off[:, turn]))}
+        rounding = 16 * UNIT * (length[1] + arm * length[0])
+        of_turns = (length[2] + rounding + length[4] + arm * length[3]) / q.grasp.size
+        per_motion = length[0] + length[3] + of_turns + ((np.abs(rest) + off)[:, joints] / units).sum(axis=1)
+        with np.errstate(divide="ignore"):
+            return np.where(self.left.any(axis=1), np.maximum(value, 0.0) / (2 * ABOVE * per_motion), np.inf)
+
+    def _exactly(self, leaf: int) -> float:
+        """The margin of one leaf in rational arithmetic."""
+        from handfast.proofs.exact_leaves import exact_margin
+
+        return exact_margin(self, leaf)
+
+
+class Square:
+    """The bases of some leaves, B d = -r: as many rows as columns, padded with 1.
+
+    Attributes:
+        leaves: (C,). places: (C, N) where their multipliers stand among those of all rows and equalities.
+        columns: (C, N), of a residual with one more column, for padding.
+    """
+
+    def __init__(self, systems: LeafSystems, leaves: Integers, side: int) -> None:
+        R, (p, n) = len(systems.F), systems.E.shape
+        self.leaves = leaves
+        index, there = systems.places(leaves, systems.basis, systems.basis_E)
+        index, there = index[:, :side], there[:, :side]
+        kept = systems.columns[leaves]
+        columns = np.argsort(~kept, axis=1, kind="stable")[:, :side]
+        self.columns = np.where(np.take_along_axis(kept, columns, axis=1), columns, n)
+        every = np.zeros((R + p + 1, n + 1))
+        every[:R, :n], every[R:-1, :n] = systems.F, systems.E
+        B = every[index[:, :, None], self.columns[:, None, :]]
+        diagonal = np.arange(B.shape[1])
+        B[:, diagonal, diagonal] += ~there
+        end = R + len(systems.count) * p
+        self.places = np.where(index < R, index, np.where(there, index + leaves[:, None] * p, end))
+        self.X = X = _inverse(B)
+        sizes = np.abs(X).sum(axis=2)
+        off = B @ X
+        off[:, diagonal, diagonal] -= 1.0
+        off = np.abs(off)
+        largest = np.concatenate([systems.largest, systems.E_largest, [1.0]])[index]
+        rounding = systems.error * largest * sizes.sum(axis=1)[:, None] * ABOVE
+        self._rows = (off.sum(axis=2) * ABOVE + rounding).max(axis=1, initial=0.0)
+        self._columns = off.max(axis=1, initial=0.0) + rounding.max(axis=1, initial=0.0)[:, None]
+
+    def _of(self, residual: Array) -> Array:
+        """(C, 1, N) a residual (L, n) in the columns of the systems."""
+        wide = np.concatenate([residual, np.zeros((len(residual), 1))], axis=1)
+        return wide[self.leaves[:, None], self.columns][:, None]
+
+    def solution(self, residual: Array) -> Array:
+        """(C, N) d that B maps to a residual (L, n), but for rounding."""
+        found = (self._of(residual) @ self.X)[:, 0]
+        return np.where(np.isfinite(found), found, 0.0)
+
+    def bound(self, residual: Array) -> tuple[Array, Mask]:
+        """(C, N) upper bounds on the d that B maps to a residual, exactly, of at most this size; (C,) do they exist?
+
+        With B X = 1 + D, d B = r: d = r X - d D, hence |d|_1 <= |r X|_1 / (1 - the largest row sum of |D|).
+        """
+        at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * ABOVE
+        whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * ABOVE
+        return at_most + whole[:, None] * self._columns * ABOVE, self._rows < 0.5
+
+
+def grown(grows: Array, pushes: Array, ends: tuple[float, float]) -> Array:
+    """(L,) how much of a margin what grows with the scalar can take.
+
+    The multiplier of the scalar's first end grows with the scalar, too. Where that is faster, the first end is the
+    worst; else the farther one is.
+    """
+    first, last = abs(ends[0]), max(abs(ends[0]), abs(ends[1]))
+    end = np.where(pushes >= grows, first, last)
+    return np.multiply(grows, end, out=np.zeros_like(grows), where=grows > 0) * ABOVE
+
+
+def _groups(leaves: Integers, size: Integers) -> list[Integers]:
+    """Leaves of like size together: little is wasted on padding."""
+    leaves = leaves[np.argsort(size[leaves], kind="stable")]
+    return [leaves[k : k + CHUNK] for k in range(0, len(leaves), CHUNK)]
+
+
+def _inverse(B: Array) -> Array:
+    """Of each matrix; useless where there is none."""
+    try:
+        return np.linalg.inv(B)
+    except np.linalg.LinAlgError:
+        tilt = 1e-300 + 1e-16 * np.abs(B).max(axis=(1, 2), initial=0.0)
+        return np.linalg.inv(B + tilt[:, None, None] * np.eye(B.shape[1]))
+
+
+def _pivots(B: Array) -> tuple[Mask, Mask]:
+    """(C, K) rows and (C, n) columns of matrices (C, K, n) in which elimination with complete pivoting finds a pivot."""
+    B = B.copy()
+    C, K, n = B.shape
+    rows, columns, every = np.zeros((C, K), dtype=bool), np.zeros((C, n), dtype=bool), np.arange(C)
+    first = np.abs(B).max(axis=(1, 2), initial=0.0)
+    for _ in range(min(K, n)):
+        i, j = np.divmod(np.abs(B).reshape(C, -1).argmax(axis=1), n)
+        pivot = B[every, i, j]
+        real = np.abs(pivot) > RANK * first
+        if not real.any():
+            break
+        rows[every[real], i[real]], columns[every[real], j[real]] = True, True
+        factor = B[every, :, j] * (real / np.where(real, pivot, 1.0))[:, None]
+        B -= factor[:, :, None] * B[every, i][:, None]
+        B[every, i], B[every, :, j] = 0.0, 0.0
+    return rows, columns
