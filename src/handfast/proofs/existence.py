@@ -262,11 +262,14 @@ class System:
 
         for _ in range(ROUNDS):
             by_contact = changes(radius)[0] * (turned @ radius)
+            if not np.isfinite(by_contact).all():
+                grown = np.full(len(value), np.inf)
+                break
             grown = value + error @ radius
             if self.balanced:
                 grown[:nv] += spread.T @ by_contact
             grown[len(grown) - len(self.full) :] += by_contact[self.full]
-            if (grown <= radius).all() or not np.isfinite(grown).all():
+            if (grown <= radius).all():
                 break
             radius = 1.2 * grown
         if not (grown <= radius).all():
@@ -378,7 +381,7 @@ def _margin(p: Problem, modes: Modes, box: Box) -> float:
     presses = c[:, 0] - c_off[:, 0]
     inside = g.mu * presses * (1 - 8 * ULP) - length(c[:, 1:]) - length(c_off[:, 1:])
     cone = np.isin(modes.contact, (Contact.STICKS, Contact.RUBS)) & (g.mu > 0)
-    below = p.force_limit - c[:, 0] - c_off[:, 0]
+    below = p.force_limit - c[:, 0] - np.where(modes.closed, c_off[:, 0], 0.0)
     arms = p.row_units
     f, t = box.phi[actuators], box.d[actuators] * sense(p)
     f_off = box.phi_off[actuators] + 4 * ULP * np.abs(f)
@@ -410,7 +413,8 @@ def _margin(p: Problem, modes: Modes, box: Box) -> float:
         k = int(np.argmin(value)) if len(value) else 0
         if len(value) and not value[k] >= 0:
             part = name.format(k)
-            raise NotShown(f"{_said(g, name, k)} {fault}: {value[k]:.2e} N", part, rounding=True)
+            act = max(p.scale, float(np.abs(c).max()))
+            raise NotShown(f"{_said(g, name, k)} {fault}: {value[k]:.2e} N", part, rounding=value[k] > -NEAR * act)
         least = min(least, float(value.min(initial=np.inf)))
     return least / max(p.scale, float(np.abs(c).max(initial=0.0)))
 
@@ -510,7 +514,7 @@ class _Balls:
         exact = [*p.grasp.exact_rows, [fmpq(0)] * len(s.v)]
         self.M = arb_mat([[arb(x) for x in row] for row in exact])
         self.unknown = np.flatnonzero(s.rows.unknown).tolist()
-        self.sought = s.sought.any() and s.balanced
+        self.sought = bool(s.sought.any() and s.balanced)
         along = np.zeros(6) if p.along is None else p.along
         start = arb(p.magnitude)
         self.load = [arb(w) for w in np.r_[p.wrench, p.grasp.torque]]
