@@ -22,7 +22,7 @@ from handfast.stability.margin import FRAGILE_MOTION, Flip, Margin
 from handfast.stability.margin_search import FRICTION_RESOLUTION, TILT_RESOLUTION, margin
 from handfast.stability.model import State
 from handfast.stability.witness import Witness
-from tests.support.problems import Solved, pinch, solved, table
+from tests.support.problems import Solved, moved, pinch, solved, table
 
 
 def slope(angle: float, mu: float, contacts: int) -> tuple[Grasp, Array]:
@@ -176,20 +176,6 @@ def test_a_strong_squeeze_alone_is_not_fragile() -> None:
 
 def numbers(m: Margin) -> list[float | None]:
     return [x for f in (m.less, m.more, m.tilt) for x in (f.holds, f.slips, f.undecided)]
-
-
-def moved(g: Grasp, R: Array, shift: Array, order: list[int], length: float, force: float) -> Grasp:
-    """Turned, shifted, its contacts in another order, in other units."""
-    at = {old: new for new, old in enumerate(order)}
-    contacts = [
-        replace(c, position=length * (R @ c.position + shift), normal=R @ c.normal)
-        for c in (g.contacts[i] for i in order)
-    ]
-    joints = [
-        replace(j, axis=R @ j.axis, origin=length * (R @ j.origin + shift), moves=tuple(at[i] for i in j.moves))
-        for j in g.joints
-    ]
-    return Grasp(contacts, joints, g.mechanism, g.command * length * force, g.name)
 
 
 CASES = {

@@ -15,7 +15,6 @@ from handfast.core.errors import InputError
 from handfast.core.files import validate
 from handfast.stability import saved_answer
 from handfast.stability.certify.certificate import Certificate, Question
-from handfast.stability.least_motion import least_motion
 from handfast.stability.posed import Posed
 from handfast.stability.query import Query, SavedAnswer
 from handfast.stability.refinement import RefinementStep
@@ -60,6 +59,8 @@ class Answer(ABC):
         """The exact solution that is shown, drawn and saved: `least_motion` of the one that was found."""
         if self.found is None or self.posed is None or self.as_found:
             return self.found
+        from handfast.stability.least_motion import least_motion  # needs the engine, which verifying must not
+
         p = self.posed.problem
         return least_motion(self.found, p.torque_limits, p.force_limit)
 

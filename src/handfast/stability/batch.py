@@ -89,8 +89,9 @@ class _RowBlock(dict[str, Any]):
         """What an answer says; whole: it is kept."""
         self["verdict"][i], self["nodes"][i], self["verified"][i] = str(answer.verdict), answer.nodes, answer.verified
         self["stop"][i], self["seconds"][i] = str(answer.stop), answer.seconds
-        if answer.found:
-            self["residual"][i] = (answer.witness if whole else answer.found).residuals.worst
+        witness = answer.witness if whole else answer.found
+        if witness:
+            self["residual"][i] = witness.residuals.worst
         if not isinstance(answer, CheckAnswer):
             self["lower"][i], self["upper"][i] = answer.lower, answer.upper  # type: ignore[attr-defined]
         if isinstance(answer, MaxAnswer):

@@ -22,7 +22,7 @@ from handfast.stability.search.search import Search
 from handfast.stability.witness import Witness
 
 BOUNDS = 0.75, 0.9  # of the least motion so far, in which a search looks for another; 0.75 is surely less in length
-NODE_LIMIT = 500
+NODE_LIMIT = 200
 MOST_BOUNDS = 255  # that a search tells apart
 _GOLDEN = (1 + 5**0.5) / 2
 # (6, 3) the six axes of an icosahedron: bounds along them are nearly a ball, however contact frames are turned

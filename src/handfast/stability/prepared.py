@@ -65,7 +65,7 @@ class PreparedAnswer:
 
     @cached_property
     def witness(self) -> Witness | None:
-        """The state with what it answers for, that of least motion, see `least_motion`: it is sought when it is read."""
+        """The state of least motion with what it answers for, see `least_motion`; sought when it is read."""
         if self.found is None:
             return None
         return least_motion(self.found, self.limits["torque_limits"], self.limits["force_limit"])
