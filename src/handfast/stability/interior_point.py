@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handfast.core.arrays import Array
+from handfast.core.arrays import Array, Mask
 
 SIZE = 4  # numbers of a cone
 STEPS = 60
@@ -46,8 +46,15 @@ class Cones:
 
     def felt(self) -> Cones:
         """Those of which x decides anything."""
-        some = (np.abs(self.rows) > UNFELT).any(axis=(1, 2))
-        return Cones(self.rows[some], self.offset[some])
+        return Cones(self.rows[self._are_felt], self.offset[self._are_felt])
+
+    def unfelt(self) -> Cones:
+        """The others."""
+        return Cones(self.rows[~self._are_felt], self.offset[~self._are_felt])
+
+    @property
+    def _are_felt(self) -> Mask:
+        return np.asarray((np.abs(self.rows) > UNFELT).any(axis=(1, 2)), dtype=bool)
 
     def at(self, x: Array) -> Array:
         """(K, 4) what has to be in the cones."""
@@ -141,7 +148,7 @@ class _Newton:
         """None where the equations have no unique solution."""
         GW = (inverse @ G.reshape(*scaled.shape, -1)).reshape(G.shape)
         try:
-            factor = np.linalg.inv(quadratic + GW.T @ GW)
+            factor = np.asarray(np.linalg.inv(quadratic + GW.T @ GW), dtype=float)
         except np.linalg.LinAlgError:
             return None
         return cls(scaled, inverse, GW, factor, missing_x, missing_s)

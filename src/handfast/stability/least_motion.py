@@ -9,7 +9,7 @@ proved.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,8 @@ from handfast.stability.search.reduced import Reduced, padded, reduce
 from handfast.stability.search.search import Search
 from handfast.stability.witness import Witness
 
-BOUNDS = 0.75, 0.9  # of the least motion so far, in which a search looks for another; 0.75 is surely less in length
+SHARES = 0.75, 0.9  # of the least motion so far, in which a search looks for another; 0.75 is surely less in length
+FAR, FARTHER = 4.0, 16.0  # times the largest force: a motion that is far; so many times as far is the next bound
 NODE_LIMIT = 200
 MOST_BOUNDS = 255  # that a search tells apart
 _GOLDEN = (1 + 5**0.5) / 2
@@ -56,16 +57,26 @@ def least_motion(
     if len(r.lo) + 2 * p.sizes[0] * len(AXES) > MOST_BOUNDS:
         return best
     while True:
-        better = (w for share in BOUNDS if (w := _moving_less(r, best, share)) is not None)
+        better = (w for bound in _bounds(best) if (w := _moving_less(r, best, bound)) is not None)
         other = next(better, None)
         if other is None:
             return best
         best = other
 
 
-def _moving_less(r: Reduced, best: Witness, share: float) -> Witness | None:
-    """An equilibrium whose motions at contacts are at most a share of those of the best along each of `AXES`."""
-    p, bound = r.p, share * best.largest_motion / r.p.force
+def _bounds(best: Witness) -> Iterator[float]:
+    """[N] of motions, within which a search looks for less than the best: from that of its forces on, if it is far."""
+    farthest = SHARES[0] * best.largest_motion
+    bound = FAR * float(best.state.c[::3].max())
+    while 0 < bound < farthest:
+        yield bound
+        bound *= FARTHER
+    yield from (share * best.largest_motion for share in SHARES)
+
+
+def _moving_less(r: Reduced, best: Witness, bound: float) -> Witness | None:
+    """An equilibrium that moves less than the best, at each contact at most by a bound [N] along each of `AXES`."""
+    p, bound = r.p, bound / r.p.force
     motions = np.vstack([np.hstack([p.G.T, np.zeros(p.J.shape)]), np.hstack([p.G.T, -p.J])]) @ r.M
     rows = np.einsum("ak,ikn->ian", AXES, motions.reshape(-1, 3, motions.shape[1])).reshape(-1, motions.shape[1])
     at = 3 * len(p.mu) + len(r.active)  # behind what the model moves, before the balance of energy

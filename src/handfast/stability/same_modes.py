@@ -210,20 +210,30 @@ class _ModeStates:
         inside = Cones(rows, offset).felt()
         moved = np.zeros((len(self.values.motions), 4, k)), np.zeros((len(self.values.motions), 4))
         moved[0][:, 1:], moved[1][:, 1:] = along(self.values.motions, np.zeros(self.values.motions.shape[:2]))
-        motions = Cones(*moved).felt()
+        every = Cones(*moved)
+        motions = every.felt()
         found: list[Array] = []
         if len(motions.offset):
-            longest = np.zeros((len(motions.offset) + len(inside.offset), 4, 1))
-            longest[: len(motions.offset), 0] = 1.0
-            both = motions.with_(inside)
-            program = Cones(np.concatenate([both.rows, longest], axis=2), both.offset)
-            first = minimum(program, np.r_[np.zeros(k), 1.0], NEAR * FREE * np.eye(k + 1), NEAR / len(longest))
+            floor = max(float(np.linalg.norm(every.unfelt().offset, axis=1).max(initial=0.0)), ROOM)
+            first = _least_longest(motions, inside, floor)
             if first is None:
                 return []
-            found = [first[:k]]
-            least = float(np.linalg.norm(motions.at(first[:k]), axis=1).max())
+            found = [first]
+            least = max(float(np.linalg.norm(motions.at(first), axis=1).max()), floor)
             cap = max(min((1 + ROOM) * least, before / scale), (1 + NEAR) * least)
             inside = Cones(motions.rows, motions.offset + np.array([cap, 0.0, 0.0, 0.0])).with_(inside)
         weights, constants = along(*self._preferred())
         second = minimum(inside, weights.T @ constants, weights.T @ weights, INSIDE)
         return [scale * (origin + basis @ x) for x in ([] if second is None else [second]) + found]
+
+
+def _least_longest(motions: Cones, inside: Cones, floor: float) -> Array | None:
+    """The x (k,) inside of cones whose longest motion is least; what is below a floor is alike."""
+    both, k = motions.with_(inside), motions.rows.shape[2]
+    longest = np.zeros((len(both.offset), 4, 1))
+    longest[: len(motions.offset), 0] = 1.0
+    last = np.eye(k + 1)[-1:]
+    above = Cones.at_least(last, np.array([-floor]))
+    program = Cones(np.concatenate([both.rows, longest], axis=2), both.offset).with_(above)
+    found = minimum(program, last[0], NEAR * FREE * np.eye(k + 1), NEAR / len(program.offset))
+    return None if found is None else found[:k]
