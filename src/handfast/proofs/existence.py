@@ -379,7 +379,10 @@ def at_rest(p: Problem, held: Integers, v: Array) -> list[fmpq]:
     """Motions near v that keep all held rows at rest, exactly."""
     H = fmpq_mat([p.grasp.exact_rows[k] for k in held]).numer_denom()[0]
     basis, rank = H.nullspace()
-    N = [[fmpq(basis[i, j], abs(max((basis[k, j] for k in range(len(v))), key=abs))) for j in range(rank)] for i in range(len(v))]
+    N = [
+        [fmpq(basis[i, j], abs(max((basis[k, j] for k in range(len(v))), key=abs))) for j in range(rank)]
+        for i in range(len(v))
+    ]
     if not rank:
         return [fmpq(0)] * len(v)
     units = p.column_units[:, None]
@@ -620,7 +623,9 @@ def _contact_law(s: System, i: int, rows: list[int], d: list[arb], phi: list[arb
     u = [d[k] / speed if smooth else arb(0) for k in t]
     by_d = [-cos, *(-sin * y for y in u)]
     phi[n] = -(cos * d[n] + sin * speed)
-    for row, lean in zip(rows, [arb(1), *(arb(y) - rub * a for y, a in zip(s.laws.lean[i], u, strict=False))], strict=True):
+    for row, lean in zip(
+        rows, [arb(1), *(arb(y) - rub * a for y, a in zip(s.laws.lean[i], u, strict=False))], strict=True
+    ):
         phi[row] = lean * phi[n]
         for k, slope in zip(rows, by_d, strict=True):
             K[row][k] = lean * slope

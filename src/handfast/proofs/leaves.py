@@ -280,7 +280,7 @@ class LeafSystems:
     def _caps(self, value: Array, rest: Array, bound: Array, change_y: Array, change_v: Array) -> Array:
         """(L,) [N] up to which motions leave half of the margin, where columns are left over."""
         q = self.equations
-        wide = self._summed((np.abs(change_y) * self.largest)) + change_v @ self.E_largest
+        wide = self._summed(np.abs(change_y) * self.largest) + change_v @ self.E_largest
         rest = np.where(self.left, rest, 0.0) / q.scale
         off = np.where(self.left, (wide * ABOVE + bound)[:, None], 0.0) / q.scale
         turn, joints = slice(3, 6), q.columns.q

@@ -193,7 +193,9 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
     leftish, rightish = inside(a, a + HALF), inside(b - HALF, b)
     soft = np.append(q.soft_fingers >= 0, False)[np.where(of_contact, index, m)]
     patched = soft & slides & contains(a, left)
-    driven, may_move = (np.append(x, False)[np.where(of_actuator, index, q.actuators)] for x in (q.is_driven, q.may_move))
+    driven, may_move = (
+        np.append(x, False)[np.where(of_actuator, index, q.actuators)] for x in (q.is_driven, q.may_move)
+    )
     commanded = may_move & ~driven
     always = np.ones(len(kind), dtype=bool)
     out = np.zeros(len(kind), dtype=bool)

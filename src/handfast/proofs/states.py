@@ -373,4 +373,3 @@ class Laws:
         strong = (1.01 * reach + normal * (2.0 * turn + share)) / apart
         out = p.sin * turn * (1.0 + np.abs(self.lean).sum(axis=1)) + self.rub * (1.01 * turn + p.sin * turn + strong)
         return np.where(ok, 1.001 * np.where(np.isfinite(self.speed), out, 0.0), np.inf)
-

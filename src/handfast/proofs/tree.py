@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.proofs.fields import Array, Integers, Mask
+from handfast.proofs.fields import Integers, Mask
 from handfast.proofs.patches import LAST, OCTANTS
 from handfast.proofs.question import Question
 from handfast.proofs.rows import CLOSED, FREE, HALF, LOCKED, MOVES, OPEN, SLIDE, STICK, TURN, UNDECIDED

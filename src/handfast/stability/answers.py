@@ -21,6 +21,7 @@ from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
 from handfast.proofs.states import State as StateData
+from handfast.stability.least_motion import least_motion
 from handfast.stability.model import State
 from handfast.stability.posed import Posed, grasp_data
 from handfast.stability.refinement import RefinementStep
@@ -40,7 +41,7 @@ class Answer(ABC):
         verdict: HOLDS with a valid witness; SLIPS if every case is refuted; else UNDECIDED.
         stop: why the search ended.
         seconds, nodes: its cost: wall time, nodes of the tree. steps: those of Algorithm 1.
-        witness: the state behind `verdict` or `lower`.
+        found: the exact solution behind `verdict` or `lower`, as it was found; see `witness`.
         proof: what the other bound rests on; Algorithm 1 has none.
         posed: the problem and the goal of the search.
         verified: was everything that it says replayed, the proof by the independent checker?
@@ -53,10 +54,32 @@ class Answer(ABC):
     seconds: float
     nodes: int
     steps: tuple[RefinementStep, ...]
-    witness: Witness | None
+    found: Witness | None
     proof: Proof | None = field(repr=False)
     posed: Posed | None = field(default=None, kw_only=True, repr=False)
     verified: bool = field(default=False, kw_only=True)
+
+    @property
+    def witness(self) -> Witness | None:
+        """The solution that is shown, drawn and saved: `least_motion` of the one that was found, where it is proved."""
+        return self._shown[0] if self._shown else None
+
+    @property
+    def proved(self) -> Proved | None:
+        """What is proved of the witness; None without one, or without a question."""
+        return self._shown[1] if self._shown else None
+
+    @cached_property
+    def _shown(self) -> tuple[Witness, Proved | None] | None:
+        if self.found is None or self.posed is None:
+            return None if self.found is None else (self.found, None)
+        p = self.posed.problem
+        least = least_motion(self.found, p.torque_limits, p.force_limit)
+        first = least, self._proved(least)
+        if first[1].exact or least is self.found:
+            return first
+        second = self.found, self._proved(self.found)
+        return second if second[1].exact or not first[1].tolerant else first
 
     @cached_property
     def certificate(self) -> Certificate | None:
@@ -68,19 +91,20 @@ class Answer(ABC):
         """What was asked, as proofs take it."""
         return self.posed.question if self.posed else None
 
-    @cached_property
-    def proved(self) -> Proved | None:
-        """What is proved of its witness; None without one, or without a question."""
-        if self.witness is None or self.posed is None:
-            return None
-        p, w = self.posed.problem, self.witness
-        question = self.posed.question
-        along = self._along
+    def _proved(self, w: Witness) -> Proved:
+        """What is proved of a state."""
+        assert self.posed is not None
+        p, question, along = self.posed.problem, self.posed.question, self._along
         if along is None:
             return prove(answers.problem(question, w.grasp.command, w.wrench), stated(w.state))
         base = p.wrench if self.posed.goal.maximised else np.zeros(6)
         magnitude = float((w.wrench - base) @ along / (along @ along))
         return prove(answers.problem(question, w.grasp.command, base, along, magnitude), stated(w.state))
+
+    @property
+    def certain(self) -> bool:
+        """Is a witness proved to be one, exactly or to 1e-9 of load and commands?"""
+        return self.proved is not None and (self.proved.exact or self.proved.tolerant)
 
     @property
     def _along(self) -> Array | None:
