@@ -16,6 +16,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
 from handfast.proofs import answers
+from handfast.proofs.certificate import Certificate, proof_to_dict
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
@@ -28,7 +29,6 @@ from handfast.stability.refinement import RefinementStep
 from handfast.stability.witness import Witness
 
 if TYPE_CHECKING:
-    from handfast.proofs.certificate import Certificate
     from handfast.stability.search.proof import Proof
 
 
@@ -145,7 +145,7 @@ class Answer(ABC):
             "question": self.posed.to_json(),
             "answer": self.to_json(),
             "witness": None if self.witness is None else _witness_json(self.witness),
-            "certificate": None if self.certificate is None else self.certificate.to_json(),
+            "certificate": None if self.certificate is None else proof_to_dict(self.certificate),
         }
 
     def save(self, path: str | Path, *, force: bool = False) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
+from handfast.proofs.certificate import proof_to_dict
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer, finite, state_json
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Goal
@@ -94,7 +95,7 @@ class MaxAnswer(Answer):
         if shown is None:
             return out
         arcs = [{"first": a.first, "last": a.last, "controls": [state_json(x) for x in a.controls]} for a in shown.arcs]
-        return out | {"arcs": arcs, "slips": [c.to_json() for c in shown.slips]}
+        return out | {"arcs": arcs, "slips": [proof_to_dict(c) for c in shown.slips]}
 
 
 def maximum(

@@ -15,10 +15,10 @@ import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
-from handfast.stability.certify import arc as arcs
-from handfast.stability.certify.arc import Arc
-from handfast.stability.certify.certificate import Certificate
-from handfast.stability.certify.ranges import Known, known
+from handfast.proofs import arcs
+from handfast.proofs.arcs import Arc
+from handfast.proofs.certificate import Certificate
+from handfast.proofs.ranges import Known, known
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, Goal, Range
 from handfast.stability.model import State
 from handfast.stability.posed import Posed
