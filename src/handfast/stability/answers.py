@@ -21,10 +21,9 @@ from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
-from handfast.proofs.states import State as StateData
 from handfast.stability.least_motion import least_motion
 from handfast.stability.model import State
-from handfast.stability.posed import Posed, grasp_data
+from handfast.stability.posed import Posed, grasp_data, stated
 from handfast.stability.refinement import RefinementStep
 from handfast.stability.witness import Witness
 
@@ -168,11 +167,6 @@ class Answer(ABC):
 def _grasp(posed: Posed, w: Witness) -> GraspData:
     """The grasp with the commands of a witness."""
     return grasp_data(posed.problem.grasp).with_command(w.grasp.command)
-
-
-def stated(s: State) -> StateData:
-    """A state as proofs take it."""
-    return StateData(s.r, s.q, s.c, s.f, s.coupling, s.reaction, s.torsion)
 
 
 def state_json(s: State) -> dict[str, Any]:
