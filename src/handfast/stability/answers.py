@@ -34,10 +34,11 @@ class Answer(ABC):
         verdict: HOLDS with a valid witness; SLIPS if every case is refuted; else UNDECIDED.
         stop: why the search ended.
         seconds, nodes: its cost: wall time, nodes of the tree. steps: those of Algorithm 1.
-        witness: the exact solution behind `verdict` or `lower`.
+        found: the exact solution behind `verdict` or `lower`, as it was found; see `witness`.
         proof: what the other bound rests on; Algorithm 1 has none.
         posed: the problem and the goal of the search.
         verified: was everything that it says replayed, the proof by the independent checker?
+        as_found: is the solution one that was read, to be judged as it stands? Then `witness` is no other.
     """
 
     query: ClassVar[Query[Any]]
@@ -47,10 +48,21 @@ class Answer(ABC):
     seconds: float
     nodes: int
     steps: tuple[RefinementStep, ...]
-    witness: Witness | None
+    found: Witness | None
     proof: Proof | None = field(repr=False)
     posed: Posed | None = field(default=None, kw_only=True, repr=False)
     verified: bool = field(default=False, kw_only=True)
+    as_found: bool = field(default=False, kw_only=True, repr=False)
+
+    @cached_property
+    def witness(self) -> Witness | None:
+        """The exact solution that is shown, drawn and saved: `least_motion` of the one that was found."""
+        if self.found is None or self.posed is None or self.as_found:
+            return self.found
+        from handfast.stability.least_motion import least_motion  # needs the engine, which verifying must not
+
+        p = self.posed.problem
+        return least_motion(self.found, p.torque_limits, p.force_limit)
 
     @cached_property
     def certificate(self) -> Certificate | None:

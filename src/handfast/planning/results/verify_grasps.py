@@ -199,7 +199,8 @@ def _held(grasp: Grasp, wrench: Array, state: State, asked: Requirements) -> flo
         grasp, wrench=wrench, eta=asked.eta, torque_limits=asked.torque_limits or {}, force_limit=asked.force_limit
     )
     witness = Witness(grasp, wrench, state, asked.eta, mdp=True)
-    done = CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), witness, None, posed=Posed.of(question)).verify()
+    known = Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), witness, None
+    done = CheckAnswer(*known, posed=Posed.of(question), as_found=True).verify()
     if not done.ok or done.witness is None:
         raise NotProved(done.reason)
     return done.witness.residual

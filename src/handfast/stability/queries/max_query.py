@@ -251,7 +251,7 @@ class MaxAnswer(Answer):
 
         None where nothing shows that.
         """
-        if self.posed is None or self.witness is None or not (self.lower > 0 and np.isfinite(self.upper)):
+        if not (self.lower > 0 and np.isfinite(self.upper)) or self.posed is None or self.witness is None:
             return None
         from handfast.stability.limit import limit_from
 
@@ -320,11 +320,11 @@ def maximum(
 
 def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
     """A maximum with which smaller magnitudes are resisted; as it is if none is, or after Ctrl-C."""
-    if answer.posed is None or answer.witness is None or not answer.lower > 0 or answer.stop is Stop.INTERRUPTED:
+    if answer.posed is None or answer.found is None or not answer.lower > 0 or answer.stop is Stop.INTERRUPTED:
         return answer
     from handfast.stability.search.interval_search import resisted
 
-    shown = resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
+    shown = resisted(*answer.posed, answer.lower, answer.upper, answer.found.state, settings)
     return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
 
 
