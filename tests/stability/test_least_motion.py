@@ -14,6 +14,7 @@ from handfast import Settings, check, check_many, load_grasp, maximum, prepare, 
 from handfast.cli import main
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
+from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp
 from handfast.stability import least_motion as module
 from handfast.stability import scaled_problem
@@ -219,6 +220,17 @@ def test_of_what_is_no_state_nothing_better_is_found() -> None:
     wrong = replace(w, state=replace(w.state, c=1.01 * w.state.c))
     assert not wrong.valid
     assert least_motion(wrong) is wrong
+
+
+def test_a_load_that_rounding_takes_out_of_range_keeps_its_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The load of a maximum is base + s direction, each of which contacts can balance, but for rounding."""
+
+    def refused(*args: object, **options: object) -> None:
+        raise InputError("cannot be balanced", field="wrench")
+
+    w = tilted_block(2.0)
+    monkeypatch.setattr(scaled_problem, "build", refused)
+    assert least_motion(w) is w
 
 
 # --- where it is shown --------------------------------------------------------------------------

@@ -497,7 +497,7 @@ def _ranges_fault(saved: SavedAnswer, holes: Sequence[Range]) -> str:
 
 def _close(a: Array, b: Array) -> bool:
     """The same numbers but for rounding."""
-    return bool(np.abs(a - b).max(initial=0.0) <= 1e-15 * np.abs(b).max(initial=0.0))
+    return bool(np.abs(a - b).max(initial=0.0) <= SAME * np.abs(b).max(initial=0.0))
 
 
 def matches(said: Any, shown: Any) -> bool:

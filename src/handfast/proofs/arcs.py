@@ -3,7 +3,7 @@
 An arc is a Bezier curve in the unknowns of `State` while the load goes along a straight line. What is linear in the
 unknowns is a Bezier curve again, between its control values; products have control values of twice the degree. So the
 residuals of (1) to (8) are bounded for all states of the arc at once, by arithmetic alone. What an arc claims is that:
-every equation is missed by at most 1e-9 of the load, never of contact forces. That an exact state exists at each of
+every equation is missed by at most 1e-9 of load and commands, never of contact forces. That an exact state exists at each of
 its magnitudes is not claimed. With two controls an arc is all convex combinations of two states.
 """
 
@@ -72,7 +72,7 @@ def replayed(q: Question, arc: Arc) -> tuple[str, float]:
     if residual <= EPS:
         return "", residual
     return (
-        f"states from {arc.first:.6g} to {arc.last:.6g} are off by {residual:.1e} of the load, above {EPS:g}",
+        f"states from {arc.first:.6g} to {arc.last:.6g} are off by {residual:.1e} of load and commands, above {EPS:g}",
         residual,
     )
 
@@ -173,11 +173,10 @@ def residuals(q: Question, arc: Arc) -> dict[str, float]:
 
 
 def least_scale(g: GraspData, w: Array) -> float:
-    """[N] no more than `load_scale` of any load between the controls w (k+1, 6); 0 where one of them may be none."""
-    if not w.any():
-        return load_scale(g, w[0])
+    """[N] of commands and any load between the controls w (k+1, 6), the least; 0 where one may be none."""
+    drives = load_scale(g, np.zeros(6)) if g.command.any() or g.torque.any() else 0.0
     torque = w[:, 3:] - np.cross(g.centroid, w[:, :3])
-    return float(max(least_norm(w[:, None, :3])[0], least_norm(torque[:, None])[0] / g.size))
+    return float(max(drives, least_norm(w[:, None, :3])[0], least_norm(torque[:, None])[0] / g.size))
 
 
 def _reactions(g: GraspData, q: Array, reaction: Array) -> Array:

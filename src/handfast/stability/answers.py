@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
-from handfast.stability.least_motion import least_motion
 from handfast.stability.model import State
 from handfast.stability.posed import Posed, grasp_data, stated
 from handfast.stability.refinement import RefinementStep
@@ -70,15 +69,24 @@ class Answer(ABC):
 
     @cached_property
     def _shown(self) -> tuple[Witness, Proved | None] | None:
-        if self.found is None or self.posed is None:
+        if self.found is None or self._of_found is None or self.posed is None:
             return None if self.found is None else (self.found, None)
+        from handfast.stability.least_motion import least_motion  # needs the engine, and only what is shown needs it
+
         p = self.posed.problem
         least = least_motion(self.found, p.torque_limits, p.force_limit)
-        first = least, self._proved(least)
-        if first[1].exact or least is self.found:
-            return first
-        second = self.found, self._proved(self.found)
-        return second if second[1].exact or not first[1].tolerant else first
+        known = self._of_found if least is self.found else self._proved(least)
+        as_good = known.exact or (known.tolerant and not self._of_found.exact)
+        return (least, known) if as_good and self._reaches(known) else (self.found, self._of_found)
+
+    @cached_property
+    def _of_found(self) -> Proved | None:
+        """What is proved of the state that was found."""
+        return None if self.found is None or self.posed is None else self._proved(self.found)
+
+    def _reaches(self, proved: Proved) -> bool:
+        """Is what is proved of a state all that the answer says?"""
+        return True
 
     @cached_property
     def certificate(self) -> Certificate | None:
@@ -100,10 +108,17 @@ class Answer(ABC):
         magnitude = float((w.wrench - base) @ along / (along @ along))
         return prove(answers.problem(question, w.grasp.command, base, along, magnitude), stated(w.state))
 
+    def settled(self) -> Self:
+        """UNDECIDED if its witness cannot be proved to be one; else as it is."""
+        if self.verdict is not Verdict.HOLDS or self.certain:
+            return self
+        return replace(self, verdict=Verdict.UNDECIDED, stop=Stop.NUMERICAL, found=None)
+
     @property
     def certain(self) -> bool:
         """Is a witness proved to be one, exactly or to 1e-9 of load and commands?"""
-        return self.proved is not None and (self.proved.exact or self.proved.tolerant)
+        known = self._of_found
+        return known is not None and (known.exact or known.tolerant)
 
     @property
     def _along(self) -> Array | None:

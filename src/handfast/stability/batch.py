@@ -85,13 +85,12 @@ class _RowBlock(dict[str, Any]):
         self.wrenches, self.base = wrenches, base
         self.answers: list[Answer | None] = [None] * k
 
-    def put(self, i: int, answer: Answer, whole: bool) -> None:
-        """What an answer says; whole: it is kept."""
+    def put(self, i: int, answer: Answer) -> None:
+        """A whole answer."""
         self["verdict"][i], self["nodes"][i], self["verified"][i] = str(answer.verdict), answer.nodes, answer.verified
         self["stop"][i], self["seconds"][i] = str(answer.stop), answer.seconds
-        witness = answer.witness if whole else answer.found
-        if witness:
-            self["residual"][i] = witness.residuals.worst
+        if answer.found:
+            self["residual"][i] = answer.found.residuals.worst
         if not isinstance(answer, CheckAnswer):
             self["lower"][i], self["upper"][i] = answer.lower, answer.upper  # type: ignore[attr-defined]
         if isinstance(answer, MaxAnswer):
@@ -312,7 +311,7 @@ def _part(
         except InputError as error:
             part["error"][i] = str(error)
             continue
-        part.put(int(i), answer, options.answers)
+        part.put(int(i), answer)
         part["seconds"][i] = time.monotonic() - start
         part.answers[i] = answer if options.answers else None
     return part
