@@ -101,12 +101,13 @@ class Answer(ABC):
     def _proved(self, w: Witness) -> Proved:
         """What is proved of a state."""
         assert self.posed is not None
-        p, question, along = self.posed.problem, self.posed.question, self._along
+        (p, goal), question, along = self.posed, self.posed.question, self._along
+        command = w.grasp.command if goal.seeks_commands else p.grasp.command
         if along is None:
-            return prove(answers.problem(question, w.grasp.command, w.wrench), stated(w.state))
-        base = p.wrench if self.posed.goal.maximised else np.zeros(6)
+            return prove(answers.problem(question, command, w.wrench), stated(w.state))
+        base = p.wrench if goal.maximised else np.zeros(6)
         magnitude = float((w.wrench - base) @ along / (along @ along))
-        return prove(answers.problem(question, w.grasp.command, base, along, magnitude), stated(w.state))
+        return prove(answers.problem(question, command, base, along, magnitude), stated(w.state))
 
     def settled(self) -> Self:
         """UNDECIDED if its witness cannot be proved to be one; else as it is."""
