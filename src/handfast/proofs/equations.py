@@ -51,14 +51,14 @@ class Equations:
     def scale(self) -> Array:
         """(n,) powers of two by which unknowns are scaled; forces of contacts have 1."""
         largest = np.maximum(self.E_size.max(axis=0, initial=0.0), self.Z_size.max(axis=0, initial=0.0))
-        out = _power_near(largest)
+        out = power_near(largest)
         out[self.columns.c] = 1.0
         return 1.0 / out
 
     @cached_property
     def unit(self) -> Array:
         """(p,) powers of two: the rows of E, scaled, over these are of like size."""
-        return _power_near((self.E_size * self.scale).max(axis=1, initial=0.0))
+        return power_near((self.E_size * self.scale).max(axis=1, initial=0.0))
 
     @cached_property
     def inverse(self) -> Array:
@@ -71,7 +71,7 @@ class Equations:
         return ExactRows(self)
 
 
-def _power_near(x: Array) -> Array:
+def power_near(x: Array) -> Array:
     """Powers of two near numbers; 1 for 0."""
     return np.asarray(np.exp2(np.round(np.log2(np.where(x > 0, x, 1.0)))))
 

@@ -33,11 +33,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handfast.proofs.equations import ROUNDED, Equations, RightSide
+from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
 from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.rows import UNIT
 
-NEGLIGIBLE = 1e-13  # relative: multipliers of equalities below this are taken for 0
+NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
 LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
 RANK = 1e-9  # relative: pivots that are smaller do not count, until shown exactly
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
@@ -111,10 +111,14 @@ class LeafSystems:
         self.equations, self.side, self.rows = equations, side, rows
         self.count = np.diff(rows.start)
         self.leaf = np.repeat(np.arange(len(self.count)), self.count)
-        x, d = rows.value[:, :n] * q.scale, rows.value[:, n:]
-        self.F, size = x + d @ (q.Z * q.scale), np.abs(x) + np.abs(d) @ (q.Z_size * q.scale)
+        motions = slice(0, equations.columns.motions)
+        d, Z, Z_size = rows.value[:, n:], q.Z * q.scale, q.Z_size * q.scale
+        self.F = rows.value[:, :n] * q.scale
+        size = np.abs(self.F)
+        self.F[:, motions] += d @ Z[:, motions]
+        size[:, motions] += np.abs(d) @ Z_size[:, motions]
         most = size.max(axis=1, initial=0.0)
-        self.unit: Array = np.exp2(np.round(np.log2(np.where(most > 0, most, 1.0))))
+        self.unit = power_near(most)
         self.F /= self.unit[:, None]
         self.largest = most / self.unit
         self.E = q.E * q.scale / q.unit[:, None]
@@ -132,13 +136,15 @@ class LeafSystems:
 
         closed = ~rows.opened
         touches, E_touches = size > 0, (q.E_size > 0).astype(float)
-        self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
         size_of_v = np.abs(self.v)
         top = np.maximum(self._top(self.y), size_of_v.max(axis=1, initial=0.0))
+        self.y = np.where(self.y > NEGLIGIBLE * top[self.leaf], self.y, 0.0)
+        self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
         self.used_E = (size_of_v > NEGLIGIBLE * top[:, None]) & (closed.astype(float) @ E_touches.T > 0)
         self.v = np.where(self.used_E, self.v, 0.0)
         self.touches = touches
-        by_rows = self._summed((touches & self.used[:, None]).astype(float)) > 0
+        by_rows = np.logical_or.reduceat(np.concatenate([touches & self.used[:, None], np.zeros((1, n), bool)]), rows.start[:-1])
+        by_rows[self.count == 0] = False
         self.alive = (by_rows | (self.used_E.astype(float) @ E_touches > 0)) & closed
         self.top = top
 
@@ -163,13 +169,15 @@ class LeafSystems:
         many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
         wanted = self.alive.sum(axis=1)
         self._leave_out_one()
-        for chosen in _groups(np.flatnonzero((many - 1 != wanted) & (wanted > 0)), many):
+        ragged = (many - 1 != wanted) & (wanted > 0)
+        for chosen in _groups(np.flatnonzero(ragged), many):
             hopeless[chosen] = self._choose(chosen)
         side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)
         side[wanted == 0] = 0
         hopeless |= (side != self.columns.sum(axis=1)) & (wanted > 0)
         solvable = np.flatnonzero(~hopeless)
         squares = [Square(self, chosen, int(side[chosen].max(initial=0))) for chosen in _groups(solvable, side)]
+        squares = [square for whole in squares for square in self._again(whole, ragged, hopeless)]
         if time.monotonic() > until:
             raise Late
         margins, caps = self._enclosed(squares)
@@ -179,6 +187,18 @@ class LeafSystems:
                 raise Late
             margins[k] = self._exactly(int(k))
         return margins, caps
+
+    def _again(self, square: Square, ragged: Mask, hopeless: Mask) -> list[Square]:
+        """A square system, without leaves that it is singular for; their rows are chosen, and they have one of their own."""
+        singular = square.leaves[~square.regular & ~ragged[square.leaves]]
+        if not len(singular):
+            return [square]
+        hopeless[singular] = self._choose(singular)
+        side = np.array([self.columns[k].sum() for k in singular])
+        fits = [self.basis[self.rows.start[k] : self.rows.start[k + 1]].sum() + self.basis_E[k].sum() for k in singular]
+        hopeless[singular] |= side != fits
+        singular = singular[~hopeless[singular]]
+        return [square, Square(self, singular, int(self.columns[singular].sum(axis=1).max(initial=0)))]
 
     def _leave_out_one(self) -> None:
         """Of each leaf's basis, the row with the largest multiplier."""
@@ -190,14 +210,22 @@ class LeafSystems:
         self.basis[rows[np.unique(self.leaf[rows], return_index=True)[1]]] = False
 
     def _choose(self, chosen: Integers) -> Mask:
-        """Rows and columns by complete pivoting, where there are more of one than of the other; (C,) which are hopeless."""
+        """Independent rows and columns, by elimination; (C,) which leaves are hopeless.
+
+        Equations come first, then inequalities with large multipliers, which may change most; last the row with the
+        largest of all, which the others leave over.
+        """
         R, p, out = len(self.F), len(self.E), np.zeros(len(chosen), dtype=bool)
         index, there = self.places(chosen, self.used, self.used_E)
         every = np.concatenate([self.F, self.E, np.zeros((1, self.F.shape[1]))])
-        size = np.abs(np.append(self.y, np.zeros(p + 1)))[index] / self.top[chosen][:, None]
-        free = np.append(self.rows.either, np.ones(p + 1, dtype=bool))[index]
-        weight = np.where(free, 1.0, np.clip(np.sqrt(size), LEAST, 1.0))
-        rows, columns = _pivots(every[index] * self.alive[chosen][:, None] * weight[..., None])
+        place = np.clip(index - R, 0, p - 1)
+        size = np.where(index < R, np.append(self.y, 0.0)[np.minimum(index, R)], np.abs(self.v[chosen[:, None], place]))
+        size = np.where(there, size, -1.0)
+        free = np.append(self.rows.either, np.ones(p + 1, dtype=bool))[index] & there
+        last = size == size.max(axis=1)[:, None]
+        order = np.argsort(np.where(last, 1.0, np.where(free, -np.inf, -size)), axis=1, kind="stable")
+        index, there = np.take_along_axis(index, order, axis=1), np.take_along_axis(there, order, axis=1)
+        rows, columns = _pivots(every[index] * self.alive[chosen][:, None])
         for k, leaf in enumerate(chosen.tolist()):
             mine = index[k][rows[k] & there[k]]
             self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
@@ -307,7 +335,8 @@ class Square:
 
     Attributes:
         leaves: (C,). places: (C, N) where their multipliers stand among those of all rows and equalities.
-        columns: (C, N), of a residual with one more column, for padding.
+        columns: (C, N), of a residual with one more column, for padding. regular: (C,) bool: it is shown that there
+            is an inverse.
     """
 
     def __init__(self, systems: LeafSystems, leaves: Integers, side: int) -> None:
@@ -334,6 +363,7 @@ class Square:
         rounding = systems.error * largest * sizes.sum(axis=1)[:, None] * ABOVE
         self._rows = (off.sum(axis=2) * ABOVE + rounding).max(axis=1, initial=0.0)
         self._columns = off.max(axis=1, initial=0.0) + rounding.max(axis=1, initial=0.0)[:, None]
+        self.regular = self._rows < 0.5
 
     def _of(self, residual: Array) -> Array:
         """(C, 1, N) a residual (L, n) in the columns of the systems."""
@@ -343,7 +373,7 @@ class Square:
     def solution(self, residual: Array) -> Array:
         """(C, N) d that B maps to a residual (L, n), but for rounding."""
         found = (self._of(residual) @ self.X)[:, 0]
-        return np.where(np.isfinite(found), found, 0.0)
+        return np.where(self.regular[:, None], found, 0.0)
 
     def bound(self, residual: Array) -> tuple[Array, Mask]:
         """(C, N) upper bounds on the d that B maps to a residual, exactly, of at most this size; (C,) do they exist?
@@ -352,7 +382,7 @@ class Square:
         """
         at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * ABOVE
         whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * ABOVE
-        return at_most + whole[:, None] * self._columns * ABOVE, self._rows < 0.5
+        return at_most + whole[:, None] * self._columns * ABOVE, self.regular
 
 
 def grown(grows: Array, pushes: Array, ends: tuple[float, float]) -> Array:
@@ -382,19 +412,19 @@ def _inverse(B: Array) -> Array:
 
 
 def _pivots(B: Array) -> tuple[Mask, Mask]:
-    """(C, K) rows and (C, n) columns of matrices (C, K, n) in which elimination with complete pivoting finds a pivot."""
+    """(C, K) which rows of matrices (C, K, n) are independent of those before; (C, n) columns with their pivots."""
     B = B.copy()
     C, K, n = B.shape
     rows, columns, every = np.zeros((C, K), dtype=bool), np.zeros((C, n), dtype=bool), np.arange(C)
-    first = np.abs(B).max(axis=(1, 2), initial=0.0)
-    for _ in range(min(K, n)):
-        i, j = np.divmod(np.abs(B).reshape(C, -1).argmax(axis=1), n)
-        pivot = B[every, i, j]
-        real = np.abs(pivot) > RANK * first
-        if not real.any():
-            break
-        rows[every[real], i[real]], columns[every[real], j[real]] = True, True
-        factor = B[every, :, j] * (real / np.where(real, pivot, 1.0))[:, None]
-        B -= factor[:, :, None] * B[every, i][:, None]
-        B[every, i], B[every, :, j] = 0.0, 0.0
+    size = np.abs(B).max(axis=2, initial=0.0)
+    for i in range(K):
+        row = B[:, i]
+        j = np.abs(row).argmax(axis=1)
+        pivot = row[every, j]
+        real = np.abs(pivot) > RANK * size[:, i]
+        rows[:, i], columns[every, j] = real, columns[every, j] | real
+        row = row * (real / np.where(real, pivot, 1.0))[:, None]
+        rest = B[:, i + 1 :]
+        rest -= rest[every, :, j][:, :, None] * row[:, None]
+        rest[every, :, j] = np.where(real[:, None], 0.0, rest[every, :, j])
     return rows, columns
