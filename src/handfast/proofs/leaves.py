@@ -30,6 +30,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class CitedRows:
         either: (R,) bool, multipliers may have any sign.
         y: (R,) multipliers, not negative.
         start: (L+1,) leaf i has the rows start[i] to start[i+1].
-        opened: (L, n) bool, unknowns that are 0: forces of open contacts.
+        zero: (L, n) bool, unknowns that are 0, see `rows.zeros`.
         first: (R,) bool, rows that the scalar is not below its first end. ends: of the scalar, 0 and 0 without.
         energy: (R,) bool, balances of energy.
     """
@@ -67,7 +68,7 @@ class CitedRows:
     either: Mask
     y: Array
     start: Integers
-    opened: Mask
+    zero: Mask
     first: Mask
     energy: Mask
     ends: tuple[float, float]
@@ -77,7 +78,7 @@ class CitedRows:
         rows, start = slice(self.start[begin], self.start[end]), self.start[begin : end + 1]
         own = self.value[rows], self.right[rows], self.either[rows], self.y[rows]
         of_kind = self.first[rows], self.energy[rows]
-        return CitedRows(*own, start - start[0], self.opened[begin:end], *of_kind, self.ends)
+        return CitedRows(*own, start - start[0], self.zero[begin:end], *of_kind, self.ends)
 
 
 def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf) -> tuple[Array, Array]:
@@ -110,6 +111,7 @@ class LeafSystems:
         q, n = equations, equations.columns.n
         self.equations, self.side, self.rows = equations, side, rows
         self.count = np.diff(rows.start)
+        self.some, self.begin = self.count > 0, rows.start[:-1][self.count > 0]
         self.leaf = np.repeat(np.arange(len(self.count)), self.count)
         motions = slice(0, equations.columns.motions)
         d, Z, Z_size = rows.value[:, n:], q.Z * q.scale, q.Z_size * q.scale
@@ -128,13 +130,13 @@ class LeafSystems:
         terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
         self.error = ROUNDED + 4 * terms * UNIT
 
-        rest = self._summed(self.y[:, None] * self.F)
+        self.rest = rest = self._summed(self.y[:, None] * self.F)
         self.v = -rest @ q.inverse
         alone = self.count == 0  # the equilibrium contradicts itself
         self.v[alone] = self.h - (q.inverse.T @ (self.E.T @ self.h))
         self.v -= (rest + self.v @ self.E) @ q.inverse  # once more for what rounding left
 
-        closed = ~rows.opened
+        closed = ~rows.zero
         touches, E_touches = size > 0, (q.E_size > 0).astype(float)
         size_of_v = np.abs(self.v)
         top = np.maximum(self._top(self.y), size_of_v.max(axis=1, initial=0.0))
@@ -143,21 +145,25 @@ class LeafSystems:
         self.used_E = (size_of_v > NEGLIGIBLE * top[:, None]) & (closed.astype(float) @ E_touches.T > 0)
         self.v = np.where(self.used_E, self.v, 0.0)
         self.touches = touches
-        by_rows = np.logical_or.reduceat(np.concatenate([touches & self.used[:, None], np.zeros((1, n), bool)]), rows.start[:-1])
-        by_rows[self.count == 0] = False
-        self.alive = (by_rows | (self.used_E.astype(float) @ E_touches > 0)) & closed
+        self.alive = np.zeros_like(closed)
+        if len(touches):
+            self.alive[self.some] = np.logical_or.reduceat(touches & self.used[:, None], self.begin)
+        self.alive = (self.alive | (self.used_E.astype(float) @ E_touches > 0)) & closed
         self.top = top
 
     def _summed(self, x: Array) -> Array:
         """(L, ...) sums over the rows of each leaf."""
-        out = np.add.reduceat(np.concatenate([x, np.zeros((1, *x.shape[1:]))]), self.rows.start[:-1], axis=0)
-        out[self.count == 0] = 0.0
-        return np.asarray(out)
+        out = np.zeros((len(self.count), *x.shape[1:]), dtype=x.dtype)
+        if len(x):
+            out[self.some] = np.add.reduceat(x, self.begin, axis=0)
+        return out
 
     def _top(self, x: Array) -> Array:
-        out = np.maximum.reduceat(np.append(x, 0.0), self.rows.start[:-1])
-        out[self.count == 0] = 0.0
-        return np.asarray(out)
+        """(L,) the largest of the rows of each leaf."""
+        out = np.zeros(len(self.count))
+        if len(x):
+            out[self.some] = np.maximum.reduceat(x, self.begin)
+        return out
 
     # --- which rows and columns make the square system
 
@@ -217,7 +223,6 @@ class LeafSystems:
         """
         R, p, out = len(self.F), len(self.E), np.zeros(len(chosen), dtype=bool)
         index, there = self.places(chosen, self.used, self.used_E)
-        every = np.concatenate([self.F, self.E, np.zeros((1, self.F.shape[1]))])
         place = np.clip(index - R, 0, p - 1)
         size = np.where(index < R, np.append(self.y, 0.0)[np.minimum(index, R)], np.abs(self.v[chosen[:, None], place]))
         size = np.where(there, size, -1.0)
@@ -225,7 +230,7 @@ class LeafSystems:
         last = size == size.max(axis=1)[:, None]
         order = np.argsort(np.where(last, 1.0, np.where(free, -np.inf, -size)), axis=1, kind="stable")
         index, there = np.take_along_axis(index, order, axis=1), np.take_along_axis(there, order, axis=1)
-        rows, columns = _pivots(every[index] * self.alive[chosen][:, None])
+        rows, columns = _pivots(self.every[index, :-1] * self.alive[chosen][:, None])
         for k, leaf in enumerate(chosen.tolist()):
             mine = index[k][rows[k] & there[k]]
             self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
@@ -262,11 +267,18 @@ class LeafSystems:
         inside = place < self.rows.start[chosen + 1][:, None]
         there = np.concatenate([np.append(rows, False)[np.where(inside, place, R)], equalities[chosen]], axis=1)
         index = np.concatenate([place, np.broadcast_to(R + np.arange(p), (len(chosen), p))], axis=1)
-        order = np.argsort(~there, axis=1, kind="stable")[:, : int(there.sum(axis=1).max(initial=0))]
-        there = np.take_along_axis(there, order, axis=1)
-        return np.where(there, np.take_along_axis(index, order, axis=1), R + p), there
+        out = _compact(there, index, int(there.sum(axis=1).max(initial=0)), R + p)
+        return out, out < R + p
 
     # --- their solutions
+
+    @cached_property
+    def every(self) -> Array:
+        """(R+p+1, n+1) F and E, with one more row and column of zeros."""
+        (R, n), p = self.F.shape, len(self.E)
+        out = np.zeros((R + p + 1, n + 1))
+        out[:R, :n], out[R:-1, :n] = self.F, self.E
+        return out
 
     def residual(self) -> Array:
         """(L, n) y F + v E, rounded."""
@@ -276,7 +288,7 @@ class LeafSystems:
         """(L,) margins and caps by the square systems; margins are -inf where these show nothing."""
         L, R, p = len(self.count), len(self.F), len(self.E)
         w = np.concatenate([self.y, self.v.ravel(), [0.0]])
-        rest = self.residual()
+        rest = self.rest + self.v @ self.E
         for square in squares:
             w[square.places] -= square.solution(rest)
         self.y, self.v = w[:R], w[R:-1].reshape(L, p)
@@ -344,12 +356,8 @@ class Square:
         self.leaves = leaves
         index, there = systems.places(leaves, systems.basis, systems.basis_E)
         index, there = index[:, :side], there[:, :side]
-        kept = systems.columns[leaves]
-        columns = np.argsort(~kept, axis=1, kind="stable")[:, :side]
-        self.columns = np.where(np.take_along_axis(kept, columns, axis=1), columns, n)
-        every = np.zeros((R + p + 1, n + 1))
-        every[:R, :n], every[R:-1, :n] = systems.F, systems.E
-        B = every[index[:, :, None], self.columns[:, None, :]]
+        self.columns = _compact(systems.columns[leaves], np.arange(n), side, n)
+        B = systems.every.take(index[:, :, None] * (n + 1) + self.columns[:, None, :])
         diagonal = np.arange(B.shape[1])
         B[:, diagonal, diagonal] += ~there
         end = R + len(systems.count) * p
@@ -400,6 +408,18 @@ def _groups(leaves: Integers, size: Integers) -> list[Integers]:
     """Leaves of like size together: little is wasted on padding."""
     leaves = leaves[np.argsort(size[leaves], kind="stable")]
     return [leaves[k : k + CHUNK] for k in range(0, len(leaves), CHUNK)]
+
+
+def _compact(there: Mask, values: Integers, width: int, nothing: int) -> Integers:
+    """(C, width) those of the values (C, K) or (K,) that are there, in each row in their order, then `nothing`."""
+    i, j = np.nonzero(there)
+    count = there.sum(axis=1)
+    out = np.full((len(there), width), nothing)
+    place = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
+    within = place < width
+    i, j, place = i[within], j[within], place[within]
+    out[i, place] = values[j] if values.ndim == 1 else values[i, j]
+    return out
 
 
 def _inverse(B: Array) -> Array:
