@@ -209,12 +209,30 @@ class ExactRows:
         rows = {row.tobytes(): row for row in values}
         key = b"".join(sorted(rows)), equalities.tobytes(), columns.tobytes()
         if key not in self._ranks:
-            zero, places = fmpz(0), np.flatnonzero(columns).tolist()
             every = [self.row(row)[0] for row in rows.values()]
             every += [self.E[k][0] for k in np.flatnonzero(equalities)]
-            table = [[row.get(j, zero) for j in places] for row in every]
-            self._ranks[key] = int(fmpz_mat(table).rank()) if table and places else 0
+            self._ranks[key] = _rank(every, np.flatnonzero(columns).tolist())
         return self._ranks[key]
+
+
+def _rank(rows: list[Sparse], columns: list[int]) -> int:
+    """Exactly. What stands alone in its row or column is counted first, and goes with both."""
+    there = np.array([[row.get(j, 0) != 0 for j in columns] for row in rows], dtype=bool).reshape(len(rows), len(columns))
+    alone = 0
+    while True:
+        by_row, by_column = np.flatnonzero(there.sum(axis=1) == 1), np.flatnonzero(there.sum(axis=0) == 1)
+        if len(by_row):
+            i, j = int(by_row[0]), int(there[by_row[0]].argmax())
+        elif len(by_column):
+            i, j = int(there[:, by_column[0]].argmax()), int(by_column[0])
+        else:
+            break
+        there[i], there[:, j] = False, False
+        alone += 1
+    left, right = np.flatnonzero(there.any(axis=1)).tolist(), np.flatnonzero(there.any(axis=0)).tolist()
+    zero = fmpz(0)
+    table = [[rows[i].get(columns[j], zero) for j in right] for i in left]
+    return alone + (int(fmpz_mat(table).rank()) if table else 0)
 
 
 def _whole(row: dict[int, float]) -> tuple[Sparse, int]:

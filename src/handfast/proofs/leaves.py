@@ -390,7 +390,7 @@ class Square:
         """
         at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * ABOVE
         whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * ABOVE
-        return at_most + whole[:, None] * self._columns * ABOVE, self.regular
+        return np.where(self.regular[:, None], at_most + whole[:, None] * self._columns * ABOVE, 0.0), self.regular
 
 
 def grown(grows: Array, pushes: Array, ends: tuple[float, float]) -> Array:
