@@ -217,21 +217,26 @@ class ExactRows:
 
 def _rank(rows: list[Sparse], columns: list[int]) -> int:
     """Exactly. What stands alone in its row or column is counted first, and goes with both."""
-    there = np.array([[row.get(j, 0) != 0 for j in columns] for row in rows], dtype=bool).reshape(len(rows), len(columns))
-    alone = 0
-    while True:
-        by_row, by_column = np.flatnonzero(there.sum(axis=1) == 1), np.flatnonzero(there.sum(axis=0) == 1)
-        if len(by_row):
-            i, j = int(by_row[0]), int(there[by_row[0]].argmax())
-        elif len(by_column):
-            i, j = int(there[:, by_column[0]].argmax()), int(by_column[0])
-        else:
-            break
-        there[i], there[:, j] = False, False
-        alone += 1
-    left, right = np.flatnonzero(there.any(axis=1)).tolist(), np.flatnonzero(there.any(axis=0)).tolist()
+    left = [{j: row[j] for j in columns if j in row and row[j] != 0} for row in rows]
+    alone, found = 0, True
+    while found:
+        count: dict[int, int] = {}
+        for row in left:
+            for j in row:
+                count[j] = count.get(j, 0) + 1
+        gone = {j for row in left if len(row) == 1 for j in row}
+        single = [i for i, row in enumerate(left) if not gone & row.keys() and any(count[j] == 1 for j in row)]
+        alone, found = alone + len(gone) + len(single), bool(gone or single)
+        left = [{j: x for j, x in row.items() if j not in gone} for i, row in enumerate(left) if i not in set(single)]
+    left = [row for row in left if row]
+    places = sorted({j for row in left for j in row})
     zero = fmpz(0)
-    table = [[rows[i].get(columns[j], zero) for j in right] for i in left]
+    table = []
+    for row in left:
+        shared = zero
+        for x in row.values():
+            shared = shared.gcd(x)
+        table.append([row[j] // shared if j in row else zero for j in places])
     return alone + (int(fmpz_mat(table).rank()) if table else 0)
 
 
