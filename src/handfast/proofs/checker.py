@@ -91,5 +91,4 @@ def checked_rows(c: Certificate, cases: Integers) -> CitedRows:
         zero=zeros(q, cases),
         first=(c.kind == Row.BOUND_UP) & (c.index == at.scalar.start) & q.has_scalar,
         energy=c.kind == Row.ENERGY,
-        ends=c.scalar or (0.0, 0.0),
     )

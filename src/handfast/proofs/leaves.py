@@ -15,10 +15,9 @@ y as rounded numbers, and v follows from it by least squares. Multipliers w = (y
   through them. As many columns as the rank are kept; that the rank of all is no higher is shown in whole numbers, once
   for each set of rows (`ExactRows.rank`), for motions and forces apart. Then what cancels in the kept columns cancels
   in all.
-- Where columns of motions depend on each other only but for rounding (points on a circle, parallel walls), what is left
-  in those that are not kept is multiplied by a motion, and the margin allows for motions up to a *cap* only: of the
-  object about the contacts' centroid, a turn times `GraspData.size`, and of each joint times its unit [N at unit
-  stiffness].
+- Where columns depend on each other only but for rounding (points on a circle, parallel walls), what is left in those
+  that are not kept is multiplied by a motion, or by a force of a contact, which is no larger than its motion. The
+  margin then allows for motions up to a *cap* only, see `Equations.reach`.
 - What remains is solved in rational arithmetic (`exact_leaves`).
 
 All of F, b, E, h but grasp map and Jacobian are floating-point numbers taken as they are, see `rows.row_values`.
@@ -35,11 +34,13 @@ from functools import cached_property
 import numpy as np
 
 from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
+from handfast.proofs.exact_leaves import exact_margin
 from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.rows import UNIT
 
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
 LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
+HIGH = 1e9  # times the load: caps below are sought again in rational arithmetic
 RANK = 1e-9  # relative: pivots that are smaller do not count, until shown exactly
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
 CHUNK, SIDE = 128, 4096  # systems inverted at a time; leaves whose rows are in memory at a time
@@ -59,7 +60,7 @@ class CitedRows:
         y: (R,) multipliers, not negative.
         start: (L+1,) leaf i has the rows start[i] to start[i+1].
         zero: (L, n) bool, unknowns that are 0, see `rows.zeros`.
-        first: (R,) bool, rows that the scalar is not below its first end. ends: of the scalar, 0 and 0 without.
+        first: (R,) bool, rows that the scalar is not below its first end.
         energy: (R,) bool, balances of energy.
     """
 
@@ -71,14 +72,13 @@ class CitedRows:
     zero: Mask
     first: Mask
     energy: Mask
-    ends: tuple[float, float]
 
     def some(self, begin: int, end: int) -> CitedRows:
         """Of the leaves from begin to end."""
         rows, start = slice(self.start[begin], self.start[end]), self.start[begin : end + 1]
         own = self.value[rows], self.right[rows], self.either[rows], self.y[rows]
         of_kind = self.first[rows], self.energy[rows]
-        return CitedRows(*own, start - start[0], self.zero[begin:end], *of_kind, self.ends)
+        return CitedRows(*own, start - start[0], self.zero[begin:end], *of_kind)
 
 
 def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf) -> tuple[Array, Array]:
@@ -188,11 +188,14 @@ class LeafSystems:
             raise Late
         margins, caps = self._enclosed(squares)
         margins[hopeless] = -np.inf
-        for k in np.flatnonzero(~(margins > 0) & ~self.left.any(axis=1) & ~hopeless):
+        again = ~(margins > 0) | (caps < HIGH * self.side.scale)
+        for k in np.flatnonzero(again & ~hopeless):
             if time.monotonic() > until:
                 raise Late
-            margins[k] = self._exactly(int(k))
-        return margins, caps
+            margin, cap = exact_margin(self, int(k))
+            if margin > 0 and (not margins[k] > 0 or cap > caps[k]):
+                margins[k], caps[k] = margin, cap
+        return margins, np.where(margins > 0, caps, np.inf)
 
     def _again(self, square: Square, ragged: Mask, hopeless: Mask) -> list[Square]:
         """A square system, without leaves that it is singular for; their rows are chosen, and they have one of their own."""
@@ -240,7 +243,7 @@ class LeafSystems:
         return out
 
     def _drop(self, leaf: int, kept: Mask) -> bool:
-        """See whether other columns depend on those kept exactly; those of motions may be left over, others not: True."""
+        """See whether other columns depend on those kept exactly; if not, some may be left over, others not: True."""
         dropped, motions = self.alive[leaf] & ~kept, np.arange(len(kept)) < self.equations.columns.motions
         blocks = [block for block in (motions, ~motions) if (dropped & block).any()]
         if all(self._rank(leaf, block) <= (kept & block).sum() for block in blocks):
@@ -248,7 +251,7 @@ class LeafSystems:
         if self._rank(leaf, motions | True) <= kept.sum():
             return False
         self.left[leaf] = dropped
-        return bool((dropped & ~motions).any())
+        return bool((dropped & ~self.equations.reached).any())
 
     def _rank(self, leaf: int, block: Mask) -> int:
         """Exactly, of the rows that a leaf uses, in some columns."""
@@ -310,7 +313,7 @@ class LeafSystems:
         first = self.rows.first
         pushes = self._summed(np.where(first, self.y - change_y, 0.0) / self.unit) * (1 - 1e-9)
         energy = self._summed(np.where(self.rows.energy, np.abs(self.y) + change_y, 0.0) / self.unit) * self.side.energy
-        value -= (slack + energy) * ABOVE + grown(grows, pushes, self.rows.ends)
+        value -= (slack + energy) * ABOVE + self.side.grown(grows, pushes)
         caps = np.full(L, np.inf)
         if self.left.any():
             caps = self._caps(value, rest, bound, change_y, change_v)
@@ -320,26 +323,12 @@ class LeafSystems:
     def _caps(self, value: Array, rest: Array, bound: Array, change_y: Array, change_v: Array) -> Array:
         """(L,) [N] up to which motions leave half of the margin, where columns are left over."""
         q = self.equations
-        wide = self._summed((np.abs(change_y) * self.largest)) + change_v @ self.E_largest
-        rest = np.where(self.left, rest, 0.0) / q.scale
-        off = np.where(self.left, (wide * ABOVE + bound)[:, None], 0.0) / q.scale
-        turn, joints = slice(3, 6), q.columns.q
-        force, torque = rest[:, :3], rest[:, 3:6]
-        c, units = q.grasp.centroid, q.joint_units
-        arm = float(np.linalg.norm(c))
-        about = torque - np.cross(c, force)
-        length = {k: np.linalg.norm(x, axis=1) for k, x in enumerate((force, torque, about, off[:, :3], off[:, turn]))}
-        rounding = 16 * UNIT * (length[1] + arm * length[0])
-        of_turns = (length[2] + rounding + length[4] + arm * length[3]) / q.grasp.size
-        per_motion = length[0] + length[3] + of_turns + ((np.abs(rest) + off)[:, joints] / units).sum(axis=1)
+        off = self._summed(change_y[:, None] * np.abs(self.F)) + change_v @ np.abs(self.E)
+        off += (self.error * (self._summed(change_y * self.largest) + change_v @ self.E_largest) + bound)[:, None]
+        left = self.left / q.scale
+        weight = q.reach(rest * left, off * left * ABOVE)
         with np.errstate(divide="ignore"):
-            return np.where(self.left.any(axis=1), np.maximum(value, 0.0) / (2 * ABOVE * per_motion), np.inf)
-
-    def _exactly(self, leaf: int) -> float:
-        """The margin of one leaf in rational arithmetic."""
-        from handfast.proofs.exact_leaves import exact_margin
-
-        return exact_margin(self, leaf)
+            return np.where(self.left.any(axis=1), np.maximum(value, 0.0) / (2 * ABOVE * weight), np.inf)
 
 
 class Square:
@@ -391,17 +380,6 @@ class Square:
         at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * ABOVE
         whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * ABOVE
         return np.where(self.regular[:, None], at_most + whole[:, None] * self._columns * ABOVE, 0.0), self.regular
-
-
-def grown(grows: Array, pushes: Array, ends: tuple[float, float]) -> Array:
-    """(L,) how much of a margin what grows with the scalar can take.
-
-    The multiplier of the scalar's first end grows with the scalar, too. Where that is faster, the first end is the
-    worst; else the farther one is.
-    """
-    first, last = abs(ends[0]), max(abs(ends[0]), abs(ends[1]))
-    end = np.where(pushes >= grows, first, last)
-    return np.multiply(grows, end, out=np.zeros_like(grows), where=grows > 0) * ABOVE
 
 
 def _groups(leaves: Integers, size: Integers) -> list[Integers]:
