@@ -41,7 +41,7 @@ from handfast.proofs.rows import UNIT
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
 LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
 HIGH = 1e9  # times the load: caps below are sought again in rational arithmetic
-RANK = 1e-9  # relative: pivots that are smaller do not count, until shown exactly
+RANK, COARSE = 1e-9, 1e-6  # of scaled rows: pivots that are smaller do not count; where that shows nothing
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
 CHUNK, SIDE = 128, 4096  # systems inverted at a time; leaves whose rows are in memory at a time
 
@@ -171,43 +171,40 @@ class LeafSystems:
         """(L,) margins and caps."""
         L, n = self.alive.shape
         self.basis, self.basis_E, self.columns = self.used.copy(), self.used_E.copy(), self.alive.copy()
-        self.left, hopeless = np.zeros((L, n), dtype=bool), np.zeros(L, dtype=bool)
+        self.left, self.hopeless = np.zeros((L, n), dtype=bool), np.zeros(L, dtype=bool)
         many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
-        wanted = self.alive.sum(axis=1)
         self._leave_out_one()
-        ragged = (many - 1 != wanted) & (wanted > 0)
-        for chosen in _groups(np.flatnonzero(ragged), many):
-            hopeless[chosen] = self._choose(chosen)
-        side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)
-        side[wanted == 0] = 0
-        hopeless |= (side != self.columns.sum(axis=1)) & (wanted > 0)
-        solvable = np.flatnonzero(~hopeless)
-        squares = [Square(self, chosen, int(side[chosen].max(initial=0))) for chosen in _groups(solvable, side)]
-        squares = [square for whole in squares for square in self._again(whole, ragged, hopeless)]
-        if time.monotonic() > until:
-            raise Late
-        margins, caps = self._enclosed(squares)
-        margins[hopeless] = -np.inf
-        again = ~(margins > 0) | (caps < HIGH * self.side.scale)
-        for k in np.flatnonzero(again & ~hopeless):
+        ragged = (many - 1 != self.alive.sum(axis=1)) & self.alive.any(axis=1)
+        self._choose(np.flatnonzero(ragged), RANK)
+        squares = self._squares(np.arange(L))
+        singular = np.concatenate([np.zeros(0, np.int64), *(x.leaves[~x.regular] for x in squares)])
+        self._choose(singular, RANK)
+        margins, caps = self._enclosed(squares + self._squares(singular))
+        self._exactly(margins, caps, until)
+        failed = np.flatnonzero(~(margins > 0))
+        if len(failed):  # columns that depend on each other to some digits
+            self._choose(failed, COARSE)
+            of_some = self._enclosed(self._squares(failed))
+            margins[failed], caps[failed] = of_some[0][failed], of_some[1][failed]
+            self._exactly(margins, caps, until)
+        return margins, np.where(margins > 0, caps, np.inf)
+
+    def _exactly(self, margins: Array, caps: Array, until: float) -> None:
+        """Put in what rational arithmetic shows, where the margins of leaves (L,) are none or their caps small."""
+        for k in np.flatnonzero((~(margins > 0) | (caps < HIGH * self.side.scale)) & ~self.hopeless):
             if time.monotonic() > until:
                 raise Late
             margin, cap = exact_margin(self, int(k))
             if margin > 0 and (not margins[k] > 0 or cap > caps[k]):
                 margins[k], caps[k] = margin, cap
-        return margins, np.where(margins > 0, caps, np.inf)
 
-    def _again(self, square: Square, ragged: Mask, hopeless: Mask) -> list[Square]:
-        """A square system, without leaves that it is singular for; their rows are chosen, and they have one of their own."""
-        singular = square.leaves[~square.regular & ~ragged[square.leaves]]
-        if not len(singular):
-            return [square]
-        hopeless[singular] = self._choose(singular)
-        side = np.array([self.columns[k].sum() for k in singular])
-        fits = [self.basis[self.rows.start[k] : self.rows.start[k + 1]].sum() + self.basis_E[k].sum() for k in singular]
-        hopeless[singular] |= side != fits
-        singular = singular[~hopeless[singular]]
-        return [square, Square(self, singular, int(self.columns[singular].sum(axis=1).max(initial=0)))]
+    def _squares(self, leaves: Integers) -> list[Square]:
+        """The square systems of leaves, without those that have none."""
+        side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)
+        side[~self.alive.any(axis=1)] = 0
+        self.hopeless[leaves] |= (side != self.columns.sum(axis=1))[leaves]
+        solvable = leaves[~self.hopeless[leaves]]
+        return [Square(self, chosen, int(side[chosen].max(initial=0))) for chosen in _groups(solvable, side)]
 
     def _leave_out_one(self) -> None:
         """Of each leaf's basis, the row with the largest multiplier."""
@@ -218,29 +215,30 @@ class LeafSystems:
         rows = np.flatnonzero(self.used & (of_y == most[self.leaf]) & ~in_E[self.leaf])
         self.basis[rows[np.unique(self.leaf[rows], return_index=True)[1]]] = False
 
-    def _choose(self, chosen: Integers) -> Mask:
-        """Independent rows and columns, by elimination; (C,) which leaves are hopeless.
+    def _choose(self, leaves: Integers, least: float) -> None:
+        """Independent rows and columns of leaves, by elimination; pivots are larger than `least`.
 
         Equations come first, then inequalities with large multipliers, which may change most; last the row with the
         largest of all, which the others leave over.
         """
-        R, p, out = len(self.F), len(self.E), np.zeros(len(chosen), dtype=bool)
-        index, there = self.places(chosen, self.used, self.used_E)
-        place = np.clip(index - R, 0, p - 1)
-        size = np.where(index < R, np.append(self.y, 0.0)[np.minimum(index, R)], np.abs(self.v[chosen[:, None], place]))
-        size = np.where(there, size, -1.0)
-        free = np.append(self.rows.either, np.ones(p + 1, dtype=bool))[index] & there
-        last = size == size.max(axis=1)[:, None]
-        order = np.argsort(np.where(last, 1.0, np.where(free, -np.inf, -size)), axis=1, kind="stable")
-        index, there = np.take_along_axis(index, order, axis=1), np.take_along_axis(there, order, axis=1)
-        rows, columns = _pivots(self.every[index, :-1] * self.alive[chosen][:, None])
-        for k, leaf in enumerate(chosen.tolist()):
-            mine = index[k][rows[k] & there[k]]
-            self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
-            self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True
-            self.columns[leaf] = columns[k]
-            out[k] = self._drop(leaf, columns[k])
-        return out
+        R, p = len(self.F), len(self.E)
+        for chosen in _groups(leaves, self.count):
+            index, there = self.places(chosen, self.used, self.used_E)
+            place = np.clip(index - R, 0, p - 1)
+            size = np.where(index < R, np.append(self.y, 0.0)[np.minimum(index, R)], np.abs(self.v[chosen[:, None], place]))
+            size = np.where(there, size, -1.0)
+            free = np.append(self.rows.either, np.ones(p + 1, dtype=bool))[index] & there
+            last = size == size.max(axis=1)[:, None]
+            order = np.argsort(np.where(last, 1.0, np.where(free, -np.inf, -size)), axis=1, kind="stable")
+            index, there = np.take_along_axis(index, order, axis=1), np.take_along_axis(there, order, axis=1)
+            rows, columns = _pivots(self.every[index, :-1] * self.alive[chosen][:, None], least)
+            for k, leaf in enumerate(chosen.tolist()):
+                mine = index[k][rows[k] & there[k]]
+                self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
+                self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True
+                self.columns[leaf] = columns[k]
+                self.left[leaf] = False
+                self.hopeless[leaf] = self._drop(leaf, columns[k])
 
     def _drop(self, leaf: int, kept: Mask) -> bool:
         """See whether other columns depend on those kept exactly; if not, some may be left over, others not: True."""
@@ -283,10 +281,6 @@ class LeafSystems:
         out[:R, :n], out[R:-1, :n] = self.F, self.E
         return out
 
-    def residual(self) -> Array:
-        """(L, n) y F + v E, rounded."""
-        return self._summed(self.y[:, None] * self.F) + self.v @ self.E
-
     def _enclosed(self, squares: list[Square]) -> tuple[Array, Array]:
         """(L,) margins and caps by the square systems; margins are -inf where these show nothing."""
         L, R, p = len(self.count), len(self.F), len(self.E)
@@ -294,25 +288,25 @@ class LeafSystems:
         rest = self.rest + self.v @ self.E
         for square in squares:
             w[square.places] -= square.solution(rest)
-        self.y, self.v = w[:R], w[R:-1].reshape(L, p)
-        rest = self.residual()
-        sizes = self._summed(np.abs(self.y) * self.largest) + np.abs(self.v) @ self.E_largest
+        y, v = w[:R], w[R:-1].reshape(L, p)
+        rest = self._summed(y[:, None] * self.F) + v @ self.E
+        sizes = self._summed(np.abs(y) * self.largest) + np.abs(v) @ self.E_largest
         bound = self.error * sizes * ABOVE + 1e-300
         change, sound = np.zeros(len(w)), np.zeros(L, dtype=bool)
         for square in squares:
             change[square.places], sound[square.leaves] = square.bound(np.abs(rest) + bound[:, None])
         change_y, change_v = change[:R], change[R:-1].reshape(L, p)
 
-        good = (self.y >= change_y) | self.rows.either
+        good = (y >= change_y) | self.rows.either
         sound &= self._summed((~good).astype(np.int64)) == 0
         unit = self.equations.unit
-        terms = self._summed(np.abs(self.y * self.b)) + np.abs(self.v) @ np.abs(self.h)
-        value = self._summed(self.y * self.b) + self.v @ self.h - self.error * terms
+        terms = self._summed(np.abs(y * self.b)) + np.abs(v) @ np.abs(self.h)
+        value = self._summed(y * self.b) + v @ self.h - self.error * terms
         value -= (self._summed(change_y * np.abs(self.b)) + change_v @ np.abs(self.h)) * ABOVE
-        slack, grows = self.side.costs(self.equations.about, self.v / unit, change_v / unit)
+        slack, grows = self.side.costs(self.equations.about, v / unit, change_v / unit)
         first = self.rows.first
-        pushes = self._summed(np.where(first, self.y - change_y, 0.0) / self.unit) * (1 - 1e-9)
-        energy = self._summed(np.where(self.rows.energy, np.abs(self.y) + change_y, 0.0) / self.unit) * self.side.energy
+        pushes = self._summed(np.where(first, y - change_y, 0.0) / self.unit) * (1 - 1e-9)
+        energy = self._summed(np.where(self.rows.energy, np.abs(y) + change_y, 0.0) / self.unit) * self.side.energy
         value -= (slack + energy) * ABOVE + self.side.grown(grows, pushes)
         caps = np.full(L, np.inf)
         if self.left.any():
@@ -409,17 +403,16 @@ def _inverse(B: Array) -> Array:
         return np.linalg.inv(B + tilt[:, None, None] * np.eye(B.shape[1]))
 
 
-def _pivots(B: Array) -> tuple[Mask, Mask]:
-    """(C, K) which rows of matrices (C, K, n) are independent of those before; (C, n) columns with their pivots."""
+def _pivots(B: Array, least: float) -> tuple[Mask, Mask]:
+    """(C, K) which rows of matrices (C, K, n) are independent of those before; (C, n) columns with their pivots, above `least`."""
     B = B.copy()
     C, K, n = B.shape
     rows, columns, every = np.zeros((C, K), dtype=bool), np.zeros((C, n), dtype=bool), np.arange(C)
-    size = np.abs(B).max(axis=2, initial=0.0)
     for i in range(K):
         row = B[:, i]
         j = np.abs(row).argmax(axis=1)
         pivot = row[every, j]
-        real = np.abs(pivot) > RANK * size[:, i]
+        real = np.abs(pivot) > least
         rows[:, i], columns[every, j] = real, columns[every, j] | real
         row = row * (real / np.where(real, pivot, 1.0))[:, None]
         rest = B[:, i + 1 :]
