@@ -16,7 +16,7 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Integers, Mask
 from handfast.proofs.leaves import CitedRows, Late, proved
-from handfast.proofs.rows import OPEN, Columns, LeafRows, Row
+from handfast.proofs.rows import Columns, LeafRows, Row, zeros
 from handfast.proofs.tree import BadCertificate, leaf_cases
 
 
@@ -81,17 +81,14 @@ def checked_rows(c: Certificate, cases: Integers) -> CitedRows:
     refuse(~(np.isfinite(c.multiplier) & (c.multiplier >= 0)), "the multiplier is negative or not finite")
     refuse(~rows.legal(q, c.scalar, some, cases), "does not hold in this case")
     value, right = rows.row_values(q, c.scalar, some)
-    at, opened = Columns.of(q), cases[:, : q.grasp.m, 0] == OPEN
-    zero = np.zeros((len(cases), at.n), dtype=bool)
-    zero[:, at.c], zero[:, at.twist] = np.repeat(opened, 3, axis=1), opened[:, q.grasp.soft]
+    at = Columns.of(q)
     return CitedRows(
         value=value,
         right=right,
         either=rows.equalities(q, some, cases),
         y=c.multiplier.astype(np.float64),
         start=c.start,
-        opened=zero,
+        zero=zeros(q, cases),
         first=(c.kind == Row.BOUND_UP) & (c.index == at.scalar.start) & q.has_scalar,
         energy=c.kind == Row.ENERGY,
-        ends=c.scalar or (0.0, 0.0),
     )

@@ -51,14 +51,14 @@ class Equations:
     def scale(self) -> Array:
         """(n,) powers of two by which unknowns are scaled; forces of contacts have 1."""
         largest = np.maximum(self.E_size.max(axis=0, initial=0.0), self.Z_size.max(axis=0, initial=0.0))
-        out = _power_near(largest)
+        out = power_near(largest)
         out[self.columns.c] = 1.0
         return 1.0 / out
 
     @cached_property
     def unit(self) -> Array:
         """(p,) powers of two: the rows of E, scaled, over these are of like size."""
-        return _power_near((self.E_size * self.scale).max(axis=1, initial=0.0))
+        return power_near((self.E_size * self.scale).max(axis=1, initial=0.0))
 
     @cached_property
     def inverse(self) -> Array:
@@ -66,12 +66,53 @@ class Equations:
         return np.linalg.pinv(self.E * self.scale / self.unit[:, None], rcond=1e-12)
 
     @cached_property
+    def reached(self) -> Mask:
+        """(n,) bool: unknowns that are bounded where motions are: these, and forces of contacts."""
+        at, out = self.columns, np.zeros(self.columns.n, dtype=bool)
+        for part in (at.r, at.q, at.c, at.twist):
+            out[part] = True
+        return out
+
+    @cached_property
+    def _arms(self) -> Array:
+        """(n,) how large unknowns but r are where motions are 1 N at most, see `reach`; 0 for what nothing bounds.
+
+        A contact's |d_n| is at most that of the object, once for its way and once for its turn, and that of its joints;
+        c_n <= |d_n|, |c_t| <= mu c_n, and so the torsion over the lever.
+        """
+        at, g, out = self.columns, self.grasp, np.zeros(self.columns.n)
+        out[at.q] = 1.0 / self.joint_units
+        normal = (2.0 + g.sizes[1][0::3] @ (1.0 / g.joint_units)) * (1 + 1e-9)
+        out[at.c] = np.column_stack([normal, g.mu * normal, g.mu * normal]).ravel()
+        out[at.twist] = (g.mu * normal)[g.soft]
+        return out
+
+    def reach(self, rest: Array, off: Array) -> Array:
+        """(L,) upper bounds on |rho x| over all x whose motions are 1 N at most, for all rho within off (L, n) of rest.
+
+        These are motions of the object about the contacts' centroid, a turn times `GraspData.size`, and of each joint
+        times its unit. Of unknowns that they do not bound, rho has to be 0.
+        """
+        g, at = self.grasp, self.columns
+        force, torque = rest[:, :3], rest[:, 3:6]
+        arm = float(np.linalg.norm(g.centroid))
+
+        def length(x: Array) -> Array:
+            return np.asarray(np.linalg.norm(x, axis=1))
+
+        about = torque - np.cross(g.centroid, force)
+        rounding = 16 * UNIT * (length(torque) + arm * length(force))
+        turns = (length(about) + rounding + length(off[:, 3:6]) + arm * length(off[:, :3])) / g.size
+        own = length(force) + length(off[:, :3]) + turns + (np.abs(rest) + off)[:, at.q.start :] @ self._arms[at.q.start :]
+        return np.asarray(own * (1 + 1e-9))
+
+    @cached_property
     def exact(self) -> ExactRows:
         """The same in whole numbers."""
         return ExactRows(self)
 
 
-def _power_near(x: Array) -> Array:
+def power_near(x: Array) -> Array:
     """Powers of two near numbers; 1 for 0."""
     return np.asarray(np.exp2(np.round(np.log2(np.where(x > 0, x, 1.0)))))
 
@@ -132,12 +173,15 @@ class RightSide:
         h: (p,).
         slack, growth: (p,) E x = h may be missed by slack + |scalar| growth, (1) about the contacts' centroid.
         energy: by how much the balance of energy may be missed.
+        scale: [N] of the load. ends: of the scalar, 0 and 0 without.
     """
 
     h: Array
     slack: Array
     growth: Array
     energy: float
+    scale: float
+    ends: Range
 
     @classmethod
     def of(cls, q: Question, scalar: Range | None, p: int) -> RightSide:
@@ -161,12 +205,23 @@ class RightSide:
         if q.goal == TORQUES and not load.w_a.any():  # the commands that are sought are the largest thing there is
             R = np.abs(g.R[q.sought]) / g.joint_units
             grows = float(R.max(initial=0.0))
-        return cls(h, EPS * of_load * units, EPS * grows * units, EPS * of_load**2)
+        ends = scalar or (0.0, 0.0)
+        return cls(h, EPS * of_load * units, EPS * grows * units, EPS * of_load**2, max(of_load, grows), ends)
 
     def costs(self, about: Array, v: Array, change: Array) -> tuple[Array, Array]:
         """(L,) upper bounds on |v| slack and |v| growth for all v (L, p) that differ from these by change at most."""
         size = np.abs(v @ about.T) + (change + 16 * UNIT * np.abs(v)) @ np.abs(about.T)
         return size @ self.slack * (1 + 1e-9), size @ self.growth * (1 + 1e-9)
+
+    def grown(self, grows: Array, pushes: Array) -> Array:
+        """(L,) how much of a margin what grows with the scalar can take.
+
+        The multiplier of the scalar's first end grows with the scalar, too. Where that is faster, the first end is the
+        worst; else the farther one is.
+        """
+        first, last = abs(self.ends[0]), max(abs(x) for x in self.ends)
+        end = np.where(pushes >= grows, first, last)
+        return np.multiply(grows, end, out=np.zeros_like(grows), where=grows > 0) * (1 + 1e-9)
 
 
 class ExactRows:
@@ -211,12 +266,35 @@ class ExactRows:
         rows = {row.tobytes(): row for row in values}
         key = b"".join(sorted(rows)), equalities.tobytes(), columns.tobytes()
         if key not in self._ranks:
-            zero, places = fmpz(0), np.flatnonzero(columns).tolist()
             every = [self.row(row)[0] for row in rows.values()]
             every += [self.E[k][0] for k in np.flatnonzero(equalities)]
-            table = [[row.get(j, zero) for j in places] for row in every]
-            self._ranks[key] = int(fmpz_mat(table).rank()) if table and places else 0
+            self._ranks[key] = _rank(every, np.flatnonzero(columns).tolist())
         return self._ranks[key]
+
+
+def _rank(rows: list[Sparse], columns: list[int]) -> int:
+    """Exactly. What stands alone in its row or column is counted first, and goes with both."""
+    left = [{j: row[j] for j in columns if j in row and row[j] != 0} for row in rows]
+    alone, found = 0, True
+    while found:
+        count: dict[int, int] = {}
+        for row in left:
+            for j in row:
+                count[j] = count.get(j, 0) + 1
+        gone = {j for row in left if len(row) == 1 for j in row}
+        single = [i for i, row in enumerate(left) if not gone & row.keys() and any(count[j] == 1 for j in row)]
+        alone, found = alone + len(gone) + len(single), bool(gone or single)
+        left = [{j: x for j, x in row.items() if j not in gone} for i, row in enumerate(left) if i not in set(single)]
+    left = [row for row in left if row]
+    places = sorted({j for row in left for j in row})
+    zero = fmpz(0)
+    table = []
+    for row in left:
+        shared = zero
+        for x in row.values():
+            shared = shared.gcd(x)
+        table.append([row[j] // shared if j in row else zero for j in places])
+    return alone + (int(fmpz_mat(table).rank()) if table else 0)
 
 
 def _whole(row: dict[int, float]) -> tuple[Sparse, int]:

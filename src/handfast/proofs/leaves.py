@@ -15,10 +15,9 @@ y as rounded numbers, and v follows from it by least squares. Multipliers w = (y
   through them. As many columns as the rank are kept; that the rank of all is no higher is shown in whole numbers, once
   for each set of rows (`ExactRows.rank`), for motions and forces apart. Then what cancels in the kept columns cancels
   in all.
-- Where columns of motions depend on each other only but for rounding (points on a circle, parallel walls), what is left
-  in those that are not kept is multiplied by a motion, and the margin allows for motions up to a *cap* only: of the
-  object about the contacts' centroid, a turn times `GraspData.size`, and of each joint times its unit [N at unit
-  stiffness].
+- Where columns depend on each other only but for rounding (points on a circle, parallel walls), what is left in those
+  that are not kept is multiplied by a motion, or by a force of a contact, which is no larger than its motion. The
+  margin then allows for motions up to a *cap* only, see `Equations.reach`.
 - What remains is solved in rational arithmetic (`exact_leaves`).
 
 All of F, b, E, h but grasp map and Jacobian are floating-point numbers taken as they are, see `rows.row_values`.
@@ -30,16 +29,19 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from handfast.proofs.equations import ROUNDED, Equations, RightSide
+from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
+from handfast.proofs.exact_leaves import exact_margin
 from handfast.proofs.fields import Array, Integers, Mask
 from handfast.proofs.rows import UNIT
 
-NEGLIGIBLE = 1e-13  # relative: multipliers of equalities below this are taken for 0
+NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
 LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
-RANK = 1e-9  # relative: pivots that are smaller do not count, until shown exactly
+HIGH = 1e9  # times the load: caps below are sought again in rational arithmetic
+RANK, COARSE = 1e-9, 1e-6  # of scaled rows: pivots that are smaller do not count; where that shows nothing
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
 CHUNK, SIDE = 128, 4096  # systems inverted at a time; leaves whose rows are in memory at a time
 
@@ -57,8 +59,8 @@ class CitedRows:
         either: (R,) bool, multipliers may have any sign.
         y: (R,) multipliers, not negative.
         start: (L+1,) leaf i has the rows start[i] to start[i+1].
-        opened: (L, n) bool, unknowns that are 0: forces of open contacts.
-        first: (R,) bool, rows that the scalar is not below its first end. ends: of the scalar, 0 and 0 without.
+        zero: (L, n) bool, unknowns that are 0, see `rows.zeros`.
+        first: (R,) bool, rows that the scalar is not below its first end.
         energy: (R,) bool, balances of energy.
     """
 
@@ -67,17 +69,16 @@ class CitedRows:
     either: Mask
     y: Array
     start: Integers
-    opened: Mask
+    zero: Mask
     first: Mask
     energy: Mask
-    ends: tuple[float, float]
 
     def some(self, begin: int, end: int) -> CitedRows:
         """Of the leaves from begin to end."""
         rows, start = slice(self.start[begin], self.start[end]), self.start[begin : end + 1]
         own = self.value[rows], self.right[rows], self.either[rows], self.y[rows]
         of_kind = self.first[rows], self.energy[rows]
-        return CitedRows(*own, start - start[0], self.opened[begin:end], *of_kind, self.ends)
+        return CitedRows(*own, start - start[0], self.zero[begin:end], *of_kind)
 
 
 def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf) -> tuple[Array, Array]:
@@ -110,11 +111,16 @@ class LeafSystems:
         q, n = equations, equations.columns.n
         self.equations, self.side, self.rows = equations, side, rows
         self.count = np.diff(rows.start)
+        self.some, self.begin = self.count > 0, rows.start[:-1][self.count > 0]
         self.leaf = np.repeat(np.arange(len(self.count)), self.count)
-        x, d = rows.value[:, :n] * q.scale, rows.value[:, n:]
-        self.F, size = x + d @ (q.Z * q.scale), np.abs(x) + np.abs(d) @ (q.Z_size * q.scale)
+        motions = slice(0, equations.columns.motions)
+        d, Z, Z_size = rows.value[:, n:], q.Z * q.scale, q.Z_size * q.scale
+        self.F = rows.value[:, :n] * q.scale
+        size = np.abs(self.F)
+        self.F[:, motions] += d @ Z[:, motions]
+        size[:, motions] += np.abs(d) @ Z_size[:, motions]
         most = size.max(axis=1, initial=0.0)
-        self.unit: Array = np.exp2(np.round(np.log2(np.where(most > 0, most, 1.0))))
+        self.unit = power_near(most)
         self.F /= self.unit[:, None]
         self.largest = most / self.unit
         self.E = q.E * q.scale / q.unit[:, None]
@@ -124,34 +130,40 @@ class LeafSystems:
         terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
         self.error = ROUNDED + 4 * terms * UNIT
 
-        rest = self._summed(self.y[:, None] * self.F)
+        self.rest = rest = self._summed(self.y[:, None] * self.F)
         self.v = -rest @ q.inverse
         alone = self.count == 0  # the equilibrium contradicts itself
         self.v[alone] = self.h - (q.inverse.T @ (self.E.T @ self.h))
         self.v -= (rest + self.v @ self.E) @ q.inverse  # once more for what rounding left
 
-        closed = ~rows.opened
+        closed = ~rows.zero
         touches, E_touches = size > 0, (q.E_size > 0).astype(float)
-        self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
         size_of_v = np.abs(self.v)
         top = np.maximum(self._top(self.y), size_of_v.max(axis=1, initial=0.0))
+        self.y = np.where(self.y > NEGLIGIBLE * top[self.leaf], self.y, 0.0)
+        self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
         self.used_E = (size_of_v > NEGLIGIBLE * top[:, None]) & (closed.astype(float) @ E_touches.T > 0)
         self.v = np.where(self.used_E, self.v, 0.0)
         self.touches = touches
-        by_rows = self._summed((touches & self.used[:, None]).astype(float)) > 0
-        self.alive = (by_rows | (self.used_E.astype(float) @ E_touches > 0)) & closed
+        self.alive = np.zeros_like(closed)
+        if len(touches):
+            self.alive[self.some] = np.logical_or.reduceat(touches & self.used[:, None], self.begin)
+        self.alive = (self.alive | (self.used_E.astype(float) @ E_touches > 0)) & closed
         self.top = top
 
     def _summed(self, x: Array) -> Array:
         """(L, ...) sums over the rows of each leaf."""
-        out = np.add.reduceat(np.concatenate([x, np.zeros((1, *x.shape[1:]))]), self.rows.start[:-1], axis=0)
-        out[self.count == 0] = 0.0
-        return np.asarray(out)
+        out = np.zeros((len(self.count), *x.shape[1:]), dtype=x.dtype)
+        if len(x):
+            out[self.some] = np.add.reduceat(x, self.begin, axis=0)
+        return out
 
     def _top(self, x: Array) -> Array:
-        out = np.maximum.reduceat(np.append(x, 0.0), self.rows.start[:-1])
-        out[self.count == 0] = 0.0
-        return np.asarray(out)
+        """(L,) the largest of the rows of each leaf."""
+        out = np.zeros(len(self.count))
+        if len(x):
+            out[self.some] = np.maximum.reduceat(x, self.begin)
+        return out
 
     # --- which rows and columns make the square system
 
@@ -159,26 +171,40 @@ class LeafSystems:
         """(L,) margins and caps."""
         L, n = self.alive.shape
         self.basis, self.basis_E, self.columns = self.used.copy(), self.used_E.copy(), self.alive.copy()
-        self.left, hopeless = np.zeros((L, n), dtype=bool), np.zeros(L, dtype=bool)
+        self.left, self.hopeless = np.zeros((L, n), dtype=bool), np.zeros(L, dtype=bool)
         many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
-        wanted = self.alive.sum(axis=1)
         self._leave_out_one()
-        for chosen in _groups(np.flatnonzero((many - 1 != wanted) & (wanted > 0)), many):
-            hopeless[chosen] = self._choose(chosen)
-        side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)
-        side[wanted == 0] = 0
-        hopeless |= (side != self.columns.sum(axis=1)) & (wanted > 0)
-        solvable = np.flatnonzero(~hopeless)
-        squares = [Square(self, chosen, int(side[chosen].max(initial=0))) for chosen in _groups(solvable, side)]
-        if time.monotonic() > until:
-            raise Late
-        margins, caps = self._enclosed(squares)
-        margins[hopeless] = -np.inf
-        for k in np.flatnonzero(~(margins > 0) & ~self.left.any(axis=1) & ~hopeless):
+        ragged = (many - 1 != self.alive.sum(axis=1)) & self.alive.any(axis=1)
+        self._choose(np.flatnonzero(ragged), RANK)
+        squares = self._squares(np.arange(L))
+        singular = np.concatenate([np.zeros(0, np.int64), *(x.leaves[~x.regular] for x in squares)])
+        self._choose(singular, RANK)
+        margins, caps = self._enclosed(squares + self._squares(singular))
+        self._exactly(margins, caps, until)
+        failed = np.flatnonzero(~(margins > 0))
+        if len(failed):  # columns that depend on each other to some digits
+            self._choose(failed, COARSE)
+            of_some = self._enclosed(self._squares(failed))
+            margins[failed], caps[failed] = of_some[0][failed], of_some[1][failed]
+            self._exactly(margins, caps, until)
+        return margins, np.where(margins > 0, caps, np.inf)
+
+    def _exactly(self, margins: Array, caps: Array, until: float) -> None:
+        """Put in what rational arithmetic shows, where the margins of leaves (L,) are none or their caps small."""
+        for k in np.flatnonzero((~(margins > 0) | (caps < HIGH * self.side.scale)) & ~self.hopeless):
             if time.monotonic() > until:
                 raise Late
-            margins[k] = self._exactly(int(k))
-        return margins, caps
+            margin, cap = exact_margin(self, int(k))
+            if margin > 0 and (not margins[k] > 0 or cap > caps[k]):
+                margins[k], caps[k] = margin, cap
+
+    def _squares(self, leaves: Integers) -> list[Square]:
+        """The square systems of leaves, without those that have none."""
+        side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)
+        side[~self.alive.any(axis=1)] = 0
+        self.hopeless[leaves] |= (side != self.columns.sum(axis=1))[leaves]
+        solvable = leaves[~self.hopeless[leaves]]
+        return [Square(self, chosen, int(side[chosen].max(initial=0))) for chosen in _groups(solvable, side)]
 
     def _leave_out_one(self) -> None:
         """Of each leaf's basis, the row with the largest multiplier."""
@@ -189,25 +215,33 @@ class LeafSystems:
         rows = np.flatnonzero(self.used & (of_y == most[self.leaf]) & ~in_E[self.leaf])
         self.basis[rows[np.unique(self.leaf[rows], return_index=True)[1]]] = False
 
-    def _choose(self, chosen: Integers) -> Mask:
-        """Rows and columns by complete pivoting, where there are more of one than of the other; (C,) which are hopeless."""
-        R, p, out = len(self.F), len(self.E), np.zeros(len(chosen), dtype=bool)
-        index, there = self.places(chosen, self.used, self.used_E)
-        every = np.concatenate([self.F, self.E, np.zeros((1, self.F.shape[1]))])
-        size = np.abs(np.append(self.y, np.zeros(p + 1)))[index] / self.top[chosen][:, None]
-        free = np.append(self.rows.either, np.ones(p + 1, dtype=bool))[index]
-        weight = np.where(free, 1.0, np.clip(np.sqrt(size), LEAST, 1.0))
-        rows, columns = _pivots(every[index] * self.alive[chosen][:, None] * weight[..., None])
-        for k, leaf in enumerate(chosen.tolist()):
-            mine = index[k][rows[k] & there[k]]
-            self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
-            self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True
-            self.columns[leaf] = columns[k]
-            out[k] = self._drop(leaf, columns[k])
-        return out
+    def _choose(self, leaves: Integers, least: float) -> None:
+        """Independent rows and columns of leaves, by elimination; pivots are larger than `least`.
+
+        Equations come first, then inequalities with large multipliers, which may change most; last the row with the
+        largest of all, which the others leave over.
+        """
+        R, p = len(self.F), len(self.E)
+        for chosen in _groups(leaves, self.count):
+            index, there = self.places(chosen, self.used, self.used_E)
+            place = np.clip(index - R, 0, p - 1)
+            size = np.where(index < R, np.append(self.y, 0.0)[np.minimum(index, R)], np.abs(self.v[chosen[:, None], place]))
+            size = np.where(there, size, -1.0)
+            free = np.append(self.rows.either, np.ones(p + 1, dtype=bool))[index] & there
+            last = size == size.max(axis=1)[:, None]
+            order = np.argsort(np.where(last, 1.0, np.where(free, -np.inf, -size)), axis=1, kind="stable")
+            index, there = np.take_along_axis(index, order, axis=1), np.take_along_axis(there, order, axis=1)
+            rows, columns = _pivots(self.every[index, :-1] * self.alive[chosen][:, None], least)
+            for k, leaf in enumerate(chosen.tolist()):
+                mine = index[k][rows[k] & there[k]]
+                self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
+                self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True
+                self.columns[leaf] = columns[k]
+                self.left[leaf] = False
+                self.hopeless[leaf] = self._drop(leaf, columns[k])
 
     def _drop(self, leaf: int, kept: Mask) -> bool:
-        """See whether other columns depend on those kept exactly; those of motions may be left over, others not: True."""
+        """See whether other columns depend on those kept exactly; if not, some may be left over, others not: True."""
         dropped, motions = self.alive[leaf] & ~kept, np.arange(len(kept)) < self.equations.columns.motions
         blocks = [block for block in (motions, ~motions) if (dropped & block).any()]
         if all(self._rank(leaf, block) <= (kept & block).sum() for block in blocks):
@@ -215,7 +249,7 @@ class LeafSystems:
         if self._rank(leaf, motions | True) <= kept.sum():
             return False
         self.left[leaf] = dropped
-        return bool((dropped & ~motions).any())
+        return bool((dropped & ~self.equations.reached).any())
 
     def _rank(self, leaf: int, block: Mask) -> int:
         """Exactly, of the rows that a leaf uses, in some columns."""
@@ -234,43 +268,46 @@ class LeafSystems:
         inside = place < self.rows.start[chosen + 1][:, None]
         there = np.concatenate([np.append(rows, False)[np.where(inside, place, R)], equalities[chosen]], axis=1)
         index = np.concatenate([place, np.broadcast_to(R + np.arange(p), (len(chosen), p))], axis=1)
-        order = np.argsort(~there, axis=1, kind="stable")[:, : int(there.sum(axis=1).max(initial=0))]
-        there = np.take_along_axis(there, order, axis=1)
-        return np.where(there, np.take_along_axis(index, order, axis=1), R + p), there
+        out = _compact(there, index, int(there.sum(axis=1).max(initial=0)), R + p)
+        return out, out < R + p
 
     # --- their solutions
 
-    def residual(self) -> Array:
-        """(L, n) y F + v E, rounded."""
-        return self._summed(self.y[:, None] * self.F) + self.v @ self.E
+    @cached_property
+    def every(self) -> Array:
+        """(R+p+1, n+1) F and E, with one more row and column of zeros."""
+        (R, n), p = self.F.shape, len(self.E)
+        out = np.zeros((R + p + 1, n + 1))
+        out[:R, :n], out[R:-1, :n] = self.F, self.E
+        return out
 
     def _enclosed(self, squares: list[Square]) -> tuple[Array, Array]:
         """(L,) margins and caps by the square systems; margins are -inf where these show nothing."""
         L, R, p = len(self.count), len(self.F), len(self.E)
         w = np.concatenate([self.y, self.v.ravel(), [0.0]])
-        rest = self.residual()
+        rest = self.rest + self.v @ self.E
         for square in squares:
             w[square.places] -= square.solution(rest)
-        self.y, self.v = w[:R], w[R:-1].reshape(L, p)
-        rest = self.residual()
-        sizes = self._summed(np.abs(self.y) * self.largest) + np.abs(self.v) @ self.E_largest
+        y, v = w[:R], w[R:-1].reshape(L, p)
+        rest = self._summed(y[:, None] * self.F) + v @ self.E
+        sizes = self._summed(np.abs(y) * self.largest) + np.abs(v) @ self.E_largest
         bound = self.error * sizes * ABOVE + 1e-300
         change, sound = np.zeros(len(w)), np.zeros(L, dtype=bool)
         for square in squares:
             change[square.places], sound[square.leaves] = square.bound(np.abs(rest) + bound[:, None])
         change_y, change_v = change[:R], change[R:-1].reshape(L, p)
 
-        good = (self.y >= change_y) | self.rows.either
+        good = (y >= change_y) | self.rows.either
         sound &= self._summed((~good).astype(np.int64)) == 0
         unit = self.equations.unit
-        terms = self._summed(np.abs(self.y * self.b)) + np.abs(self.v) @ np.abs(self.h)
-        value = self._summed(self.y * self.b) + self.v @ self.h - self.error * terms
+        terms = self._summed(np.abs(y * self.b)) + np.abs(v) @ np.abs(self.h)
+        value = self._summed(y * self.b) + v @ self.h - self.error * terms
         value -= (self._summed(change_y * np.abs(self.b)) + change_v @ np.abs(self.h)) * ABOVE
-        slack, grows = self.side.costs(self.equations.about, self.v / unit, change_v / unit)
+        slack, grows = self.side.costs(self.equations.about, v / unit, change_v / unit)
         first = self.rows.first
-        pushes = self._summed(np.where(first, self.y - change_y, 0.0) / self.unit) * (1 - 1e-9)
-        energy = self._summed(np.where(self.rows.energy, np.abs(self.y) + change_y, 0.0) / self.unit) * self.side.energy
-        value -= (slack + energy) * ABOVE + grown(grows, pushes, self.rows.ends)
+        pushes = self._summed(np.where(first, y - change_y, 0.0) / self.unit) * (1 - 1e-9)
+        energy = self._summed(np.where(self.rows.energy, np.abs(y) + change_y, 0.0) / self.unit) * self.side.energy
+        value -= (slack + energy) * ABOVE + self.side.grown(grows, pushes)
         caps = np.full(L, np.inf)
         if self.left.any():
             caps = self._caps(value, rest, bound, change_y, change_v)
@@ -280,26 +317,12 @@ class LeafSystems:
     def _caps(self, value: Array, rest: Array, bound: Array, change_y: Array, change_v: Array) -> Array:
         """(L,) [N] up to which motions leave half of the margin, where columns are left over."""
         q = self.equations
-        wide = self._summed(np.abs(change_y) * self.largest) + change_v @ self.E_largest
-        rest = np.where(self.left, rest, 0.0) / q.scale
-        off = np.where(self.left, (wide * ABOVE + bound)[:, None], 0.0) / q.scale
-        turn, joints = slice(3, 6), q.columns.q
-        force, torque = rest[:, :3], rest[:, 3:6]
-        c, units = q.grasp.centroid, q.joint_units
-        arm = float(np.linalg.norm(c))
-        about = torque - np.cross(c, force)
-        length = {k: np.linalg.norm(x, axis=1) for k, x in enumerate((force, torque, about, off[:, :3], off[:, turn]))}
-        rounding = 16 * UNIT * (length[1] + arm * length[0])
-        of_turns = (length[2] + rounding + length[4] + arm * length[3]) / q.grasp.size
-        per_motion = length[0] + length[3] + of_turns + ((np.abs(rest) + off)[:, joints] / units).sum(axis=1)
+        off = self._summed(change_y[:, None] * np.abs(self.F)) + change_v @ np.abs(self.E)
+        off += (self.error * (self._summed(change_y * self.largest) + change_v @ self.E_largest) + bound)[:, None]
+        left = self.left / q.scale
+        weight = q.reach(rest * left, off * left * ABOVE)
         with np.errstate(divide="ignore"):
-            return np.where(self.left.any(axis=1), np.maximum(value, 0.0) / (2 * ABOVE * per_motion), np.inf)
-
-    def _exactly(self, leaf: int) -> float:
-        """The margin of one leaf in rational arithmetic."""
-        from handfast.proofs.exact_leaves import exact_margin
-
-        return exact_margin(self, leaf)
+            return np.where(self.left.any(axis=1), np.maximum(value, 0.0) / (2 * ABOVE * weight), np.inf)
 
 
 class Square:
@@ -307,7 +330,8 @@ class Square:
 
     Attributes:
         leaves: (C,). places: (C, N) where their multipliers stand among those of all rows and equalities.
-        columns: (C, N), of a residual with one more column, for padding.
+        columns: (C, N), of a residual with one more column, for padding. regular: (C,) bool: it is shown that there
+            is an inverse.
     """
 
     def __init__(self, systems: LeafSystems, leaves: Integers, side: int) -> None:
@@ -315,12 +339,8 @@ class Square:
         self.leaves = leaves
         index, there = systems.places(leaves, systems.basis, systems.basis_E)
         index, there = index[:, :side], there[:, :side]
-        kept = systems.columns[leaves]
-        columns = np.argsort(~kept, axis=1, kind="stable")[:, :side]
-        self.columns = np.where(np.take_along_axis(kept, columns, axis=1), columns, n)
-        every = np.zeros((R + p + 1, n + 1))
-        every[:R, :n], every[R:-1, :n] = systems.F, systems.E
-        B = every[index[:, :, None], self.columns[:, None, :]]
+        self.columns = _compact(systems.columns[leaves], np.arange(n), side, n)
+        B = systems.every.take(index[:, :, None] * (n + 1) + self.columns[:, None, :])
         diagonal = np.arange(B.shape[1])
         B[:, diagonal, diagonal] += ~there
         end = R + len(systems.count) * p
@@ -334,6 +354,7 @@ class Square:
         rounding = systems.error * largest * sizes.sum(axis=1)[:, None] * ABOVE
         self._rows = (off.sum(axis=2) * ABOVE + rounding).max(axis=1, initial=0.0)
         self._columns = off.max(axis=1, initial=0.0) + rounding.max(axis=1, initial=0.0)[:, None]
+        self.regular = self._rows < 0.5
 
     def _of(self, residual: Array) -> Array:
         """(C, 1, N) a residual (L, n) in the columns of the systems."""
@@ -343,7 +364,7 @@ class Square:
     def solution(self, residual: Array) -> Array:
         """(C, N) d that B maps to a residual (L, n), but for rounding."""
         found = (self._of(residual) @ self.X)[:, 0]
-        return np.where(np.isfinite(found), found, 0.0)
+        return np.where(self.regular[:, None], found, 0.0)
 
     def bound(self, residual: Array) -> tuple[Array, Mask]:
         """(C, N) upper bounds on the d that B maps to a residual, exactly, of at most this size; (C,) do they exist?
@@ -352,24 +373,25 @@ class Square:
         """
         at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * ABOVE
         whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * ABOVE
-        return at_most + whole[:, None] * self._columns * ABOVE, self._rows < 0.5
-
-
-def grown(grows: Array, pushes: Array, ends: tuple[float, float]) -> Array:
-    """(L,) how much of a margin what grows with the scalar can take.
-
-    The multiplier of the scalar's first end grows with the scalar, too. Where that is faster, the first end is the
-    worst; else the farther one is.
-    """
-    first, last = abs(ends[0]), max(abs(ends[0]), abs(ends[1]))
-    end = np.where(pushes >= grows, first, last)
-    return np.multiply(grows, end, out=np.zeros_like(grows), where=grows > 0) * ABOVE
+        return np.where(self.regular[:, None], at_most + whole[:, None] * self._columns * ABOVE, 0.0), self.regular
 
 
 def _groups(leaves: Integers, size: Integers) -> list[Integers]:
     """Leaves of like size together: little is wasted on padding."""
     leaves = leaves[np.argsort(size[leaves], kind="stable")]
     return [leaves[k : k + CHUNK] for k in range(0, len(leaves), CHUNK)]
+
+
+def _compact(there: Mask, values: Integers, width: int, nothing: int) -> Integers:
+    """(C, width) those of the values (C, K) or (K,) that are there, in each row in their order, then `nothing`."""
+    i, j = np.nonzero(there)
+    count = there.sum(axis=1)
+    out = np.full((len(there), width), nothing)
+    place = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
+    within = place < width
+    i, j, place = i[within], j[within], place[within]
+    out[i, place] = values[j] if values.ndim == 1 else values[i, j]
+    return out
 
 
 def _inverse(B: Array) -> Array:
@@ -381,20 +403,19 @@ def _inverse(B: Array) -> Array:
         return np.linalg.inv(B + tilt[:, None, None] * np.eye(B.shape[1]))
 
 
-def _pivots(B: Array) -> tuple[Mask, Mask]:
-    """(C, K) rows and (C, n) columns of matrices (C, K, n) in which elimination with complete pivoting finds a pivot."""
+def _pivots(B: Array, least: float) -> tuple[Mask, Mask]:
+    """(C, K) which rows of matrices (C, K, n) are independent of those before; (C, n) columns with their pivots, above `least`."""
     B = B.copy()
     C, K, n = B.shape
     rows, columns, every = np.zeros((C, K), dtype=bool), np.zeros((C, n), dtype=bool), np.arange(C)
-    first = np.abs(B).max(axis=(1, 2), initial=0.0)
-    for _ in range(min(K, n)):
-        i, j = np.divmod(np.abs(B).reshape(C, -1).argmax(axis=1), n)
-        pivot = B[every, i, j]
-        real = np.abs(pivot) > RANK * first
-        if not real.any():
-            break
-        rows[every[real], i[real]], columns[every[real], j[real]] = True, True
-        factor = B[every, :, j] * (real / np.where(real, pivot, 1.0))[:, None]
-        B -= factor[:, :, None] * B[every, i][:, None]
-        B[every, i], B[every, :, j] = 0.0, 0.0
+    for i in range(K):
+        row = B[:, i]
+        j = np.abs(row).argmax(axis=1)
+        pivot = row[every, j]
+        real = np.abs(pivot) > least
+        rows[:, i], columns[every, j] = real, columns[every, j] | real
+        row = row * (real / np.where(real, pivot, 1.0))[:, None]
+        rest = B[:, i + 1 :]
+        rest -= rest[every, :, j][:, :, None] * row[:, None]
+        rest[every, :, j] = np.where(real[:, None], 0.0, rest[every, :, j])
     return rows, columns

@@ -131,10 +131,10 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
     chord = within | (q.eta == 0)  # g is not needed where eta = 0
     leftish, rightish = inside(a, a + HALF), inside(b - HALF, b)
     soft = np.append(q.soft_fingers >= 0, False)[np.where(of_contact, index, m)]
-    patched = soft & slides & contains(a, left)
-    driven, may_move = (
-        np.append(x, False)[np.where(of_actuator, index, q.actuators)] for x in (q.is_driven, q.may_move)
-    )
+    patched = soft & slides
+    if patched.any():
+        patched &= contains(a, left)
+    driven, may_move = (np.append(x, False)[np.where(of_actuator, index, q.actuators)] for x in (q.is_driven, q.may_move))
     commanded = may_move & ~driven
     always = np.ones(len(kind), dtype=bool)
     out = np.zeros(len(kind), dtype=bool)
@@ -196,6 +196,17 @@ def equalities(q: Question, rows: LeafRows, cases: Integers) -> Mask:
     return np.asarray(still | gap | fixed | given)
 
 
+def zeros(q: Question, cases: Integers) -> Mask:
+    """(L, n) bool: unknowns that are 0 in a case (L, m+a, 3): forces of open contacts, joints whose actuator is locked."""
+    at, m = Columns.of(q), q.grasp.m
+    opened, locked = cases[:, :m, 0] == OPEN, (cases[:, m:, 0] == LOCKED) | ~q.may_move
+    alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
+    out = np.zeros((len(cases), at.n), dtype=bool)
+    out[:, at.c], out[:, at.twist] = np.repeat(opened, 3, axis=1), opened[:, q.grasp.soft]
+    np.logical_or.at(out, (slice(None), 6 + np.argmax(q.equivalent.R[alone] != 0, axis=1)), locked[:, alone])
+    return out
+
+
 # --- what they say ----------------------------------------------------------------------------------
 
 
@@ -218,9 +229,12 @@ def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array
     t, f = at.n + 3 * m + index, at.f.start + index
     ones = np.ones(count)
 
+    order = np.argsort(kind.astype(np.int8), kind="stable")
+    ends = np.searchsorted(kind[order], np.arange(33))
+
     def put(coefficient: Array, column: Integers, *kinds: Row) -> None:
         for k in kinds:
-            here = np.flatnonzero(kind == k)
+            here = order[ends[k] : ends[k + 1]]
             if len(here):
                 value[here, column[here]] += coefficient[here]
 
