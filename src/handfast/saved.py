@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 from handfast.core.errors import InputError
+from handfast.core.files import read_json
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
 
@@ -35,3 +36,9 @@ def verify(what: str | Path | Verifiable) -> Replay:
         return files.verify_path(what)
     except BadFile as fault:
         raise InputError(fault.problem, source=str(what), field=fault.field or None) from None
+
+
+def stated(path: str | Path) -> Any:
+    """The parsed JSON of what `verify` was given: of a folder its `plan.json`. `InputError` if it cannot be read."""
+    path = Path(path)
+    return read_json(path / "plan.json" if path.is_dir() else path, "result")

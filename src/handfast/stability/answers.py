@@ -21,6 +21,7 @@ from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
+from handfast.proofs.states import State as StateData
 from handfast.stability.model import State
 from handfast.stability.posed import Posed, grasp_data, stated
 from handfast.stability.refinement import RefinementStep
@@ -185,7 +186,7 @@ def _grasp(posed: Posed, w: Witness) -> GraspData:
     return grasp_data(posed.problem.grasp).with_command(w.grasp.command)
 
 
-def state_json(s: State) -> dict[str, Any]:
+def state_json(s: State | StateData) -> dict[str, Any]:
     """A state as files have it: `reaction` and `torsion` only where joints and contacts have one."""
     arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
     arrays |= {name: x for name, x in (("reaction", s.reaction), ("torsion", s.torsion)) if x.any()}

@@ -98,7 +98,7 @@ def margin(
     patterns = list(_patterns(sides(grasp, w)))
     tilt = ask.flip("tilt", TILTS, TILT_RESOLUTION, lambda x: [_tilted(grasp, p, np.radians(x)) for p in patterns])
     limits = dict(torque_limits or {}), force_limit
-    return Margin(float(stiffness), answer.witness, less, more, tilt, ask.count, ask.stop, *limits)
+    return Margin(float(stiffness), answer, less, more, tilt, ask.count, ask.stop, *limits)
 
 
 def sides(grasp: Grasp, wrench: Array) -> Array:
