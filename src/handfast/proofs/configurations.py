@@ -15,15 +15,15 @@ patches and bounds are tested over all of X. Equations and coordinates are those
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from handfast.proofs.contact_equations import ContactEquations, Values
-from handfast.proofs.fields import Array, BadFile, Fields, numbers
-from handfast.proofs.intervals import ULP, Interval, cos, sqr, sqrt
+from handfast.proofs.fields import Array, BadFile, Fields, Integers, numbers
+from handfast.proofs.intervals import ULP, Interval, cos, join, sqr, sqrt
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.tasks import TaskData
 
@@ -148,10 +148,11 @@ def examined(equations: ContactEquations, proof: Existence, name: str) -> tuple[
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which proves nothing
         at = equations.at(box.coordinates)
         reasons, figures = _krawczyk(box, at)
-        for bound in bounds(equations, box.coordinates, at, 1):
-            figures[bound.label] = bound.slack
-            if not bound.slack > 0:
-                reasons.append(bound.fault)
+        bounds = Bounds.of(equations)
+        inside = bounds.values(at)[1]
+        slacks = bounds.slacks(inside)
+    figures |= slacks
+    reasons += [bounds.fault(label, inside) for label, slack in slacks.items() if not slack > 0]
     return Replay(name, CLAIM, AND.join(reasons), figures), at
 
 
@@ -277,62 +278,70 @@ def _most(x: Array) -> float:
 # --- is it strictly inside all bounds? --------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Bound:
-    """A test that passes if `slack` is positive, and what to say if not."""
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """What has to lie strictly between two floats each: B of the coordinates, joints, axes and angles at contacts.
 
-    label: str
-    slack: float
-    fault: str
+    Attributes:
+        labels: (B,) see `check_configuration`. lower, upper: (B,).
+        column: (B,) among the coordinates, the joints' values, the object's rotation and what hand and object face.
+    """
 
+    labels: tuple[str, ...]
+    lower: Array
+    upper: Array
+    column: Integers
 
-def bounds(equations: ContactEquations, coordinates: Interval, at: Values, n: int) -> Iterator[Bound]:
-    """Every bound at entry n of coordinates (N, .) and of the values there."""
-    task, x = equations.task, coordinates[n]
-    for i, j in enumerate(equations.sides.drive.joints):
-        lo, hi = task.hand.limits[j].tolist()
-        if lo < hi:  # else it is fixed: `Drive.of` has seen to it
-            yield _between(f"joint:{task.hand.joints[j]}", f"joint {task.hand.joints[j]}", at.joints[n, i], lo, hi)
-    yield from _pose_bounds(task, x[equations.place], at.rotation[n])
-    yield from _contact_bounds(equations, x, at.facing[n])
+    @classmethod
+    def of(cls, equations: ContactEquations) -> Bounds:
+        """Those of a task."""
+        task, column, joints = equations.task, equations.column, equations.sides.drive.joints
+        found: list[tuple[str, float, float, int]] = []
+        for i, j in enumerate(joints):
+            lo, hi = task.hand.limits[j].tolist()
+            if lo < hi:  # else it is fixed: `Drive.of` has seen to it
+                found.append((f"joint:{task.hand.joints[j]}", lo, hi, len(column) + i))
+        for i, (lo, hi) in enumerate(task.position.tolist()):
+            found.append((f"position:{i}", lo, hi, column[f"position:{i}"]))
+        turned = len(column) + len(joints)
+        for k, i in np.ndindex(3, 3):
+            lo, hi = task.axes[k, i].tolist()
+            lo, hi = -np.inf if lo <= -1 else lo, np.inf if hi >= 1 else hi  # a component is never beyond 1
+            found.append((f"{'xyz'[k]}_axis:{i}", lo, hi, turned + 3 * i + k))
+        for k, (hand, thing) in enumerate(zip(task.on_hand, task.on_object, strict=True)):
+            for name in "st" if hand.ball else "stuv":
+                label, region = f"contact:{k}:{name}", thing if name in "st" else hand
+                if not region.ball:
+                    found.append((label, 0.0, 1.0, column[label]))
+                elif name == "s" and region.half_angle < np.pi:  # -s is the point opposite, as far from the axis
+                    found.append((label, -region.half_angle, region.half_angle, column[label]))
+            if not hand.ball:
+                found.append((f"contact:{k}:normals", 0.0, np.inf, turned + 9 + k))
+            elif hand.half_angle < np.pi:
+                cosine = float(cos(Interval.of(hand.half_angle)).hi)
+                found.append((f"contact:{k}:cone", cosine, np.inf, turned + 9 + k))
+        labels, lower, upper, where = zip(*(one for one in found if one[1] > -np.inf or one[2] < np.inf), strict=True)
+        return cls(labels, np.array(lower), np.array(upper), np.array(where))
 
+    def values(self, at: Values) -> Interval:
+        """(N, B) what is bounded."""
+        return join([at.coordinates, at.joints, at.rotation.reshape(-1, 9), at.opposite], -1)[..., self.column]
 
-def _between(label: str, what: str, x: Interval, lo: float, hi: float) -> Bound:
-    """Is x strictly between two floats?"""
-    y = x.ends + np.array([lo, -hi])  # below 0 inside, by the slack but for one rounding
-    slack = float(np.nextafter(-y, -np.inf).min())  # NaN if one of them is
-    comes = f"comes to [{x.lo:.9g}, {x.hi:.9g}] in the box, not strictly inside [{lo:.9g}, {hi:.9g}]"
-    return Bound(label, slack, "" if slack > 0 else f"{what} {comes}")
+    def slacks(self, inside: Interval) -> dict[str, float]:
+        """By what each bound is missed at least by values (B,), by label; NaN where one of them is."""
+        past = inside.ends + np.stack([self.lower, -self.upper], axis=-1)  # below 0 inside, but for one rounding
+        return dict(zip(self.labels, np.nextafter(-past, -np.inf).min(axis=-1).tolist(), strict=True))
 
-
-def _pose_bounds(task: TaskData, position: Interval, rotation: Interval) -> Iterator[Bound]:
-    for i, (lo, hi) in enumerate(task.position.tolist()):
-        if lo > -np.inf or hi < np.inf:
-            yield _between(f"position:{i}", f"pose.position[{i}]", position[i], lo, hi)
-    for k, i in np.ndindex(3, 3):
-        lo, hi = task.axes[k, i].tolist()
-        lo, hi = -np.inf if lo <= -1 else lo, np.inf if hi >= 1 else hi  # a component is never beyond 1
-        if lo > -np.inf or hi < np.inf:
-            name = f"{'xyz'[k]}_axis"
-            yield _between(f"{name}:{i}", f"pose.{name}[{i}]", rotation[i, k], lo, hi)
-
-
-def _contact_bounds(equations: ContactEquations, x: Interval, facing: Interval) -> Iterator[Bound]:
-    """`facing` (K,): hand axis (cap) or outward normal (patch) times the object's outward normal."""
-    task, column = equations.task, equations.column
-    for k, (hand, thing) in enumerate(zip(task.on_hand, task.on_object, strict=True)):
-        for name in "st" if hand.ball else "stuv":
-            label, region = f"contact:{k}:{name}", thing if name in "st" else hand
-            if not region.ball:
-                yield _between(label, label, x[column[label]], 0.0, 1.0)
-            elif name == "s" and region.half_angle < np.pi:  # -s is the point opposite, as far from the axis
-                yield _between(label, label, x[column[label]], -region.half_angle, region.half_angle)
-        if not hand.ball:
-            cosine = -facing[k]
-            comes = f"their cosine comes to [{-float(cosine.hi):.9g}, {-float(cosine.lo):.9g}] in the box"
-            fault = f"contact {k}: the normals are not opposite: {comes}"
-            yield Bound(f"contact:{k}:normals", float(cosine.lo), fault)
-        elif hand.half_angle < np.pi:
-            inside = -hand.sign * facing[k] - cos(Interval.of(hand.half_angle))
-            fault = f"contact {k} may leave the hand's cap, by a cosine of {-inside.lo:.3g}"
-            yield Bound(f"contact:{k}:cone", float(inside.lo), fault)
+    def fault(self, label: str, inside: Interval) -> str:
+        """What to say of one that is not met by values (B,)."""
+        n = self.labels.index(label)
+        lo, hi = float(inside.lo[n]), float(inside.hi[n])
+        kind, which, *rest = label.split(":")
+        if rest == ["normals"]:
+            return f"contact {which}: the normals are not opposite: their cosine comes to [{-hi:.9g}, {-lo:.9g}] in the box"
+        if rest == ["cone"]:
+            return f"contact {which} may leave the hand's cap, by a cosine of {self.lower[n] - lo:.3g}"
+        pose = f"pose.{kind}[{which}]"
+        what = f"joint {which}" if kind == "joint" else label if kind == "contact" else pose
+        ends = f"[{self.lower[n]:.9g}, {self.upper[n]:.9g}]"
+        return f"{what} comes to [{lo:.9g}, {hi:.9g}] in the box, not strictly inside {ends}"

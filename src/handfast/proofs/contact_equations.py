@@ -44,13 +44,15 @@ class Values:
     """The equations at N points or boxes.
 
     Attributes:
-        F: (N, E) equations, with derivatives (n, N, E).
+        coordinates: (N, n). F: (N, E) equations, with derivatives (n, N, E).
         gap: (N, K, 3) [m] between the contact points.
         joints: (N, J) values of the moving joints.
         position, rotation: (N, 3), (N, 3, 3) of the object. point, normal: (N, K, 3) of the object at the contacts, in the palm frame.
-        axis: (N, K, 3) of the hand's cap, or its outward normal. facing: (N, K) axis times normal.
+        axis: (N, K, 3) of the hand's cap, or its outward normal. opposite: (N, K) `Sides.sign` times axis times
+            normal: the cosine of the angle at which hand and object face each other.
     """
 
+    coordinates: Interval
     F: Dual
     gap: Interval
     joints: Interval
@@ -59,7 +61,7 @@ class Values:
     point: Interval
     normal: Interval
     axis: Interval
-    facing: Interval
+    opposite: Interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +168,7 @@ class ContactEquations:
         F = Dual(F.value.reshape(N, 5 * K)[:, self.rows], F.slope.reshape(n, N, 5 * K)[..., self.rows])
         normal = turned.value[..., 1, :]
         point = turned.value[..., 0, :] - normal * sides.radius + position
-        return Values(F, gap.value, joints, position[:, 0], R, point, normal, axis.value, along.value[..., 0])
+        return Values(x, F, gap.value, joints, position[:, 0], R, point, normal, axis.value, along.value[..., 0] * sides.sign[:, 0])
 
 
 def rotations(q: Interval) -> tuple[Interval, Interval]:

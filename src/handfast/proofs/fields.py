@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -142,11 +143,13 @@ def numbers(value: Any, shape: tuple[int, ...], field: str) -> Array:
 
 
 def _only_numbers(value: Any, field: str) -> None:
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        for x in value:
-            _only_numbers(x, field)
-    elif isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-        raise BadFile(f"has {value!r} where a number is needed", field)
+    layer = [value]
+    while layer and {*map(type, layer)} <= {list, tuple}:
+        layer = list(chain.from_iterable(layer))
+    if not {*map(type, layer)} <= {float, int}:
+        wrong = (x for x in layer if isinstance(x, bool) or not isinstance(x, int | float | np.floating | np.integer))
+        for x in wrong:
+            raise BadFile(f"has {x!r} where a number is needed", field)
 
 
 def refuse_unknown(name: str, known: Sequence[str], kind: str, field: str) -> None:

@@ -36,7 +36,8 @@ NEAR = 1e-9  # of a turn: more than the rounding of an angle below FAR in turns
 class Interval:
     """All arrays between `lo` and `hi`, entry by entry.
 
-    A float or an array beside an interval is exact. Indexing, shapes and broadcasting are numpy's.
+    A float or an array beside an interval is exact. Indexing, shapes and broadcasting are numpy's; an index counts axes
+    from the first or, with `...` at its beginning, from the last.
 
     Attributes:
         ends: (..., 2) -lo and hi: outwards is upwards for both.
@@ -62,8 +63,11 @@ class Interval:
     @classmethod
     def around(cls, middle: object, radius: object) -> Interval:
         """[middle - radius, middle + radius], rounded outwards."""
-        m, r = np.broadcast_arrays(np.asarray(middle, dtype=float), np.asarray(radius, dtype=float))
-        return _up(np.stack([r - m, r + m], axis=-1))
+        m, r = np.asarray(middle, dtype=float), np.asarray(radius, dtype=float)
+        lower, upper = r - m, r + m
+        ends = np.empty((*lower.shape, 2))
+        ends[..., 0], ends[..., 1] = lower, upper
+        return _up(ends)
 
     @property
     def lo(self) -> Array:
@@ -95,8 +99,8 @@ class Interval:
         return np.asarray((self.lo <= x) & (x <= self.hi))
 
     def __getitem__(self, key: Any) -> Interval:
-        whole = isinstance(key, tuple) and any(k is Ellipsis for k in key)
-        return Interval(self.ends[(*key, slice(None))] if whole else self.ends[key])
+        from_last = isinstance(key, tuple) and key[0] is Ellipsis
+        return Interval(self.ends[(*key, slice(None))] if from_last else self.ends[key])
 
     def reshape(self, *shape: int) -> Interval:
         """As numpy's."""

@@ -17,11 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.configurations import bounds, examined, read_existence
+from handfast.proofs.configurations import Bounds, examined, read_existence
 from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import SAME, Array, BadFile, Fields, numbers, same
 from handfast.proofs.impossibility import impossible
-from handfast.proofs.intervals import Interval
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.tasks import TaskData, read_task
 
@@ -150,8 +149,7 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
         beside = {name: f.take(name) for name in ("joints", "object_pose", "contacts", "slacks")}
         f.done()
         if at is not None and done.ok:
-            x = Interval.of(np.array([[proof.coordinates[label] for label in equations.column]]))
-            follows = _following(equations, x, at, proof.position, proof.quaternion)
+            follows = _following(equations, at, proof.position, proof.quaternion)
             moved = {task.hand.joints[j]: q for j, q in zip(equations.sides.drive.joints, at.joints.mid[0], strict=True)}
             fault = _difference(task, follows, moved, beside)
             done = Replay(done.name, done.claim, fault, done.figures)
@@ -165,12 +163,11 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
     return tuple(parts)
 
 
-def _following(
-    equations: ContactEquations, x: Interval, at: Values, position: Array, quaternion: Array
-) -> dict[str, Any]:
+def _following(equations: ContactEquations, at: Values, position: Array, quaternion: Array) -> dict[str, Any]:
     """What is said of a configuration beside its proof and its joints, as it follows from the floats."""
     task, point, normal, axis = equations.task, at.point.mid[0], -at.normal.mid[0], at.axis.mid[0]
-    slacks = {bound.label: bound.slack for bound in bounds(equations, x, at, 0)}
+    bounds = Bounds.of(equations)
+    slacks = bounds.slacks(bounds.values(at)[0])
     for k, hand in enumerate(task.on_hand):
         slacks.pop(f"contact:{k}:normals", None)
         if f"contact:{k}:cone" in slacks:

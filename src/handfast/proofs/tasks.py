@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.fields import Array, BadFile, Fields, Mask, number, refuse_unknown
+from handfast.proofs.fields import Array, BadFile, Fields, Mask, number, numbers, refuse_unknown
 from handfast.proofs.regions import RegionData, read_region
 
 KINDS = "revolute", "prismatic"
@@ -162,47 +162,38 @@ def _hand(f: Fields) -> HandData:
         raise BadFile(f"has {len(of_links)} links and {len(of_joints)} joints; 1 to {MANY} are possible", f.place)
     links, poses, passed = [], [], list[int]()
     for i, part in enumerate(of_links):
-        pose, joints = part.numbers("pose", (4, 4)), part.numbers("joints", (-1,))
-        carried = [int(j) for j in joints.tolist()]
-        parent = part.whole("parent", least=-1)
-        if not parent < i or (parent < 0) != (i == 0) or (joints != carried).any():
+        parent, carried = part.whole("parent", least=-1), part.take("joints")
+        if not parent < i or (parent < 0) != (i == 0) or not isinstance(carried, list):
             raise BadFile("has a parent or joints that do not exist", part.place)
-        if (pose[3] != [0.0, 0.0, 0.0, 1.0]).any():
-            raise BadFile("has no 0, 0, 0, 1 as last row", part.at("pose"))
         links.append(LinkData(part.text("name"), parent, tuple(carried)))
-        poses.append(pose)
+        poses.append(part.take("pose"))
         passed += carried
         part.done()
-    if sorted(passed) != sorted(set(passed) & set(range(len(of_joints)))):
+    if any(type(j) is not int or not 0 <= j < len(of_joints) for j in passed) or len(set(passed)) < len(passed):
         raise BadFile("have joints that do not exist, or a joint twice", f.at("links"))
-    names, revolute, axes, anchors, limits, ref = [], [], [], [], [], []
+    names, revolute = [], []
+    table: dict[str, list[Any]] = {"axis": [], "anchor": [], "limits": [], "ref": []}
     for part in of_joints:
         names.append(part.text("name"))
         revolute.append(part.text("type", among=KINDS) == "revolute")
-        axes.append(part.numbers("axis", (3,)))
-        anchors.append(part.numbers("anchor", (3,)))
-        limits.append(part.numbers("limits", (2,)))
-        ref.append(part.number("ref"))
-        if not axes[-1].any():
-            raise BadFile("is zero; a direction is needed", part.at("axis"))
-        _ordered(*limits[-1].tolist(), part.at("limits"))
+        for name, column in table.items():
+            column.append(part.take(name))
         part.done()
     for kind, those in (("links", [link.name for link in links]), ("joints", names)):
         if len(set(those)) < len(those):
             raise BadFile("has a name twice", f.at(kind))
-    hand = HandData(
-        tuple(links),
-        np.array(poses),
-        tuple(names),
-        np.array(revolute, dtype=bool),
-        np.array(axes).reshape(-1, 3),
-        np.array(anchors).reshape(-1, 3),
-        np.array(limits).reshape(-1, 2),
-        np.array(ref, dtype=float),
-        _couplings(f, len(names)),
-    )
+    shapes: dict[str, tuple[int, ...]] = {"axis": (-1, 3), "anchor": (-1, 3), "limits": (-1, 2), "ref": (-1,)}
+    of = {name: numbers(table[name], shape, f"{f.at('joints')}[].{name}") for name, shape in shapes.items()}
+    standing = numbers(poses, (-1, 4, 4), f"{f.at('links')}[].pose")
+    if (standing[:, 3] != [0.0, 0.0, 0.0, 1.0]).any():
+        raise BadFile("has no 0, 0, 0, 1 as last row", f"{f.at('links')}[].pose")
+    if not of["axis"].any(axis=1).all():
+        raise BadFile("is zero; a direction is needed", f"{f.at('joints')}[].axis")
+    for name, ends in zip(names, of["limits"].tolist(), strict=True):
+        _ordered(*ends, f"{f.at('joints')}.{name}.limits")
+    turning, couplings = np.array(revolute, dtype=bool), _couplings(f, len(names))
     f.done()
-    return hand
+    return HandData(tuple(links), standing, tuple(names), turning, *of.values(), couplings)
 
 
 def _couplings(f: Fields, l: int) -> dict[int, CouplingData]:

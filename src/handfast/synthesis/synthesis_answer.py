@@ -144,7 +144,7 @@ class Synthesis:
 
     def verify(self) -> ReplayedSynthesis:
         """What a file of it would claim, replayed: each configuration, and of a NONE as much as can be shown anew."""
-        return ReplayedSynthesis.of(self.to_file())
+        return ReplayedSynthesis.of(self._unsealed())
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""
@@ -167,5 +167,8 @@ class Synthesis:
 
     def to_file(self) -> dict[str, Any]:
         """The `handfast/synthesis/1` object; numbers come back exactly."""
+        return sealed(self._unsealed())
+
+    def _unsealed(self) -> dict[str, Any]:
         task, state = task_to_dict(self.task), dict(self.state) or None
-        return sealed({"schema": "handfast/synthesis/1", "task": task, "answer": self.to_json(), "state": state})
+        return {"schema": "handfast/synthesis/1", "task": task, "answer": self.to_json(), "state": state}
