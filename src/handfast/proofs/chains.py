@@ -75,18 +75,17 @@ def _driven(
 class Arms:
     """The links of the contacts, as chains of S different steps: a fixed frame, then a joint's motion.
 
-    A step moves x, in a link, to frame R (anchor + turned (x - anchor) + by * slide) + p, where the joint is at
-    ref + by.
+    A step moves x, in a link, to frame (anchor + turned (x - anchor) + by * slide) + p, where the joint is at
+    ref + by, and turned is 1 + sin(by) T + (1 - cos(by)) T T with the cross product matrix T of its axis.
 
     Attributes:
         chain: (K, D) steps from the palm outwards; step 0 stands still and fills up short chains.
         joint: (S,) column of the joint's value in (N, J). ref: (S,) its value at which it stands at the frame.
-        frame: (S, 3, 3) R.
-        turn, turn_twice: (S, 3, 3) cross product matrix of a revolute joint's axis and its square; else 0.
+        frame, first, second: (S, 3, 3) rotation of the frame, frame T, frame T T; the last two 0 for a prismatic joint.
         anchor: (S, 3, 1) a point of a revolute joint's axis; else 0.
-        axis: (S, 3, 3) R turn, turned back: the cross product matrix of a revolute joint's axis after the frame.
+        axis: (S, 3, 3) frame T, turned back: the cross product matrix of a revolute joint's axis after the frame.
         slide: (S, 3, 1) a prismatic joint's axis after the frame; else 0.
-        place: (S, 3, 1) R anchor + p.
+        place: (S, 3, 1) frame anchor + p.
         gain: (K, D, n) by which each coordinate moves the joint of each step.
     """
 
@@ -94,8 +93,8 @@ class Arms:
     joint: Integers
     ref: Array
     frame: Interval
-    turn: Interval
-    turn_twice: Interval
+    first: Interval
+    second: Interval
     anchor: Array
     axis: Interval
     slide: Interval
@@ -131,15 +130,15 @@ class Arms:
             anchor[revolute] = hand.anchors[joints[revolute]]
         direction = _unit_or_zero(axis)
         turning, sliding = (Interval(direction.ends * some[:, None, None]) for some in (revolute, ~revolute))
-        turn = cross(turning[:, None, :], Interval.of(np.eye(3))).swapped()  # columns axis x e_i
+        first = frame @ cross(turning[:, None, :], Interval.of(np.eye(3))).swapped()  # columns axis x e_i
         chain = np.array([c + [0] * (depth - len(c)) for c in chains], dtype=np.int64).reshape(len(chains), depth)
         gain = np.zeros((*chain.shape, n, 2))
         k, d = np.nonzero(moved[chain])
         led = column[chain[k, d]]
         gain[k, d, drive.column[led]] = drive.gain.ends[led]
-        place = frame @ anchor[..., None] + p
-        after = [turn, turn @ turn, anchor[..., None], frame @ turn @ frame.swapped(), frame @ sliding[..., None]]
-        return cls(chain, column, ref, frame, *after, place, Interval(gain))
+        after = first @ frame.swapped()
+        turns = frame, first, after @ first, anchor[..., None], after
+        return cls(chain, column, ref, *turns, frame @ sliding[..., None], frame @ anchor[..., None] + p, Interval(gain))
 
     def carry(self, joints: Interval, point: Dual, vector: Dual) -> tuple[Dual, Dual, Interval]:
         """Points and vectors (N, K, 3) of the contacts' links in the palm frame, at joint values (N, J).
@@ -152,18 +151,20 @@ class Arms:
         if joints.shape[1]:
             by = joints[..., self.joint] - self.ref
             s, c = sin(by)[..., None, None], cos(by)[..., None, None]
-            R = self.frame @ (s * self.turn + (1.0 - c) * self.turn_twice + np.eye(3))
-        out = by[..., None, None] * self.slide + self.place
-        R, out, anchor = R[:, self.chain], out[:, self.chain], self.anchor[self.chain]
-        axis, slide = self.axis[self.chain], self.slide[self.chain]
+            R = self.frame + s * self.first + (1.0 - c) * self.second
+        out = (by[..., None, None] * self.slide + self.place)[:, self.chain]
+        R, axis, slide = R[:, self.chain], self.axis[self.chain], self.slide[self.chain]
+        # from one step's anchor to the next one's
+        nearer = self.anchor[np.pad(self.chain, ((0, 0), (1, 0)))]
+        shift = out - nearer[:, :-1]
         # columns: the point, the vector, both by the two parameters, both by the joint of each step so far
         parts = [a[..., None] for a in (point.value, vector.value)]
         parts += [Interval(np.moveaxis(a.slope.ends, 0, -2)) for a in (point, vector)]
-        x, D = join(parts, -1), self.chain.shape[1]
+        x, D = join([parts[0] - nearer[:, -1], *parts[1:]], -1), self.chain.shape[1]
         for d in reversed(range(D)):
-            x = R[:, :, d] @ join([x[..., :1] - anchor[:, d], x[..., 1:]], -1)
+            x = R[:, :, d] @ x
             turned = axis[:, d] @ x[..., :2]
-            x = join([x[..., :1] + out[:, :, d], x[..., 1:], turned[..., :1] + slide[:, d], turned[..., 1:]], -1)
+            x = join([x[..., :1] + shift[:, :, d], x[..., 1:], turned[..., :1] + slide[:, d], turned[..., 1:]], -1)
         local = Interval(np.moveaxis(x.ends[..., 2:6, :], -2, 0))
         steps = x.ends[..., 6:, :].reshape(*x.shape[:3], D, 2, 2)[..., ::-1, :, :]  # (N, K, 3, D, 2) from the palm
         by_all = Interval(np.moveaxis(steps, -2, 0)) @ self.gain  # (2, N, K, 3, n)

@@ -139,21 +139,23 @@ def check_configuration(equations: ContactEquations, proof: Existence, name: str
     return examined(equations, proof, name)[0]
 
 
-def examined(equations: ContactEquations, proof: Existence, name: str) -> tuple[Replay, Values | None]:
-    """The same, and the values at the floats and over the box if it came to that."""
+def examined(
+    equations: ContactEquations, proof: Existence, name: str
+) -> tuple[Replay, Values | None, dict[str, float]]:
+    """The same, and if it came to that the values at the floats and over the box, and the slacks at the floats."""
     try:
         box = _Box.of(equations, proof)
     except Refused as fault:
-        return Replay(name, CLAIM, str(fault), dict.fromkeys(("contraction", "step", "gap"), np.inf)), None
+        return Replay(name, CLAIM, str(fault), dict.fromkeys(("contraction", "step", "gap"), np.inf)), None, {}
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which proves nothing
         at = equations.at(box.coordinates)
         reasons, figures = _krawczyk(box, at)
         bounds = Bounds.of(equations)
-        inside = bounds.values(at)[1]
-        slacks = bounds.slacks(inside)
+        inside = bounds.values(at)
+        at_floats, slacks = bounds.slacks(inside)
     figures |= slacks
-    reasons += [bounds.fault(label, inside) for label, slack in slacks.items() if not slack > 0]
-    return Replay(name, CLAIM, AND.join(reasons), figures), at
+    reasons += [bounds.fault(label, inside[1]) for label, slack in slacks.items() if not slack > 0]
+    return Replay(name, CLAIM, AND.join(reasons), figures), at, at_floats
 
 
 def _uv(contact: ContactPoint) -> tuple[float, ...]:
@@ -327,10 +329,11 @@ class Bounds:
         """(N, B) what is bounded."""
         return join([at.coordinates, at.joints, at.rotation.reshape(-1, 9), at.opposite], -1)[..., self.column]
 
-    def slacks(self, inside: Interval) -> dict[str, float]:
-        """By what each bound is missed at least by values (B,), by label; NaN where one of them is."""
+    def slacks(self, inside: Interval) -> list[dict[str, float]]:
+        """(N,) by what each bound is missed at least by values (N, B), by label; NaN where one of them is."""
         past = inside.ends + np.stack([self.lower, -self.upper], axis=-1)  # below 0 inside, but for one rounding
-        return dict(zip(self.labels, np.nextafter(-past, -np.inf).min(axis=-1).tolist(), strict=True))
+        least = np.nextafter(-past, -np.inf).min(axis=-1).tolist()
+        return [dict(zip(self.labels, row, strict=True)) for row in least]
 
     def fault(self, label: str, inside: Interval) -> str:
         """What to say of one that is not met by values (B,)."""

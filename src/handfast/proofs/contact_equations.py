@@ -121,7 +121,7 @@ class ContactEquations:
     """F for one task, its constants prepared. K contacts, n coordinates, E equations.
 
     Attributes:
-        rows: (E,) of the 5 K numbers (gap, two tangents) per contact.
+        rows: (E,) of the 5 numbers (gap, two tangents) of each contact, or the 3 where no hand region has tangents.
     """
 
     task: TaskData
@@ -132,7 +132,8 @@ class ContactEquations:
     def of(cls, task: TaskData) -> ContactEquations:
         """The constants; `Refused` as of `Sides`."""
         placed = [f"position:{i}" for i in range(3)] + [f"quaternion:{i}" for i in range(4)]
-        rows = [5 * k + i for k, hand in enumerate(task.on_hand) for i in range(3 if hand.ball else 5)]
+        each = 3 if all(hand.ball for hand in task.on_hand) else 5
+        rows = [each * k + i for k, hand in enumerate(task.on_hand) for i in range(3 if hand.ball else 5)]
         return cls(task, Sides.of(task, placed), np.array(rows, dtype=np.int64))
 
     @property
@@ -153,8 +154,9 @@ class ContactEquations:
         R, by_q = rotations(x[..., self.place.stop : self.place.stop + 4])
         at = sides.object.at(x)
         centre = at.point + at.normal * sides.radius
-        # as rows of (N, K, 4, 3): what touches, normal, tangents
-        rows = [sides.object.spread(a, n) for a in (centre, at.normal, at.first, at.second)]
+        # as rows of (N, K, ., 3): what touches, normal, tangents if there are equations of these
+        tangents = (at.first, at.second) if len(self.rows) > 3 * K else ()
+        rows = [sides.object.spread(a, n) for a in (centre, at.normal, *tangents)]
         on_object = join([a[..., None, :] for a in rows], -2)
         back = R.swapped()[:, None]
         turned = Dual(on_object.value @ back, on_object.slope @ back)
@@ -163,12 +165,14 @@ class ContactEquations:
         position = x[..., self.place].reshape(N, 1, 3)
         gap = there - turned[..., 0, :] - position
         gap.slope.ends[self.place] = -np.eye(3)[:, None, None, :, None] * [-1.0, 1.0]
-        along = dot(axis[..., None, :], turned[..., 1:, :])
-        F = join([gap, along[..., 1:]], -1)
-        F = Dual(F.value.reshape(N, 5 * K)[:, self.rows], F.slope.reshape(n, N, 5 * K)[..., self.rows])
+        facing = dot(axis.value, turned.value[..., 1, :])
+        F = gap
+        if tangents:
+            F = join([gap, dot(axis[..., None, :], turned[..., 2:, :])], -1)
+        F = Dual(F.value.reshape(N, -1)[:, self.rows], F.slope.reshape(n, N, -1)[..., self.rows])
         normal = turned.value[..., 1, :]
         point = turned.value[..., 0, :] - normal * sides.radius + position
-        return Values(x, F, gap.value, joints, position[:, 0], R, point, normal, axis.value, along.value[..., 0] * sides.sign[:, 0])
+        return Values(x, F, gap.value, joints, position[:, 0], R, point, normal, axis.value, facing * sides.sign[:, 0])
 
 
 def rotations(q: Interval) -> tuple[Interval, Interval]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.configurations import Bounds, examined, read_existence
+from handfast.proofs.configurations import examined, read_existence
 from handfast.proofs.contact_equations import ContactEquations, Values
 from handfast.proofs.fields import SAME, Array, BadFile, Fields, numbers, same
 from handfast.proofs.impossibility import impossible
@@ -145,11 +145,11 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
         return (Replay("task", "", str(fault)),)
     for i, f in enumerate(said):
         proof = read_existence(f.take("existence"), f.at("existence"))
-        done, at = examined(equations, proof, f"configuration {i}")
+        done, at, slacks = examined(equations, proof, f"configuration {i}")
         beside = {name: f.take(name) for name in ("joints", "object_pose", "contacts", "slacks")}
         f.done()
         if at is not None and done.ok:
-            follows = _following(equations, at, proof.position, proof.quaternion)
+            follows = _following(task, at, slacks, proof.position, proof.quaternion)
             moved = {task.hand.joints[j]: q for j, q in zip(equations.sides.drive.joints, at.joints.mid[0], strict=True)}
             fault = _difference(task, follows, moved, beside)
             done = Replay(done.name, done.claim, fault, done.figures)
@@ -163,11 +163,11 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
     return tuple(parts)
 
 
-def _following(equations: ContactEquations, at: Values, position: Array, quaternion: Array) -> dict[str, Any]:
+def _following(
+    task: TaskData, at: Values, slacks: dict[str, float], position: Array, quaternion: Array
+) -> dict[str, Any]:
     """What is said of a configuration beside its proof and its joints, as it follows from the floats."""
-    task, point, normal, axis = equations.task, at.point.mid[0], -at.normal.mid[0], at.axis.mid[0]
-    bounds = Bounds.of(equations)
-    slacks = bounds.slacks(bounds.values(at)[0])
+    point, normal, axis = at.point[0].mid, -at.normal[0].mid, at.axis[0].mid
     for k, hand in enumerate(task.on_hand):
         slacks.pop(f"contact:{k}:normals", None)
         if f"contact:{k}:cone" in slacks:

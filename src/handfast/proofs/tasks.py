@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.proofs.fields import Array, BadFile, Fields, Mask, number, numbers, refuse_unknown
+from handfast.proofs.fields import Array, BadFile, Fields, Mask, number, numbers, refuse_unknown, texts
 from handfast.proofs.regions import RegionData, read_region
 
 KINDS = "revolute", "prismatic"
@@ -157,43 +157,35 @@ def read_task(data: Any, place: str = "task") -> TaskData:
 def _hand(f: Fields) -> HandData:
     f.text("name")
     f.text("source")
-    of_links, of_joints = list(f.objects("links")), list(f.objects("joints"))
-    if not 0 < len(of_links) <= MANY or len(of_joints) > MANY:
-        raise BadFile(f"has {len(of_links)} links and {len(of_joints)} joints; 1 to {MANY} are possible", f.place)
-    links, poses, passed = [], [], list[int]()
-    for i, part in enumerate(of_links):
-        parent, carried = part.whole("parent", least=-1), part.take("joints")
-        if not parent < i or (parent < 0) != (i == 0) or not isinstance(carried, list):
-            raise BadFile("has a parent or joints that do not exist", part.place)
-        links.append(LinkData(part.text("name"), parent, tuple(carried)))
-        poses.append(part.take("pose"))
-        passed += carried
-        part.done()
-    if any(type(j) is not int or not 0 <= j < len(of_joints) for j in passed) or len(set(passed)) < len(passed):
+    links = f.table("links", ("name", "parent", "pose", "joints"))
+    joints = f.table("joints", ("name", "type", "axis", "anchor", "limits", "ref"))
+    names = {kind: texts(those["name"], f.at(kind)) for kind, those in (("links", links), ("joints", joints))}
+    for kind, its in names.items():
+        if len(its) > MANY or len(set(its)) < len(its):
+            raise BadFile(f"has a name twice, or more than {MANY}", f.at(kind))
+    for i, parent in enumerate(links["parent"]):
+        if type(parent) is not int or not -1 <= parent < i or (parent < 0) != (i == 0):
+            raise BadFile(f"is {parent!r}; an earlier link is needed, -1 for the first alone", f"{f.at('links')}[{i}].parent")
+    carried = [tuple(its) if isinstance(its, list) else (None,) for its in links["joints"]]
+    passed = [j for its in carried for j in its]
+    if any(type(j) is not int or not 0 <= j < len(names["joints"]) for j in passed) or len(set(passed)) < len(passed):
         raise BadFile("have joints that do not exist, or a joint twice", f.at("links"))
-    names, revolute = [], []
-    table: dict[str, list[Any]] = {"axis": [], "anchor": [], "limits": [], "ref": []}
-    for part in of_joints:
-        names.append(part.text("name"))
-        revolute.append(part.text("type", among=KINDS) == "revolute")
-        for name, column in table.items():
-            column.append(part.take(name))
-        part.done()
-    for kind, those in (("links", [link.name for link in links]), ("joints", names)):
-        if len(set(those)) < len(those):
-            raise BadFile("has a name twice", f.at(kind))
-    shapes: dict[str, tuple[int, ...]] = {"axis": (-1, 3), "anchor": (-1, 3), "limits": (-1, 2), "ref": (-1,)}
-    of = {name: numbers(table[name], shape, f"{f.at('joints')}[].{name}") for name, shape in shapes.items()}
-    standing = numbers(poses, (-1, 4, 4), f"{f.at('links')}[].pose")
-    if (standing[:, 3] != [0.0, 0.0, 0.0, 1.0]).any():
+    if not names["links"] or not {*joints["type"]} <= {*KINDS}:
+        raise BadFile(f"has no link, or a joint that is not {' or '.join(KINDS)}", f.place)
+    poses = numbers(links["pose"], (-1, 4, 4), f"{f.at('links')}[].pose")
+    if (poses[:, 3] != [0.0, 0.0, 0.0, 1.0]).any():
         raise BadFile("has no 0, 0, 0, 1 as last row", f"{f.at('links')}[].pose")
+    shapes: dict[str, tuple[int, ...]] = {"axis": (-1, 3), "anchor": (-1, 3), "limits": (-1, 2), "ref": (-1,)}
+    of = {name: numbers(joints[name], shape, f"{f.at('joints')}[].{name}") for name, shape in shapes.items()}
     if not of["axis"].any(axis=1).all():
         raise BadFile("is zero; a direction is needed", f"{f.at('joints')}[].axis")
-    for name, ends in zip(names, of["limits"].tolist(), strict=True):
+    for name, ends in zip(names["joints"], of["limits"].tolist(), strict=True):
         _ordered(*ends, f"{f.at('joints')}.{name}.limits")
-    turning, couplings = np.array(revolute, dtype=bool), _couplings(f, len(names))
+    couplings = _couplings(f, len(names["joints"]))
     f.done()
-    return HandData(tuple(links), standing, tuple(names), turning, *of.values(), couplings)
+    turning = np.array([kind == "revolute" for kind in joints["type"]], dtype=bool)
+    each = (LinkData(*link) for link in zip(names["links"], links["parent"], carried, strict=True))
+    return HandData(tuple(each), poses, names["joints"], turning, *of.values(), couplings)
 
 
 def _couplings(f: Fields, l: int) -> dict[int, CouplingData]:
