@@ -8,12 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from handfast.synthesis.certify.existence import (
-    free_joints,
-)
-from handfast.synthesis.certify.verify_existence import verify_existence
 from handfast.synthesis.task import PoseBounds
 from tests.support.planted_proofs import (
+    verify_existence,
     Spot,
     all_joints,
     cone_edges,
@@ -298,7 +295,7 @@ def test_joints_that_their_limits_fix() -> None:
         )
     spots = [Spot("index_distal"), Spot("thumb_distal"), Spot("palm")]
     planted = plant(hand, spots, np.random.default_rng(5))
-    assert free_joints(planted.task)[0] == "index_proximal"
+    assert planted.task.free[0] == "index_proximal"
     report = verify_existence(planted.task, planted.proof())
     assert report.ok, report.reasons
     assert "joint:index_middle" not in report.slacks
