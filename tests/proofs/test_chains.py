@@ -132,7 +132,7 @@ def test_a_second_axis_is_turned_square_to_the_first() -> None:
     R = orthonormal(first, second)
     assert (R.lo <= np.eye(3)).all()
     assert (np.eye(3) <= R.hi).all()
-    assert (R.hi - R.lo).max() < 1e-14
+    assert (R.hi - R.lo).max() < 2e-14
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -147,7 +147,7 @@ def test_quaternions_turn_and_their_derivatives_enclose_differences(seed: int) -
 
     assert R.shape == (2, 3, 3)
     np.testing.assert_allclose(R.mid, exact(q), atol=1e-14)
-    assert (R.hi - R.lo).max() < 1e-14
+    assert (R.hi - R.lo).max() < 2e-14
     h = 1e-6
     for i, step in enumerate(h * np.eye(4)):
         np.testing.assert_allclose(by.mid[i], (exact(q + step) - exact(q - step)) / (2 * h), atol=1e-8)
@@ -217,7 +217,7 @@ def test_a_link_that_no_joint_moves_stands_at_its_pose() -> None:
     for got, slope in zip((at, along), slopes, strict=True):
         np.testing.assert_allclose(got.slope.mid, slope @ turned.T, atol=1e-14)
     assert by_joints.shape == (2, 5, 2, 1, 3)
-    assert not by_joints.mag.any(initial=0.0) or by_joints.mag.max() < 1e-280
+    assert by_joints.mag.max() < 1e-280
 
 
 def test_a_revolute_and_a_prismatic_joint_move_what_is_behind_them() -> None:
