@@ -143,11 +143,11 @@ def examined(
     equations: ContactEquations, proof: Existence, name: str
 ) -> tuple[Replay, Values | None, dict[str, float]]:
     """The same, and if it came to that the values at the floats and over the box, and the slacks at the floats."""
-    try:
-        box = _Box.of(equations, proof)
-    except Refused as fault:
-        return Replay(name, CLAIM, str(fault), dict.fromkeys(("contraction", "step", "gap"), np.inf)), None, {}
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which proves nothing
+        try:
+            box = _Box.of(equations, proof)
+        except Refused as fault:
+            return Replay(name, CLAIM, str(fault), dict.fromkeys(("contraction", "step", "gap"), np.inf)), None, {}
         at = equations.at(box.coordinates)
         reasons, figures = _krawczyk(box, at)
         bounds = Bounds.of(equations)
