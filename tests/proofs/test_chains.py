@@ -9,17 +9,17 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from handfast.core.arrays import Array
 from handfast.model.hand import Hand
 from handfast.model.hand.hand import Coupling
-from handfast.core.arrays import Array
 from handfast.model.region import Cap
 from handfast.model.region_file import region_to_dict
 from handfast.proofs.chains import CROOKED, Arms, Drive, orthonormal
 from handfast.proofs.contact_equations import rotations
-from handfast.proofs.replay import Refused
-from handfast.proofs.intervals import TINY, ULP, Dual, Interval
 from handfast.proofs.fields import Fields
+from handfast.proofs.intervals import TINY, ULP, Dual, Interval
 from handfast.proofs.regions import ContactSide, _weights, read_region
+from handfast.proofs.replay import Refused
 from handfast.synthesis.task import ContactPair, Task
 from tests.support.planted import bump, chain, joint, pose
 from tests.support.planted_proofs import data_of
@@ -204,14 +204,16 @@ def test_what_counts_as_rounding_is_of_the_whole_chain_of_couplings(off: float, 
 
 
 def test_a_link_that_no_joint_moves_stands_at_its_pose() -> None:
-    """Points and vectors, and their derivatives by two parameters, come turned by 90 degrees about z and 1 m along x."""
+    """Points, vectors and their derivatives by two parameters come turned by 90 degrees about z and 1 m along x."""
     turned = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     arms = arms_of(touched(chain(("tip", "palm", pose(X, turned), [])), "tip"))
     rng = np.random.default_rng(2)
     point, vector = rng.normal(size=(2, 2, 1, 3))
     slopes = rng.normal(size=(2, 2, 2, 1, 3))
     none = Interval.of(np.zeros((2, 0)))
-    at, along, by_joints = arms.carry(none, *(Dual(Interval.of(v), Interval.of(s)) for v, s in zip((point, vector), slopes)))
+    at, along, by_joints = arms.carry(
+        none, *(Dual(Interval.of(v), Interval.of(s)) for v, s in zip((point, vector), slopes, strict=True))
+    )
     np.testing.assert_allclose(at.value.mid, point @ turned.T + X, atol=1e-14)
     np.testing.assert_allclose(along.value.mid, vector @ turned.T, atol=1e-14)
     for got, slope in zip((at, along), slopes, strict=True):

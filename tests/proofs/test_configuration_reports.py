@@ -11,7 +11,19 @@ from handfast.proofs import configurations
 from handfast.proofs.configurations import Bounds, Existence
 from handfast.proofs.intervals import Interval
 from handfast.synthesis.task import PoseBounds, Task
-from tests.support.planted_proofs import equations_of, Report, verify_existence, PlantedProof, Spot, cone_edges, plant, refused, reshaped, sah, sah_case
+from tests.support.planted_proofs import (
+    PlantedProof,
+    Report,
+    Spot,
+    cone_edges,
+    equations_of,
+    plant,
+    refused,
+    reshaped,
+    sah,
+    sah_case,
+    verify_existence,
+)
 
 
 def planted_case() -> PlantedProof:

@@ -10,22 +10,22 @@ import pytest
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.synthesis.existence import existence_from_dict
 from handfast.proofs.fields import BadFile
 from handfast.proofs.intervals import Interval
+from handfast.synthesis.existence import existence_from_dict
 from handfast.synthesis.task import PoseBounds
 from tests.support.contact_equations import contact_equations, surface_at
 from tests.support.planted_proofs import (
-    equations_of,
-    verify_existence,
     PlantedProof,
     all_joints,
     cone_edges,
+    equations_of,
     limited,
     odd_case,
     pose_of,
     reshaped,
     sah_case,
+    verify_existence,
 )
 
 
@@ -167,7 +167,10 @@ def test_every_bit_comes_back() -> None:
         (lambda d: d.update(schema="handfast/existence/2"), "^schema: "),
         (lambda d: d.update(quaternion=[1.0, 0.0, 0.0]), "^quaternion: "),
         (lambda d: d["radii"].pop(), r"^radii: has \d+ numbers; \d+ are needed"),
-        (lambda d: d["joints"].update(index_proximal=float("nan")), "^joints.index_proximal: is nan; a finite number is needed"),
+        (
+            lambda d: d["joints"].update(index_proximal=float("nan")),
+            "^joints.index_proximal: is nan; a finite number is needed",
+        ),
         (lambda d: d["contacts"][0].update(object=[0.5]), r"^contacts\[0\].object"),
         (lambda d: d["contacts"][0].pop("hand"), r"^contacts\[0\].hand: is missing$"),
     ],
@@ -184,5 +187,7 @@ def test_faults_in_files(change, message: str) -> None:
 def test_only_finite_numbers(field: str) -> None:
     proof = sah_case(0).proof()
     value = dict.fromkeys(proof.joints, np.inf) if field == "joints" else np.full_like(getattr(proof, field), np.nan)
-    with pytest.raises(BadFile, match=f"^{field}: has (shape .* finite numbers are needed|a number that is not finite)$"):
+    with pytest.raises(
+        BadFile, match=f"^{field}: has (shape .* finite numbers are needed|a number that is not finite)$"
+    ):
         replace(proof, **{field: value})

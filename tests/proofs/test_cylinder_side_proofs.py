@@ -10,7 +10,17 @@ import pytest
 from handfast.model.cylinder_side import CylinderSide
 from handfast.proofs.intervals import Interval
 from tests.support.contact_equations import contact_equations
-from tests.support.planted_proofs import equations_of, verify_existence, PlantedProof, Spot, odd_hand, plant, refused, reshaped, sah
+from tests.support.planted_proofs import (
+    PlantedProof,
+    Spot,
+    equations_of,
+    odd_hand,
+    plant,
+    refused,
+    reshaped,
+    sah,
+    verify_existence,
+)
 
 PAIRS = (("side", "side"), ("cap", "side"), ("side", "bicubic"), ("mixed", "side"), ("side", "cap"))
 LINKS = ("index_distal", "thumb_distal", "index_proximal", "palm", "ring_middle")

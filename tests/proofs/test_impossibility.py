@@ -9,11 +9,11 @@ import pytest
 
 from handfast.core.arrays import Array
 from handfast.model.region import Bezier
-from handfast.proofs.replay import Refused
 from handfast.proofs.impossibility import Impossibility, _Conditions, impossible
+from handfast.proofs.replay import Refused
 from handfast.synthesis.task import PoseBounds, Task
 from tests.support.holds import LARGE, OPEN, flat_grip, grip, pinch
-from tests.support.planted_proofs import data_of, PlantedProof, limited, odd_case, pose_of, sah_case
+from tests.support.planted_proofs import PlantedProof, data_of, limited, odd_case, pose_of, sah_case
 
 CASES = [*(("sah", k) for k in range(10)), *(("odd", k) for k in range(10))]
 

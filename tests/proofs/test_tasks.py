@@ -109,7 +109,10 @@ FAULTS: list[tuple[Callable[[Data], object], str]] = [
     (put(*HAND, "links", 2, "pose", 0, 0, to=True), "task.hand.links[].pose: has True where a number is needed"),
     (put(*HAND, "links", 2, "pose", 0, 0, to=1e60), "task.hand.links[].pose: has a number that is not finite, or"),
     (put(*HAND, "links", to=[]), "task.hand"),
-    (put(*HAND, "joints", 1, "type", to="ball"), "task.hand: has no link, or a joint that is not revolute or prismatic"),
+    (
+        put(*HAND, "joints", 1, "type", to="ball"),
+        "task.hand: has no link, or a joint that is not revolute or prismatic",
+    ),
     (put(*HAND, "joints", 1, "axis", to=[0, 0, 0]), "task.hand.joints[].axis: is zero; a direction is needed"),
     (put(*HAND, "joints", 1, "axis", to=[0, 1]), "task.hand.joints[].axis: is no table of n x 3 numbers"),
     (put(*HAND, "joints", 1, "limits", to=[1, 0]), "task.hand.joints.ring_proximal.limits: is [1, 0]; the lower one"),

@@ -10,7 +10,6 @@ import pytest
 
 from handfast.synthesis.task import PoseBounds
 from tests.support.planted_proofs import (
-    verify_existence,
     Spot,
     all_joints,
     cone_edges,
@@ -22,6 +21,7 @@ from tests.support.planted_proofs import (
     reshaped,
     sah,
     sah_case,
+    verify_existence,
 )
 
 OPEN = r"do not meet the equations \(contact \d is open by"

@@ -33,10 +33,10 @@ class Drive:
     @classmethod
     def of(cls, task: TaskData, column: Mapping[str, int]) -> Drive:
         """`Refused` if a joint that its limits fix would have to move or to stand elsewhere."""
-        driven = [_driven(task, j, path, column) for j, path in task.moving.items()]
-        lead, gain, shift = ([part[i] for part in driven] for i in range(3))
-        none = [Interval.of(np.zeros(0))]
-        return cls(tuple(task.moving), np.array(lead, dtype=np.int64), join(none + gain, -1), join(none + shift, -1))
+        none = Interval.of(np.zeros(0))
+        driven = [(0, none, none), *(_driven(task, j, path, column) for j, path in task.moving.items())]
+        lead, gain, shift = zip(*driven, strict=True)
+        return cls(tuple(task.moving), np.array(lead[1:], dtype=np.int64), join(gain, -1), join(shift, -1))
 
     def at(self, x: Interval) -> Interval:
         """(N, J) joint values at coordinates (N, n)."""
@@ -109,7 +109,7 @@ class Arms:
         steps: dict[tuple[int, int], int] = {(-1, -1): 0}  # a link with its frame, or -1, and a joint, or -1
         chains = []
         for path in paths:
-            chain = []
+            chain: list[int] = []
             for link in path:
                 passed = hand.links[link].joints or (-1,)
                 for m, j in enumerate(passed):
@@ -131,14 +131,16 @@ class Arms:
         direction = _unit_or_zero(axis)
         turning, sliding = (Interval(direction.ends * some[:, None, None]) for some in (revolute, ~revolute))
         first = frame @ cross(turning[:, None, :], Interval.of(np.eye(3))).swapped()  # columns axis x e_i
-        chain = np.array([c + [0] * (depth - len(c)) for c in chains], dtype=np.int64).reshape(len(chains), depth)
-        gain = np.zeros((*chain.shape, n, 2))
-        k, d = np.nonzero(moved[chain])
-        led = column[chain[k, d]]
+        steps_of = np.array([c + [0] * (depth - len(c)) for c in chains], dtype=np.int64).reshape(len(chains), depth)
+        gain = np.zeros((*steps_of.shape, n, 2))
+        k, d = np.nonzero(moved[steps_of])
+        led = column[steps_of[k, d]]
         gain[k, d, drive.column[led]] = drive.gain.ends[led]
         after = first @ frame.swapped()
         turns = frame, first, after @ first, anchor[..., None], after
-        return cls(chain, column, ref, *turns, frame @ sliding[..., None], frame @ anchor[..., None] + p, Interval(gain))
+        return cls(
+            steps_of, column, ref, *turns, frame @ sliding[..., None], frame @ anchor[..., None] + p, Interval(gain)
+        )
 
     def carry(self, joints: Interval, point: Dual, vector: Dual) -> tuple[Dual, Dual, Interval]:
         """Points and vectors (N, K, 3) of the contacts' links in the palm frame, at joint values (N, J).

@@ -341,7 +341,8 @@ class Bounds:
         lo, hi = float(inside.lo[n]), float(inside.hi[n])
         kind, which, *rest = label.split(":")
         if rest == ["normals"]:
-            return f"contact {which}: the normals are not opposite: their cosine comes to [{-hi:.9g}, {-lo:.9g}] in the box"
+            comes = f"their cosine comes to [{-hi:.9g}, {-lo:.9g}] in the box"
+            return f"contact {which}: the normals are not opposite: {comes}"
         if rest == ["cone"]:
             return f"contact {which} may leave the hand's cap, by a cosine of {self.lower[n] - lo:.3g}"
         pose = f"pose.{kind}[{which}]"

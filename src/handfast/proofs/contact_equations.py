@@ -47,7 +47,8 @@ class Values:
         coordinates: (N, n). F: (N, E) equations, with derivatives (n, N, E).
         gap: (N, K, 3) [m] between the contact points.
         joints: (N, J) values of the moving joints.
-        position, rotation: (N, 3), (N, 3, 3) of the object. point, normal: (N, K, 3) of the object at the contacts, in the palm frame.
+        position, rotation: (N, 3), (N, 3, 3) of the object.
+        point, normal: (N, K, 3) of the object at the contacts, in the palm frame.
         axis: (N, K, 3) of the hand's cap, or its outward normal. opposite: (N, K) `Sides.sign` times axis times
             normal: the cosine of the angle at which hand and object face each other.
     """

@@ -60,8 +60,7 @@ def impossible(task: TaskData, contacts: Sequence[int], *, origin: bool = False,
         Refused: couplings and limits that contradict each other, links that do not stand at rotations.
     """
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which discards nothing
-        chosen = {name: tuple(getattr(task, name)[k] for k in contacts) for name in ("links", "on_hand", "on_object")}
-        conditions = _Conditions.of(replace(task, **chosen), origin)
+        conditions = _Conditions.of(task.part(contacts), origin)
         stack, share = [conditions.root], [1.0]
         seen, discarded = 0, 0.0
         whole = np.ptp(conditions.root, axis=1)

@@ -59,15 +59,7 @@ class Surface(NamedTuple):
 
 
 class Surfaces(Protocol):
-    """P regions of one kind."""
-
-    @classmethod
-    def read(cls, f: Fields) -> dict[str, Array]:
-        """The numbers of one."""
-
-    @classmethod
-    def of(cls, regions: Sequence[RegionData]) -> Surfaces:
-        """Several; patches are of one degree."""
+    """P regions of one kind; each kind has `read`, the numbers of one in a file, and `of`, which makes several."""
 
     def at(self, parameters: Interval) -> Surface:
         """Point, outward unit normal (axis of a cap's centre), two tangents at parameters (N, P, 2)."""
@@ -94,11 +86,10 @@ class ContactSide:
         for k, region in enumerate(regions):
             shape = region.numbers["bezier"].shape if region.kind == "bezier" else ()
             groups.setdefault((region.kind, shape), []).append(k)
-        parts = []
+        parts: list[tuple[Surfaces, Integers]] = []
         for at in groups.values():
             some = [regions[k] for k in at]
-            kind = _Centres if still and some[0].ball else SURFACES[some[0].kind]
-            parts.append((kind.of(some), its[at]))
+            parts.append((_Centres.of(some) if still and some[0].ball else SURFACES[some[0].kind].of(some), its[at]))
         order = np.argsort([k for at in groups.values() for k in at])
         return cls(tuple(parts), None if len(parts) == 1 else order, its)
 
@@ -166,9 +157,7 @@ class _Caps:
         local = [(sin_s * cos_t, sin_s * sin_t, cos_s), (cos_s * cos_t, cos_s * sin_t, -sin_s), (-sin_t, cos_t, zero)]
         turned = self.frame @ columns([join([a[..., None] for a in v], -1) for v in local])
         direction = turned[..., 0]
-        return Surface(
-            direction * self.radius + self.centre, direction * self.sign, turned[..., 1], turned[..., 2]
-        )
+        return Surface(direction * self.radius + self.centre, direction * self.sign, turned[..., 1], turned[..., 2])
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ import numpy as np
 
 from handfast.proofs.configurations import examined, read_existence
 from handfast.proofs.contact_equations import ContactEquations, Values
-from handfast.proofs.fields import SAME, Array, BadFile, Fields, numbers, same
+from handfast.proofs.fields import Array, BadFile, Fields, numbers, same
 from handfast.proofs.impossibility import impossible
 from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.tasks import TaskData, read_task
@@ -95,9 +95,7 @@ class _Searched:
         return (tuple(which), named[2] is not None and not named[2].isdigit()) if fits else None
 
 
-def _contradiction(
-    verdict: str, stop: str, found: int, searched: _Searched | None, nodes: int, resumable: bool
-) -> str:
+def _contradiction(verdict: str, stop: str, found: int, searched: _Searched | None, nodes: int, resumable: bool) -> str:
     """Which keys of an answer contradict each other; '' if none."""
     if verdict == "found" and not found:
         return "FOUND without a configuration"
@@ -124,8 +122,8 @@ def _none(task: TaskData, searched: _Searched | None) -> Replay:
     (contacts, origin), by = named, searched.by
     try:
         done = impossible(task, contacts, origin=origin)
-    except Refused as fault:
-        return Replay("none", "", f"{ask}: {fault}")
+    except Refused as why:
+        return Replay("none", "", f"{ask}: {why}")
     figures, boxes = {"boxes": done.boxes}, "1 box" if done.boxes == 1 else f"{done.boxes} boxes"
     claim = f"{by} exclude each other, by {boxes} of the checker's own"
     share = f"{100 * done.discarded:.3g} % of the space in {boxes}"
@@ -141,8 +139,8 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
     parts, places = [], []
     try:
         equations = ContactEquations.of(task)
-    except Refused as fault:
-        return (Replay("task", "", str(fault)),)
+    except Refused as why:
+        return (Replay("task", "", str(why)),)
     for i, f in enumerate(said):
         proof = read_existence(f.take("existence"), f.at("existence"))
         done, at, slacks = examined(equations, proof, f"configuration {i}")
@@ -150,7 +148,9 @@ def _configurations(task: TaskData, said: Sequence[Fields], spread: float | None
         f.done()
         if at is not None and done.ok:
             follows = _following(task, at, slacks, proof.position, proof.quaternion)
-            moved = {task.hand.joints[j]: q for j, q in zip(equations.sides.drive.joints, at.joints.mid[0], strict=True)}
+            moved = {
+                task.hand.joints[j]: q for j, q in zip(equations.sides.drive.joints, at.joints.mid[0], strict=True)
+            }
             fault = _difference(task, follows, moved, beside)
             done = Replay(done.name, done.claim, fault, done.figures)
             places.append(_features(task, moved, at))

@@ -8,8 +8,8 @@ A joint of a new kind has its name in `KINDS`, its motion in `chains`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -116,6 +116,13 @@ class TaskData:
         limits = self.hand.limits
         return tuple(j for j, path in self.moving.items() if not path and limits[j, 0] < limits[j, 1])
 
+    def part(self, contacts: Sequence[int]) -> TaskData:
+        """The task of some of the contacts alone."""
+        links, on_hand, on_object = (
+            tuple(those[k] for k in contacts) for those in (self.links, self.on_hand, self.on_object)
+        )
+        return replace(self, links=links, on_hand=on_hand, on_object=on_object)
+
     def misplaced(self, joints: Mapping[str, float], proved: Mapping[str, float]) -> str:
         """Which of all joints is not where it is proved, breaks a limit or a coupling; '' if none."""
         hand = self.hand
@@ -165,7 +172,9 @@ def _hand(f: Fields) -> HandData:
             raise BadFile(f"has a name twice, or more than {MANY}", f.at(kind))
     for i, parent in enumerate(links["parent"]):
         if type(parent) is not int or not -1 <= parent < i or (parent < 0) != (i == 0):
-            raise BadFile(f"is {parent!r}; an earlier link is needed, -1 for the first alone", f"{f.at('links')}[{i}].parent")
+            raise BadFile(
+                f"is {parent!r}; an earlier link is needed, -1 for the first alone", f"{f.at('links')}[{i}].parent"
+            )
     carried = [tuple(its) if isinstance(its, list) else (None,) for its in links["joints"]]
     passed = [j for its in carried for j in its]
     if any(type(j) is not int or not 0 <= j < len(names["joints"]) for j in passed) or len(set(passed)) < len(passed):
@@ -180,12 +189,13 @@ def _hand(f: Fields) -> HandData:
     if not of["axis"].any(axis=1).all():
         raise BadFile("is zero; a direction is needed", f"{f.at('joints')}[].axis")
     for name, ends in zip(names["joints"], of["limits"].tolist(), strict=True):
-        _ordered(*ends, f"{f.at('joints')}.{name}.limits")
+        _ordered(ends[0], ends[1], f"{f.at('joints')}.{name}.limits")
     couplings = _couplings(f, len(names["joints"]))
     f.done()
     turning = np.array([kind == "revolute" for kind in joints["type"]], dtype=bool)
     each = (LinkData(*link) for link in zip(names["links"], links["parent"], carried, strict=True))
-    return HandData(tuple(each), poses, names["joints"], turning, *of.values(), couplings)
+    axes, anchors, limits, ref = of.values()
+    return HandData(tuple(each), poses, names["joints"], turning, axes, anchors, limits, ref, couplings)
 
 
 def _couplings(f: Fields, l: int) -> dict[int, CouplingData]:

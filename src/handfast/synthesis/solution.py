@@ -15,7 +15,6 @@ from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.configuration import Configuration
 from handfast.proofs.configurations import Existence
 from handfast.proofs.replay import Replay
-from handfast.proofs.replay import Replay
 from handfast.synthesis.existence import verify_existence
 from handfast.synthesis.placed import whole
 from handfast.synthesis.task import Task
