@@ -118,10 +118,8 @@ class TaskData:
 
     def part(self, contacts: Sequence[int]) -> TaskData:
         """The task of some of the contacts alone."""
-        links, on_hand, on_object = (
-            tuple(those[k] for k in contacts) for those in (self.links, self.on_hand, self.on_object)
-        )
-        return replace(self, links=links, on_hand=on_hand, on_object=on_object)
+        on_hand, on_object = (tuple(those[k] for k in contacts) for those in (self.on_hand, self.on_object))
+        return replace(self, links=tuple(self.links[k] for k in contacts), on_hand=on_hand, on_object=on_object)
 
     def misplaced(self, joints: Mapping[str, float], proved: Mapping[str, float]) -> str:
         """Which of all joints is not where it is proved, breaks a limit or a coupling; '' if none."""
