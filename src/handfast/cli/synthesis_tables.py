@@ -106,7 +106,8 @@ def show_replayed(out: Console, saved: SavedSynthesis, done: ReplayedSynthesis) 
     if done.reports:
         grid = table("", "contraction", "contacts closed to [m]", "")
         for k, r in enumerate(done.reports, start=1):
-            grid.add_row(str(k), f"{r.contraction:.1e}", f"{r.gap:.1e}", "proved" if r.ok else "refused")
+            figures = (f"{r.figures[name]:.1e}" for name in ("contraction", "gap"))
+            grid.add_row(str(k), *figures, "proved" if r.ok else "refused")
         out.print()
         out.print(grid)
     if done.ok and answer.verdict is Reach.NONE:

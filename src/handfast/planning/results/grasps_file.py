@@ -29,7 +29,6 @@ from handfast.stability.certify.certificate_file import Six
 from handfast.stability.loads import Loads, Weight
 from handfast.stability.model import State
 from handfast.stability.saved_answer import state_dict
-from handfast.synthesis.certify.existence import existence_to_dict
 from handfast.synthesis.embedded import digest, refuse_broken, sealed, task_from_dict, task_to_dict
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_file import solution_of
@@ -235,7 +234,7 @@ def loads_to_dict(loads: Loads) -> dict[str, Any]:
 
 def _entry(g: SavedGrasp) -> dict[str, Any]:
     return {
-        "existence": existence_to_dict(g.solution.existence),
+        "existence": g.solution.existence.to_json(),
         "joints": g.joints,
         "grasp": g.said,
         "witnesses": {name: state_dict(state) for name, state in g.witnesses.items()},

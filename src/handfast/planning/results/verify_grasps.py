@@ -29,9 +29,8 @@ from handfast.stability.posed import Posed
 from handfast.stability.queries import CheckAnswer
 from handfast.stability.witness import Witness
 from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
-from handfast.synthesis.solution import Solution
+from handfast.synthesis.existence import misplaced
 
-CLOSE = 1e-9  # [rad, m]: joint values that a proof and the file give
 LONG = 60  # characters of a value that are shown
 SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is
 
@@ -165,10 +164,8 @@ def _answer_fault(saved: SavedGrasps) -> str:
 
 def _replayed(g: SavedGrasp, loads: Loads, requirements: Requirements) -> list[float]:
     """The residual of each load's witness; `NotProved` or `InputError` if something of the grasp is not proved."""
-    report = g.solution.verify()
-    if not report.ok:
-        raise NotProved(report.reasons[0])
-    _require(joints_misfit(g.solution, g.joints))
+    _require(g.solution.verify().fault)
+    _require(misplaced(g.solution.task, g.joints, g.solution.existence))
     bare = grasp_at(g.solution, g.q, contacts_at(g.solution, requirements.friction))
     _require(difference(grasp_file.to_dict(bare) | {"preload": g.said.get("preload")}, g.said, "grasp"))
     grasp, driven = bare.with_preload(g.grasp.preload), requirements.driven(bare)
@@ -219,22 +216,6 @@ def _commands_fault(grasp: Grasp, driven: list[str], asked: Requirements) -> str
 def _require(reason: str) -> None:
     if reason:
         raise NotProved(reason)
-
-
-def joints_misfit(solution: Solution, joints: dict[str, float]) -> str:
-    """Where joint values are not the proof's, or break a limit or a coupling; '' if they fit."""
-    hand, proved = solution.task.hand, solution.existence.joints
-    for joint in hand.joints:
-        value = joints[joint.name]
-        if joint.name in proved and abs(value - proved[joint.name]) > CLOSE:
-            return f"{joint.name} is not at the value that is proved"
-        if not joint.lower - CLOSE <= value <= joint.upper + CLOSE:
-            return f"{joint.name} is beyond its limits"
-    for c in hand.couplings:
-        driver = joints[hand.joints[c.driver].name] if c.driver >= 0 else 0.0
-        if abs(joints[hand.joints[c.joint].name] - c.ratio * driver - c.offset) > CLOSE:
-            return f"{hand.joints[c.joint].name} does not follow its coupling"
-    return ""
 
 
 def difference(due: Any, said: Any, at: str, small: float = SMALL) -> str:

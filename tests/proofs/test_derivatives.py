@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from handfast.synthesis.certify.interval_arithmetic import (
+from handfast.proofs.intervals import (
     Dual,
     Interval,
     columns,
@@ -64,14 +64,14 @@ def test_derivatives_enclose_exact_ones(name: str) -> None:
 
 
 def test_derivatives_of_products_of_matrices_and_vectors() -> None:
-    """@, sum, cross, unit and columns, in one function of two variables."""
+    """A matrix times, sum, cross, unit and columns, in one function of two variables."""
     flint, rng = pytest.importorskip("flint"), np.random.default_rng(8)
     A, B = rng.normal(size=(2, 3, 3)), rng.normal(size=(3, 3))
 
     def function(x: object, y: object) -> tuple:
         """With x and y as (2, 1, 1)."""
         M = x * A + y * y * B
-        N = (M @ B) @ (A @ M)
+        N = (A @ M) * M
         if isinstance(x, Dual):
             u, v = N[..., 0, :], unit(N[..., 1, :])
             return columns([cross(u, v), u])[..., 0], dot(u, v), join([u, v], -1), N.sum()

@@ -4,8 +4,8 @@ What an operation returns contains every exact result for numbers out of its ope
 and on nothing else:
 
 - float64 operations and the square root round to nearest (IEEE 754); subnormal numbers are not cut to zero.
-  A result r is then wrong by at most r / 2^53, or by 2^-1075 where it underflows; `_outward` moves both
-  ends by more than that. Sums are bounded for any order of their terms, so fused and blocked ones will do.
+  A result r is then wrong by at most r / 2^53, or by 2^-1075 where it underflows; `_up` moves both ends by
+  more than that. Sums are bounded for any order of their terms, so fused and blocked ones will do.
 - `math.sin` and `math.cos` are wrong by at most 4 units in the last place, in reality by less than one.
   numpy's are not used: their vector code is free to be less accurate.
 
@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from handfast.core.arrays import Array, Mask
+from handfast.proofs.fields import Array, Mask
 
 ULP = 2.0**-52  # twice the relative error of one rounded operation
 TINY = 1e-290  # more than underflow can lose; not smaller, as subnormal numbers are slow
@@ -32,101 +32,119 @@ TURN = 2 * math.pi
 NEAR = 1e-9  # of a turn: more than the rounding of an angle below FAR in turns
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Interval:
     """All arrays between `lo` and `hi`, entry by entry.
 
-    A float or an array beside an interval is exact. Indexing, shapes and broadcasting are numpy's.
+    A float or an array beside an interval is exact. Indexing, shapes and broadcasting are numpy's; an index counts axes
+    from the first or, with `...` at its beginning, from the last.
+
+    Attributes:
+        ends: (..., 2) -lo and hi: outwards is upwards for both.
     """
 
-    lo: Array
-    hi: Array
+    ends: Array
     __array_ufunc__ = None  # array * interval comes to __rmul__
+
+    @classmethod
+    def between(cls, lo: Array, hi: Array) -> Interval:
+        """From lo to hi."""
+        ends = np.empty((*np.shape(lo), 2))
+        np.negative(lo, out=ends[..., 0])
+        ends[..., 1] = hi
+        return cls(ends)
 
     @classmethod
     def of(cls, x: object) -> Interval:
         """Exactly x."""
         a = np.asarray(x, dtype=float)
-        return cls(a, a)
+        return cls.between(a, a)
 
     @classmethod
     def around(cls, middle: object, radius: object) -> Interval:
         """[middle - radius, middle + radius], rounded outwards."""
         m, r = np.asarray(middle, dtype=float), np.asarray(radius, dtype=float)
-        return _outward(m - r, m + r)
+        lower, upper = r - m, r + m
+        ends = np.empty((*lower.shape, 2))
+        ends[..., 0], ends[..., 1] = lower, upper
+        return _up(ends)
+
+    @property
+    def lo(self) -> Array:
+        """The lower ends."""
+        return -self.ends[..., 0]
+
+    @property
+    def hi(self) -> Array:
+        """The upper ends."""
+        return self.ends[..., 1]
 
     @property
     def shape(self) -> tuple[int, ...]:
         """The shape of each end."""
-        return self.lo.shape
+        return self.ends.shape[:-1]
 
     @property
     def mid(self) -> Array:
         """A float in each interval."""
-        return 0.5 * (self.lo + self.hi)
+        return 0.5 * (self.ends[..., 1] - self.ends[..., 0])
 
     @property
     def mag(self) -> Array:
         """The largest absolute value in each interval, exactly."""
-        return np.maximum(-self.lo, self.hi)
+        return np.maximum(self.ends[..., 0], self.ends[..., 1])
 
     def contains(self, x: Array | float) -> Mask:
         """Is x (a float array) inside, ends included?"""
         return np.asarray((self.lo <= x) & (x <= self.hi))
 
     def __getitem__(self, key: Any) -> Interval:
-        return Interval(self.lo[key], self.hi[key])
+        from_last = isinstance(key, tuple) and key[0] is Ellipsis
+        return Interval(self.ends[(*key, slice(None))] if from_last else self.ends[key])
 
     def reshape(self, *shape: int) -> Interval:
         """As numpy's."""
-        return Interval(self.lo.reshape(shape), self.hi.reshape(shape))
-
-    def repeated(self, count: int) -> Interval:
-        """(count, ...) this array as many times."""
-        shape = (count, *self.shape)
-        return Interval(np.broadcast_to(self.lo, shape), np.broadcast_to(self.hi, shape))
+        return Interval(self.ends.reshape(*shape, 2))
 
     def swapped(self) -> Interval:
         """The transpose of the last two axes."""
-        return Interval(self.lo.swapaxes(-1, -2), self.hi.swapaxes(-1, -2))
+        return Interval(self.ends.swapaxes(-2, -3))
 
     def __neg__(self) -> Interval:
-        return Interval(-self.hi, -self.lo)
+        return Interval(self.ends[..., ::-1])
 
     def __add__(self, other: Interval | Array | float) -> Interval:
         if isinstance(other, Dual):
             return NotImplemented
-        b = _interval(other)
-        return _outward(self.lo + b.lo, self.hi + b.hi)
+        return _up(self.ends + _interval(other).ends)
 
     __radd__ = __add__
 
     def __sub__(self, other: Interval | Array | float) -> Interval:
         if isinstance(other, Dual):
             return NotImplemented
-        b = _interval(other)
-        return _outward(self.lo - b.hi, self.hi - b.lo)
+        return _up(self.ends + _interval(other).ends[..., ::-1])
 
     def __rsub__(self, other: Array | float) -> Interval:
-        return _outward(other - self.hi, other - self.lo)
+        return _interval(other) - self
 
     def __mul__(self, other: Interval | Array | float) -> Interval:
         if isinstance(other, Dual):
             return NotImplemented
-        if not isinstance(other, Interval):
-            p, q = self.lo * other, self.hi * other
-            return _outward(np.minimum(p, q), np.maximum(p, q))
-        return _hull(self.lo * other.lo, self.lo * other.hi, self.hi * other.lo, self.hi * other.hi)
+        if isinstance(other, Interval):
+            return _hull(self.ends * other.ends, self.ends * other.ends[..., ::-1])
+        by = np.asarray(other, dtype=float)[..., None]
+        return _up(np.where(by < 0, self.ends[..., ::-1], self.ends) * np.abs(by))
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Interval | Array | float) -> Interval:
         if isinstance(other, Dual):
             return NotImplemented
-        b = _interval(other)
-        out = _hull(self.lo / b.lo, self.lo / b.hi, self.hi / b.lo, self.hi / b.hi)
-        apart = (b.lo > 0) | (b.hi < 0)  # from 0; a quotient by an interval with 0 in it may be anything
-        return Interval(np.where(apart, out.lo, -np.inf), np.where(apart, out.hi, np.inf))
+        by = _interval(other).ends
+        out = _hull(self.ends / by, self.ends / by[..., ::-1]).ends
+        apart = (by < 0).any(axis=-1, keepdims=True)  # from 0; a quotient by an interval with 0 may be anything
+        return Interval(np.where(apart, out, np.inf))
 
     def __rtruediv__(self, other: Array | float) -> Interval:
         return Interval.of(other) / self
@@ -139,19 +157,18 @@ class Interval:
         k, size = a.shape[-1], np.abs(b)
         # |fl(a b) - a b| <= k ULP |a| |b|; the factor covers every rounding of the radius itself
         radius = (np.abs(a) @ (rb + (k + 2) * ULP * size) + ra @ (size + rb)) * (1 + (k + 16) * ULP) + TINY
-        middle = a @ b
-        return _outward(middle - radius, middle + radius)
+        return Interval.around(a @ b, radius)
 
     def __rmatmul__(self, other: Array) -> Interval:
         return Interval.of(other) @ self
 
     def sum(self) -> Interval:
         """Over the last axis."""
-        slack = self.mag.sum(axis=-1) * ((self.shape[-1] + 2) * ULP) + TINY
-        return Interval(self.lo.sum(axis=-1) - slack, self.hi.sum(axis=-1) + slack)
+        slack = np.abs(self.ends).sum(axis=-2) * ((self.ends.shape[-2] + 2) * ULP) + TINY
+        return Interval(self.ends.sum(axis=-2) + slack)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Dual:
     """Intervals of values and of their derivatives in n variables (forward mode).
 
@@ -171,14 +188,10 @@ class Dual:
     @classmethod
     def constant(cls, value: Interval, n: int) -> Dual:
         """A value that depends on none of n variables."""
-        return cls(value, Interval.of(np.zeros((n, *value.shape))))
+        return cls(value, Interval(np.zeros((n, *value.ends.shape))))
 
     def __getitem__(self, key: Any) -> Dual:
         return Dual(self.value[key], self.slope[key])
-
-    def reshape(self, *shape: int) -> Dual:
-        """As numpy's, of the value."""
-        return Dual(self.value.reshape(*shape), self.slope.reshape(self.slope.shape[0], *shape))
 
     def __neg__(self) -> Dual:
         return Dual(-self.value, -self.slope)
@@ -209,11 +222,6 @@ class Dual:
             return Dual(ratio, (self.slope - ratio * other.slope) / other.value)
         return Dual(self.value / other, self.slope / other)
 
-    def __matmul__(self, other: Dual | Interval | Array) -> Dual:
-        if isinstance(other, Dual):
-            return Dual(self.value @ other.value, self.value @ other.slope + self.slope @ other.value)
-        return Dual(self.value @ other, self.slope @ other)
-
     def __rmatmul__(self, other: Interval | Array) -> Dual:
         return Dual(other @ self.value, other @ self.slope)
 
@@ -229,9 +237,9 @@ def sqr(x: Number) -> Number:
     """x^2, never negative."""
     if isinstance(x, Dual):
         return Dual(sqr(x.value), 2.0 * x.value * x.slope)
-    least = np.where((x.lo <= 0) & (x.hi >= 0), 0.0, np.minimum(np.abs(x.lo), np.abs(x.hi)))
-    out = _outward(least * least, x.mag * x.mag)
-    return Interval(np.maximum(out.lo, 0.0), out.hi)
+    least = np.maximum(-x.ends.min(axis=-1), 0.0)  # 0 if 0 is inside
+    out = _up(np.stack([-least * least, x.mag * x.mag], axis=-1))
+    return Interval.between(np.maximum(out.lo, 0.0), out.hi)
 
 
 def sqrt(x: Number) -> Number:
@@ -239,8 +247,8 @@ def sqrt(x: Number) -> Number:
     if isinstance(x, Dual):
         root = sqrt(x.value)
         return Dual(root, x.slope / (2.0 * root))
-    out = _outward(np.sqrt(np.maximum(x.lo, 0.0)), np.sqrt(x.hi))
-    return Interval(np.maximum(out.lo, 0.0), out.hi)
+    out = _up(np.stack([-np.sqrt(np.maximum(x.lo, 0.0)), np.sqrt(x.hi)], axis=-1))
+    return Interval.between(np.maximum(out.lo, 0.0), out.hi)
 
 
 def sin(x: Number) -> Number:
@@ -275,10 +283,12 @@ def unit(a: Number) -> Number:
 
 def join(parts: Sequence[Number], axis: int) -> Number:
     """Concatenated along an axis, which is negative."""
+    if len(parts) == 1:
+        return parts[0]
     first = parts[0]
     if isinstance(first, Dual):
         return Dual(join([p.value for p in parts], axis), join([p.slope for p in parts], axis))
-    return Interval(np.concatenate([p.lo for p in parts], axis), np.concatenate([p.hi for p in parts], axis))
+    return Interval(np.concatenate([p.ends for p in parts], axis - 1))
 
 
 def columns(parts: Sequence[Number]) -> Number:
@@ -286,42 +296,53 @@ def columns(parts: Sequence[Number]) -> Number:
     return join([p[..., None] for p in parts], -1)
 
 
+def orthonormal(first: Array, second: Array) -> Interval:
+    """(n, 3, 3) rotations with column 0 along `first` (n, 3), column 1 as near to `second` as can be."""
+    x, y = unit(Interval.of(first)), Interval.of(second)
+    y = unit(y - dot(x, y)[:, None] * x)
+    return columns([x, y, cross(x, y)])
+
+
 def _interval(x: Interval | Array | float) -> Interval:
     return x if isinstance(x, Interval) else Interval.of(x)
 
 
-def _outward(lo: Array, hi: Array) -> Interval:
+def _up(ends: Array) -> Interval:
     """Ends that were rounded once, moved out by more than that rounding and their own."""
-    slack = np.maximum(-lo, hi) * (2 * ULP) + TINY
-    return Interval(lo - slack, hi + slack)
+    slack = np.abs(ends)
+    slack *= 2 * ULP
+    slack += TINY
+    slack += ends
+    return Interval(slack)
 
 
-def _hull(p: Array, q: Array, r: Array, s: Array) -> Interval:
-    lo, hi = np.minimum(np.minimum(p, q), np.minimum(r, s)), np.maximum(np.maximum(p, q), np.maximum(r, s))
-    return _outward(lo, hi)
+def _hull(same: Array, mixed: Array) -> Interval:
+    """From products or quotients of ends (..., 2): of both lower and both upper ones, and of one of each, negated."""
+    (a, b), (c, d), out = (same[..., 0], same[..., 1]), (mixed[..., 0], mixed[..., 1]), np.empty(same.shape)
+    np.maximum(np.maximum(a, b), -np.minimum(c, d), out=out[..., 1])
+    np.maximum(np.maximum(c, d), -np.minimum(a, b), out=out[..., 0])
+    return _up(out)
 
 
 def _ball(x: Interval) -> tuple[Array, Array]:
     """Midpoint and radius; the radius is short by at most one rounding, which the product allows for."""
-    if x.lo is x.hi:
-        return x.lo, np.zeros(x.shape)
     middle = x.mid
-    return middle, np.maximum(x.hi - middle, middle - x.lo)
+    return middle, np.maximum(x.ends[..., 1] - middle, x.ends[..., 0] + middle)
 
 
 def _wave(x: Interval, function: Callable[[float], float], crest: float) -> Interval:
     """Sine or cosine: the values at the ends, and 1 or -1 where a crest or a trough may lie between."""
     near = x.mag <= FAR
-    ends = Interval(np.where(near, x.lo, 0.0), np.where(near, x.hi, 0.0))
-    at_lo, at_hi = (np.array([function(v) for v in e.ravel().tolist()]).reshape(x.shape) for e in (ends.lo, ends.hi))
+    first, last = np.where(near, x.lo, 0.0), np.where(near, x.hi, 0.0)
+    at_lo, at_hi = (np.array(list(map(function, e.ravel().tolist()))).reshape(x.shape) for e in (first, last))
     lo, hi = np.minimum(at_lo, at_hi), np.maximum(at_lo, at_hi)
     slack = np.maximum(-lo, hi) * ((LIBM + 1) * ULP) + TINY  # one more for the subtraction
 
     def passes(peak: float) -> Mask:
         """May the interval contain `peak`, up to full turns?"""
-        first, last = (ends.lo - peak) / TURN - NEAR, (ends.hi - peak) / TURN + NEAR
-        return np.asarray(np.floor(last) >= np.ceil(first)) | ~near
+        before, after = (first - peak) / TURN - NEAR, (last - peak) / TURN + NEAR
+        return np.asarray(np.floor(after) >= np.ceil(before)) | ~near
 
     lo = np.where(passes(crest + math.pi), -1.0, np.maximum(lo - slack, -1.0))
     hi = np.where(passes(crest), 1.0, np.minimum(hi + slack, 1.0))
-    return Interval(lo, hi)
+    return Interval.between(lo, hi)

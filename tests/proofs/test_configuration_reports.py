@@ -7,11 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handfast.synthesis.certify.existence import Existence
-from handfast.synthesis.certify.interval_arithmetic import Interval
-from handfast.synthesis.certify.verify_existence import Report, _Bound, _pose_bounds, verify_existence
+from handfast.proofs import configurations
+from handfast.proofs.configurations import Bounds, Existence
+from handfast.proofs.intervals import Interval
 from handfast.synthesis.task import PoseBounds, Task
-from tests.support.planted_proofs import PlantedProof, Spot, cone_edges, plant, refused, reshaped, sah, sah_case
+from tests.support.planted_proofs import (
+    PlantedProof,
+    Report,
+    Spot,
+    cone_edges,
+    equations_of,
+    plant,
+    refused,
+    reshaped,
+    sah,
+    sah_case,
+    verify_existence,
+)
 
 
 def planted_case() -> PlantedProof:
@@ -20,7 +32,7 @@ def planted_case() -> PlantedProof:
 
 
 def only(task: Task, proof: Existence, message: str) -> Report:
-    """ProofRefused for this reason alone, word for word but for numbers."""
+    """Refused for this reason alone, word for word but for numbers."""
     report = refused(task, proof, f"^{message}$")
     assert len(report.reasons) == 1
     return report
@@ -141,17 +153,19 @@ def test_a_task_without_free_joints_says_so() -> None:
 def test_a_bound_that_is_just_reached_is_not_met(monkeypatch: pytest.MonkeyPatch, slack: float) -> None:
     planted = planted_case()
     assert verify_existence(planted.task, planted.proof()).ok
-    reached = [_Bound("first", 1.0, "no fault"), _Bound("second", slack, "is reached")]
-    monkeypatch.setattr("handfast.synthesis.certify.verify_existence._bounds", lambda *_: reached)
+    both = [{}, {"in:1": 1.0, "joint:a": slack}]
+    monkeypatch.setattr(configurations.Bounds, "slacks", lambda *_: both)
+    monkeypatch.setattr(configurations.Bounds, "fault", lambda _, label, __: f"{label} is reached")
     report = verify_existence(planted.task, planted.proof())
-    assert (report.ok, report.reasons) == (False, ("is reached",))
-    assert report.slacks == pytest.approx({"first": 1.0, "second": slack}, nan_ok=True)
+    assert (report.ok, report.reasons) == (False, ("joint:a is reached",))
+    assert report.slacks == pytest.approx(both[1], nan_ok=True)
 
 
 def test_a_refusal_claims_nothing() -> None:
     planted = planted_case()
     report = verify_existence(planted.task, replace(planted.proof(), contacts=()))
-    assert report == Report(False, ("has 0 contacts; the task has 2",), {}, np.inf, np.inf, np.inf)
+    assert report.reasons == ("has 0 contacts; the task has 2",)
+    assert report.replay.figures == {"contraction": np.inf, "step": np.inf, "gap": np.inf}
 
 
 @pytest.mark.parametrize(
@@ -175,16 +189,15 @@ def test_bounds_of_the_object_s_axes(
     axes = np.array(PoseBounds.none().axes)
     axes[axis, component] = bounds
     task = replace(planted_case().task, pose=PoseBounds(PoseBounds.none().position, axes))
-    rotation = np.zeros((3, 3))
-    rotation[component, axis] = rotated
-    found = _pose_bounds(task, Interval.of(np.zeros(3)), Interval.of(rotation))
+    bounds, label = Bounds.of(equations_of(task)), f"{'xyz'[axis]}_axis:{component}"
+    assert [name for name in bounds.labels if "axis" in name] == ([] if slack is None else [label])
     if slack is None:
-        assert found == []
         return
-    (bound,) = found
-    assert bound.label == f"{'xyz'[axis]}_axis:{component}"
-    assert bound.slack == pytest.approx(slack, abs=1e-15)
-    assert bound.slack <= slack
+    inside = Interval.of(np.full((1, len(bounds.labels)), rotated))
+    (found,) = bounds.slacks(inside)
+    assert found[label] == pytest.approx(slack, abs=1e-15)
+    assert found[label] <= slack
+    assert bounds.fault(label, inside[0]).startswith(f"pose.{label[:6]}[{component}] comes to [{rotated:.9g}, ")
 
 
 def test_a_whole_sphere_has_no_edge() -> None:

@@ -1,6 +1,6 @@
 """Shows with interval arithmetic alone that some contacts cannot be made together: nothing of the search.
 
-Whatever the object's pose, a rigid motion keeps lengths and angles. At a contact (see `verify_existence`) the hand's
+Whatever the object's pose, a rigid motion keeps lengths and angles. At a contact (see `contact_equations`) the hand's
 point P and direction A in the palm frame, and the object's point O and direction N in its own, are
 
     a hand cap with centre c, axis a, half angle h:  P = p_k + R_k c,  A = R_k a,  O = o + g r n,  N = -g n,
@@ -25,18 +25,15 @@ from itertools import combinations
 
 import numpy as np
 
-from handfast.core.arrays import Array, Indices, Mask
-from handfast.synthesis.certify.chains import Arms, Drive
-from handfast.synthesis.certify.existence import free_joints
-from handfast.synthesis.certify.interval_arithmetic import TINY, ULP, Dual, Interval, dot, join, sqr, sqrt
-from handfast.synthesis.certify.regions import ContactSide
-from handfast.synthesis.task import PoseBounds, Task
+from handfast.proofs.contact_equations import Sides
+from handfast.proofs.fields import Array, Integers, Mask
+from handfast.proofs.intervals import TINY, ULP, Dual, Interval, dot, join, sqr, sqrt
+from handfast.proofs.tasks import TaskData
 
 BOXES = 20_000  # that are looked at before the question is left open
 BATCH = 64  # boxes that are looked at together
 LARGE = 2_000  # derivatives of all conditions, beyond which boxes and batches are fewer
 FINEST = 1e-6  # of the whole: a box with no longer side could be halved for ever
-AROUND = 3.2  # [rad] more than half a turn: as far as a parameter goes either way
 MORE = 1 + 1e-9  # over the rounding of a bound
 CONE_ROUNDING = 1e-9  # more than the rounding of a cone about the bounds of an axis
 
@@ -56,14 +53,14 @@ class Impossibility:
     discarded: float
 
 
-def impossible(task: Task, contacts: Sequence[int], *, origin: bool = False, boxes: int = BOXES) -> Impossibility:
+def impossible(task: TaskData, contacts: Sequence[int], *, origin: bool = False, boxes: int = BOXES) -> Impossibility:
     """Can it be shown that these contacts of the task, and the bounds of the object's origin, exclude each other?
 
     Raises:
-        ProofRefused: couplings and limits that contradict each other, links that do not stand at rotations.
+        Refused: couplings and limits that contradict each other, links that do not stand at rotations.
     """
     with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which discards nothing
-        conditions = _Conditions.of(replace(task, contact_pairs=tuple(task.contact_pairs[k] for k in contacts)), origin)
+        conditions = _Conditions.of(task.part(contacts), origin)
         stack, share = [conditions.root], [1.0]
         seen, discarded = 0, 0.0
         whole = np.ptp(conditions.root, axis=1)
@@ -121,7 +118,7 @@ class _Conditions:
         limits: (J, 2) of the moving joints.
         place: columns of the position; () without.
         axes: (2, L, 3) A and N of the axes that are bounded.
-        radius, sign: (K, 1) of the point and the direction on the object; half: (K + L,) [rad] the angles h.
+        half: (K + L,) [rad] the angles h.
         size: [m] how far a point of the hand can be from the palm's origin, to compare lengths with angles.
         two: (2, .) each two contacts, the origin last; directed: (2, .) each two directions, the axes last.
         line: (2, .) a direction, and which of `two` its contact is one of; an axis goes with each of them.
@@ -130,87 +127,73 @@ class _Conditions:
     root: Array
     limits: Array
     place: list[int]
-    drive: Drive
-    arms: Arms
-    hand: ContactSide
-    object: ContactSide
+    sides: Sides
     axes: Array
-    radius: Array
-    sign: Array
     half: Array
     size: float
-    two: Indices
-    directed: Indices
-    line: Indices
+    two: Integers
+    directed: Integers
+    line: Integers
 
     @classmethod
-    def of(cls, task: Task, origin: bool) -> _Conditions:
-        pairs, hand = task.contact_pairs, task.hand
-        labels = [f"joint:{name}" for name in free_joints(task)]
-        root = [hand.limits[hand.joint(name)].tolist() for name in free_joints(task)]
-        place = list(range(len(labels), len(labels) + 3)) if origin else []
-        labels += [f"position:{i}" for i in range(len(place))]
-        root += task.pose.position.tolist() if origin else []
-        for k, pair in enumerate(pairs):
-            for region, names in ((pair.object, "st"), (pair.hand, "uv")):
-                if region.ball and names == "uv":
-                    continue
-                labels += [f"contact:{k}:{name}" for name in names]
-                root += np.clip(region.search_bounds, -AROUND, AROUND).tolist()
-        column = {label: n for n, label in enumerate(labels)}
-        drive, K = Drive.of(task, column), len(pairs)
-        caps = [pair.hand.ball for pair in pairs]
-        two, (axes, around_axes) = list(combinations(range(K + origin), 2)), _cones(task.pose)
+    def of(cls, task: TaskData, origin: bool) -> _Conditions:
+        sides, K = Sides.of(task, [f"position:{i}" for i in range(3)] if origin else []), len(task.links)
+        place = [sides.column[f"position:{i}"] for i in range(3)] if origin else []
+        root = np.zeros((len(sides.column), 2))
+        root[: len(task.free)] = task.hand.limits[list(task.free)].reshape(-1, 2)
+        root[place] = task.position[: len(place)]
+        for side, regions in ((sides.object, task.on_object), (sides.hand, task.on_hand)):
+            for its, region in zip(side.columns, regions, strict=True):
+                root[its[its >= 0]] = region.ends[its >= 0]
+        two, (axes, around_axes) = list(combinations(range(K + origin), 2)), _cones(task.axes)
         along = [(k, n) for n, t in enumerate(two) for k in t if k < K]
         along += [(K + i, n) for n in range(len(two)) for i in range(len(around_axes))]
         made = cls(
-            np.array(root),
-            hand.limits[list(drive.joints)].reshape(-1, 2),
+            root,
+            task.hand.limits[list(sides.drive.joints)].reshape(-1, 2),
             place,
-            drive,
-            Arms.of(task, drive.joints),
-            ContactSide.of([p.hand for p in pairs], "uv", column, still=True),
-            ContactSide.of([p.object for p in pairs], "st", column, still=False),
+            sides,
             axes,
-            np.array([[c.sign * c.radius if c else 0.0] for c in caps]),
-            np.array([[-c.sign if c else -1.0] for c in caps]),
-            np.array([*(c.half_angle if c else 0.0 for c in caps), *around_axes]),
+            np.array([*(hand.half_angle if hand.ball else 0.0 for hand in task.on_hand), *around_axes]),
             1.0,
-            np.array(two, dtype=np.intp).reshape(-1, 2).T,
-            np.array(list(combinations(range(K + len(around_axes)), 2)), dtype=np.intp).reshape(-1, 2).T,
-            np.array(along, dtype=np.intp).reshape(-1, 2).T,
+            np.array(two, dtype=np.int64).reshape(-1, 2).T,
+            np.array(list(combinations(range(K + len(around_axes)), 2)), dtype=np.int64).reshape(-1, 2).T,
+            np.array(along, dtype=np.int64).reshape(-1, 2).T,
         )
         return made._sized()
 
     def _sized(self) -> _Conditions:
         """With its size, and a finite place of the origin: no farther than a contact on the hand and on the object."""
-        x = Dual.constant(Interval(self.root[None, :, 0], self.root[None, :, 1]), 0)
-        on_hand = self.arms.carry(self.drive.at(x), *self.hand.at(x)[:2])[..., 0]
-        away, out = (sqrt(sqr(y.value).sum()).hi for y in (on_hand, self.object.at(x)[0]))
-        far, root = (away + out + np.abs(self.radius[:, 0])).min() * MORE, self.root.copy()
+        x = Interval.between(self.root[None, :, 0], self.root[None, :, 1])
+        on_hand, _ = self.sides.on_hand(x, self.sides.drive.at(x))
+        away, out = (sqrt(sqr(y.value).sum()).hi for y in (on_hand, self.sides.object.at(x).point))
+        far, root = (away + out + np.abs(self.sides.radius[:, 0])).min() * MORE, self.root.copy()
         root[self.place] = np.clip(root[self.place], -far, far)
         return replace(self, root=root, size=max(float(away.max()), 1e-6))
 
-    def _contacts(self, x: Dual) -> tuple[Dual, Dual, Dual, Dual]:
+    def _contacts(self, x: Interval, joints: Interval) -> tuple[Dual, Dual, Dual, Dual]:
         """P, A, O, N (N, ., 3) of the contacts; P and O of the origin if it has a place, A and N of the axes."""
-        on_hand = self.arms.carry(self.drive.at(x), *self.hand.at(x)[:2])
-        point, normal, *_ = self.object.at(x)
-        lifted = point + normal * self.radius
+        sides, (m, n) = self.sides, x.shape
+        P, A = sides.on_hand(x, joints)
+        at = sides.object.at(x)
+        point, normal = (sides.object.spread(a, n) for a in (at.point, at.normal))
+        lifted = point + normal * sides.radius
         # a patch's point needs no normal, which has no bounds over a wide box
-        O = join([(lifted if r else point)[..., k : k + 1, :] for k, r in enumerate(self.radius[:, 0])], -2)
-        P = on_hand[..., 0]
+        O = join([(lifted if r else point)[..., k : k + 1, :] for k, r in enumerate(sides.radius[:, 0])], -2)
         if self.place:
-            P = join([P, x[..., self.place].reshape(x.value.shape[0], 1, 3)], -2)
-            O = join([O, O[..., :1, :] * 0.0], -2)
-        A, N = on_hand[..., 1], normal * self.sign
+            slope = np.zeros((n, m, 1, 3, 2))
+            slope[self.place] = np.eye(3)[:, None, None, :, None] * [-1.0, 1.0]
+            P = join([P, Dual(x[..., self.place].reshape(m, 1, 3), Interval(slope))], -2)
+            O = join([O, Dual.constant(Interval(np.zeros((m, 1, 3, 2))), n)], -2)
+        N = normal * sides.sign
         if self.axes.size:
-            fixed = (Interval.of(a).repeated(x.value.shape[0]) for a in self.axes)
-            A, N = (join([y, Dual.constant(f, x.slope.shape[0])], -2) for y, f in zip((A, N), fixed, strict=True))
+            fixed = (Interval(np.broadcast_to(Interval.of(a).ends, (m, *a.shape, 2))) for a in self.axes)
+            A, N = (join([y, Dual.constant(f, n)], -2) for y, f in zip((A, N), fixed, strict=True))
         return P, A, O, N
 
-    def _rows(self, x: Dual) -> tuple[Dual, Interval]:
+    def _rows(self, x: Interval, joints: Interval) -> tuple[Dual, Interval]:
         """(N, C) the conditions, lengths first; (N, T) the lengths |dP|."""
-        P, A, O, N = self._contacts(x)
+        P, A, O, N = self._contacts(x, joints)
         (i, j), (a, b), (k, at) = self.two, self.directed, self.line
         dP, dO = P[..., i, :] - P[..., j, :], O[..., i, :] - O[..., j, :]
         lengths = sqr(dP).sum()
@@ -220,42 +203,37 @@ class _Conditions:
 
     def at(self, box: Array) -> _ConditionValues:
         """The conditions over boxes (N, n, 2)."""
-        N, n = box.shape[:2]
-        slope = np.zeros((n, N, n))
-        slope[np.arange(n), :, np.arange(n)] = 1.0
-        over, middle = Interval(box[..., 0], box[..., 1]), box.mean(axis=2)
-        value, length = self._rows(Dual(over, Interval.of(slope)))
-        here, _ = self._rows(Dual.constant(Interval.of(middle), 0))
+        over, middle = Interval.between(box[..., 0], box[..., 1]), box.mean(axis=2)
+        q, still = self.sides.drive.at(over), Interval.of(middle)
+        value, length = self._rows(over, q)
+        here, _ = self._rows(still, self.sides.drive.at(still))
         (a, b), (k, at) = self.directed, self.line
         most = [
-            np.zeros((N, self.two.shape[1])),
-            np.tile(2 * np.sin(np.minimum(self.half[a] + self.half[b], np.pi) / 2) * MORE, (N, 1)),
+            np.zeros((len(box), self.two.shape[1])),
+            np.tile(2 * np.sin(np.minimum(self.half[a] + self.half[b], np.pi) / 2) * MORE, (len(box), 1)),
             2 * np.sin(self.half[k] / 2) * length.hi[:, at] * MORE,
         ]
-        q = self.drive.at(Dual.constant(over, 0)).value
         possible = ~((q.lo > self.limits[:, 1]) | (q.hi < self.limits[:, 0])).any(axis=1)
         return _ConditionValues(value, here.value, middle, np.concatenate(most, axis=1), np.asarray(possible))
 
     def narrowed(self, box: Array) -> tuple[Mask, Array, Array]:
         """Which of boxes (N, n, 2) may hold a configuration; where in them; what each side changes (N, n, C)."""
         rows = self.at(box)
-        tolerance = Interval(-rows.tolerance, rows.tolerance)
-        slope = Interval(rows.value.slope.lo.swapaxes(0, 1), rows.value.slope.hi.swapaxes(0, 1))  # (N, n, C)
-        away = Interval(box[..., 0], box[..., 1]) - rows.at
-        by = slope * Interval(away.lo[..., None], away.hi[..., None])
-        sum_lo, sum_hi = by.lo.sum(axis=1), by.hi.sum(axis=1)
-        loss = by.mag.sum(axis=1) * ((box.shape[1] + 4) * ULP) + TINY
-        linear = rows.middle + Interval(sum_lo - loss, sum_hi + loss)
-        plain = rows.value.value
+        tolerance = Interval.between(-rows.tolerance, rows.tolerance)
+        slope = Interval(rows.value.slope.ends.swapaxes(0, 1))  # (N, n, C)
+        away = Interval.between(box[..., 0], box[..., 1]) - rows.at
+        by = slope * away[..., None]
+        total = by.ends.sum(axis=1)
+        loss = (by.mag.sum(axis=1) * ((box.shape[1] + 4) * ULP) + TINY)[..., None]
+        linear, plain = rows.middle + Interval(total + loss), rows.value.value
         low, high = np.fmax(plain.lo, linear.lo), np.fmin(plain.hi, linear.hi)
         alive = rows.possible & ~((low > rows.tolerance) | (high < -rows.tolerance)).any(axis=1)
         # what a condition leaves of a side when the others may be anything in the box
-        rest = Interval(sum_lo[:, None] - by.lo - loss[:, None], sum_hi[:, None] - by.hi + loss[:, None])
-        target = tolerance - rows.middle
-        left = (Interval(target.lo[:, None], target.hi[:, None]) - rest) / slope
-        new = Interval(left.lo.T, left.hi.T) + rows.at.T  # (C, n, N)
-        lower = np.fmax(box[..., 0], np.fmax.reduce(new.lo, axis=0).T)
-        upper = np.fmin(box[..., 1], np.fmin.reduce(new.hi, axis=0).T)
+        rest = Interval((total + loss)[:, None] - by.ends)
+        left = ((tolerance - rows.middle)[:, None] - rest) / slope  # (N, n, C)
+        new = left + rows.at[..., None]
+        lower = np.fmax(box[..., 0], np.fmax.reduce(new.lo, axis=2))
+        upper = np.fmin(box[..., 1], np.fmin.reduce(new.hi, axis=2))
         alive &= ~(lower > upper).any(axis=1)
         kept = np.where(alive[:, None], lower, box[..., 0]), np.where(alive[:, None], upper, box[..., 1])
         C, T, S = (index.shape[1] for index in (self.two, self.directed, self.line))
@@ -263,10 +241,10 @@ class _Conditions:
         return np.asarray(alive), np.stack(kept, axis=2), by.mag / unit
 
 
-def _cones(pose: PoseBounds) -> tuple[Array, list[float]]:
+def _cones(axes: Array) -> tuple[Array, list[float]]:
     """(2, L, 3) of the axes that are bounded: unit vectors of the palm frame, the axes; L angles [rad] between them."""
     found = []
-    for axis, bounds in zip(np.eye(3), pose.axes, strict=True):
+    for axis, bounds in zip(np.eye(3), axes, strict=True):
         middle = bounds.mean(axis=1)
         length = float(np.linalg.norm(middle))
         least = float(np.minimum(middle * bounds[:, 0], middle * bounds[:, 1]).sum()) - CONE_ROUNDING

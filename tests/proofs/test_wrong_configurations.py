@@ -8,10 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from handfast.synthesis.certify.existence import (
-    free_joints,
-)
-from handfast.synthesis.certify.verify_existence import verify_existence
 from handfast.synthesis.task import PoseBounds
 from tests.support.planted_proofs import (
     Spot,
@@ -25,6 +21,7 @@ from tests.support.planted_proofs import (
     reshaped,
     sah,
     sah_case,
+    verify_existence,
 )
 
 OPEN = r"do not meet the equations \(contact \d is open by"
@@ -298,7 +295,7 @@ def test_joints_that_their_limits_fix() -> None:
         )
     spots = [Spot("index_distal"), Spot("thumb_distal"), Spot("palm")]
     planted = plant(hand, spots, np.random.default_rng(5))
-    assert free_joints(planted.task)[0] == "index_proximal"
+    assert planted.task.free[0] == "index_proximal"
     report = verify_existence(planted.task, planted.proof())
     assert report.ok, report.reasons
     assert "joint:index_middle" not in report.slacks
