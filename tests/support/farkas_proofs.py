@@ -28,7 +28,7 @@ from tests.support.certificates import (
 )
 
 SEEDS = [(3, 1), (3, 2), (3, 3), (4, 1)]  # contacts, seed
-ONE_IN_A_THOUSAND = Settings(gap=1e-3, time_limit=60)
+ONE_IN_A_THOUSAND = Settings(gap=1e-3)
 
 
 def refused(certificate, match: str) -> None:

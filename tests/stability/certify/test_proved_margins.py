@@ -168,6 +168,6 @@ def test_there_is_an_end_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(farkas, "CHUNK", 1)
     with pytest.raises(farkas.Late):
         margins(*good, until=past)
-    assert (margins(*good, until=time.monotonic() + 100.0) > 0).all()
+    assert (margins(*good, until=np.inf) > 0).all()
     answer = checker.verify(empty(pair(), None, [(Row.CN_UP, 0, 0, 0)], [1.0]), until=past)
     assert (answer.ok, answer.reason, answer.leaves) == (False, "there was no time to check it all", 1)
