@@ -103,7 +103,12 @@ class Equations:
         about = torque - np.cross(g.centroid, force)
         rounding = 16 * UNIT * (length(torque) + arm * length(force))
         turns = (length(about) + rounding + length(off[:, 3:6]) + arm * length(off[:, :3])) / g.size
-        own = length(force) + length(off[:, :3]) + turns + (np.abs(rest) + off)[:, at.q.start :] @ self._arms[at.q.start :]
+        own = (
+            length(force)
+            + length(off[:, :3])
+            + turns
+            + (np.abs(rest) + off)[:, at.q.start :] @ self._arms[at.q.start :]
+        )
         return np.asarray(own * (1 + 1e-9))
 
     @cached_property

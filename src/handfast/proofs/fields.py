@@ -43,6 +43,10 @@ class Fields:
         """The field's whole name."""
         return f"{self.place}.{name}" if self.place else name
 
+    def names(self) -> tuple[str, ...]:
+        """Of the fields that are left."""
+        return tuple(self._left)
+
     def has(self, name: str) -> bool:
         """Is it there, and not null?"""
         return self._left.get(name) is not None

@@ -225,7 +225,9 @@ class LeafSystems:
         for chosen in _groups(leaves, self.count):
             index, there = self.places(chosen, self.used, self.used_E)
             place = np.clip(index - R, 0, p - 1)
-            size = np.where(index < R, np.append(self.y, 0.0)[np.minimum(index, R)], np.abs(self.v[chosen[:, None], place]))
+            size = np.where(
+                index < R, np.append(self.y, 0.0)[np.minimum(index, R)], np.abs(self.v[chosen[:, None], place])
+            )
             size = np.where(there, size, -1.0)
             free = np.append(self.rows.either, np.ones(p + 1, dtype=bool))[index] & there
             last = size == size.max(axis=1)[:, None]

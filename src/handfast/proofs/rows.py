@@ -134,7 +134,9 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
     patched = soft & slides
     if patched.any():
         patched &= contains(a, left)
-    driven, may_move = (np.append(x, False)[np.where(of_actuator, index, q.actuators)] for x in (q.is_driven, q.may_move))
+    driven, may_move = (
+        np.append(x, False)[np.where(of_actuator, index, q.actuators)] for x in (q.is_driven, q.may_move)
+    )
     commanded = may_move & ~driven
     always = np.ones(len(kind), dtype=bool)
     out = np.zeros(len(kind), dtype=bool)

@@ -30,12 +30,13 @@ LENGTH = 0.1  # [m] that counts as much as a radian in the distance of configura
 COURSE = "the course of the search: starts, boxes and seconds"
 NAMES = "that the task's numbers are those of the hand and of the object that it names"
 SEARCHED = re.compile(r"contacts? (\d+(?:, \d+)*)(?: and (\d+|the object's position))?")
+SCHEMA = "handfast/synthesis/1"
 
 
 def replay(data: Any) -> Replay:
     """What the file claims, replayed; `BadFile` if it is none, `checksum` and `state` read past."""
     f = Fields(data)
-    f.text("schema", among=["handfast/synthesis/1"])
+    f.text("schema", among=[SCHEMA])
     f.take("checksum", None)
     task, answer, state = read_task(f.take("task")), f.object("answer"), f.take("state")
     f.done()

@@ -21,7 +21,7 @@ def verify_existence(task: Task, proof: Existence) -> Replay:
     try:
         return check_configuration(_equations_of(task), proof)
     except Refused as fault:
-        return Replay("configuration", reason=str(fault))
+        return Replay("configuration", refused=str(fault))
 
 
 def misplaced(task: Task, joints: Mapping[str, float], proof: Existence) -> str:

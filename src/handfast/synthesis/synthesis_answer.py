@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.core.answer import Checked, Reach, Stop, header
+from handfast.core.answer import Reach, Stop, header
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
 from handfast.proofs.fields import BadFile
@@ -49,56 +48,12 @@ class Searched:
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
 
-@dataclass(frozen=True)
-class ReplayedSynthesis(Checked):
-    """What of a synthesis was checked.
-
-    Attributes:
-        replay: the claims, see `handfast.proofs.synthesis`.
-        seconds: wall time.
-    """
-
-    replay: Replay
-    seconds: float
-
-    @classmethod
-    def of(cls, data: Any) -> ReplayedSynthesis:
-        """The replay of a parsed `handfast/synthesis/1` file; `InputError` if it is none."""
-        start = time.monotonic()
-        try:
-            done = replay(data)
-        except BadFile as fault:
-            raise InputError(fault.problem, field=fault.field or None) from None
-        return cls(done, time.monotonic() - start)
-
-    @property
-    def reason(self) -> str:  # type: ignore[override]
-        """Why it is not all proved: one line; '' if it is."""
-        return self.replay.reason or next((_said(part) for part in self.replay.parts if not part.ok), "")
-
-    @property
-    def reports(self) -> tuple[Replay, ...]:
-        """Of the proof of existence of each configuration."""
-        return tuple(part for part in self.replay.parts if part.name.startswith("configuration"))
-
-    @property
-    def replayed(self) -> tuple[str, ...]:
-        """What was replayed and found right, a line each."""
-        return tuple(_said(part, part.claim) for part in self.replay.parts if part.ok and part.claim)
-
-    @property
-    def not_replayed(self) -> tuple[str, ...]:
-        """What the answer says that cannot be replayed, and why, a line each."""
-        return self.replay.not_replayed
-
-    def to_json(self) -> dict[str, Any]:
-        figures = [{name: r.to_json()[name] for name in ("ok", "contraction", "gap", "reason")} for r in self.reports]
-        return self._json({"configurations": figures})
-
-
-def _said(part: Replay, words: str = "") -> str:
-    """What is said of a part, with its name where there may be several."""
-    return f"{part.name}: {words or part.fault}" if part.name != "none" else words or part.fault
+def replayed(data: Any) -> Replay:
+    """The replay of a parsed `handfast/synthesis/1` file; `InputError` if it is none."""
+    try:
+        return replay(data)
+    except BadFile as fault:
+        raise InputError(fault.problem, field=fault.field or None) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +97,9 @@ class Synthesis:
         gaps = [np.linalg.norm(at[i] - at[:i], axis=1).min() for i in range(1, len(at))]
         return float(min(gaps)) if gaps else None
 
-    def verify(self) -> ReplayedSynthesis:
+    def verify(self) -> Replay:
         """What a file of it would claim, replayed: each configuration, and of a NONE as much as can be shown anew."""
-        return ReplayedSynthesis.of(self._unsealed())
+        return replayed(self._unsealed())
 
     def to_json(self) -> dict[str, Any]:
         """The object that the command line prints."""

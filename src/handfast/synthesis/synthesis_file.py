@@ -16,10 +16,11 @@ from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate
 from handfast.proofs.configurations import Existence
+from handfast.proofs.replay import Replay
 from handfast.synthesis.embedded import fingerprint, refuse_broken, task_from_dict
 from handfast.synthesis.existence import existence_from_dict
 from handfast.synthesis.solution import Solution
-from handfast.synthesis.synthesis_answer import ReplayedSynthesis, Searched, Synthesis
+from handfast.synthesis.synthesis_answer import Searched, Synthesis, replayed
 from handfast.synthesis.task import Task
 
 Count = Annotated[int, Field(ge=0)]
@@ -90,9 +91,9 @@ class SavedSynthesis:
     synthesis: Synthesis
     data: dict[str, Any]
 
-    def verify(self) -> ReplayedSynthesis:
+    def verify(self) -> Replay:
         """What the file claims, replayed."""
-        return ReplayedSynthesis.of(self.data)
+        return replayed(self.data)
 
 
 def from_dict(data: Any) -> SavedSynthesis:
