@@ -38,7 +38,7 @@ def verify(data: Any, place: str = "") -> Replay:
     if schema == "handfast/answer/1":
         query = data.get("query")
         raise BadFile(f"is an answer without its proof; ask again: {ASK.get(str(query), 'with --save')}", "schema")
-    if schema not in READERS:
+    if not isinstance(schema, str) or schema not in READERS:
         found = "is missing" if schema is None else f"is {schema!r}"
         raise BadFile(f"{found}; {' or '.join(map(repr, READERS))} is needed", "schema")
     return READERS[schema](data, place)
@@ -69,15 +69,15 @@ def verify_path(path: str | Path) -> Replay:
     path = Path(path)
     if not path.is_dir():
         return verify(read_json(path))
-    plan = read_json(path / PLAN)
-    entries = [*plan.get("grasps", []), *plan.get("others", [])] if isinstance(plan, dict) else []
+    plan = Fields(read_json(path / PLAN), PLAN)
+    entries = [*plan.objects("grasps", []), *plan.objects("others", [])]
     if not entries:
-        raise BadFile("names no grasps", f"{PLAN}: grasps")
+        raise BadFile("names no grasps", plan.at("grasps"))
     parts = []
-    for k, entry in enumerate(entries):
-        name = Fields(entry, f"{PLAN}: grasps[{k}]").text("hold_file")
+    for entry in entries:
+        name = entry.text("hold_file")
         if Path(name).name != name:
-            raise BadFile(f"is {name!r}; a file of the folder is needed", f"{PLAN}: grasps[{k}].hold_file")
+            raise BadFile(f"is {name!r}; a file of the folder is needed", entry.at("hold_file"))
         parts.append(Replay(name, parts=(verify(read_json(path / name)),)))
     return Replay("plan", parts=tuple(parts), not_replayed=(OF_PLAN,))
 
@@ -95,7 +95,7 @@ def read_json(path: Path) -> Any:
         raise BadFile(f"is not valid JSON: {fault}", str(path)) from None
     except OSError as fault:
         raise BadFile(f"cannot be read: {fault.strerror}", str(path)) from None
-    layer, depth = [data], 0
+    layer, depth = [data] if isinstance(data, dict | list) else [], 0
     while layer:
         depth += 1
         if depth > DEPTH:
