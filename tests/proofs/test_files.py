@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,8 @@ def test_what_is_read(written) -> None:
 
 @pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity"])
 def test_constants_that_are_no_numbers(written, constant: str) -> None:
-    with refused(f"contains {constant}; finite numbers are needed"):
-        files.read_json(written(f'{{"a": [1, {constant}]}}'))
+    with refused(f"contains {constant}; finite numbers are needed", "place"):
+        files.read_json(written(f'{{"a": [1, {constant}]}}'), "place")
 
 
 @pytest.mark.parametrize("digits", ["9" * 50, "-" + "9" * 49])
@@ -68,7 +69,7 @@ def test_depth(written, opened: str, closed: str) -> None:
 
     files.read_json(nested(50))
     for depth in (51, 900):
-        with refused("is nested too deeply; at most 50 lists and objects may be in each other", str(nested(depth))):
+        with refused("is nested too deeply; at most 50 lists and objects may be in each other"):
             files.read_json(nested(depth))
 
 
@@ -76,22 +77,23 @@ def test_depth_of_what_stands_behind_others(written) -> None:
     deep = "[" * 49 + "]" * 49
     files.read_json(written(f'{{"a": 1, "b": {deep}}}'))
     path = written(f'{{"a": 1, "b": [[], 2, {deep}]}}')
-    with refused("is nested too deeply; at most 50 lists and objects may be in each other", str(path)):
-        files.read_json(path)
+    with refused("is nested too deeply; at most 50 lists and objects may be in each other", "place"):
+        files.read_json(path, "place")
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1,]", b"\xff\xfe", "{'a': 1}", "[" * 200000])
 def test_what_is_no_json(written, text: str | bytes) -> None:
     path = written(text)
-    with pytest.raises(files.BadFile, match=r"file\.json: is not valid JSON: ") as caught:
+    with pytest.raises(files.BadFile, match=r"\Ais not valid JSON: "):
         files.read_json(path)
-    assert caught.value.field == str(path)
+    with pytest.raises(files.BadFile, match=r"\Aplace: is not valid JSON: "):
+        files.read_json(path, "place")
 
 
 def test_what_cannot_be_read(tmp_path: Path) -> None:
-    with refused("cannot be read: No such file or directory", str(tmp_path / "none.json")):
-        files.read_json(tmp_path / "none.json")
-    with refused("cannot be read: Is a directory", str(tmp_path)):
+    with refused("cannot be read: No such file or directory", "place"):
+        files.read_json(tmp_path / "none.json", "place")
+    with refused("cannot be read: Is a directory"):
         files.read_json(tmp_path)
 
 
@@ -158,14 +160,14 @@ def test_the_reader_of_the_schema_is_asked(said: str, written) -> None:
 def test_a_plan_is_all_of_its_grasps(said: str, written, tmp_path: Path) -> None:
     written(json.dumps({"grasps": [{"hold_file": "a.json"}], "others": [{"hold_file": "b.json"}], "x": 1}), "plan.json")
     for name in ("a", "b"):
-        written(json.dumps({"schema": said, "name": name}), f"{name}.json")
+        written(json.dumps({"schema": said, "name": f"{name} of "}), f"{name}.json")
     done = files.verify_path(tmp_path)
     assert done.ok
     assert (done.name, [p.name for p in done.parts]) == ("plan", ["a.json", "b.json"])
-    assert [p.parts[0].name for p in done.parts] == ["a", "b"]
+    assert [p.parts[0].name for p in done.parts] == ["a of a.json", "b of b.json"]
     assert done.not_replayed == (files.OF_PLAN,)
-    written(json.dumps({"schema": said, "name": "b", "refused": "no"}), "b.json")
-    assert files.verify_path(tmp_path).reason == "b.json: b: no"
+    written(json.dumps({"schema": said, "name": "b of ", "refused": "no"}), "b.json")
+    assert files.verify_path(tmp_path).reason == "b.json: b of b.json: no"
 
 
 @pytest.mark.parametrize(
@@ -194,13 +196,25 @@ def test_faults_of_plans(plan: Any, field: str, problem: str, written, tmp_path:
         files.verify_path(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["", "..", "none.json"])
-def test_files_of_a_plan_that_are_none(name: str, written, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("none.json", None, "none.json: cannot be read: No such file or directory"),
+        ("..", None, "..: cannot be read: Is a directory"),
+        ("", None, "cannot be read: Is a directory"),
+        ("a.json", "[NaN]", "a.json: contains NaN; finite numbers are needed"),
+        ("a.json", '{"schema": 3}', "a.json.schema: is 3; "),
+        ("a.json", '{"schema": "handfast/answer/1"}', "a.json.schema: is an answer without its proof; "),
+    ],
+)
+def test_files_of_a_plan_that_are_none(name: str, text: str | None, problem: str, written, tmp_path: Path) -> None:
     written(json.dumps({"grasps": [{"hold_file": name}]}), "plan.json")
-    with pytest.raises(files.BadFile, match="cannot be read: "):
+    if text is not None:
+        written(text, name)
+    with pytest.raises(files.BadFile, match=rf"\A{re.escape(problem)}"):
         files.verify_path(tmp_path)
 
 
 def test_a_folder_without_a_plan(tmp_path: Path) -> None:
-    with refused("cannot be read: No such file or directory", str(tmp_path / "plan.json")):
+    with refused("cannot be read: No such file or directory", "plan.json"):
         files.verify_path(tmp_path)

@@ -592,7 +592,12 @@ def test_at_most_so_many(count: int) -> None:
             "is '1'; a finite number is needed",
         ),
         ("mechanism.actuators.1.tendon", 1, "mechanism.actuators[1].tendon", "is 1; true or false is needed"),
-        ("mechanism.actuators.1.backdrivable", 1, "mechanism.actuators[1].backdrivable", "is 1; true or false is needed"),
+        (
+            "mechanism.actuators.1.backdrivable",
+            1,
+            "mechanism.actuators[1].backdrivable",
+            "is 1; true or false is needed",
+        ),
         ("mechanism.couplings", 3, "mechanism.couplings", "is no list"),
         ("mechanism.couplings", "roll", "mechanism.couplings", "is no list"),
         ("mechanism.couplings", [{"roll": 0}], "mechanism.couplings[0]", "moves no joint"),

@@ -60,7 +60,7 @@ def test_files_that_cannot_be_read(tmp_path: Path, capsys: pytest.CaptureFixture
     assert program.main([missing]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err == f"{missing}: {missing}: cannot be read: No such file or directory\n"
+    assert err == f"{missing}: cannot be read: No such file or directory\n"
 
 
 @pytest.mark.parametrize("arguments", [[], ["a", "b"]])

@@ -136,7 +136,7 @@ def test_both_at_once_is_a_contradiction(slips: tuple[float, float], at: float) 
 
 @pytest.mark.parametrize("slips", [(4.0, 6.0), (4.999, 5.001)])
 def test_the_largest_is_resisted(slips: tuple[float, float]) -> None:
-    with pytest.raises(ValueError, match="^5 is shown to be resisted, and to slip$"):
+    with pytest.raises(ValueError, match=r"^5 is shown to be resisted, and to slip$"):
         known([(0, 2)], [slips], 5.0, 5.004, 1e-3, 1.0)
 
 
