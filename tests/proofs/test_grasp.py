@@ -14,6 +14,7 @@ from flint import fmpq
 from handfast.core import bundled
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import load_grasp, to_dict
+from handfast.proofs.fields import BadFile
 from handfast.proofs.grasp import MANY, NOTHING, STOPS, UNIT_TOLERANCE, GraspData, read_grasp
 from tests.support.law_grasps import random_law_grasp
 from tests.support.problems import bell, nest, pinch, solved
@@ -479,6 +480,11 @@ def test_defaults() -> None:
 
 
 def test_numbers_at_their_bounds() -> None:
+    for ratio in (1.01e-7, 0.99e7):
+        assert read_grasp(altered("contacts.0.torsion", 0.5 * ratio), "g").lever[0] == ratio
+    for ratio in (0.99e-7, 1.01e7):
+        with pytest.raises(BadFile, match="their ratio is a length of a hand"):
+            read_grasp(altered("contacts.0.torsion", 0.5 * ratio), "g")
     assert read_grasp(altered("mechanism.actuators.1.joints", {"roll": -1e-50}), "g").R[1, 2] == -1e-50
     assert read_grasp(altered("contacts.0.torsion", 0), "g").soft.tolist() == []
     assert read_grasp(altered("contacts.1.friction", 0), "g").mu[1] == 0
@@ -548,6 +554,24 @@ def test_at_most_so_many(count: int) -> None:
         ("contacts.1.friction", -0.1, "contacts[1].friction", "is -0.1; 0 or more is needed"),
         ("contacts.0.torsion", -0.1, "contacts[0].torsion", "is -0.1; 0 or more is needed"),
         ("contacts.0.friction", 0, "contacts[0].torsion", "is 0.25 where friction is 0; a soft finger needs both"),
+        (
+            "contacts.0.torsion",
+            4e-8,
+            "contacts[0].torsion",
+            "is 4e-08 beside a friction of 0.5; their ratio is a length of a hand",
+        ),
+        (
+            "contacts.0.friction",
+            5e-324,
+            "contacts[0].torsion",
+            "is 0.25 beside a friction of 4.94066e-324; their ratio is a length of a hand",
+        ),
+        (
+            "mechanism.actuators.2.tendon",
+            True,
+            "mechanism.actuators[2].backdrivable",
+            "is true of a tendon; leave tendon out, its command is all it pulls with",
+        ),
         ("contacts.0.link", 3, "contacts[0].link", "is 3; a text is needed"),
         ("joints", 3, "joints", "is no list"),
         ("joints.1", [], "joints[1]", "is no object"),
