@@ -213,6 +213,7 @@ def test_any_length() -> None:
         ([[1]], (-1,), "has 1 x 1 numbers; n are needed"),
         (1.0, (3,), "has one numbers; 3 are needed"),
         ([], (3,), "has 0 numbers; 3 are needed"),
+        ([1], (0,), "has 1 numbers; 0 are needed"),
         ([[1, 2], [3]], (2, 2), "is no table of 2 x 2 numbers"),
         ([[1, 2], 3], (-1, 2), "is no table of n x 2 numbers"),
         ([1, True], (2,), "has True where a number is needed"),

@@ -255,6 +255,13 @@ def test_chains_of_ties_join_groups() -> None:
     assert e.R.tolist() == [[0, 0, 0, 0, 1], [-0.5, -0.25, 0.125, -0.125, 1]]
 
 
+def test_a_tie_that_is_there_twice_or_contradicts_changes_nothing() -> None:
+    """q1 = 2 q0, and again, or q1 = -q0, which leaves rest alone: friction along the first of them."""
+    for second in ([-4, 2], [1, 1]):
+        e = equivalent_of(grasp([{"friction": 0.5}, {"friction": 0.25}], couplings=[[-2, 1], second]), None, ())
+        assert (e.sliders, e.torque.tolist()) == (1, [0.5, 0.25, -1.5])
+
+
 def test_couplings_over_three_joints_tie_none_to_each_other() -> None:
     laws = [{"friction": 0.5}, {"friction": 0.25}, {}]
     e = equivalent_of(grasp(laws, couplings=[[1, 1, 1]]), None, ())

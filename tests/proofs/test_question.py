@@ -213,6 +213,8 @@ def test_magnitudes() -> None:
     assert question(CHECK).magnitudes(None) == (0.0, 0.0)
     preload = question(SMALLEST_PRELOAD)  # a share s of the preload is a magnitude of 1 / s
     assert preload.magnitudes((0.25, 2.0)) == (0.5, 4.0)
+    assert preload.magnitudes((0.5, 0.8)) == (1.25, 2.0)
+    assert preload.magnitudes((2.0, 4.0)) == (0.25, 0.5)
     assert preload.magnitudes((0.0, 2.0)) == (0.5, INF)
     assert preload.magnitudes((0.25, INF)) == (0.0, 4.0)
     assert preload.magnitudes((0.0, 0.0)) == (INF, INF)
