@@ -129,11 +129,12 @@ class Fields:
 
 def number(value: Any, field: str, least: float = -LARGEST) -> float:
     """A finite number, no text and no truth value."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) == math.inf or value != value:
         raise BadFile(f"is {value!r}; a finite number is needed", field)
-    if not least <= value <= LARGEST:
-        right = f"{least:g} or more is needed" if value < least else f"numbers up to {LARGEST:g} are possible"
-        raise BadFile(f"is {value:g}; {right}", field)
+    if abs(value) > LARGEST:  # whole numbers may be beyond all floating-point numbers
+        raise BadFile(f"is beyond {LARGEST:g}, the largest number that is possible", field)
+    if value < least:
+        raise BadFile(f"is {value:g}; {least:g} or more is needed", field)
     return float(value)
 
 

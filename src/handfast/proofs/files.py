@@ -34,13 +34,13 @@ def verify(data: Any, place: str = "") -> Replay:
     Raises:
         BadFile: it is none of the `READERS`, or a field of it is wrong.
     """
-    schema = data.get("schema") if isinstance(data, dict) else None
+    schema, field = data.get("schema") if isinstance(data, dict) else None, f"{place}.schema" if place else "schema"
     if schema == "handfast/answer/1":
         query = data.get("query")
-        raise BadFile(f"is an answer without its proof; ask again: {ASK.get(str(query), 'with --save')}", "schema")
-    if schema not in READERS:
+        raise BadFile(f"is an answer without its proof; ask again: {ASK.get(str(query), 'with --save')}", field)
+    if not isinstance(schema, str) or schema not in READERS:
         found = "is missing" if schema is None else f"is {schema!r}"
-        raise BadFile(f"{found}; {' or '.join(map(repr, READERS))} is needed", "schema")
+        raise BadFile(f"{found}; {' or '.join(map(repr, READERS))} is needed", field)
     return READERS[schema](data, place)
 
 
@@ -71,37 +71,41 @@ def verify_path(path: str | Path) -> Replay:
     path = Path(path)
     if not path.is_dir():
         return verify(read_json(path))
-    plan = read_json(path / PLAN)
-    entries = [*plan.get("grasps", []), *plan.get("others", [])] if isinstance(plan, dict) else []
+    plan = Fields(read_json(path / PLAN, PLAN), PLAN)
+    entries = [*plan.objects("grasps", []), *plan.objects("others", [])]
     if not entries:
-        raise BadFile("names no grasps", f"{PLAN}: grasps")
+        raise BadFile("names no grasps", plan.at("grasps"))
     parts = []
-    for k, entry in enumerate(entries):
-        name = Fields(entry, f"{PLAN}: grasps[{k}]").text("hold_file")
+    for entry in entries:
+        name = entry.text("hold_file")
         if Path(name).name != name:
-            raise BadFile(f"is {name!r}; a file of the folder is needed", f"{PLAN}: grasps[{k}].hold_file")
-        parts.append(Replay(name, parts=(verify(read_json(path / name)),)))
+            raise BadFile(f"is {name!r}; a file of the folder is needed", entry.at("hold_file"))
+        parts.append(Replay(name, parts=(verify(read_json(path / name, name), name),)))
     return Replay("plan", parts=tuple(parts), not_replayed=(OF_PLAN,))
 
 
 OF_PLAN = "that contacts and joints are those of the hand on the object, clearances, what became of other attempts"
 
 
-def read_json(path: Path) -> Any:
-    """The parsed JSON of a file: no number that is none, no name twice in an object, nothing nested without end."""
+def read_json(path: Path, place: str = "") -> Any:
+    """The parsed JSON of a file: no number that is none, no name twice in an object, nothing nested without end.
+
+    Raises:
+        BadFile: what is wrong, at this place.
+    """
     try:
         data = json.loads(path.read_text("utf-8"), parse_constant=_refused, parse_int=_whole, object_pairs_hook=_object)
-    except BadFile:
-        raise
+    except BadFile as fault:
+        raise BadFile(fault.problem, place) from None
     except (ValueError, RecursionError) as fault:
-        raise BadFile(f"is not valid JSON: {fault}", str(path)) from None
+        raise BadFile(f"is not valid JSON: {fault}", place) from None
     except OSError as fault:
-        raise BadFile(f"cannot be read: {fault.strerror}", str(path)) from None
-    layer, depth = [data], 0
+        raise BadFile(f"cannot be read: {fault.strerror}", place) from None
+    layer, depth = [data] if isinstance(data, dict | list) else [], 0
     while layer:
         depth += 1
         if depth > DEPTH:
-            raise BadFile(f"is nested too deeply; at most {DEPTH} lists and objects may be in each other", str(path))
+            raise BadFile(f"is nested too deeply; at most {DEPTH} lists and objects may be in each other", place)
         layer = [y for x in layer for y in (x.values() if isinstance(x, dict) else x) if isinstance(y, dict | list)]
     return data
 

@@ -36,7 +36,10 @@ def drives(q: Question) -> float:
 
 
 def farthest(q: Question) -> float:
-    """The magnitude up to which a maximum is to be sought at least: `ENDLESS` times the other forces in play."""
+    """The magnitude up to which a maximum is to be sought at least: `ENDLESS` times the other forces in play.
+
+    Endless where the direction is no force.
+    """
     others = max(size_of(q.grasp, q.wrench), drives(q))
     along = size_of(q.grasp, q.direction)
-    return ENDLESS * (others or along) / along
+    return ENDLESS * (others or along) / along if along else np.inf

@@ -21,6 +21,7 @@ from handfast.proofs.rational import cross, dot, rational, rationals
 
 MANY = 249  # contacts, joints, actuators, couplings at most
 UNIT_TOLERANCE = 1e-3  # a normal or an axis may be off unit length by rounding in a file; it is then normalised
+LEAST_LEVER = 1e-7  # [m] of a soft finger, torsion over friction, is above this and below its inverse
 STOPS = "", "lower", "upper", "both"
 NOTHING = 1e-14  # relative: what rounding leaves of a length that is none
 
@@ -326,6 +327,8 @@ def _contact(f: Fields) -> dict[str, Any]:
     torsion = f.number("torsion", 0.0, least=0.0)
     if torsion > 0 and mu == 0:
         raise BadFile(f"is {torsion:g} where friction is 0; a soft finger needs both", f.at("torsion"))
+    if torsion > 0 and not LEAST_LEVER < torsion / mu < 1 / LEAST_LEVER:
+        raise BadFile(f"is {torsion:g} beside a friction of {mu:g}; their ratio is a length of a hand", f.at("torsion"))
     out |= {"lever": torsion / mu if torsion > 0 else 0.0, "link": f.text("link", "")}
     f.take("depth", None)
     f.done()
@@ -358,6 +361,10 @@ def _mechanism(f: Fields, joints: Sequence[str]) -> tuple[tuple[str, ...], Array
         R.append(_row(part.named("joints"), joints, part.at("joints")))
         tendon.append(part.flag("tendon", False))
         back.append(part.flag("backdrivable", False))
+        if tendon[-1] and back[-1]:
+            raise BadFile(
+                "is true of a tendon; leave tendon out, its command is all it pulls with", part.at("backdrivable")
+            )
         part.done()
     tied = mech.take("couplings", [])
     if not isinstance(tied, Sequence) or isinstance(tied, str):

@@ -169,6 +169,8 @@ def read_question(data: Any, place: str) -> Question:
     f = Fields(data, place)
     g = read_grasp(f.take("grasp"), f.at("grasp"))
     goal, effort = f.text("goal", among=GOALS), f.text("objective", "max", among=("max", "sum"))
+    if effort == "sum" and goal != TORQUES:
+        raise BadFile("is 'sum', which is for the goal 'torques'", f.at("objective"))
     wrench = f.numbers("wrench", (6,))
     direction = f.numbers("direction", (6,)) if f.has("direction") else None
     f.take("direction", None)

@@ -1,0 +1,310 @@
+"""Fields of files: what is taken, with its type and bounds, and the whole line for every fault."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast.proofs.fields import (
+    LARGEST,
+    SAME,
+    BadFile,
+    Fields,
+    number,
+    numbers,
+    refuse_unknown,
+    same,
+)
+from tests.support.refused import refused
+
+BEYOND = float(np.nextafter(LARGEST, np.inf))
+
+
+def test_limits() -> None:
+    assert LARGEST == 1e50
+    assert SAME == 1e-9
+
+
+def test_a_fault_names_field_and_problem() -> None:
+    fault = BadFile("is missing", "a.b")
+    assert (str(fault), fault.problem, fault.field) == ("a.b: is missing", "is missing", "a.b")
+    bare = BadFile("is missing")
+    assert (str(bare), bare.problem, bare.field) == ("is missing", "is missing", "")
+    assert isinstance(fault, ValueError)
+
+
+@pytest.mark.parametrize("data", [[], "text", 1, None])
+def test_what_is_no_object_is_refused(data: Any) -> None:
+    with refused("is no object", "place"):
+        Fields(data, "place")
+
+
+# --- objects
+
+
+def test_each_field_is_taken_once_and_none_may_be_left() -> None:
+    data = {"a": 1, "b": None, "c": 3}
+    f = Fields(data, "top")
+    assert (f.has("a"), f.has("b"), f.has("d")) == (True, False, False)
+    assert f.take("a") == 1
+    assert not f.has("a")
+    with refused("is missing", "top.a"):
+        f.take("a")
+    assert f.take("a", 7) == 7
+    assert f.take("d", None) is None
+    assert f.take("b", 5) is None  # null is a value
+    with refused("is not a known field; leave it out", "top.c"):
+        f.done()
+    assert f.take("c") == 3
+    f.done()
+    assert data == {"a": 1, "b": None, "c": 3}
+
+
+def test_the_first_field_that_nobody_took_is_named() -> None:
+    with refused("is not a known field; leave it out", "y"):
+        Fields({"y": 1, "x": 2}).done()
+
+
+def test_names_begin_with_the_place() -> None:
+    assert Fields({}, "a[1]").at("b") == "a[1].b"
+    assert Fields({}).at("b") == "b"
+
+
+def test_objects_in_objects() -> None:
+    inner = Fields({"a": {"b": 1}}, "top").object("a")
+    assert inner.place == "top.a"
+    assert inner.take("b") == 1
+    with refused("is no object", "top.a"):
+        Fields({"a": []}, "top").object("a")
+
+
+def test_lists_of_objects() -> None:
+    found = list(Fields({"a": [{"b": 1}, {"b": 2}]}, "top").objects("a"))
+    assert [(f.place, f.take("b")) for f in found] == [("top.a[0]", 1), ("top.a[1]", 2)]
+    assert list(Fields({}).objects("a", [])) == []
+    with refused("is missing", "top.a"):
+        Fields({}, "top").objects("a")
+    for wrong in ("text", {"b": 1}, 3):
+        with refused("is no list", "top.a"):
+            Fields({"a": wrong}, "top").objects("a")
+    with refused("is no object", "top.a[1]"):
+        list(Fields({"a": [{}, 1]}, "top").objects("a"))
+
+
+# --- texts, truth values, whole numbers
+
+
+def test_texts() -> None:
+    assert Fields({"a": ""}).text("a") == ""
+    assert Fields({}).text("a", "b") == "b"
+    assert Fields({"a": "x"}).text("a", among=("x", "y")) == "x"
+    with refused("is 1; a text is needed", "top.a"):
+        Fields({"a": 1}, "top").text("a")
+    with refused("is 'z'; 'x' or 'y' is needed", "top.a"):
+        Fields({"a": "z"}, "top").text("a", among=("x", "y"))
+    with refused("is missing", "a"):
+        Fields({}).text("a", among=("x",))
+
+
+def test_truth_values() -> None:
+    assert Fields({"a": True}).flag("a") is True
+    assert Fields({"a": False}).flag("a", True) is False
+    assert Fields({}).flag("a", True) is True
+    for wrong in (1, 0, "true", None):
+        with refused(f"is {wrong!r}; true or false is needed", "top.a"):
+            Fields({"a": wrong}, "top").flag("a")
+
+
+def test_whole_numbers() -> None:
+    assert Fields({"a": 0}).whole("a") == 0
+    assert Fields({"a": -2}).whole("a", least=-2) == -2
+    assert Fields({}).whole("a", 4) == 4
+    for wrong in (-1, True, 1.0, "1", None):
+        with refused(f"is {wrong!r}; a whole number of 0 or more is needed", "top.a"):
+            Fields({"a": wrong}, "top").whole("a")
+    with refused("is 2; a whole number of 3 or more is needed", "a"):
+        Fields({"a": 2}).whole("a", least=3)
+
+
+def test_lists_of_texts() -> None:
+    assert Fields({"a": ["x", "y"]}).texts("a") == ("x", "y")
+    assert Fields({}).texts("a", ()) == ()
+    for wrong in ("xy", ["x", 1], 3, {"x": "y"}):
+        with refused("is no list of texts", "top.a"):
+            Fields({"a": wrong}, "top").texts("a")
+
+
+# --- numbers
+
+
+@pytest.mark.parametrize("value", [0, -3, 2.5, LARGEST, -LARGEST])
+def test_numbers_come_back(value: float) -> None:
+    found = number(value, "a")
+    assert found == value
+    assert isinstance(found, float)
+    assert Fields({"a": value}).number("a") == value
+
+
+@pytest.mark.parametrize("value", [True, False, "1", None, [1], float("nan"), float("inf"), -float("inf")])
+def test_what_is_no_finite_number_is_refused(value: Any) -> None:
+    with refused(f"is {value!r}; a finite number is needed", "top.a"):
+        Fields({"a": value}, "top").number("a")
+
+
+def test_bounds_of_a_number() -> None:
+    assert Fields({"a": 2.0}).number("a", least=2.0) == 2.0
+    assert Fields({}).number("a", 1.5) == 1.5
+    with refused("is 1.5; 2 or more is needed", "top.a"):
+        Fields({"a": 1.5}, "top").number("a", least=2.0)
+    for beyond in (BEYOND, -BEYOND, 10**51, -(10**5000)):  # the last is beyond all floating-point numbers
+        with refused("is beyond 1e+50, the largest number that is possible", "a"):
+            number(beyond, "a", 0.0)
+    with refused("is -1e-09; 0 or more is needed", "a"):
+        number(-1e-9, "a", 0.0)
+
+
+def test_numbers_by_name() -> None:
+    assert Fields({"a": {"x": 1, "y": -2.5}}).named("a") == {"x": 1.0, "y": -2.5}
+    assert Fields({}).named("a", {}) == {}
+    with refused("is no object of numbers by name", "top.a"):
+        Fields({"a": [1]}, "top").named("a")
+    with refused("is True; a finite number is needed", "top.a.x"):
+        Fields({"a": {"x": True}}, "top").named("a")
+
+
+# --- tables
+
+
+def test_tables_of_a_shape() -> None:
+    found = Fields({"a": [[1, 2.5], [3, -4]]}).numbers("a", (2, 2))
+    assert found.tolist() == [[1.0, 2.5], [3.0, -4.0]]
+    assert found.dtype == np.float64
+    assert not found.flags.writeable
+    assert Fields({}).numbers("a", (1,), [5]).tolist() == [5.0]
+    with refused("is missing", "top.a"):
+        Fields({}, "top").numbers("a", (1,))
+
+
+def test_an_array_is_copied() -> None:
+    own = np.arange(3.0)
+    found = numbers(own, (3,), "a")
+    own[0] = 7.0
+    assert found.tolist() == [0.0, 1.0, 2.0]
+    assert own.flags.writeable
+
+
+def test_any_length() -> None:
+    assert numbers([1, 2, 3], (-1,), "a").shape == (3,)
+    assert numbers([[1, 2, 3]], (-1, 3), "a").shape == (1, 3)
+    assert numbers([], (-1,), "a").shape == (0,)
+    assert numbers([], (-1, 3), "a").shape == (0, 3)
+    assert numbers([], (0,), "a").shape == (0,)
+    assert numbers([[], []], (2, 0), "a").shape == (2, 0)
+
+
+@pytest.mark.parametrize(
+    ("value", "shape", "problem"),
+    [
+        ([1, 2], (3,), "has 2 numbers; 3 are needed"),
+        ([[1, 2]], (-1, 3), "has 1 x 2 numbers; n x 3 are needed"),
+        ([1, 2, 3], (-1, 3), "has 3 numbers; n x 3 are needed"),
+        ([[1]], (-1,), "has 1 x 1 numbers; n are needed"),
+        (1.0, (3,), "has one numbers; 3 are needed"),
+        ([], (3,), "has 0 numbers; 3 are needed"),
+        ([1], (0,), "has 1 numbers; 0 are needed"),
+        ([[1, 2], [3]], (2, 2), "is no table of 2 x 2 numbers"),
+        ([[1, 2], 3], (-1, 2), "is no table of n x 2 numbers"),
+        ([1, True], (2,), "has True where a number is needed"),
+        ([1, "2"], (2,), "has '2' where a number is needed"),
+        ("12", (2,), "has '12' where a number is needed"),
+        ([[1, None]], (1, 2), "has None where a number is needed"),
+        ({"a": 1}, (1,), "has {'a': 1} where a number is needed"),
+        ([1, float("nan")], (2,), "has a number that is not finite, or beyond 1e+50"),
+        ([-float("inf"), 1], (2,), "has a number that is not finite, or beyond 1e+50"),
+        ([BEYOND], (1,), "has a number that is not finite, or beyond 1e+50"),
+        ([-BEYOND], (1,), "has a number that is not finite, or beyond 1e+50"),
+        ([10**400], (1,), "is no table of 1 numbers"),
+    ],
+)
+def test_faults_of_tables(value: Any, shape: tuple[int, ...], problem: str) -> None:
+    with refused(problem, "top.a"):
+        Fields({"a": value}, "top").numbers("a", shape)
+
+
+def test_tables_reach_the_largest_numbers() -> None:
+    assert numbers([LARGEST, -LARGEST], (2,), "a").tolist() == [LARGEST, -LARGEST]
+
+
+def test_numbers_of_numpy_in_lists() -> None:
+    assert numbers([np.float32(0.5), np.int64(2)], (2,), "a").tolist() == [0.5, 2.0]
+
+
+# --- names, and what says the same
+
+
+def test_unknown_names() -> None:
+    refuse_unknown("x", ["w", "x"], "joint", "a")
+    with refused("has unknown joint 'y'; known are w, x", "a"):
+        refuse_unknown("y", ["w", "x"], "joint", "a")
+    with refused("has unknown motor 'y'; known are none", "a"):
+        refuse_unknown("y", [], "motor", "a")
+
+
+NEAR, OFF = 1 + 0.9e-9, 1 + 1.1e-9
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        (1, 1.0),
+        (NEAR, 1.0),
+        (1.0, NEAR),
+        (1e6 * NEAR, 1e6),  # relative above 1
+        (-1e6 * NEAR, -1e6),
+        (1e-12, 0.9e-9),  # absolute below 1
+        (-0.4e-9, 0.4e-9),
+        ("a", "a"),
+        (None, None),
+        (True, True),
+        ([1, 2], (1, 2)),
+        ({"a": [1.0, {"b": "c"}]}, {"a": [NEAR, {"b": "c"}]}),
+        ({"a": 1, "b": 2}, {"b": 2, "a": 1}),
+        ([], ()),
+    ],
+)
+def test_the_same(a: Any, b: Any) -> None:
+    assert same(a, b)
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        (OFF, 1.0),
+        (1.0, OFF),
+        (1e6 * OFF, 1e6),
+        (1e6, -1e6),
+        (1e-9 * 1.1, 0.0),
+        (1, True),
+        (True, 1),
+        (False, 0),
+        (True, False),
+        (1, "1"),
+        (None, 0),
+        ("a", "b"),
+        ([1, 2], [1, 3]),
+        ([1, 2], [1]),
+        ([1], [1, 2]),
+        ([1, 2], [2, 1]),
+        ({"a": 1}, {"b": 1}),
+        ({"a": 1}, {"a": 2}),
+        ({"a": 1, "b": 2}, {"a": 1}),
+        ({"a": 1}, [1]),
+        ([1], "1"),
+        (float("nan"), float("nan")),
+    ],
+)
+def test_not_the_same(a: Any, b: Any) -> None:
+    assert not same(a, b)
+    assert not same(b, a)

@@ -1,0 +1,220 @@
+"""JSON files as they are read, schemas, and the folders of plans."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from handfast.proofs.replay import Replay
+from tests.support.refused import refused
+
+files = pytest.importorskip("handfast.proofs.files", reason="modules that it imports are missing", exc_type=ImportError)
+
+
+@pytest.fixture
+def written(tmp_path: Path):
+    """A file of this text."""
+
+    def write(text: str | bytes, name: str = "file.json") -> Path:
+        path = tmp_path / name
+        path.write_bytes(text.encode() if isinstance(text, str) else text)
+        return path
+
+    return write
+
+
+# --- JSON
+
+
+def test_what_is_read(written) -> None:
+    text = '{"a": [1, -2.5, "ü", true, null, {}], "b": 1e-3}'
+    assert files.read_json(written(text)) == {"a": [1, -2.5, "ü", True, None, {}], "b": 1e-3}
+    for value in ("3", "null", '"text"', "[]", "true"):
+        assert files.read_json(written(value)) == json.loads(value)
+
+
+@pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity"])
+def test_constants_that_are_no_numbers(written, constant: str) -> None:
+    with refused(f"contains {constant}; finite numbers are needed", "place"):
+        files.read_json(written(f'{{"a": [1, {constant}]}}'), "place")
+
+
+@pytest.mark.parametrize("digits", ["9" * 50, "-" + "9" * 49])
+def test_whole_numbers(written, digits: str) -> None:
+    assert files.read_json(written(f"[{digits}]")) == [int(digits)]
+    with refused("contains a number of 51 digits; at most 50 are possible"):
+        files.read_json(written(f"[{digits}9]"))
+
+
+def test_a_number_without_end_takes_no_time(written) -> None:
+    with refused("contains a number of 1000000 digits; at most 50 are possible"):
+        files.read_json(written("9" * 1000000))
+
+
+def test_a_name_twice(written) -> None:
+    with refused("has 'b' twice in one object"):
+        files.read_json(written('{"x": {"a": 1, "b": 2, "c": 3, "b": 2}}'))
+    assert files.read_json(written('{"a": {"a": 1}, "b": {"a": 1}}')) == {"a": {"a": 1}, "b": {"a": 1}}
+
+
+@pytest.mark.parametrize(("opened", "closed"), [("[", "]"), ('{"a":', "}")])
+def test_depth(written, opened: str, closed: str) -> None:
+    def nested(depth: int) -> Path:
+        inner = "[]" if opened == "[" else "{}"
+        return written(opened * (depth - 1) + inner + closed * (depth - 1))
+
+    files.read_json(nested(50))
+    for depth in (51, 900):
+        with refused("is nested too deeply; at most 50 lists and objects may be in each other"):
+            files.read_json(nested(depth))
+
+
+def test_depth_of_what_stands_behind_others(written) -> None:
+    deep = "[" * 49 + "]" * 49
+    files.read_json(written(f'{{"a": 1, "b": {deep}}}'))
+    path = written(f'{{"a": 1, "b": [[], 2, {deep}]}}')
+    with refused("is nested too deeply; at most 50 lists and objects may be in each other", "place"):
+        files.read_json(path, "place")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1,]", b"\xff\xfe", "{'a': 1}", "[" * 200000])
+def test_what_is_no_json(written, text: str | bytes) -> None:
+    path = written(text)
+    with pytest.raises(files.BadFile, match=r"\Ais not valid JSON: "):
+        files.read_json(path)
+    with pytest.raises(files.BadFile, match=r"\Aplace: is not valid JSON: "):
+        files.read_json(path, "place")
+
+
+def test_what_cannot_be_read(tmp_path: Path) -> None:
+    with refused("cannot be read: No such file or directory", "place"):
+        files.read_json(tmp_path / "none.json", "place")
+    with refused("cannot be read: Is a directory"):
+        files.read_json(tmp_path)
+
+
+# --- schemas
+
+
+def known() -> str:
+    return " or ".join(map(repr, files.READERS))
+
+
+@pytest.mark.parametrize("data", [{}, [], 3, None, {"schema": None}])
+def test_without_a_schema(data: Any) -> None:
+    with refused(f"is missing; {known()} is needed", "schema"):
+        files.verify(data)
+
+
+@pytest.mark.parametrize("schema", ["handfast/result/1", "handfast/grasp/1", "", 3, [], {}])
+def test_other_schemas(schema: Any) -> None:
+    with refused(f"is {schema!r}; {known()} is needed", "schema"):
+        files.verify({"schema": schema})
+
+
+@pytest.mark.parametrize(
+    ("query", "ask"),
+    [
+        ("check", "handfast check GRASP --save"),
+        ("max", "handfast max GRASP --save"),
+        ("torques", "handfast torques GRASP --save"),
+        ("hold", "handfast hold GRASP --save"),
+        ("map", "handfast max GRASP --direction ... --save for each direction"),
+        ("sweep", "handfast max GRASP --preload ... --save for each preload"),
+        ("settle", "handfast check GRASP --save for the grasp where it comes to rest"),
+        ("synthesize", "handfast synthesize TASK --save"),
+        ("grasp", "handfast grasp TASK -o FOLDER"),
+        ("plan", "handfast verify FOLDER, for the folder that it stands in"),
+        ("another", "with --save"),
+        (3, "with --save"),
+        (None, "with --save"),
+    ],
+)
+def test_answers_without_a_proof_say_what_asks_for_one(query: Any, ask: str) -> None:
+    with refused(f"is an answer without its proof; ask again: {ask}", "schema"):
+        files.verify({"schema": "handfast/answer/1", "query": query})
+
+
+# --- folders: which files are read, and what is made of them; what a file claims is said by a reader of this test
+
+
+@pytest.fixture
+def said(monkeypatch: pytest.MonkeyPatch) -> str:
+    """A schema whose files say themselves what is proved of them."""
+    schema = "handfast/said/1"
+    reader = lambda data, place: Replay(data["name"] + place, "it is said", data.get("refused", ""))  # noqa: E731
+    monkeypatch.setitem(files.READERS, schema, reader)
+    return schema
+
+
+def test_the_reader_of_the_schema_is_asked(said: str, written) -> None:
+    assert files.verify({"schema": said, "name": "a"}).name == "a"
+    assert files.verify({"schema": said, "name": "a"}, " at b").name == "a at b"
+    assert files.verify_path(str(written(json.dumps({"schema": said, "name": "c"})))).name == "c"
+
+
+def test_a_plan_is_all_of_its_grasps(said: str, written, tmp_path: Path) -> None:
+    written(json.dumps({"grasps": [{"hold_file": "a.json"}], "others": [{"hold_file": "b.json"}], "x": 1}), "plan.json")
+    for name in ("a", "b"):
+        written(json.dumps({"schema": said, "name": f"{name} of "}), f"{name}.json")
+    done = files.verify_path(tmp_path)
+    assert done.ok
+    assert (done.name, [p.name for p in done.parts]) == ("plan", ["a.json", "b.json"])
+    assert [p.parts[0].name for p in done.parts] == ["a of a.json", "b of b.json"]
+    assert done.not_replayed == (files.OF_PLAN,)
+    written(json.dumps({"schema": said, "name": "b of ", "refused": "no"}), "b.json")
+    assert files.verify_path(tmp_path).reason == "b.json: b of b.json: no"
+
+
+@pytest.mark.parametrize(
+    ("plan", "field", "problem"),
+    [
+        ([], "", "is no object"),
+        ({}, ".grasps", "names no grasps"),
+        ({"grasps": [], "others": []}, ".grasps", "names no grasps"),
+        ({"grasps": 3}, ".grasps", "is no list"),
+        ({"grasps": None}, ".grasps", "is no list"),
+        ({"others": {"hold_file": "a"}}, ".others", "is no list"),
+        ({"grasps": ["a.json"]}, ".grasps[0]", "is no object"),
+        ({"grasps": [{}]}, ".grasps[0].hold_file", "is missing"),
+        ({"grasps": [{"hold_file": None}]}, ".grasps[0].hold_file", "is None; a text is needed"),
+        (
+            {"others": [{"hold_file": "../a.json"}]},
+            ".others[0].hold_file",
+            "is '../a.json'; a file of the folder is needed",
+        ),
+        ({"grasps": [{"hold_file": "/a"}]}, ".grasps[0].hold_file", "is '/a'; a file of the folder is needed"),
+    ],
+)
+def test_faults_of_plans(plan: Any, field: str, problem: str, written, tmp_path: Path) -> None:
+    written(json.dumps(plan), "plan.json")
+    with refused(problem, f"plan.json{field}"):
+        files.verify_path(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("none.json", None, "none.json: cannot be read: No such file or directory"),
+        ("..", None, "..: cannot be read: Is a directory"),
+        ("", None, "cannot be read: Is a directory"),
+        ("a.json", "[NaN]", "a.json: contains NaN; finite numbers are needed"),
+        ("a.json", '{"schema": 3}', "a.json.schema: is 3; "),
+        ("a.json", '{"schema": "handfast/answer/1"}', "a.json.schema: is an answer without its proof; "),
+    ],
+)
+def test_files_of_a_plan_that_are_none(name: str, text: str | None, problem: str, written, tmp_path: Path) -> None:
+    written(json.dumps({"grasps": [{"hold_file": name}]}), "plan.json")
+    if text is not None:
+        written(text, name)
+    with pytest.raises(files.BadFile, match=rf"\A{re.escape(problem)}"):
+        files.verify_path(tmp_path)
+
+
+def test_a_folder_without_a_plan(tmp_path: Path) -> None:
+    with refused("cannot be read: No such file or directory", "plan.json"):
+        files.verify_path(tmp_path)

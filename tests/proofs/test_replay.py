@@ -1,0 +1,73 @@
+"""What of an answer was replayed, made of parts."""
+
+from __future__ import annotations
+
+import math
+
+from handfast.proofs.replay import Refused, Replay
+
+GOOD, BAD = Replay("good", "it holds"), Replay("bad", "it slips", "a leaf is open")
+
+
+def test_defaults() -> None:
+    bare = Replay("name")
+    assert (bare.claim, bare.refused, dict(bare.figures), bare.parts, bare.not_replayed) == ("", "", {}, (), ())
+    assert bare.ok
+    assert bare.reason == ""
+    assert bare.replayed == ()
+    assert issubclass(Refused, Exception)
+
+
+def test_reasons() -> None:
+    assert (GOOD.ok, GOOD.reason) == (True, "")
+    assert (BAD.ok, BAD.reason) == (False, "a leaf is open")
+    assert Replay("all", parts=(GOOD, BAD)).reason == "bad: a leaf is open"
+    assert not Replay("all", parts=(GOOD, BAD)).ok
+    assert Replay("all", parts=(GOOD, GOOD)).ok
+    first = Replay("first", refused="x")
+    assert Replay("all", parts=(first, BAD)).reason == "first: x"
+    assert Replay("all", refused="own", parts=(BAD,)).reason == "own"
+    assert Replay("top", parts=(GOOD, Replay("all", parts=(BAD,)))).reason == "all: bad: a leaf is open"
+
+
+def test_parts_by_name() -> None:
+    both = Replay("all", parts=(GOOD, BAD))
+    assert both.part("bad") is BAD
+    assert both.part("good") is GOOD
+    assert both.part("all") is None
+
+
+def test_claims_that_are_proved() -> None:
+    inner = Replay("inner", "both", parts=(GOOD, BAD))
+    assert GOOD.replayed == ("it holds",)
+    assert BAD.replayed == ()
+    assert inner.replayed == ("both", "it holds")
+    # the name of a part that has parts itself is put before its lines
+    assert Replay("top", parts=(inner, GOOD)).replayed == ("inner: both", "inner: it holds", "it holds")
+    assert Replay("top", "claim", "refused", parts=(GOOD,)).replayed == ("it holds",)
+
+
+def test_as_json() -> None:
+    assert GOOD.to_json() == {"name": "good", "claim": "it holds", "ok": True, "reason": ""}
+    whole = Replay(
+        "top",
+        "c",
+        figures={"a": math.inf, "b": math.nan, "c": 1.5, "d": "x", "e": 3, "f": None, "g": True},
+        parts=(BAD,),
+        not_replayed=("what nobody sees",),
+    )
+    assert whole.to_json() == {
+        "name": "top",
+        "claim": "c",
+        "ok": False,
+        "reason": "bad: a leaf is open",
+        "a": None,
+        "b": None,
+        "c": 1.5,
+        "d": "x",
+        "e": 3,
+        "f": None,
+        "g": True,
+        "parts": [{"name": "bad", "claim": "it slips", "ok": False, "reason": "a leaf is open"}],
+        "not_replayed": ["what nobody sees"],
+    }
