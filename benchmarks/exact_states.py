@@ -32,7 +32,7 @@ from handfast.core.arrays import Array
 from handfast.core import bundled
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import to_dict
-from handfast.proofs.existence import Proved, prove
+from handfast.proofs.existence import Proved, nearby, prove
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.states import Problem, State
 from handfast.stability.queries import check, maximum
@@ -79,15 +79,18 @@ def problem(w: Witness, along: Array | None, magnitude: float, base: Array, opti
 
 
 def proved(
-    w: Witness, along: Array | None, magnitude: float, base: Array, options: dict[str, Any]
+    w: Witness, along: Array | None, magnitude: float, base: Array, options: dict[str, Any], gap: float = 0.0
 ) -> tuple[Proved, float]:
-    """What is proved of a witness, and the time [s] that it takes with the grasp already read."""
+    """What is proved of a witness, or of the state near it with the magnitude up to a tenth of the gap lower, and the time [s] that it takes with the grasp already read."""
     x = w.state
     state = State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
     asked = problem(w, along, magnitude, base, options)
     start = time.perf_counter()
     out = prove(asked, state)
-    return out, time.perf_counter() - start
+    took = time.perf_counter() - start
+    if not out.exact:  # a search asks before it reports
+        out = prove(*nearby(asked, state, gap if along is not None else 0.0))
+    return out, took
 
 
 def rows_of(
@@ -105,7 +108,8 @@ def rows_of(
         # where there is no magnitude to speak of the witness is about the base load itself, or about any multiple
         scaled = np.isfinite(most.lower) and np.allclose(most.witness.wrench, base + most.lower * direction)
         along = direction if scaled and most.lower > 0 else None
-        result, took = proved(most.witness, along, most.lower if along is not None else 0.0, base, options)
+        gap = min(most.upper - most.lower, most.lower)
+        result, took = proved(most.witness, along, most.lower if along is not None else 0.0, base, options, gap)
         yield about | {"asked": "maximum", "search": seconds, "proof": took} | said(result)
         lower = most.lower if np.isfinite(most.lower) else most.posed.p.unit_magnitude if most.posed else 1.0
         loads = [*loads, *(base + share * lower * direction for share in SHARES if lower > 0)]

@@ -1,9 +1,9 @@
 """A state of the model as arrays, the equations (1) to (8) with all laws, and the modes in which they are smooth.
 
 Everything that moves or carries is a row of `GraspData.rows` M: contact forces and motions, torsions of soft fingers,
-actuators, couplings, reactions of joints. A row's motion is d = M (r, q), and forces phi of all rows are in balance with
-the load, M^T phi + L = 0: that is (1) and (2). What is left are laws between d and phi, row by row. In fixed modes each
-row is *held* (its motion is 0), its force is *unknown*, or given, or follows from the motion of its contact:
+actuators, couplings, reactions of joints. A row's motion is d = M (r, q), and the forces phi of all rows are in balance
+with the load, M^T phi + L = 0: that is (1) and (2). What is left are laws between d and phi, row by row. In fixed modes
+each row is *held* (its motion is 0), its force is *unknown*, or given, or follows from the motion of its contact:
 
     open     c = 0, d^_n > 0              touches  c = 0, d_n = 0
     sticks   c_n = -d^_n, d_t = 0         slides   c_n = -d^_n, c_t = -mu c_n d_t / |d_t|         (4) to (7), (17)
@@ -373,4 +373,3 @@ class Laws:
         strong = (1.01 * reach + normal * (2.0 * turn + share)) / apart
         out = p.sin * turn * (1.0 + np.abs(self.lean).sum(axis=1)) + self.rub * (1.01 * turn + p.sin * turn + strong)
         return np.where(ok, 1.001 * np.where(np.isfinite(self.speed), out, 0.0), np.inf)
-

@@ -32,5 +32,5 @@ def load_scale(g: GraspData, w: Array) -> float:
 
 
 def slack(g: GraspData, scale: float) -> Array:
-    """(6 + l,) by which (1) about the contacts' centroid, forces and torques, and (2), joint by joint, may be missed."""
+    """(6 + l,) by which (1), forces and torques about the contacts' centroid, and (2), by joint, may be missed."""
     return EPS * scale * np.r_[1.0, 1.0, 1.0, g.size * np.ones(3), g.joint_units]
