@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from flint import arb, arb_mat, ctx, fmpq
+from flint import arb, arb_mat, ctx
 
 from handfast.proofs.fields import Array
 from handfast.proofs.newton import BITS, ROUNDS, Box, System
@@ -30,8 +30,7 @@ class Balls:
 
     def __init__(self, s: System) -> None:
         self.s, p = s, s.p
-        exact = [*p.grasp.exact_rows, [fmpq(0)] * len(s.v)]
-        self.M = arb_mat([[arb(x) for x in row] for row in exact])
+        self.M = arb_mat([[arb(x) for x in row] for row in p.grasp.exact_rows])
         self.unknown = np.flatnonzero(s.rows.unknown).tolist()
         self.sought = bool(s.sought.any() and s.balanced)
         along = np.zeros(6) if p.along is None else p.along

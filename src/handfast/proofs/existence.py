@@ -28,7 +28,7 @@ from handfast.proofs.states import (
     reaction_ends,
     sense,
 )
-from handfast.proofs.tolerance import EPS
+from handfast.proofs.tolerance import EPS, about_centroid
 
 NEAR = 1e-6  # relative to the forces that act: how far the forces that are proved may be from the printed ones
 TRIES = 16  # modes that are tried
@@ -142,7 +142,7 @@ def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
 
 def _margin(p: Problem, modes: Modes, box: Box) -> float:
     """The least that an inequality of the modes leaves, relative to the forces that act. Raises `NotShown`."""
-    g, T = p.grasp, p.tangents
+    g, T = p.grasp, p.grasp.contact_rows
     d, d_off = box.d[T], box.d_off[T] + 8 * ULP * np.abs(box.d[T])
     c, c_off = box.phi[T], box.phi_off[T] + 8 * ULP * np.abs(box.phi[T])
     _, _, actuators, _, joints = g.parts
@@ -151,9 +151,11 @@ def _margin(p: Problem, modes: Modes, box: Box) -> float:
     gap = p.cos * (d[:, 0] - d_off[:, 0]) + p.sin * np.maximum(slides, 0.0)
     presses = c[:, 0] - c_off[:, 0]
     inside = g.mu * presses * (1 - 8 * ULP) - length(c[:, 1:]) - length(c_off[:, 1:])
-    cone = np.isin(modes.contact, (Contact.STICKS, Contact.RUBS)) & (g.mu > 0)  # that of LEANS is kept by its ratio
+    cone = ((modes.contact == Contact.STICKS) | (modes.contact == Contact.RUBS)) & (
+        g.mu > 0
+    )  # that of LEANS is kept by its ratio
     below = p.force_limit - c[:, 0] - np.where(modes.closed, c_off[:, 0], 0.0)
-    arms = p.row_units
+    arms = p.grasp.row_units
     f, t = box.phi[actuators], box.d[actuators] * sense(p)
     f_off = box.phi_off[actuators] + 4 * ULP * np.abs(f)
     drive = 0.0 if p.drive is None else np.abs(p.drive) * box.magnitude_off
@@ -163,7 +165,7 @@ def _margin(p: Problem, modes: Modes, box: Box) -> float:
     limited = p.limit - np.abs(f) - np.where(np.abs(f) == p.limit, box.phi_off[actuators], f_off)
     lo, hi = reaction_ends(g)
     rho, rho_off, q, q_off = box.phi[joints], box.phi_off[joints], box.d[joints], box.d_off[joints]
-    at_rest = np.isin(modes.joint, (Part.RESTS, Part.LOW, Part.HIGH))
+    at_rest = (modes.joint == Part.RESTS) | (modes.joint == Part.LOW) | (modes.joint == Part.HIGH)
     carries = np.minimum(np.where(rho == lo, 0.0, rho - lo), np.where(rho == hi, 0.0, hi - rho)) - rho_off
     kind, unit_f, unit_t = modes.contact, arms[actuators], 1.0 / arms[actuators]
     all_of = (
@@ -198,8 +200,8 @@ def _said(g: GraspData, name: str, k: int) -> str:
 def _radius(p: Problem, x: State, box: Box) -> float:
     """[N] how far the box is from the floats at most. Raises `NotShown` if that is more than `NEAR`."""
     act = acting(p, x)
-    motion = (np.abs(box.d - p.rows[0] @ x.motion) + box.d_off) / p.row_units
-    force = (np.abs(box.phi - x.forces(p.grasp)) + box.phi_off) * p.row_units
+    motion = (np.abs(box.d - p.grasp.rows[0] @ x.motion) + box.d_off) / p.grasp.row_units
+    force = (np.abs(box.phi - x.forces(p.grasp)) + box.phi_off) * p.grasp.row_units
     if not force.max() <= NEAR * act:
         where = row_name(p, int(np.argmax(force)))
         raise NotShown(f"{where}: the force of the state that is proved is {force.max():.1e} N from the printed one")
@@ -207,7 +209,7 @@ def _radius(p: Problem, x: State, box: Box) -> float:
 
 
 def row_name(p: Problem, k: int) -> str:
-    """What a row of `Problem.rows` is about."""
+    """What a row of `GraspData.rows` is about."""
     g = p.grasp
     contacts, soft, actuators, couplings, _ = g.parts
     if k < contacts.stop:
@@ -226,7 +228,7 @@ def _within(p: Problem, modes: Modes, box: Box) -> Box:
     """With the unknown forces, which may be chosen, inside what the laws allow."""
     g, phi = p.grasp, box.phi.copy()
     for i in np.flatnonzero(np.isin(modes.contact, (Contact.STICKS, Contact.RUBS)) & (g.mu > 0)):
-        n, *t = p.tangents[i]
+        n, *t = p.grasp.contact_rows[i]
         most = g.mu[i] * (phi[n] - box.phi_off[n]) * (1 - 64 * ULP)
         size = float(np.linalg.norm(phi[t]))
         if most >= 0 and size > most:
@@ -243,12 +245,12 @@ def _within(p: Problem, modes: Modes, box: Box) -> Box:
 
 def _within_slack(p: Problem, box: Box) -> None:
     """`NotShown` unless all of a box misses (1) and (2) by no more than `slack`."""
-    g, (M, size), unit = p.grasp, p.rows, rounding(p)
+    g, (M, size), unit = p.grasp, p.grasp.rows, rounding(p)
     along = np.zeros(6) if p.along is None else p.magnitude * p.along
     load_size = np.abs(np.r_[np.abs(p.wrench) + np.abs(along), g.torque])
     missing = M.T @ box.phi + np.r_[p.load, g.torque]
     off = unit * (size.T @ np.abs(box.phi) + load_size) + size.T @ box.phi_off
-    moment = missing[3:6] - np.cross(g.centroid, missing[:3])
+    moment = about_centroid(g, missing[:6])
     arm = np.abs(g.centroid)[[1, 2, 0, 2, 0, 1]].reshape(2, 3)
     wide = off[:3] + 4 * ULP * np.abs(missing[:3])
     moment_off = off[3:6] + arm[0] * wide[[2, 0, 1]] + arm[1] * wide[[1, 2, 0]]

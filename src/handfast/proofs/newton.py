@@ -1,10 +1,10 @@
 """A box in which an exact solution of the equations of a state's modes is, in floating point.
 
 In fixed modes (`states.Modes`) a state solves k smooth equations F(x) = 0 in n unknowns: motions (r, q), the forces
-that no law gives, the magnitude where it is sought. Around the floats x0 a solution x0 + C y is looked for, with C (n, k)
-about a right inverse of F'(x0). If |F(x0)| <= eta and |F'(x0 + C y) C - I| <= D for all |y| <= rho, and if
-eta + D rho <= rho, then y -> y - F(x0 + C y) takes that box into itself and has a fixed point (Brouwer): an exact solution
-within |C| rho of x0. Every rounding is bounded outward by sums of absolute values.
+that no law gives, the magnitude where it is sought. Around the floats x0 a solution x0 + C y is looked for, with C
+(n, k) about a right inverse of F'(x0). If |F(x0)| <= eta and |F'(x0 + C y) C - I| <= D for all |y| <= rho, and if
+eta + D rho <= rho, then y -> y - F(x0 + C y) takes that box into itself and has a fixed point (Brouwer): an exact
+solution within |C| rho of x0. Every rounding is bounded outward by sums of absolute values.
 
 Rows of motion that are held may depend on each other by structure. Then some are kept, and that the others follow from
 them is shown with rational numbers.
@@ -86,7 +86,7 @@ class System:
     @classmethod
     def of(cls, p: Problem, modes: Modes, x: State, balanced: bool, free: bool) -> System:
         """free: is the magnitude an unknown, if there is one? Raises `NotShown`."""
-        g, (M, size), v = p.grasp, p.rows, x.motion
+        g, (M, size), v = p.grasp, p.grasp.rows, x.motion
         unit = rounding(p)
         d, d_off = M @ v, unit * (size @ np.abs(v))
         printed = x.forces(g)
@@ -123,10 +123,12 @@ class System:
         above = laws.force[full, 0] - p.force_limit
         value = np.r_[missing, d[kept], above]
         value_off = np.r_[missing_off, d_off[kept], force_off[full, 0] + 4 * ULP * np.abs(above)]
-        units = np.r_[p.column_units, 1.0 / p.row_units[kept], np.ones(len(full))]
+        units = np.r_[p.grasp.column_units, 1.0 / p.grasp.row_units[kept], np.ones(len(full))]
         A, A_size = _derivative(p, rows, kept, full, laws, sought)
-        gap = (phi - printed) * p.row_units
-        residual = max(np.abs(x).max(initial=0.0) for x in (value * units, d[held] / p.row_units[held], gap)) / p.scale
+        gap = (phi - printed) * p.grasp.row_units
+        residual = (
+            max(np.abs(x).max(initial=0.0) for x in (value * units, d[held] / p.grasp.row_units[held], gap)) / p.scale
+        )
         if not balanced:
             nv = len(v)
             A, A_size, value, value_off, units = A[nv:, :nv], A_size[nv:, :nv], value[nv:], value_off[nv:], units[nv:]
@@ -137,11 +139,11 @@ class System:
     def inverse(self) -> Array:
         """(n, k) about a right inverse of A. Raises `NotShown`."""
         p = self.p
-        columns = p.column_units
+        columns = p.grasp.column_units
         if self.balanced:
-            columns = np.r_[columns, 1.0 / p.row_units[self.rows.unknown]]
+            columns = np.r_[columns, 1.0 / p.grasp.row_units[self.rows.unknown]]
             if self.sought.any():
-                columns = np.r_[columns, 1.0 / np.abs(self.sought * p.column_units).max()]
+                columns = np.r_[columns, 1.0 / np.abs(self.sought * p.grasp.column_units).max()]
         scaled = self.units[:, None] * self.A * columns
         k, n = scaled.shape
         if k > n:
@@ -165,7 +167,7 @@ class System:
         """A box about x0 in which an exact solution is. Raises `NotShown`."""
         value = np.abs(self.value) + self.value_off
         C = self.inverse if value.any() else np.zeros(self.A.T.shape)
-        p, laws, (M, size), nv = self.p, self.laws, self.p.rows, len(self.v)
+        p, laws, (M, size), nv = self.p, self.laws, self.p.grasp.rows, len(self.v)
         unit, Cv = rounding(p), np.abs(C[:nv])
         moved = np.abs(M @ C[:nv]) + unit * (size @ Cv)
         turned, spread = moved[laws.rows].sum(axis=1), size[laws.rows].sum(axis=1)
@@ -218,7 +220,7 @@ def between(modes: Modes) -> str:
 
 def rounding(p: Problem) -> float:
     """At most the relative error of a sum over rows or columns, of products of numbers that were rounded before."""
-    return 4 * (sum(p.rows[0].shape) + 16) * ULP
+    return 4 * (sum(p.grasp.rows[0].shape) + 16) * ULP
 
 
 def _times(K: Array, x: Array) -> Array:
@@ -234,7 +236,7 @@ def _derivative(
     has = bool(sought.any())
     nv, n = len(sought), int(rows.unknown.sum())
     out = []
-    for M, K, more in zip(p.rows, (laws.K, np.abs(laws.K)), (sought, np.abs(sought)), strict=True):
+    for M, K, more in zip(p.grasp.rows, (laws.K, np.abs(laws.K)), (sought, np.abs(sought)), strict=True):
         B = M[laws.rows]
         KB = K @ B
         A = np.zeros((nv + len(kept) + len(full), nv + n + has))
@@ -260,7 +262,7 @@ def independent(p: Problem, held: Integers) -> Integers | None:
 
 
 def _independent(p: Problem, held: Integers) -> Integers | None:
-    H = p.rows[0][held] * p.column_units / p.row_units[held, None]
+    H = p.grasp.rows[0][held] * p.grasp.column_units / p.grasp.row_units[held, None]
     if not len(H):
         return held
     if len(H) <= H.shape[1] and np.abs(np.diag(np.linalg.qr(H.T)[1])).min() > DEPENDENT:
