@@ -28,8 +28,8 @@ from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from benchmarks.no_cap import KINDS, question
 from handfast import load_grasp
-from handfast.core.arrays import Array
 from handfast.core import bundled
+from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import to_dict
 from handfast.proofs.existence import Proved, nearby, prove
@@ -81,14 +81,18 @@ def problem(w: Witness, along: Array | None, magnitude: float, base: Array, opti
 def proved(
     w: Witness, along: Array | None, magnitude: float, base: Array, options: dict[str, Any], gap: float = 0.0
 ) -> tuple[Proved, float]:
-    """What is proved of a witness, or of the state near it with the magnitude up to a tenth of the gap lower, and the time [s] that it takes with the grasp already read."""
+    """What is proved of a witness, and the time [s] that it takes with the grasp already read.
+
+    What is not exact is asked again as a search does before it reports: near it, with the magnitude up to a tenth of
+    the gap lower.
+    """
     x = w.state
     state = State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
     asked = problem(w, along, magnitude, base, options)
     start = time.perf_counter()
     out = prove(asked, state)
     took = time.perf_counter() - start
-    if not out.exact:  # a search asks before it reports
+    if not out.exact:
         out = prove(*nearby(asked, state, gap if along is not None else 0.0))
     return out, took
 
@@ -147,7 +151,7 @@ def of_bundled(limit: float) -> Iterator[dict[str, Any]]:
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Shares and times."""
     out: dict[str, Any] = {}
-    for family in sorted({r["family"] for r in rows}) + ["all"]:
+    for family in [*sorted({r["family"] for r in rows}), "all"]:
         for asked in ("check", "maximum"):
             some = [r for r in rows if family in (r["family"], "all") and r["asked"] == asked]
             if some:

@@ -57,7 +57,7 @@ class Balls:
         missing = [a + b + magnitude * c for a, b, c in zip(missing, self.load, self.along, strict=True)]
         above = [phi[s.laws.rows[i, 0]] - arb(p.force_limit) for i in s.full]
         value = [*(missing if s.balanced else []), *(d[k] for k in s.kept), *above]
-        return d, phi, magnitude, K, value
+        return d, phi, magnitude, K, [value[i] for i in s.used]
 
     def derivative(self, K: list[list[arb]]) -> arb_mat:
         """(k, n) of the equations by the unknowns."""
@@ -73,7 +73,7 @@ class Balls:
         rest = [arb(0)] * (len(self.start) - nv)
         out += [[*(M[k, j] for j in range(nv)), *rest] for k in s.kept.tolist()]
         out += [[*(KM[int(s.laws.rows[i, 0]), j] for j in range(nv)), *rest] for i in s.full]
-        return arb_mat(out)
+        return arb_mat([out[i] for i in s.used])
 
     def solved(self) -> list[arb]:
         """Unknowns after Newton's method. Raises `NotShown`."""

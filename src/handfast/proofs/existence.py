@@ -8,7 +8,7 @@ keep every row that is held exactly, forces that obey every law exactly, and (1)
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class Proved:
         radius: [N] how far from the floats the forces and motions at the contacts are at most.
         margin: the least by which an inequality of the modes is strict, relative to the forces that act.
         magnitude: between which the magnitude of the exact state is, where that is an unknown.
-        modes: by contact, actuator and joint.
+        modes: of the state that is proved; see `Modes.words`.
     """
 
     exact: bool
@@ -55,7 +55,7 @@ class Proved:
     radius: float = np.inf
     margin: float = 0.0
     magnitude: tuple[float, float] | None = None
-    modes: dict[str, str] = field(default_factory=dict)
+    modes: Modes | None = None
 
 
 def prove(p: Problem, x: State) -> Proved:
@@ -133,8 +133,7 @@ def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
     margin, radius = _margin(p, s.modes, box), _radius(p, x, box)
     off = box.magnitude_off + 4 * ULP * abs(box.magnitude)
     ends = (box.magnitude - off, box.magnitude + off) if p.along is not None or p.drive is not None else None
-    words = s.modes.words(p.grasp)
-    return Proved(s.balanced, not s.balanced, "", residual, radius, margin, ends, words)
+    return Proved(s.balanced, not s.balanced, "", residual, radius, margin, ends, s.modes)
 
 
 # --- what has to hold all over a box ---------------------------------------------------------------

@@ -12,13 +12,15 @@ them is shown with rational numbers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from flint import fmpq_mat
+from flint import fmpq, fmpq_mat
 
 from handfast.proofs.fields import Array, Integers
+from handfast.proofs.rational import rational, rationals
 from handfast.proofs.states import ULP, Contact, Laws, Modes, Part, Problem, Rows, State
 
 ROUNDS = 5  # for a box
@@ -58,7 +60,8 @@ class System:
         sought: (6 + l,) what a unit of magnitude adds to (1) and (2); 0 if there is no magnitude.
         d, d_off, phi_off: motions (N + 1,), and what rounding leaves open of motions and forces.
         laws: forces of the contacts. K_off: (n,) what rounding leaves open of their derivatives.
-        value, value_off: (k,) what the equations miss at x0, scaled by `units` (k,). A, A_size: (k, n) derivatives.
+        value, value_off: (k,) what the equations miss at x0. A, A_size: (k, n) derivatives. units: (k,) for scaling.
+        used: (k,) which equations these are; others follow from them, exactly.
         residual: the largest of all equations and laws, relative to the scale of the load.
     """
 
@@ -81,6 +84,7 @@ class System:
     A: Array
     A_size: Array
     units: Array
+    used: Integers
     residual: float
 
     @classmethod
@@ -132,18 +136,64 @@ class System:
         if not balanced:
             nv = len(v)
             A, A_size, value, value_off, units = A[nv:, :nv], A_size[nv:, :nv], value[nv:], value_off[nv:], units[nv:]
-        args = d, d_off, phi_off, laws, K_off, value, value_off, A, A_size, units, float(residual)
-        return cls(p, modes, balanced, rows, kept, full, v, phi, sought, *args)
+        args = (
+            d,
+            d_off,
+            phi_off,
+            laws,
+            K_off,
+            value,
+            value_off,
+            A,
+            A_size,
+            units,
+            np.arange(len(value)),
+            float(residual),
+        )
+        system = cls(p, modes, balanced, rows, kept, full, v, phi, sought, *args)
+        return system if not balanced or system.regular else system._without_dependent()
+
+    @property
+    def regular(self) -> bool:
+        """Has A a right inverse that is not too large?"""
+        k, n = self.A.shape
+        if k > n:
+            return False
+        try:
+            C = self.inverse
+        except NotShown:
+            return False
+        scaled = C / self.units / self.columns[:, None]
+        return bool(np.abs(scaled).max(initial=0.0) < 1.0 / DEPENDENT)
+
+    def _without_dependent(self) -> System:
+        """Without equations that others follow from, if they do so exactly; else as it is."""
+        scaled = self.units[:, None] * self.A * self.columns
+        exact = exact_equations(self)
+        order = sorted(range(len(exact)), key=lambda i: exact[i] is not None)  # what is not linear first
+        chosen = greedy(scaled[order] / np.maximum(np.linalg.norm(scaled[order], axis=1, keepdims=True), 1e-300))
+        used = np.sort(np.array(order, dtype=np.int64)[chosen])
+        dropped = [exact[i] for i in np.setdiff1d(np.arange(len(exact)), used)]
+        basis = [row for row in (exact[i] for i in used) if row is not None]
+        if not dropped or any(row is None for row in dropped) or rank_of(basis) < rank_of(basis + dropped):
+            return self
+        parts = {name: getattr(self, name)[used] for name in ("value", "value_off", "A", "A_size", "units")}
+        return replace(self, **parts, used=used)
+
+    @cached_property
+    def columns(self) -> Array:
+        """(n,) that scale the unknowns."""
+        g, parts = self.p.grasp, [self.p.grasp.column_units]
+        if self.balanced:
+            parts.append(1.0 / g.row_units[self.rows.unknown])
+            if self.sought.any():
+                parts.append(1.0 / np.abs(self.sought * g.column_units).max(keepdims=True))
+        return np.concatenate(parts)
 
     @cached_property
     def inverse(self) -> Array:
         """(n, k) about a right inverse of A. Raises `NotShown`."""
-        p = self.p
-        columns = p.grasp.column_units
-        if self.balanced:
-            columns = np.r_[columns, 1.0 / p.grasp.row_units[self.rows.unknown]]
-            if self.sought.any():
-                columns = np.r_[columns, 1.0 / np.abs(self.sought * p.grasp.column_units).max()]
+        columns = self.columns
         scaled = self.units[:, None] * self.A * columns
         k, n = scaled.shape
         if k > n:
@@ -170,7 +220,10 @@ class System:
         p, laws, (M, size), nv = self.p, self.laws, self.p.grasp.rows, len(self.v)
         unit, Cv = rounding(p), np.abs(C[:nv])
         moved = np.abs(M @ C[:nv]) + unit * (size @ Cv)
-        turned, spread = moved[laws.rows].sum(axis=1), size[laws.rows].sum(axis=1)
+        turned, spread = moved[laws.rows].sum(axis=1), np.zeros((nv * self.balanced + len(self.kept), len(laws.rows)))
+        if self.balanced:
+            spread[:nv] = size[laws.rows].sum(axis=1).T
+        spread = np.concatenate([spread, np.eye(len(laws.rows))[self.full]])[self.used]
         error = np.abs(self.A @ C - np.eye(len(value))) + unit * (self.A_size @ np.abs(C))
         radius = value * (1 + 1e-6)
 
@@ -184,9 +237,7 @@ class System:
             if not np.isfinite(by_contact).all():
                 raise self.fails(True)
             grown = value + error @ radius
-            if self.balanced:
-                grown[:nv] += spread.T @ by_contact
-            grown[len(grown) - len(self.full) :] += by_contact[self.full]
+            grown += spread @ by_contact
             if (grown <= radius).all():
                 break
             radius = 1.2 * grown
@@ -267,13 +318,61 @@ def _independent(p: Problem, held: Integers) -> Integers | None:
         return held
     if len(H) <= H.shape[1] and np.abs(np.diag(np.linalg.qr(H.T)[1])).min() > DEPENDENT:
         return held
-    basis, kept = np.zeros((0, H.shape[1])), []
-    for k, row in zip(held, H, strict=True):
+    chosen = greedy(H)
+    exact = p.grasp.exact_rows
+    return held[chosen] if rank_of([exact[k] for k in held]) == len(chosen) else None
+
+
+def greedy(rows: Array) -> Integers:
+    """Which rows are farther than `DEPENDENT` from the span of those before."""
+    basis, chosen = np.zeros((0, rows.shape[1])), []
+    for k, row in enumerate(rows):
         rest = row - basis.T @ (basis @ row)
         rest -= basis.T @ (basis @ rest)
         if np.linalg.norm(rest) > DEPENDENT:
             basis = np.vstack([basis, rest / np.linalg.norm(rest)])
-            kept.append(k)
-    exact = p.grasp.exact_rows
-    rank = fmpq_mat([exact[k] for k in held]).numer_denom()[0].rank()
-    return np.array(kept, dtype=held.dtype) if rank == len(kept) else None
+            chosen.append(k)
+    return np.array(chosen, dtype=np.int64)
+
+
+def rank_of(rows: Sequence[Sequence[fmpq] | None]) -> int:
+    """Of rows of rational numbers, exactly."""
+    return int(fmpq_mat([row for row in rows if row is not None]).numer_denom()[0].rank()) if rows else 0
+
+
+def exact_equations(s: System) -> list[list[fmpq] | None]:
+    """(k, n + 1) coefficients and constants of the equations that are linear, exactly; None for the others."""
+    p, M, nv = s.p, s.p.grasp.exact_rows, len(s.v)
+    unknown, has = np.flatnonzero(s.rows.unknown).tolist(), int(s.sought.any())
+    n = nv + len(unknown) + has + 1
+    zero, magnitude = fmpq(0), rational(p.magnitude)
+
+    def affine(motions: Sequence[fmpq] = (), by_magnitude: fmpq = zero, constant: fmpq = zero) -> list[fmpq]:
+        row = [*(motions or [zero] * nv), *[zero] * (n - nv)]
+        row[-1] = constant if has else constant + magnitude * by_magnitude
+        if has:
+            row[-2] = by_magnitude
+        return row
+
+    forces: list[list[fmpq] | None]
+    forces = [affine((), *pair) for pair in zip(rationals(s.rows.drive), rationals(s.rows.given), strict=True)]
+    for rows, speed, lean in zip(s.laws.rows.tolist(), s.laws.speed, s.laws.lean, strict=True):
+        for k, share in zip(rows, [1.0, *lean], strict=True):
+            slope = -rational(p.cos) * rational(share)
+            forces[k] = affine([slope * x for x in M[rows[0]]]) if np.isinf(speed) else None
+    forces[-1] = affine()
+    for i, k in enumerate(unknown):
+        forces[k] = [fmpq(int(j == nv + i)) for j in range(n)]
+    along = rationals(np.zeros(6) if p.along is None else p.along) + [zero] * p.grasp.l
+    out: list[list[fmpq] | None] = []
+    for a, load in enumerate(rationals(np.concatenate([p.wrench, p.grasp.torque]))):
+        parts = [(M[k][a], forces[k]) for k in range(len(M)) if M[k][a] != 0]
+        total: list[fmpq] | None = affine((), along[a], load)
+        for x, force in parts:
+            total = None if total is None or force is None else [t + x * y for t, y in zip(total, force, strict=True)]
+        out.append(total)
+    out += [affine(M[k]) for k in s.kept]
+    for i in s.full:
+        force = forces[s.laws.rows[i, 0]]
+        out.append(None if force is None else [*force[:-1], force[-1] - rational(p.force_limit)])
+    return out
