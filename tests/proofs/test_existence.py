@@ -39,10 +39,11 @@ def of_family(family, k=0):
     place = FAMILIES.index(family) + len(FAMILIES) * k
     _, grasp, direction, options = drawn(place, 4_200_000)
     most = maximum(grasp, direction, **options)
-    if not most.lower > 0:
+    load = options.get("base", np.zeros(6)) + HALF * most.lower * direction
+    rest = {key: value for key, value in options.items() if key != "base"}
+    if not most.lower > 0 or check(grasp, load, **rest).witness is None:
         return of_family(family, k + 1)
-    base = options.pop("base", np.zeros(6))
-    return grasp, base + HALF * most.lower * direction, options
+    return grasp, load, rest
 
 
 @pytest.mark.parametrize("family", [name for name in FAMILIES if name != "no dissipation"])
@@ -273,6 +274,7 @@ def test_a_swivel_through_a_fingertip_passes_on_nothing(exponent):
     here, load = pivot(0.0)
     p, x = held(here, load)
     assert x.c[9] == pytest.approx(0.5)
+    x = altered(x, q=[0.0, x.q[1]])  # at offset 0 it may turn at will
     assert prove(p, x).exact
     there = problem(pivot(offset)[0], load)
     done = prove(there, x)

@@ -203,7 +203,8 @@ def _radius(p: Problem, x: State, box: Box) -> float:
     force = (np.abs(box.phi - x.forces(p.grasp)) + box.phi_off) * p.grasp.row_units
     if not force.max() <= NEAR * act:
         where = row_name(p, int(np.argmax(force)))
-        raise NotShown(f"{where}: the force of the state that is proved is {force.max():.1e} N from the printed one")
+        reason = f"{where}: the force of the state that is proved is {force.max():.1e} N from the printed one"
+        raise NotShown(reason, rounding=True)
     return float(max(motion.max(), force.max()))
 
 

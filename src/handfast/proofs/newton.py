@@ -104,7 +104,7 @@ class System:
         steep = np.divide(np.abs(laws.force[:, 0]), still, out=np.zeros(len(still)), where=still > 0)
         K_off = change + 32 * ULP * (1.0 + laws.rub * (1.0 + steep))
         force_off = _times(np.abs(laws.K), off) + (K_off * off.sum(axis=1))[:, None]
-        force_off += 16 * ULP * (np.abs(d[laws.rows]).sum(axis=1) + np.abs(laws.force).sum(axis=1))[:, None]
+        force_off += laws.rounding(p, d)[:, None]
         phi = rows.given + p.magnitude * rows.drive
         phi_off = 4 * ULP * np.abs(p.magnitude * rows.drive)
         phi[laws.rows] += laws.force
@@ -244,7 +244,7 @@ class System:
         else:
             raise self.fails(True)
         d_off, phi_off, (change, off) = moved @ radius + self.d_off, self.phi_off.copy(), changes(radius)
-        rounded = 16 * ULP * (np.abs(self.d[laws.rows]).sum(axis=1) + np.abs(laws.force).sum(axis=1))
+        rounded = laws.rounding(p, self.d)
         phi_off[laws.rows] = _times(np.abs(laws.K), off) + (change * off.sum(axis=1) + rounded)[:, None]
         phi_off[self.rows.unknown] = 0.0
         s_off = 0.0

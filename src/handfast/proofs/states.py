@@ -242,8 +242,8 @@ def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
             kinds = [*full, Part.LOCKED]
         else:
             rests, moves = e > none_f[k], t > none_d[k]
-            kinds = [Part.MOVES] if moves and not rests else [*full, Part.RESTS] if rests else [Part.LOW]
             turns = t / none_d[k] > e / none_f[k]
+            kinds = [Part.MOVES] if moves and (turns or not rests) else [*full, Part.RESTS] if rests else [Part.LOW]
             other = (Part.LOW, Part.MOVES, Part.RESTS) if turns else (Part.LOW, Part.RESTS, Part.MOVES)
             kinds += [x for x in other if x not in kinds]
         out[f"actuator {j}"] = [(int(x), False) for x in kinds]
@@ -341,6 +341,11 @@ class Laws:
         K[:, 1:] += lean[:, :, None] * by_d[:, None]
         force = np.concatenate([normal[:, None], normal[:, None] * (lean - rub[:, None] * u)], axis=1)
         return cls(rows, force, K, length, rub, lean)
+
+    def rounding(self, p: Problem, d: Array) -> Array:
+        """(n,) of the forces at these motions, at most."""
+        D = np.abs(d[self.rows])
+        return 16 * ULP * (D[:, 0] + p.sin * D[:, 1:].sum(axis=1) + np.abs(self.force).sum(axis=1))
 
     def change(self, p: Problem, reach: Array) -> Array:
         """(n,) by which an entry of K changes at most for motions that differ by up to `reach` (n,); inf if unknown."""
