@@ -10,8 +10,10 @@ from handfast.core import bundled
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
+from handfast.proofs.balls import refined
 from handfast.proofs.existence import nearby, polished, prove
-from handfast.proofs.states import Problem, State
+from handfast.proofs.newton import System
+from handfast.proofs.states import Problem, State, choices, modes_of
 from handfast.proofs.tolerance import EPS, load_scale
 from handfast.stability.queries import check, maximum
 from tests.support.exact_states import data, moved, problem, state
@@ -320,3 +322,20 @@ def test_large_motions_beside_small_forces_are_proved_with_more_digits():
     done = prove(p, better)
     assert done.exact, done.reason
     assert data(grasp).size == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("family", [name for name in FAMILIES if name != "no dissipation"])
+def test_boxes_in_floating_point_contain_the_solution_in_many_digits(family):
+    p, x = held(*(got := of_family(family))[:2], **got[2])
+    options = choices(p, x)
+    modes = modes_of(p.grasp, {name: kinds[0] for name, kinds in options.items()})
+    system = System.of(p, modes, x, True, False)
+    wide, narrow = system.box(), refined(system)
+    units = p.grasp.row_units
+    for a, a_off, b, b_off, unit in (
+        (wide.d, wide.d_off, narrow.d, narrow.d_off, units),
+        (wide.phi, wide.phi_off, narrow.phi, narrow.phi_off, 1 / units),
+    ):
+        assert (np.abs(a - b) <= a_off + b_off).all()
+        assert (b_off <= a_off * (1 + 1e-9) + 4e-16 * np.abs(b)).all()
+        assert (a_off / unit).max() < 1e-3 * max(p.scale, np.abs(x.c).max())

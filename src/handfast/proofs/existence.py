@@ -130,7 +130,7 @@ def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
     if not s.balanced:
         box = _within(p, s.modes, box)
         _within_slack(p, box)
-    margin, radius = _margin(p, s.modes, box), _radius(p, x, box)
+    margin, radius = inequalities(p, s.modes, box), _radius(p, x, box)
     off = box.magnitude_off + 4 * ULP * abs(box.magnitude)
     ends = (box.magnitude - off, box.magnitude + off) if p.along is not None or p.drive is not None else None
     return Proved(s.balanced, not s.balanced, "", residual, radius, margin, ends, s.modes)
@@ -139,7 +139,7 @@ def _shown(s: System, x: State, box: Box, residual: float) -> Proved:
 # --- what has to hold all over a box ---------------------------------------------------------------
 
 
-def _margin(p: Problem, modes: Modes, box: Box) -> float:
+def inequalities(p: Problem, modes: Modes, box: Box) -> float:
     """The least that an inequality of the modes leaves, relative to the forces that act. Raises `NotShown`."""
     g, T = p.grasp, p.grasp.contact_rows
     d, d_off = box.d[T], box.d_off[T] + 8 * ULP * np.abs(box.d[T])
