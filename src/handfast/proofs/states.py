@@ -349,12 +349,12 @@ class Laws:
 
     def change(self, p: Problem, reach: Array) -> Array:
         """(n,) by which an entry of K changes at most for motions that differ by up to `reach` (n,); inf if unknown."""
-        share = reach / self.speed
+        share = np.divide(reach, self.speed, out=np.ones(len(reach)), where=self.speed > 0)
         ok = share < 0.5
         share = np.where(ok, share, 0.0)
         turn = 1.001 * share / (1.0 - share)  # of the direction of sliding
         apart = np.where(np.isfinite(self.speed), self.speed, 1.0) * (1.0 - share)
         normal = np.abs(self.force[:, 0])
-        strong = (1.01 * reach + normal * (2.0 * turn + share)) / apart
+        strong = (1.01 * reach + normal * (2.0 * turn + share)) / np.where(ok, apart, 1.0)
         out = p.sin * turn * (1.0 + np.abs(self.lean).sum(axis=1)) + self.rub * (1.01 * turn + p.sin * turn + strong)
         return np.where(ok, 1.001 * np.where(np.isfinite(self.speed), out, 0.0), np.inf)
