@@ -43,19 +43,24 @@ def test_nothing_is_said_of_loads_beyond_friction():
     assert left[0][0] == pytest.approx(5.0, rel=0.05)  # 2 mu N
 
 
-@pytest.mark.parametrize("row", range(6))
-def test_a_force_of_a_control_is_moved(row):
-    """By 1e-6 of the load: more than the slack, and nothing makes up for it on a straight arc of given forces."""
-    p, arc = asked(), straight(1.0, 2.0)
-    forces = arc.forces.copy()
-    forces[1, row] += 2e-6
-    motions = arc.motions.copy()
-    wrong = Arc(1.0, 2.0, motions, forces)
-    if row in (1, 2, 4, 5):  # friction that the load does not ask for: a box about it has an exact state still
-        assert unproved(replace(p, wrench=np.array([0, 0, 0, 0, 0, 1e-3])), wrong)
-    else:
-        motions = motions + np.eye(7)[0] * 1e-3 * (row == 0)
-        assert unproved(replace(p, grasp=p.grasp.with_command(np.array([0.501]))), Arc(1.0, 2.0, motions, forces))
+@pytest.mark.parametrize(
+    ("torque", "missed"), [(1e-3, True), (1e-9, True), (1e-10, True), (1e-13, False), (0.0, False)]
+)
+def test_a_torque_about_the_line_of_two_contacts_is_nothing_that_they_resist(torque, missed):
+    """The slack is 1e-9 of 1 N at 0.01 m: half of 1e-11 N m."""
+    p = replace(asked(), wrench=np.array([0, 0, 0, torque, 0, 0]))
+    left = unproved(p, straight(1.0, 2.0))
+    assert left == ([(1.0, 2.0)] if missed else [])
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"mu": np.full(2, 0.09)}, {"command": np.array([0.09])}, {"stop": np.array([2])}, {"R": np.eye(1) * 0.1}],
+)
+def test_an_arc_of_another_grasp_is_refused(changed):
+    """Friction, command, stop, gearing: 1 N and more is not held, or not by these states."""
+    p = asked()
+    assert unproved(replace(p, grasp=replace(p.grasp, **changed)), straight(1.0, 2.0)) == [(1.0, 2.0)]
 
 
 def test_a_part_of_an_arc_is_the_arc():
