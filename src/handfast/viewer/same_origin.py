@@ -12,6 +12,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
@@ -65,12 +66,11 @@ class Doorkeeper:
 
         viser has no setting for it, so that the class of its servers is another one meanwhile.
         """
-        import websockets.asyncio.server as library
-
+        library: Any = import_module("websockets.asyncio.server")
         begun: list[Any] = []
         wrapped = self.wrapped
 
-        class Guarded(library.serve):  # type: ignore[misc]
+        class Guarded(library.serve):
             def __init__(self, *arguments: Any, process_request: Any, **options: Any) -> None:
                 begun.append(self)
                 super().__init__(*arguments, process_request=wrapped(process_request), **options)
