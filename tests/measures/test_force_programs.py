@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -163,6 +164,15 @@ def test_what_a_state_can_reach_at_best_is_reached_by_an_even_squeeze(mu, states
     assert part.bound > 0
     assert _robustness(grasp, part) == pytest.approx(part.bound, rel=1e-5)
     assert part.bound * part.gain == pytest.approx(best_squeeze(mu, force))
+
+
+def test_a_contact_that_slides_has_no_cone_to_keep():
+    """One of four slips at once, but as it slides and is pressed alone, the cones of the others are the bound."""
+    contacts, joints = four(0.5, fingers=True).contacts, four(0.5, fingers=True).joints
+    grasp = Grasp([*contacts[:3], replace(contacts[3], friction=0.01)], joints)
+    part = _StateForces(grasp, SCALE.grasp_map(grasp), (STICKS, STICKS, STICKS, SLIDES), 1.0)
+    assert part.bound * part.gain == pytest.approx(best_squeeze(0.5))
+    assert _robustness(grasp, part) == pytest.approx(part.bound, rel=1e-5)
 
 
 def test_grasp_robustness_is_the_best_of_all_states():
