@@ -41,7 +41,7 @@ from handfast.proofs.rows import UNIT
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
 LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
 HIGH = 1e9  # times the load: caps below are sought again in rational arithmetic
-RANK, COARSE = 1e-9, 1e-6  # of scaled rows: pivots that are smaller do not count; where that shows nothing
+RANK, COARSE = 1e-9, (1e-6, 1e-4)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
 CHUNK, SIDE = 128, 4096  # systems inverted at a time; leaves whose rows are in memory at a time
 
@@ -181,9 +181,11 @@ class LeafSystems:
         self._choose(singular, RANK)
         margins, caps = self._enclosed(squares + self._squares(singular))
         self._exactly(margins, caps, until)
-        failed = np.flatnonzero(~(margins > 0))
-        if len(failed):  # columns that depend on each other to some digits
-            self._choose(failed, COARSE)
+        for least in COARSE:  # columns that depend on each other to some digits
+            failed = np.flatnonzero(~(margins > 0))
+            if not len(failed):
+                break
+            self._choose(failed, least)
             of_some = self._enclosed(self._squares(failed))
             margins[failed], caps[failed] = of_some[0][failed], of_some[1][failed]
             self._exactly(margins, caps, until)
