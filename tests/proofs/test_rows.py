@@ -301,7 +301,9 @@ def test_energy_holds_for_checks_and_for_preloads_that_are_no_larger_than_said()
     preload = pinch([0] * 6, goal=SMALLEST_PRELOAD, joints=joints, preload={"a": 1.0}, **direction)
     none = np.zeros((1, 3, 3), dtype=np.int64)
     assert fine(preload, (0.0, 1.0), 1.0) and not fine(preload, (0.0, 1.0), 0.999)
-    sprung = pinch([0] * 6, goal=SMALLEST_PRELOAD, joints=[joints[0] | {"torque": 0.1}], preload={"a": 1.0}, **direction)
+    sprung = pinch(
+        [0] * 6, goal=SMALLEST_PRELOAD, joints=[joints[0] | {"torque": 0.1}], preload={"a": 1.0}, **direction
+    )
     assert not fine(sprung, (0.0, 1.0), 1.0)
 
 

@@ -69,7 +69,9 @@ def unit(rng: np.random.Generator, n: int = 3) -> np.ndarray:
     return x / np.linalg.norm(x)
 
 
-def drawn(rng: np.random.Generator, goal: str = CHECK, eta: float = 0.0, soft: bool = False, sums: bool = False) -> Drawn:
+def drawn(
+    rng: np.random.Generator, goal: str = CHECK, eta: float = 0.0, soft: bool = False, sums: bool = False
+) -> Drawn:
     """A random state of a random question: two contacts on fingers of three joints each, and four actuators."""
     m, l = 2, 8
     lever = 0.02 if soft else 0.0
@@ -104,7 +106,10 @@ def drawn(rng: np.random.Generator, goal: str = CHECK, eta: float = 0.0, soft: b
                 twist[i] = pull[2]
         if soft:
             turning[i] = slide[2]
-    rows, wanted = (np.vstack([g.J, g.twist_jacobian]), np.concatenate([g.G.T @ r - d.ravel(), g.twist_map.T @ r - turning]))
+    rows, wanted = (
+        np.vstack([g.J, g.twist_jacobian]),
+        np.concatenate([g.G.T @ r - d.ravel(), g.twist_map.T @ r - turning]),
+    )
     q = np.linalg.lstsq(rows, wanted, rcond=None)[0]
 
     R, A = rng.normal(size=(4, l)), rng.normal(size=(1, l))

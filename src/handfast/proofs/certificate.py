@@ -110,7 +110,9 @@ class Certificate:
     def of_root(cls, question: Question, scalar: Range | None) -> Certificate:
         """Without cases and rows: the equilibrium contradicts itself."""
         none, root = np.zeros(0, np.int64), np.zeros(1, np.int64)
-        return cls(question, scalar, root - 1, root, root, root, root, np.zeros(2, np.int64), none, none, none, none, none)
+        return cls(
+            question, scalar, root - 1, root, root, root, root, np.zeros(2, np.int64), none, none, none, none, none
+        )
 
     @cached_property
     def leaves(self) -> Integers:

@@ -103,7 +103,12 @@ class Equations:
         about = torque - np.cross(g.centroid, force)
         rounding = 16 * UNIT * (length(torque) + arm * length(force))
         turns = (length(about) + rounding + length(off[:, 3:6]) + arm * length(off[:, :3])) / g.size
-        own = length(force) + length(off[:, :3]) + turns + (np.abs(rest) + off)[:, at.q.start :] @ self._arms[at.q.start :]
+        own = (
+            length(force)
+            + length(off[:, :3])
+            + turns
+            + (np.abs(rest) + off)[:, at.q.start :] @ self._arms[at.q.start :]
+        )
         return np.asarray(own * (1 + 1e-9))
 
     @cached_property
@@ -242,7 +247,9 @@ class ExactRows:
         places = [*range(at.c.start, at.c.stop), *range(at.twist.start, at.twist.stop)]
         for k in range(6 + g.l):
             own = {j: exact[k] if k < 6 else -exact[k] for j, exact in zip(places, motion, strict=True)}
-            row, factor = _whole({int(j): float(equations.E[k, j]) for j in np.flatnonzero(equations.E[k]) if j not in own})
+            row, factor = _whole(
+                {int(j): float(equations.E[k, j]) for j in np.flatnonzero(equations.E[k]) if j not in own}
+            )
             shared = max(factor, unit)
             E[k] = {j: x * (shared // factor) for j, x in row.items()}, shared
             E[k][0].update({j: x * (shared // unit) for j, x in own.items() if x != 0})

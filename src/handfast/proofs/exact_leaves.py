@@ -25,7 +25,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     s, q, exact = systems, systems.equations, systems.equations.exact
     own = np.arange(s.rows.start[leaf], s.rows.start[leaf + 1])
     own = own[s.used[own]]
-    ties = np.flatnonzero(s.used_E[leaf])
+    ties = np.flatnonzero(s.v[leaf])
     y, v = s.y[own] / s.unit[own], s.v[leaf, ties] / q.unit[ties]
     if not (np.isfinite(y).all() and np.isfinite(v).all()):
         return NONE
@@ -64,7 +64,8 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     multipliers[0, ties] = [rounded(x) for x in w[len(own) :]]
     slack, grows = s.side.costs(q.about, multipliers, np.zeros_like(multipliers))
     pushes, energy = (
-        rounded(sum((x for x, k in zip(w, own, strict=False) if which[k]), ZERO)) for which in (s.rows.first, s.rows.energy)
+        rounded(sum((x for x, k in zip(w, own, strict=False) if which[k]), ZERO))
+        for which in (s.rows.first, s.rows.energy)
     )
     cost = (slack[0] + energy * s.side.energy) * (1 + 1e-9) + s.side.grown(grows, np.array([pushes * (1 - 1e-9)]))[0]
     if not np.isfinite(cost):

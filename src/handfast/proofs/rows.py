@@ -195,7 +195,9 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
     patched = soft & slides
     if patched.any():
         patched &= contains(a, left)
-    driven, may_move = (np.append(x, False)[np.where(of_actuator, index, q.actuators)] for x in (q.is_driven, q.may_move))
+    driven, may_move = (
+        np.append(x, False)[np.where(of_actuator, index, q.actuators)] for x in (q.is_driven, q.may_move)
+    )
     commanded = may_move & ~driven
     always = np.ones(len(kind), dtype=bool)
     out = np.zeros(len(kind), dtype=bool)
@@ -264,7 +266,7 @@ def zeros(q: Question, cases: Integers) -> Mask:
     alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
     out = np.zeros((len(cases), at.n), dtype=bool)
     out[:, at.c], out[:, at.twist] = np.repeat(opened, 3, axis=1), opened[:, q.grasp.soft]
-    np.logical_or.at(out, (slice(None), 6 + np.argmax(q.equivalent.R[alone] != 0, axis=1)), locked[:, alone])
+    np.logical_or.at(out, (slice(None), 6 + np.nonzero(q.equivalent.R[alone])[1]), locked[:, alone])
     return out
 
 
