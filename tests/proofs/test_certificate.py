@@ -56,7 +56,9 @@ def test_round_trip():
     back = read_certificate(json.loads(json.dumps(proof_to_dict(c))), "proof", c.question)
     for name in (*NODES, "start", *ROWS, "multiplier", "references"):
         assert np.array_equal(getattr(back, name), getattr(c, name)), name
-    assert back.multiplier.dtype == np.float32 and back.scalar is None and back.question is c.question
+    assert back.multiplier.dtype == np.float32
+    assert back.scalar is None
+    assert back.question is c.question
 
 
 def test_files_hold_question_and_proof():
@@ -65,7 +67,7 @@ def test_files_hold_question_and_proof():
     assert verify(read_certificate_file(data, "")).ok
     with pytest.raises(BadFile, match=r"schema: is 'handfast/certificate/2'; 'handfast/certificate/3' is needed"):
         read_certificate_file(data | {"schema": "handfast/certificate/2"}, "")
-    with pytest.raises(BadFile, match="question.wrench: is missing"):
+    with pytest.raises(BadFile, match=r"question\.wrench: is missing"):
         read_certificate_file(data | {"question": {"grasp": QUESTION["grasp"], "goal": "check"}}, "")
 
 
@@ -145,7 +147,7 @@ def test_no_more_is_unpacked_than_the_counts_say(monkeypatch):
 
 
 SHAPES = {
-    "empty tree": (dict.fromkeys(NODES, []), "parent: is empty"),
+    "empty tree": ({name: [] for name in NODES}, "parent: is empty"),
     "nodes": ({"state": [0]}, "state: has shape .*; 5 numbers are needed"),
     "rows": ({"a": [0]}, "a: has shape .*; 6 numbers are needed"),
     "table": ({"kind": [[5] * 6]}, "kind: has shape"),
@@ -173,6 +175,7 @@ def test_multipliers_are_divided_by_the_largest_of_their_leaf():
     assert many.multiplier.tolist() == [1, 1, 1, 0.5, 0.25, 0]
     given = np.array([0.5, 2, 4, 2, 1, 0], dtype=np.float32)
     assert Certificate(walls(), None, **(arrays() | {"multiplier": given})).multiplier.tolist() == given.tolist()
-    assert many.leaves.tolist() == [1, 3, 4] and many.claim == "the disturbance is not resisted"
+    assert many.leaves.tolist() == [1, 3, 4]
+    assert many.claim == "the disturbance is not resisted"
     for name in (*NODES, *ROWS, "start", "multiplier", "references"):
         assert not getattr(many, name).flags.writeable

@@ -18,7 +18,11 @@ SCALES = [10.0**k for k in range(-11, 12, 2)]
 
 def test_proof_by_hand():
     found = verify(proof())
-    assert found.ok and found.reason == "" and found.leaves == 3 and found.cap is None and found.unproved == ()
+    assert found.ok
+    assert found.reason == ""
+    assert found.leaves == 3
+    assert found.cap is None
+    assert found.unproved == ()
     # 1 N of the load alone counts, less 1e-9 of it in each of the balances that its multipliers meet
     assert 1 - 1e-7 < found.margin < 1
 
@@ -28,7 +32,8 @@ def test_lengths_and_forces_of_any_size(scale):
     own = (walls(size=scale), walls(force=scale), walls(scale, 1 / scale), walls(scale, at=(9 * scale, 0, scale)))
     for q, unscaled in zip(own, (walls(), walls(), walls(), walls(at=(9, 0, 1))), strict=True):
         found = verify(proof(q))
-        assert found.ok and found.cap is None
+        assert found.ok
+        assert found.cap is None
         assert found.margin == pytest.approx(verify(proof(unscaled)).margin, rel=1e-6)
         assert not verify(proof(q, leaves=[*LEAVES[:2], LEAVES[2][:3]])).ok
 
@@ -37,7 +42,9 @@ def test_lengths_and_forces_of_any_size(scale):
 def test_walls_that_are_not_quite_parallel_have_a_cap_below_the_motion_that_holds(tilt):
     """c_n = 1 N at both holds 1 N: -r_x = 1 and r_x + tilt r_y = 1 where the object moves along y by -2 / tilt."""
     found = verify(proof(walls(tilt=tilt)))
-    assert found.ok and found.cap is not None and min(0.05 / -tilt, 1e12) < found.cap < 2 / -tilt
+    assert found.ok
+    assert found.cap is not None
+    assert min(0.05 / -tilt, 1e12) < found.cap < 2 / -tilt
     scaled = verify(proof(walls(size=1e9, tilt=tilt))), verify(proof(walls(force=1e-9, tilt=tilt)))
     assert [x.cap for x in scaled] == pytest.approx([found.cap, 1e-9 * found.cap], rel=0.1)
 
@@ -65,23 +72,23 @@ def test_pivots_that_pass_a_contact_by_rounding_refute_nothing(arm):
 
 
 PLANTED = {
-    "gap in the tree": (dict(nodes=[*NODES[:3], NODES[4]], leaves=LEAVES[::2]), "node 2, split of contact 1: needs OPEN"),
-    "a leaf is missing": (dict(leaves=LEAVES[:2]), "has rows for 2 leaves; the tree has 3"),
-    "a leaf too many": (dict(leaves=[*LEAVES, LEAVES[0]]), "has rows for 4 leaves; the tree has 3"),
+    "gap in the tree": ({"nodes": [*NODES[:3], NODES[4]], "leaves": LEAVES[::2]}, "node 2, split of contact 1: needs OPEN"),
+    "a leaf is missing": ({"leaves": LEAVES[:2]}, "has rows for 2 leaves; the tree has 3"),
+    "a leaf too many": ({"leaves": [*LEAVES, LEAVES[0]]}, "has rows for 4 leaves; the tree has 3"),
     "row of another case": (
-        dict(leaves=[[(Row.GAP_DOWN, 0, 0, 0, 1.0)], *LEAVES[1:]]),
+        {"leaves": [[(Row.GAP_DOWN, 0, 0, 0, 1.0)], *LEAVES[1:]]},
         r"leaf 0 \(node 1\), row 0, GAP_DOWN 0 \[0, 0\]: does not hold in this case",
     ),
-    "no such contact": (dict(leaves=[[(Row.TANGENT, 2, 0, 0, 1.0)], *LEAVES[1:]]), r"leaf 0 .*: no such kind, contact"),
-    "no such kind": (dict(leaves=[[(23, 0, 0, 0, 1.0)], *LEAVES[1:]]), r"row 0, 23 0 \[0, 0\]: no such kind"),
+    "no such contact": ({"leaves": [[(Row.TANGENT, 2, 0, 0, 1.0)], *LEAVES[1:]]}, r"leaf 0 .*: no such kind, contact"),
+    "no such kind": ({"leaves": [[(23, 0, 0, 0, 1.0)], *LEAVES[1:]]}, r"row 0, 23 0 \[0, 0\]: no such kind"),
     "negative": (
-        dict(leaves=[*LEAVES[:2], [*LEAVES[2][:3], (Row.GAP_DOWN, 1, 0, 0, -0.5)]]),
+        {"leaves": [*LEAVES[:2], [*LEAVES[2][:3], (Row.GAP_DOWN, 1, 0, 0, -0.5)]]},
         r"leaf 2 \(node 4\), row 3, .*: the multiplier is negative or not finite",
     ),
-    "nothing contradicts": (dict(leaves=[[(Row.TANGENT, 1, 0, 0, 1.0)], *LEAVES[1:]]), r"leaf 0 \(node 1\) is not proved"),
-    "one row is missing": (dict(leaves=[*LEAVES[:2], LEAVES[2][:3]]), r"leaf 2 \(node 4\) is not proved: margin -"),
+    "nothing contradicts": ({"leaves": [[(Row.TANGENT, 1, 0, 0, 1.0)], *LEAVES[1:]]}, r"leaf 0 \(node 1\) is not proved"),
+    "one row is missing": ({"leaves": [*LEAVES[:2], LEAVES[2][:3]]}, r"leaf 2 \(node 4\) is not proved: margin -"),
     "multipliers that do not cancel": (
-        dict(leaves=[*LEAVES[:2], [*LEAVES[2][:3], (Row.GAP_DOWN, 1, 0, 0, 0.0)]]), r"leaf 2 \(node 4\) is not proved",
+        {"leaves": [*LEAVES[:2], [*LEAVES[2][:3], (Row.GAP_DOWN, 1, 0, 0, 0.0)]]}, r"leaf 2 \(node 4\) is not proved",
     ),
 }  # fmt: skip
 
@@ -90,7 +97,8 @@ PLANTED = {
 def test_planted_faults(name):
     changed, why = PLANTED[name]
     found = verify(proof(**changed))
-    assert not found.ok and found.cap is None
+    assert not found.ok
+    assert found.cap is None
     with pytest.raises(ValueError, match=why):
         raise ValueError(found.reason)
 
@@ -98,7 +106,8 @@ def test_planted_faults(name):
 def test_multipliers_that_are_no_numbers():
     for value in (np.nan, np.inf):
         found = verify(proof(multiplier=np.array([1] * 9 + [value], dtype=np.float32)))
-        assert found.reason.endswith("the multiplier is negative or not finite") and found.margin == -np.inf
+        assert found.reason.endswith("the multiplier is negative or not finite")
+        assert found.margin == -np.inf
 
 
 def test_unproved_leaves_are_named():
@@ -116,7 +125,8 @@ def test_states_that_hold_are_not_refuted():
 
 def test_no_time():
     found = verify(proof(), until=time.monotonic() - 1)
-    assert not found.ok and found.reason == "there was no time to check it all"
+    assert not found.ok
+    assert found.reason == "there was no time to check it all"
 
 
 def test_sticking_contacts_leave_motions_free():

@@ -150,7 +150,8 @@ def test_coefficients_of_a_contact_by_hand():
     gives_way = alone(q, Row.TANGENT, 0, 0, QUARTER)[0][c], alone(q, Row.CHORD, 0, 0, QUARTER)[0][c]
     assert gives_way == (0.5 * (1 + WIDER), -0.5 * (0.5 - WIDER))
     second = alone(q, Row.CN_UP, 1)[0]
-    assert second[c + 3] == 1 and np.abs(second).sum() == 1
+    assert second[c + 3] == 1
+    assert np.abs(second).sum() == 1
 
 
 def test_sectors_of_half_a_turn_have_sides_but_no_chord():
@@ -245,10 +246,12 @@ def test_actuators_by_hand():
     at = Columns.of(q := driven_question(CHECK))
     f = at.f.start
     value, right = alone(q, Row.E_UP, 0)
-    assert (value[f], right) == (1, 1) and np.abs(value).sum() == 1
+    assert (value[f], right) == (1, 1)
+    assert np.abs(value).sum() == 1
     value, right = alone(q, Row.E_DOWN, 1)
     assert (value[f + 1], right) == (-1, -2)
-    assert alone(q, Row.T_UP, 2)[0][at.n + 6 + 2] == 1 and alone(q, Row.T_DOWN, 2)[0][at.n + 6 + 2] == -1
+    assert alone(q, Row.T_UP, 2)[0][at.n + 6 + 2] == 1
+    assert alone(q, Row.T_DOWN, 2)[0][at.n + 6 + 2] == -1
     q = driven_question(TORQUES, driven=["a"])
     at = Columns.of(q)
     value, right = alone(q, Row.S_UP, 0, scalar=(0.0, 1.0))
@@ -262,12 +265,16 @@ def test_actuators_by_hand():
 def test_bounds_by_hand():
     q = driven_question(TORQUES, driven=["a"], objective="sum", torque_limits={"b": 3.0}, force_limit=7.0)
     at, (lo, hi) = Columns.of(q), bounds(q, (0.5, 2.0))
-    assert lo[at.c].tolist() == [0, -np.inf, -np.inf] * 2 and hi[at.c].tolist() == [7, np.inf, np.inf] * 2
-    assert lo[at.f].tolist() == [-np.inf, -3, -np.inf, -np.inf] and hi[at.f].tolist() == [np.inf, 3, np.inf, np.inf]
+    assert lo[at.c].tolist() == [0, -np.inf, -np.inf] * 2
+    assert hi[at.c].tolist() == [7, np.inf, np.inf] * 2
+    assert lo[at.f].tolist() == [-np.inf, -3, -np.inf, -np.inf]
+    assert hi[at.f].tolist() == [np.inf, 3, np.inf, np.inf]
     assert (lo[at.scalar][0], hi[at.scalar][0]) == (0.5, 2.0)
-    assert lo[at.e].tolist() == [0] * 4 and hi[at.e].tolist() == [2, np.inf, np.inf, np.inf]
+    assert lo[at.e].tolist() == [0] * 4
+    assert hi[at.e].tolist() == [2, np.inf, np.inf, np.inf]
     for part in (at.r, at.q, at.coupling):
-        assert np.isinf(lo[part]).all() and np.isinf(hi[part]).all()
+        assert np.isinf(lo[part]).all()
+        assert np.isinf(hi[part]).all()
     value, right = alone(q, Row.BOUND_DOWN, at.c.start, scalar=(0.5, 2.0))
     assert (value[at.c.start], right) == (-1, -7)
     value, right = alone(q, Row.BOUND_UP, at.scalar.start, scalar=(0.5, 2.0))
@@ -279,10 +286,14 @@ def test_energy_by_hand():
     q = driven_question(CHECK)
     at = Columns.of(q)
     value, right = alone(q, Row.ENERGY, 0, references=[[2.0, 3.0, 0.0]])
-    assert value[at.r].tolist() == [0, 0, -1, 0, 0, 0] and not value[at.q].any()
-    assert value[at.c][0::3].tolist() == [-4, -6] and right == pytest.approx(-13, rel=1e-15) and right < -13
+    assert value[at.r].tolist() == [0, 0, -1, 0, 0, 0]
+    assert not value[at.q].any()
+    assert value[at.c][0::3].tolist() == [-4, -6]
+    assert right == pytest.approx(-13, rel=1e-15)
+    assert right < -13
     t = value[at.n + 6 : at.n + 10]
-    assert t == pytest.approx([1, 2, 0, 0], rel=1e-15) and (t >= [1, 2, 0, 0]).all()
+    assert t == pytest.approx([1, 2, 0, 0], rel=1e-15)
+    assert (t >= [1, 2, 0, 0]).all()
 
 
 def test_energy_holds_for_checks_and_for_preloads_that_are_no_larger_than_said():
@@ -300,7 +311,8 @@ def test_energy_holds_for_checks_and_for_preloads_that_are_no_larger_than_said()
     joints = [{"name": "a", "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]}]
     preload = pinch([0] * 6, goal=SMALLEST_PRELOAD, joints=joints, preload={"a": 1.0}, **direction)
     none = np.zeros((1, 3, 3), dtype=np.int64)
-    assert fine(preload, (0.0, 1.0), 1.0) and not fine(preload, (0.0, 1.0), 0.999)
+    assert fine(preload, (0.0, 1.0), 1.0)
+    assert not fine(preload, (0.0, 1.0), 0.999)
     sprung = pinch(
         [0] * 6, goal=SMALLEST_PRELOAD, joints=[joints[0] | {"torque": 0.1}], preload={"a": 1.0}, **direction
     )
@@ -323,9 +335,10 @@ def test_directions_turn_by_quarters_exactly():
     k = np.arange(0, TURN, TURN // 4 + 12345)
     U = directions(k)
     assert np.array_equal(directions(k + QUARTER), np.column_stack([-U[:, 1], U[:, 0]]))
-    assert np.array_equal(directions(k + HALF), -U) and np.array_equal(directions(k - TURN), U)
+    assert np.array_equal(directions(k + HALF), -U)
+    assert np.array_equal(directions(k - TURN), U)
     assert directions(np.array([0]))[0].tolist() == [1, 0]
-    assert U == pytest.approx(np.column_stack([np.cos(k * 2 * np.pi / TURN), np.sin(k * 2 * np.pi / TURN)]), abs=1e-15)
+    assert pytest.approx(np.column_stack([np.cos(k * 2 * np.pi / TURN), np.sin(k * 2 * np.pi / TURN)]), abs=1e-15) == U
 
 
 def test_unknowns_that_are_zero():

@@ -43,7 +43,8 @@ def test_root_alone_is_a_leaf():
 def test_cases_are_those_of_parents_with_one_part_changed():
     found = cases(walls(), *closed((STICK, 0, 0), *SECTORS), (1, 2, LOCKED, 0, 0), (1, 2, MOVES, 0, 0))
     assert found[:, 0].tolist() == [[STICK, 0, 0], *map(list, SECTORS), [OPEN, 0, 0], [OPEN, 0, 0]]
-    assert found[:, 2, 0].tolist() == [0, 0, 0, 0, LOCKED, MOVES] and not found[:, [1, 3]].any()
+    assert found[:, 2, 0].tolist() == [0, 0, 0, 0, LOCKED, MOVES]
+    assert not found[:, [1, 3]].any()
 
 
 FINE = {
@@ -183,5 +184,6 @@ def test_deep_trees_in_any_order():
         nodes += [(node, 0, SLIDE, left, left + 1), (node, 0, SLIDE, left + 1, THIRD)]
         node, left = len(nodes), left + 1
     found = cases(walls(), *nodes)
-    assert len(found) == 1 + 3 + 401 and found[-1, 0].tolist() == [SLIDE, 400, THIRD]
+    assert len(found) == 1 + 3 + 401
+    assert found[-1, 0].tolist() == [SLIDE, 400, THIRD]
     assert FREE == UNDECIDED == 0

@@ -13,7 +13,8 @@ UP = TURN // 4  # the direction of +c_t2, which is -y at both walls
 NODES = [(-1, 0, 0, 0, 0), (0, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0), (2, 1, OPEN, 0, 0), (2, 1, CLOSED, 0, 0)]
 MU = 0.5
 ALONE = [[(Row.TANGENT, 1, UP, 0, 1.0)], [(Row.TANGENT, 0, UP, 0, 1.0)]]
-LEAVES = [  # contact 0 is open: c_n1 = 0, so contact 1 has no friction; multipliers of the balances follow from all rows
+# contact 0 is open: c_n1 = 0, so contact 1 has no friction; multipliers of the balances follow from all rows
+LEAVES = [
     [*ALONE[0], (Row.TANGENT, 0, UP, 0, 1.0), (Row.CN_DOWN, 0, 0, 0, 2 * MU)],
     [*ALONE[1], (Row.TANGENT, 1, UP, 0, 1.0), (Row.CN_DOWN, 1, 0, 0, 2 * MU)],
     [  # both are closed: c_n0 + c_n1 = -(d_n0 + d_n1) = 0, so neither has
@@ -32,8 +33,8 @@ def walls(
     """At -size and size along x about a point, normals to each other but for a tilt [rad]; force [N] along y there."""
     p = np.array(at, dtype=float)
     left, right = (
-        contact(p - [size, 0, 0], [1, 0, 0], MU),
-        contact(p + [size, 0, 0], [-np.cos(tilt), -np.sin(tilt), 0], MU),
+        contact(p - np.array([size, 0, 0]), [1, 0, 0], MU),
+        contact(p + np.array([size, 0, 0]), [-np.cos(tilt), -np.sin(tilt), 0], MU),
     )
     return question([left, right], [0, force, 0, *np.cross(p, [0, force, 0])])
 

@@ -82,7 +82,7 @@ class CitedRows:
 
 
 def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf) -> tuple[Array, Array]:
-    """(L,) y b + v h less the slack, relative to its terms: positive is a proof; (L,) [N] the cap it needs, inf for none.
+    """(L,) y b + v h less the slack, relative to its terms, positive is a proof; (L,) [N] the cap it needs, or inf.
 
     Raises:
         Late: until [s] of `time.monotonic` is over.
@@ -413,14 +413,14 @@ def _compact(there: Mask, values: Integers, width: int, nothing: int) -> Integer
 def _inverse(B: Array) -> Array:
     """Of each matrix; useless where there is none."""
     try:
-        return np.linalg.inv(B)
+        return np.asarray(np.linalg.inv(B), dtype=np.float64)
     except np.linalg.LinAlgError:
         tilt = 1e-300 + 1e-16 * np.abs(B).max(axis=(1, 2), initial=0.0)
-        return np.linalg.inv(B + tilt[:, None, None] * np.eye(B.shape[1]))
+        return np.asarray(np.linalg.inv(B + tilt[:, None, None] * np.eye(B.shape[1])), dtype=np.float64)
 
 
 def _pivots(B: Array, least: float) -> tuple[Mask, Mask]:
-    """(C, K) which rows of matrices (C, K, n) are independent of those before; (C, n) columns with their pivots, above `least`."""
+    """(C, K) rows of matrices (C, K, n) that those before leave a pivot above `least`; (C, n) the pivots' columns."""
     B = B.copy()
     C, K, n = B.shape
     rows, columns, every = np.zeros((C, K), dtype=bool), np.zeros((C, n), dtype=bool), np.arange(C)
