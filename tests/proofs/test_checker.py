@@ -64,7 +64,7 @@ def test_loads_that_miss_what_holds_by_rounding_are_not_refuted(torque, ok):
 
 @pytest.mark.parametrize("arm", [10.0**k for k in (-3, -6, -8, -10, -13, -17)])
 def test_pivots_that_pass_a_contact_by_rounding_refute_nothing(arm):
-    """A free joint whose axis is at some distance of the contact that carries 1 N: its torque may be off by 1e-9 N m."""
+    """A free joint whose axis is near the contact that carries 1 N: its torque may be off by 1e-9 N m."""
     joints = [{"name": "swivel", "axis": [0, 0, 1], "origin": [arm, 0, 1], "moves": [0]}]
     contacts = [contact([0, 0, 1], [0, 0, -1], 1.0), contact([0, 0, -1], [0, 0, 1], 0.0)]
     q = question(contacts, [0, 1, 0, -1, 0, 0], joints=joints, mechanism={"actuators": []})
@@ -72,7 +72,7 @@ def test_pivots_that_pass_a_contact_by_rounding_refute_nothing(arm):
 
 
 PLANTED = {
-    "gap in the tree": ({"nodes": [*NODES[:3], NODES[4]], "leaves": LEAVES[::2]}, "node 2, split of contact 1: needs OPEN"),
+    "gap in the tree": ({"nodes": [*NODES[:3], NODES[4]], "leaves": LEAVES[::2]}, "contact 1: needs OPEN"),
     "a leaf is missing": ({"leaves": LEAVES[:2]}, "has rows for 2 leaves; the tree has 3"),
     "a leaf too many": ({"leaves": [*LEAVES, LEAVES[0]]}, "has rows for 4 leaves; the tree has 3"),
     "row of another case": (
@@ -85,7 +85,7 @@ PLANTED = {
         {"leaves": [*LEAVES[:2], [*LEAVES[2][:3], (Row.GAP_DOWN, 1, 0, 0, -0.5)]]},
         r"leaf 2 \(node 4\), row 3, .*: the multiplier is negative or not finite",
     ),
-    "nothing contradicts": ({"leaves": [[(Row.TANGENT, 1, 0, 0, 1.0)], *LEAVES[1:]]}, r"leaf 0 \(node 1\) is not proved"),
+    "nothing contradicts": ({"leaves": [[(Row.TANGENT, 1, 0, 0, 1.0)], *LEAVES[1:]]}, "leaf 0 .* is not proved"),
     "one row is missing": ({"leaves": [*LEAVES[:2], LEAVES[2][:3]]}, r"leaf 2 \(node 4\) is not proved: margin -"),
     "multipliers that do not cancel": (
         {"leaves": [*LEAVES[:2], [*LEAVES[2][:3], (Row.GAP_DOWN, 1, 0, 0, 0.0)]]}, r"leaf 2 \(node 4\) is not proved",
