@@ -411,12 +411,13 @@ def _compact(there: Mask, values: Integers, width: int, nothing: int) -> Integer
 
 
 def _inverse(B: Array) -> Array:
-    """Of each matrix; useless where there is none."""
+    """Of each matrix (C, N, N); 0 where there is none."""
     try:
         return np.asarray(np.linalg.inv(B), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        tilt = 1e-300 + 1e-16 * np.abs(B).max(axis=(1, 2), initial=0.0)
-        return np.asarray(np.linalg.inv(B + tilt[:, None, None] * np.eye(B.shape[1])), dtype=np.float64)
+    except np.linalg.LinAlgError:  # one of them is singular
+        if len(B) == 1:
+            return np.zeros(B.shape)
+        return np.concatenate([_inverse(B[: len(B) // 2]), _inverse(B[len(B) // 2 :])])
 
 
 def _pivots(B: Array, least: float) -> tuple[Mask, Mask]:
