@@ -90,6 +90,11 @@ def test_what_is_no_json(written, text: str | bytes) -> None:
         files.read_json(path, "place")
 
 
+def test_where_json_ends(written) -> None:
+    with refused("is not valid JSON: Expecting value: line 2 column 2 (char 3)", "place"):
+        files.read_json(written("[\n ,"), "place")
+
+
 def test_what_cannot_be_read(tmp_path: Path) -> None:
     with refused("cannot be read: No such file or directory", "place"):
         files.read_json(tmp_path / "none.json", "place")
