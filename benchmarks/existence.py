@@ -24,8 +24,8 @@ import numpy as np
 from benchmarks.machine import describe
 from benchmarks.tasks import Others, load_text, origin, tasks
 from handfast.model.region import Bezier, Region
-from handfast.synthesis.certify.existence import Existence, moving_joints
-from handfast.synthesis.certify.verify_existence import verify_existence
+from handfast.proofs.configurations import Existence
+from handfast.synthesis.existence import verify_existence
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import PoseBounds, Task
@@ -106,7 +106,7 @@ def turned(task: Task, proof: Existence, rng: np.random.Generator) -> Wrong | No
 def limit(task: Task, proof: Existence, rng: np.random.Generator) -> Wrong | None:
     """A joint is beyond a limit by 1e-4."""
     q, joints = Solution.of(task, proof).q, list(task.hand.joints)
-    free = [j for j in moving_joints(task) if joints[j].lower < joints[j].upper]
+    free = [j for j in task.moving if joints[j].lower < joints[j].upper]
     j = int(rng.choice(free))
     low, high = joints[j].lower, joints[j].upper
     ends = {"upper": float(q[j]) - 1e-4} if rng.random() < 0.5 else {"lower": float(q[j]) + 1e-4}

@@ -40,8 +40,6 @@ from handfast.simulation.ending import Ending
 from handfast.simulation.loaded_twin import Loading, force_unit, simulate
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.twin import STIFFNESS
-from handfast.stability import scaled_problem
-from handfast.stability.least_motion import least_motion
 from handfast.stability.margin_search import margin
 from handfast.stability.model import State, joint_torques, residuals
 from handfast.stability.queries import check, maximum
@@ -98,7 +96,7 @@ def simulated(grasp: Grasp, share: float, most: Array, answer: CheckAnswer | Non
         rests = rests or found.ending in RESTS
         yield {"share": share, "loading": loading, "said": said} | seen(grasp, found, share)
     if answer is not None and answer.witness is not None and not rests:
-        state = least_motion(scaled_problem.build(grasp, wrench), answer.witness).state
+        state = answer.witness.state
         found = simulate(grasp, wrench, start=(state.r, state.q))
         yield {"share": share, "loading": "at it", "said": said} | seen(grasp, found, share)
 

@@ -28,7 +28,7 @@ FOUND = [
     ("ours", "random starts,\nGauss-Newton", "search/starts.py\nkernel/local_search.py"),
     ("ours", "Krawczyk test in balls", "search/kernel/krawczyk.py"),
     ("ours", "or every box discarded", "search/prover.py\nsearch/boxes.py"),
-    ("proof", "existence, checked\nin intervals", "certify/verify_existence.py"),
+    ("proof", "existence, checked\nin intervals", "proofs/configurations.py"),
     ("out", "FOUND, NONE,\nUNDECIDED", "synthesis/query.py\nsynthesis_answer.py"),
 ]
 

@@ -62,22 +62,19 @@ CHECKER = ("checker", "claim", "farkas", "leaf_systems", "exact_rows", "leaf_row
 PARTS = {
     "model": Part(("stability/model.py",), ("stability/test_model.py", "stability/test_residual_scales.py")),
     "contacts": Part(("geometry/contacts.py",), ("geometry/test_contacts.py",)),
-    "synthesis-interval": Part(
-        ("synthesis/certify/interval_arithmetic.py",), ("synthesis/certify/test_interval_arithmetic.py",)
-    ),
+    "synthesis-interval": Part(("proofs/intervals.py",), ("proofs/test_intervals.py", "proofs/test_derivatives.py")),
     "synthesis-checker": Part(
-        tuple(f"synthesis/certify/{name}.py" for name in ("chains", "equations", "regions")),
-        (
-            "synthesis/certify/test_chains.py",
-            "synthesis/certify/test_interval_arithmetic.py",
-            "synthesis/certify/test_existence.py",
-        ),
-        ("synthesis/certify/test_existence.py::test_the_checker_needs_nothing_of_the_search",),
+        tuple(f"proofs/{name}.py" for name in ("chains", "contact_equations", "regions")),
+        ("proofs/test_chains.py", "proofs/test_configurations.py", "proofs/test_cylinder_side_proofs.py"),
     ),
     "synthesis-verify": Part(
-        ("synthesis/certify/verify_existence.py",),
-        ("synthesis/certify/test_verify_existence.py", "synthesis/certify/test_existence.py"),
-        ("synthesis/certify/test_existence.py::test_the_checker_needs_nothing_of_the_search",),
+        ("proofs/configurations.py",), ("proofs/test_configuration_reports.py", "proofs/test_configurations.py")
+    ),
+    "synthesis-none": Part(("proofs/impossibility.py",), ("proofs/test_impossibility.py",)),
+    "synthesis-claims": Part(
+        ("proofs/synthesis.py", "proofs/tasks.py"),
+        ("proofs/test_synthesis.py", "proofs/test_tasks.py"),
+        ("proofs/test_synthesis.py::test_nothing_but_proofs_numpy_and_flint_is_needed",),
     ),
     "grasp-file": Part(("model/grasp_file.py",), ("model/test_grasp_file.py",)),
     "urdf": Part(("model/hand/urdf.py",), ("model/test_urdf.py", "model/test_hand.py")),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from handfast.core.errors import InputError
+from handfast.core.files import read_json
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
 
@@ -32,6 +34,35 @@ def verify(what: str | Path | Verifiable) -> Replay:
     from handfast.proofs import files
 
     try:
-        return files.verify_path(what)
+        proved = files.verify_path(what)
     except BadFile as fault:
         raise InputError(fault.problem, source=str(what), field=fault.field or None) from None
+    geometry = _measured(Path(what))
+    return replace(proved, parts=(*proved.parts, geometry)) if geometry else proved
+
+
+def _measured(path: Path) -> Replay | None:
+    """What of a file is geometry and was measured anew; None if nothing is."""
+    try:
+        if path.is_dir():
+            from handfast.planning.results.verify_plan import measured_plan
+
+            return measured_plan(path)
+        data = stated(path)
+        if data.get("schema") == "handfast/grasps/2":
+            from handfast.planning.results import grasps_file, verify_grasps
+
+            return verify_grasps.measured(grasps_file.from_dict(data))
+        if data.get("schema") == "handfast/synthesis/1":
+            from handfast.synthesis import synthesis_file
+
+            synthesis_file.from_dict(data)  # its checksum, and that it fits its task
+    except InputError as fault:
+        raise fault.at(str(path)) from None
+    return None
+
+
+def stated(path: str | Path) -> Any:
+    """The parsed JSON of what `verify` was given: of a folder its `plan.json`. `InputError` if it cannot be read."""
+    path = Path(path)
+    return read_json(path / "plan.json" if path.is_dir() else path, "result")

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from handfast import Settings, Verdict, check
+from handfast import Verdict, check
 from tests.support.places import ROOT, SHARED
 
 BENCHMARKS = ROOT / "benchmarks"
@@ -42,7 +42,7 @@ def test_chain_from_files_to_verdict(benchmark_module: ModuleType, hand: str, th
     for side in SIDES:
         expected = next(r["verdict"] for r in kept["checks"] if r["gravity"] == side)
         wrench = scene.body.gravity_wrench(benchmark_module.SIDES[side])
-        answer = check(scene.grasp, wrench, settings=Settings(time_limit=30))
+        answer = check(scene.grasp, wrench)
         assert str(answer.verdict) == expected, side
         if answer.verdict is Verdict.HOLDS:
             assert answer.witness is not None

@@ -5,21 +5,17 @@ from __future__ import annotations
 import io
 import json
 import re
-import signal
 import subprocess
 import sys
-import time
 from dataclasses import fields
 
-import numpy as np
 import pytest
 
 from benchmarks.grasps import random_case
 from handfast.cli import console
 from handfast.cli.app import COMMANDS, option_name
 from handfast.model.grasp_file import save_grasp
-from handfast.stability.queries import maximum
-from tests.support.problems import pinch
+from tests.support.interruptions import interrupted_program
 from tests.support.program import ask, run
 
 
@@ -69,34 +65,25 @@ def test_progress_is_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
         assert ("1 of 4" in stream.getvalue()) == isinstance(stream, Terminal)
 
 
-SLOW = {
-    "max": ["max", "hard.json", "--eta", "5.73", "--gap", "1e-14", "--direction"],
-    "map": ["map", "grasp.json", "--steps", "6000", "--gap", "1e-9"],
-}
-
-
-@pytest.mark.parametrize("name", SLOW)
-def test_interrupt_reports_the_bounds_so_far(name: str, grasp: str) -> None:
-    hard = random_case(15, 6)  # fifteen contacts, with uncertain normals: not closed in half a minute
+def test_ctrl_c_leaves_the_bounds_of_a_maximum(grasp: str) -> None:
+    hard = random_case(15, 6)  # fifteen contacts, with uncertain normals: thousands of nodes
     save_grasp(hard.grasp, "hard.json")
-    maximum(pinch(), np.eye(6)[1])  # compiles what is not compiled yet, so that the signal meets a search
-    direction = [repr(v) for v in hard.direction.tolist()] if name == "max" else []
-    command = [sys.executable, "-m", "handfast.cli", *SLOW[name], *direction, "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            time.sleep(5.0)
-            assert process.poll() is None, process.communicate()
-            process.send_signal(signal.SIGINT)
-            out, err = process.communicate(timeout=30)
-        finally:
-            process.kill()
-    assert process.returncode == 3, err
-    assert err == ""
-    answer = json.loads(out)
+    direction = [repr(v) for v in hard.direction.tolist()]
+    asked = ["max", "hard.json", "--eta", "5.73", "--gap", "1e-14", "--direction", *direction, "--json"]
+    done = interrupted_program("handfast.stability.search.search.Search._run", 5, *asked)
+    assert (done.returncode, done.stderr) == (3, "")
+    assert json.loads(done.stdout)["stop"] == "interrupted"
+
+
+def test_ctrl_c_leaves_the_directions_of_a_map_that_were_asked(grasp: str) -> None:
+    done = interrupted_program("handfast.cli.console.Watch.item", 40, "map", "grasp.json", "--steps", "6000", "--json")
+    assert (done.returncode, done.stderr) == (3, "")
+    answer = json.loads(done.stdout)
     assert answer["stop"] == "interrupted"
-    if name == "map":
-        assert len(answer["with_preload"]["lower"]) == 6000
-        assert answer["with_preload"]["lower"][-1] is None
+    without, with_preload = (answer[key]["lower"] for key in ("without_preload", "with_preload"))
+    assert len(without) == len(with_preload) == 6000
+    assert None not in without[:40]
+    assert set(without[40:]) == set(with_preload) == {None}
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import io
 import json
 import re
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,7 +21,9 @@ from handfast.model.hand import load_hand
 from handfast.synthesis.query import SynthesisProgress
 from handfast.synthesis.task_file import save_task
 from tests.support.holds import HARD, LARGE, grip_file, pinch
+from tests.support.interruptions import interrupted_program
 
+LIMITED = ("--node-limit", "2000", "--timeout", "inf")
 KEYS = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
 
 
@@ -107,14 +107,14 @@ def test_none(task: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_undecided_saved_and_resumed(task: str, capsys: pytest.CaptureFixture[str]) -> None:
     save_task(pinch(LARGE), task, force=True)
-    status, out, _ = run(capsys, "synthesize", task, "--node-limit", "2000", "--save", "s.json")
+    status, out, _ = run(capsys, "synthesize", task, *LIMITED, "--save", "s.json")
     assert status == 3
     assert "UNDECIDED  Neither a configuration nor a contradiction was found: the node limit was hit (" in out
     assert "Written: s.json" in out
     status, out, _ = run(capsys, "verify", "s.json")
     assert (status, out.split("  ")[0]) == (0, "NOTHING CLAIMED")
-    limited = ("--node-limit", "2000", "--json")
-    status, out, _ = run(capsys, "synthesize", task, "--resume", "s.json", *limited, "--save", "s.json", "--force")
+    resumed = ("--resume", "s.json", "--json", "--save", "s.json", "--force")
+    status, out, _ = run(capsys, "synthesize", task, *LIMITED, *resumed)
     assert status == 3
     assert json.loads(out)["nodes"] >= 4000
     Path(task).write_text(json.dumps(grip_file(0.07)))
@@ -129,7 +129,7 @@ def test_fewer_than_asked_for_is_undecided(
     task: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("handfast.synthesis.distance.APART", 0.5)
-    status, out, _ = run(capsys, "synthesize", task, "--count", "50")
+    status, out, _ = run(capsys, "synthesize", task, "--count", "50", "--timeout", "inf")
     assert status == 3
     assert re.search(r"FOUND  \d+ configurations of 50, proved to exist", out)
     assert "no others were met that differ" in " ".join(out.split())
@@ -227,7 +227,7 @@ def test_progress_goes_to_a_terminal_only(
     screen = Terminal()
     monkeypatch.setattr(console, "PATIENCE", 0.0)
     monkeypatch.setattr(sys, "stderr", screen)
-    assert main(["synthesize", task, "--node-limit", "2000"]) == 3
+    assert main(["synthesize", task, *LIMITED]) == 3
     assert "boxes" in screen.getvalue()
     assert "discarded" in screen.getvalue()
     assert "boxes," not in capsys.readouterr().out
@@ -236,16 +236,14 @@ def test_progress_goes_to_a_terminal_only(
 def test_ctrl_c(task: str) -> None:
     """The answer so far, exit status 3, a state that can be resumed."""
     save_task(pinch(HARD), task, force=True)
-    assert main(["synthesize", task, "--node-limit", "2000"]) == 3  # leaves compiled code for the program below
-    command = [sys.executable, "-m", "handfast.cli", "synthesize", task, "--timeout", "inf", "--save", "s.json"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(4)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (3, "")
-    assert "UNDECIDED" in out
-    assert "interrupted" in out
-    assert json.loads(Path("s.json").read_text())["state"]["seed"] == 0
+    step = "handfast.core.branch.BranchAndPrune._commit"
+    done = interrupted_program(step, 100, "synthesize", task, "--timeout", "inf", "--save", "s.json")
+    assert (done.returncode, done.stderr) == (3, "")
+    assert "UNDECIDED" in done.stdout
+    assert "interrupted" in done.stdout
+    state = json.loads(Path("s.json").read_text())["state"]
+    assert state["seed"] == 0
+    assert sum(s["steps"] for s in state["prover"]["sets"].values()) == 100
 
 
 # --- bad input, read aloud --------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from handfast.geometry.curvature import (
 from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis.certify.existence import ContactPoint, Existence
+from handfast.proofs.configurations import ContactPoint, Existence
 from handfast.synthesis.curvatures import relative_curvatures
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import ContactPair, Task

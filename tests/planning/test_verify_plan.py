@@ -40,7 +40,7 @@ def test_what_was_changed_is_refused(planned: Plan) -> None:
     first, *others = answer.checks
     assert first.witness is not None
     forces = replace(first.witness.state, c=1.01 * first.witness.state.c)
-    forged = replace(first, witness=replace(first.witness, state=forces))
+    forged = replace(first, found=replace(first.found, state=forces))
     assert "grasp 0: loads: gravity" in reason(planned, answer=replace(answer, checks=(forged, *others)))
     assert "without a preload and an answer for each load" in reason(planned, answer=replace(answer, checks=()))
     assert "not held" in reason(planned, answer=replace(answer, verdict=Verdict.UNDECIDED))

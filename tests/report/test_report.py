@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -239,7 +240,7 @@ def test_demo_tells_a_story(grasp: Grasp, tmp_path: Path, capsys, monkeypatch) -
     """The whole demo, on a small grasp and few directions; the bundled one has its own test."""
     monkeypatch.setattr(demo, "build", lambda: (grasp, []))
     monkeypatch.setattr(demo, "DIRECTIONS", 4)
-    monkeypatch.setattr(demo, "PATIENCE", 0.5)
+    monkeypatch.setattr(demo, "PATIENCE", math.inf)
     folder = tmp_path / "demo"
     assert main(["demo", "--output", str(folder)]) == 0
     out = capsys.readouterr().out

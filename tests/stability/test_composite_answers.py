@@ -77,7 +77,7 @@ def test_a_witness_that_is_none_is_found() -> None:
     first, second = held().checks
     assert first.witness is not None
     state = first.witness.state.scaled(1.5)
-    wrong = replace(first, witness=replace(first.witness, state=state))
+    wrong = replace(first, found=replace(first.found, state=state))
     assert replace(held(), checks=(wrong, second)).verify().reason.startswith("up: witness: the residual is")
 
 

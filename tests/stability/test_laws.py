@@ -206,7 +206,7 @@ def test_a_hole_that_is_left_out_is_found() -> None:
     [
         ({"verified": False}, "not verified"),
         ({"proof": None}, "refused"),
-        ({"witness": None}, "refused"),
+        ({"found": None}, "refused"),
         ({"upper": 1.0}, "refused"),
         ({"lower": 0.5}, "refused"),
     ],
@@ -217,7 +217,7 @@ def test_the_law_of_proofs_finds_what_is_not_proved(fault: dict[str, Any], says:
     answer = asked.maximum(asked.direction)
     off = (
         fault
-        if fault.keys() & {"verified", "proof", "witness"}
+        if fault.keys() & {"verified", "proof", "found"}
         else {n: v * getattr(answer, n) for n, v in fault.items()}
     )
     if "upper" in off:

@@ -25,7 +25,7 @@ from handfast.stability.queries import MaxAnswer
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, table
 
-QUICK = Settings(sectors=64, gap=1e-2, time_limit=30)
+QUICK = Settings(sectors=64, gap=1e-2)
 
 
 def test_map_of_the_pinch_by_hand() -> None:

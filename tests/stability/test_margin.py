@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,12 +19,18 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.report import Entry, write_report
 from handfast.stability import margin_search, model
-from handfast.stability.least_motion import least_motion
 from handfast.stability.margin import FRAGILE_MOTION, Flip, Margin
 from handfast.stability.margin_search import FRICTION_RESOLUTION, TILT_RESOLUTION, margin
 from handfast.stability.model import State
 from handfast.stability.witness import Witness
-from tests.support.problems import Solved, pinch, solved, table
+from tests.support.problems import Solved, moved, pinch, solved, table
+
+
+@pytest.fixture(autouse=True)
+def _any_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Samples are decided, or left at a number of nodes, however long that takes."""
+    for module in ("margin_search", "least_motion"):
+        monkeypatch.setattr(f"handfast.stability.{module}.TIME_LIMIT", math.inf)
 
 
 def slope(angle: float, mu: float, contacts: int) -> tuple[Grasp, Array]:
@@ -106,7 +113,7 @@ def test_only_what_holds_has_a_margin() -> None:
 def test_more_friction_can_slip() -> None:
     """Holding is not monotone in friction: what the samples found, `check` says of the grasp that they speak of."""
     grasp, wrench = load_grasp("barrett-can"), np.array([-3.97, 0.4, 0.26, 0, 0, 0])
-    more = asked(grasp, wrench, settings=Settings(time_limit=5.0)).more
+    more = asked(grasp, wrench).more
     assert more.slips is not None
     assert more.certified
     assert 0.0 < more.holds < more.slips <= 0.2
@@ -132,9 +139,9 @@ def test_a_stiffness_is_positive(stiffness: float) -> None:
 def least(s: Solved) -> tuple[Witness, Witness]:
     """The first witness, and that of least motion."""
     answer = check(s.grasp, s.wrench, eta=s.eta)
+    assert answer.found is not None
     assert answer.witness is not None
-    assert answer.posed is not None
-    return answer.witness, least_motion(answer.posed[0], answer.witness)
+    return answer.found, answer.witness
 
 
 @pytest.mark.parametrize(
@@ -151,20 +158,6 @@ def test_no_planted_state_moves_less(seed: int, m: int, eta: float) -> None:
     assert found.largest_motion <= min(first.largest_motion, 1.1 * planted.largest_motion)
     if eta == 0:
         assert found.largest_motion >= found.state.c[::3].max() * (1 - 1e-9)
-
-
-def test_a_witness_that_swings_far_is_brought_back() -> None:
-    """Fig. 1: the object may turn about the line through the tips, as far as it likes."""
-    answer = check(load_grasp("fig1"), [0, 1, 0, 0, 0, 0])
-    assert answer.witness is not None
-    assert answer.posed is not None
-    w = answer.witness
-    found = least_motion(answer.posed[0], w)
-    assert found.valid
-    # a tip presses with about 0.1 N m / 0.09 m; the other contacts need not take part
-    assert found.largest_motion < 2.5
-    again = least_motion(answer.posed[0], found)
-    assert again.largest_motion <= found.largest_motion * (1 + 1e-9)
 
 
 def test_motion_is_that_of_object_or_relative_whichever_is_larger() -> None:
@@ -191,20 +184,6 @@ def test_a_strong_squeeze_alone_is_not_fragile() -> None:
 
 def numbers(m: Margin) -> list[float | None]:
     return [x for f in (m.less, m.more, m.tilt) for x in (f.holds, f.slips, f.undecided)]
-
-
-def moved(g: Grasp, R: Array, shift: Array, order: list[int], length: float, force: float) -> Grasp:
-    """Turned, shifted, its contacts in another order, in other units."""
-    at = {old: new for new, old in enumerate(order)}
-    contacts = [
-        replace(c, position=length * (R @ c.position + shift), normal=R @ c.normal)
-        for c in (g.contacts[i] for i in order)
-    ]
-    joints = [
-        replace(j, axis=R @ j.axis, origin=length * (R @ j.origin + shift), moves=tuple(at[i] for i in j.moves))
-        for j in g.joints
-    ]
-    return Grasp(contacts, joints, g.mechanism, g.command * length * force, g.name)
 
 
 CASES = {
@@ -304,7 +283,7 @@ def test_ctrl_c_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_slip_without_a_certificate_is_not_called_proved() -> None:
     pytest.importorskip("pyscipopt")
-    quick = Settings(method="algorithm1", sectors=64, time_limit=20)
+    quick = Settings(method="algorithm1", sectors=64)
     grasp, wrench = slope(0.2, 0.5, 1)
     less = asked(grasp, wrench, settings=quick).less
     assert less.slips is not None

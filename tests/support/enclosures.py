@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from handfast.core.arrays import Array
-from handfast.synthesis.certify.interval_arithmetic import (
+from handfast.proofs.intervals import (
     Interval,
 )
 
@@ -29,7 +29,7 @@ def intervals(rng: np.random.Generator, shape: tuple[int, ...]) -> Interval:
     b = np.where(
         rng.uniform(size=shape) < 0.3, a, np.where(rng.uniform(size=shape) < 0.5, a * (1 + 1e-15), floats(rng, shape))
     )
-    return Interval(np.minimum(a, b), np.maximum(a, b))
+    return Interval.between(np.minimum(a, b), np.maximum(a, b))
 
 
 def points(rng: np.random.Generator, x: Interval) -> list[Array]:

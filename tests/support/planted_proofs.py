@@ -20,12 +20,12 @@ from handfast.model.hand import Coupling, Hand, Joint, Link, load_hand
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap, Region
-from handfast.synthesis.certify.existence import (
-    ContactPoint,
-    Existence,
-    free_joints,
-)
-from handfast.synthesis.certify.verify_existence import Report, verify_existence
+from handfast.proofs.configurations import AND, ContactPoint, Existence
+from handfast.proofs.contact_equations import ContactEquations
+from handfast.proofs.replay import Replay
+from handfast.proofs.tasks import TaskData, read_task
+from handfast.synthesis import existence
+from handfast.synthesis.embedded import task_to_dict
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.contact_equations import contact_equations, joint_values, link_poses, patch_at, surface_at
 
@@ -54,7 +54,7 @@ class PlantedProof:
         prismatic = {f"joint:{j.name}" for j in self.task.hand.joints if j.type == "prismatic"}
         in_metres = [label.startswith("position") or label in prismatic for label in dependent]
         values = self.values | changes
-        at = {name: values[f"joint:{name}"] for name in free_joints(self.task)}
+        at = {name: values[f"joint:{name}"] for name in self.task.free}
         contacts = tuple(
             ContactPoint(
                 pair.link,
@@ -106,7 +106,7 @@ def plant(hand: Hand, spots: list[Spot], rng: np.random.Generator, far: float = 
     anything = Cap(np.zeros(3), 1.0, np.ones(3), 1.0)
     task = Task(hand, tuple(ContactPair(s.link, anything, anything) for s in spots), PoseBounds.none())
     values: dict[str, float] = {}
-    for name in free_joints(task):
+    for name in task.free:
         joint = hand.joints[hand.joint(name)]
         values[f"joint:{name}"] = joint.lower + (joint.upper - joint.lower) * rng.uniform(0.15, 0.85)
     quaternion = rng.normal(size=4)
@@ -288,6 +288,50 @@ def reshaped(task: Task, k: int, **sides: dict) -> Task:
     pair = task.contact_pairs[k]
     new = replace(pair, **{side: replace(getattr(pair, side), **what) for side, what in sides.items()})
     return replace(task, contact_pairs=(*task.contact_pairs[:k], new, *task.contact_pairs[k + 1 :]))
+
+
+def data_of(task: Task) -> TaskData:
+    """A task as the checkers have it."""
+    return read_task(task_to_dict(task))
+
+
+def equations_of(task: Task) -> ContactEquations:
+    return ContactEquations.of(data_of(task))
+
+
+@dataclass(frozen=True)
+class Report:
+    """A replay of a proof of existence, its parts by name."""
+
+    replay: Replay
+
+    @property
+    def ok(self) -> bool:
+        return self.replay.ok
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return tuple(self.replay.reason.split(AND)) if self.replay.reason else ()
+
+    @property
+    def slacks(self) -> dict[str, float]:
+        return {label: x for label, x in self.replay.figures.items() if ":" in label}
+
+    @property
+    def contraction(self) -> float:
+        return self.replay.figures["contraction"]
+
+    @property
+    def step(self) -> float:
+        return self.replay.figures["step"]
+
+    @property
+    def gap(self) -> float:
+        return self.replay.figures["gap"]
+
+
+def verify_existence(task: Task, proof: Existence) -> Report:
+    return Report(existence.verify_existence(task, proof))
 
 
 def refused(task: Task, proof: Existence, message: str) -> Report:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -72,6 +72,23 @@ def bell(shift: float = 0.0) -> Grasp:
             GraspJoint(f"prox_{k}", side * Z, np.array([side * 0.075, 0, 0]) - centre, (2 * k - 2, 2 * k - 1))
         )
     return Grasp(contacts, joints, preload={"prox_1": 0.1, "prox_2": 0.1}, name="bell")
+
+
+def moved(g: Grasp, R: Array, shift: Array, order: list[int], length: float, force: float) -> Grasp:
+    """Turned, shifted, its contacts in another order, in other units.
+
+    A wrench (f, t) becomes force (R f, length (R t + shift x R f)).
+    """
+    at = {old: new for new, old in enumerate(order)}
+    contacts = [
+        replace(c, position=length * (R @ c.position + shift), normal=R @ c.normal)
+        for c in (g.contacts[i] for i in order)
+    ]
+    joints = [
+        replace(j, axis=R @ j.axis, origin=length * (R @ j.origin + shift), moves=tuple(at[i] for i in j.moves))
+        for j in g.joints
+    ]
+    return Grasp(contacts, joints, g.mechanism, g.command * length * force, g.name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,10 +17,11 @@ import pytest
 import handfast
 from handfast.core.answer import Reach
 from handfast.core.errors import InputError
+from handfast.proofs.synthesis import COURSE, NAMES
 from handfast.synthesis import synthesis_file
 from handfast.synthesis.embedded import digest, fingerprint, task_from_dict, task_to_dict
 from handfast.synthesis.query import synthesize
-from handfast.synthesis.synthesis_answer import COURSE, Searched, Synthesis
+from handfast.synthesis.synthesis_answer import Searched, Synthesis
 from handfast.synthesis.task import PoseBounds
 from tests.support.holds import LARGE, grip, pinch
 
@@ -63,7 +64,7 @@ def test_an_undecided_answer_claims_nothing(undecided: Synthesis, tmp_path: Path
 def test_what_was_replayed_is_said(found: Synthesis, undecided: Synthesis) -> None:
     done = found.verify()
     assert done.replayed == ("configuration 0: an exact one exists in its box",)
-    assert done.not_replayed == (COURSE,)
+    assert done.not_replayed == (COURSE, NAMES)
     done = undecided.verify()
     assert done.replayed == ()
     assert re.fullmatch(r"\S+ % of the space holds no configuration: .* are not kept", done.not_replayed[0])
@@ -72,12 +73,19 @@ def test_what_was_replayed_is_said(found: Synthesis, undecided: Synthesis) -> No
 def test_configurations_belong_to_the_task_and_to_their_proofs(found: Synthesis) -> None:
     (first, *_) = found.solutions
     other = replace(found.task, pose=PoseBounds([[5, 6]] * 3, PoseBounds.none().axes))
-    assert not replace(found, task=other).verify().ok
-    done = replace(found, task=replace(found.task, name="another")).verify()
-    assert done.reason == "configuration 0: it is of another task"
-    for change in ({"q": first.q + 1}, {"pose": np.diag([1, -1, -1, 1.0]) @ first.pose}):
+    assert "pose.position[0] comes to" in replace(found, task=other).verify().reason
+    wider = replace(found.task, pose=PoseBounds([[-9, 9]] * 3, PoseBounds.none().axes))
+    done = replace(found, task=wider).verify()
+    assert done.reason == "configuration 0: slacks are not those of its proof"  # those of the bounds are missing
+    turned = np.diag([1, -1, -1, 1.0]) @ first.pose
+    for change, reason in (
+        ({"q": first.q + 1}, r"joints are not those of its proof: \w+ is not at the value that is proved"),
+        ({"pose": turned}, "object_pose are not those of its proof"),
+        ({"points": first.points + 1e-6}, "contacts are not those of its proof"),
+        ({"normals": -first.normals}, "contacts are not those of its proof"),
+    ):
         done = replace(found, solutions=(replace(first, **change),)).verify()
-        assert done.reason == f"configuration 0: {next(iter(change))} are not those of its proof"
+        assert re.fullmatch(f"configuration 0: {reason}", done.reason)
 
 
 def test_none_is_shown_anew_by_the_checker(tmp_path: Path) -> None:
@@ -86,7 +94,7 @@ def test_none_is_shown_anew_by_the_checker(tmp_path: Path) -> None:
     done = handfast.verify(tmp_path / "s.json")
     assert done.ok
     assert done.replayed == ("contacts 0 and 1 exclude each other, by 1 box of the checker's own",)
-    assert done.not_replayed == (COURSE,)
+    assert done.not_replayed == (COURSE, NAMES)
 
 
 @pytest.mark.parametrize(
@@ -108,16 +116,17 @@ def test_none_that_the_checker_does_not_show_is_refused(by: str, why: str) -> No
     done = replace(answer, searched=replace(answer.searched, by=by)).verify()
     assert not done.ok
     assert re.fullmatch(f"NONE rests on the search itself, ask it again: {why}", done.reason)
-    assert done.not_replayed == (done.reason, COURSE)
+    assert done.not_replayed == (done.reason, COURSE, NAMES)
     assert done.replayed == ()
 
 
 def test_none_of_a_task_that_can_be_met_is_refused(found: Synthesis) -> None:
-    none = replace(
-        found, verdict=Reach.NONE, solutions=(), searched=Searched("contacts 0 and 1", 1, 1.0, 1, 0, 0.0, 0.0)
-    )
+    searched = Searched("contacts 0 and 1", 1, 1.0, 1, 0, 0.0, 0.0)
+    none = replace(found, verdict=Reach.NONE, solutions=(), searched=searched)
     assert re.match("NONE rests on the search itself, .* contacts 0 and 1 the checker by itself", none.verify().reason)
-    assert replace(none, searched=None).verify().reason.startswith("NONE rests on the search itself")
+    words = "synthesis: NONE of a search that discarded less than all or did not end"
+    for change in (None, replace(searched, discarded=0.5), replace(searched, pending=1)):
+        assert words.endswith(replace(none, searched=change).verify().reason)
 
 
 def changed(answer: Synthesis, change: Callable[[dict[str, Any]], Any], *, seal: bool) -> dict[str, Any]:
@@ -147,6 +156,11 @@ def verdict(data: dict[str, Any], word: str) -> None:
     data["answer"]["verdict"] = word
 
 
+def searched(data: dict[str, Any], discarded: float = 1.0) -> None:
+    of = {"by": "contacts 0 and 1", "nodes": 0, "depth": 0, "pending": 0, "smallest": 0.0, "largest": 0.0}
+    data["answer"]["searched"] = of | {"discarded": discarded}
+
+
 FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "a coordinate": (lambda d: moved(d, 1e-4), "configuration 0: the floats do not meet the equations"),
     "a joint that is said": (
@@ -168,6 +182,22 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "a tight limit": (lambda d: limit(d, "index_proximal", [0.0, 1e-3]), "joint index_proximal comes to"),
     "the normal of a region": (lambda d: d["task"]["contacts"][0]["object"].update(flip=False), "configuration 0: "),
     "an undecided verdict": (lambda d: verdict(d, "undecided"), "state: is missing; the answer is undecided"),
+    "all discarded beside it": (lambda d: searched(d), "FOUND of a search that discarded all"),
+    "more boxes than those of the search": (lambda d: d["answer"].update(nodes=3), "nodes is 3, of the search 0"),
+    "a spread of one": (lambda d: d["answer"].update(spread=0.5), "spread: is 0.5, of these configurations None"),
+    "a share beyond 1": (lambda d: searched(d, discarded=1.5), "answer.searched: has a share beyond 1"),
+    "a pose that is turned": (
+        lambda d: first(d)["object_pose"]["quaternion"].reverse(),
+        "configuration 0: object_pose are not those of its proof",
+    ),
+    "a joint that is free of its coupling": (
+        lambda d: first(d)["joints"].update(ring_distal=0.3),
+        "ring_distal does not follow its coupling",
+    ),
+    "an unused joint beyond its limits": (
+        lambda d: first(d)["joints"].update(ring_proximal=3.0),
+        "ring_proximal is beyond its limits",
+    ),
     "no verdict": (lambda d: verdict(d, "none"), "NONE with a configuration"),
     "no configurations": (lambda d: d["answer"]["configurations"].clear(), "FOUND without a configuration"),
     "another joint": (

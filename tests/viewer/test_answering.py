@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import threading
+from dataclasses import replace
 
 import pytest
 
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
+from handfast.viewer import answering
 from handfast.viewer.answering import DIRECTIONS, Reply, answer
 from handfast.viewer.latest_request import LatestRequest
 from handfast.viewer.view_state import ViewState
 from tests.support.viewed import jaws, replies, until
 
 
-def test_stages_end_in_the_numbers_found_by_hand() -> None:
+def test_stages_end_in_the_numbers_found_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(answering, "OF_MAP", replace(answering.OF_MAP, time_limit=math.inf))
     state = ViewState.of(jaws()).with_plane("yz").pulled([0, 0, -9.0])
     told = replies(state)
     first, last = told[0], told[-1]
@@ -37,9 +41,17 @@ def test_stages_end_in_the_numbers_found_by_hand() -> None:
     assert len(again) == 3
 
 
-def test_a_verdict_is_told_even_if_it_is_outdated_and_nothing_else() -> None:
+def test_a_verdict_is_told_even_if_it_is_outdated_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(answering, "PATIENCE", math.inf)
     told = replies(ViewState.of(jaws()), outdated=lambda: True)
     assert [(r.most, r.map) for r in told] == [(None, None)]
+
+
+def test_an_outdated_verdict_that_takes_long_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(answering, "PATIENCE", -math.inf)
+    told: list[Reply] = []
+    answer(ViewState.of(jaws()), None, lambda: True, told.append)
+    assert told == []
 
 
 def test_a_map_that_was_left_is_taken_up() -> None:
@@ -59,7 +71,7 @@ def test_the_newest_request_is_next_and_faults_do_not_end_the_thread() -> None:
 
     def work(request: int, outdated: object) -> None:
         begun.set()
-        assert go.wait(60)
+        go.wait()
         if request == 3:
             raise InputError("no")
         done.append(request)
@@ -67,7 +79,7 @@ def test_the_newest_request_is_next_and_faults_do_not_end_the_thread() -> None:
 
     requests: LatestRequest[int] = LatestRequest(work, faults.append)
     requests.ask(0)
-    assert begun.wait(60)
+    begun.wait()
     requests.ask(1)
     requests.ask(2)  # passes over 1
     assert requests.outdated()

@@ -20,6 +20,7 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import matrix_quaternion
 from handfast.model.grasp_file import save_grasp
 from handfast.viewer.open_page import LivePage, free_port
+from tests.support.interruptions import LONGEST
 from tests.support.viewed import jaws, until
 
 viser = pytest.importorskip("viser", reason="pip install 'handfast[view]'")
@@ -48,11 +49,11 @@ def drive(callback: Any, event: Any) -> None:
 def test_page_and_socket_are_served(page: LivePage) -> None:
     from websockets.sync.client import connect
 
-    with urllib.request.urlopen(page.url, timeout=30) as got:
+    with urllib.request.urlopen(page.url, timeout=LONGEST) as got:
         assert b"<html" in got.read(2000).lower()
     assert page.url.startswith("http://127.0.0.1:")
     with connect(page.url.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as ws:
-        sent = b"".join(ws.recv(timeout=30) for _ in range(2))
+        sent = b"".join(ws.recv(timeout=LONGEST) for _ in range(2))
     assert sent
 
 
@@ -123,8 +124,8 @@ def test_the_program_serves_until_ctrl_c(tmp_path: Path) -> None:
         assert program.stdout is not None
         said = program.stdout.readline()
         assert said.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(said.split()[0], timeout=30) as got:
+        with urllib.request.urlopen(said.split()[0], timeout=LONGEST) as got:
             assert got.status == 200
         program.send_signal(signal.SIGINT)
-        out, err = program.communicate(timeout=60)
+        out, err = program.communicate(timeout=LONGEST)
     assert (program.returncode, out, err) == (0, "", "")

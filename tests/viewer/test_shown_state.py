@@ -82,7 +82,7 @@ def test_before_the_first_answer_and_after_a_fault_nothing_is_claimed() -> None:
 def test_an_undecided_answer_is_called_so() -> None:
     reply = replies(HELD)[0]
     assert reply.check is not None
-    undecided = replace(reply, check=replace(reply.check, verdict=Verdict.UNDECIDED, witness=None))
+    undecided = replace(reply, check=replace(reply.check, verdict=Verdict.UNDECIDED, found=None))
     what = shown(HELD, STAGE, undecided)
     assert (what.tone, what.color) == ("undecided", COLORS["undecided"])
     assert "Neither was shown" in " ".join(what.sentences)

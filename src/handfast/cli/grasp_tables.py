@@ -10,7 +10,6 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from handfast.cli.question_tables import show_grasps_question
 from handfast.cli.synthesis_tables import STYLE, WHY
 from handfast.cli.table import table
 from handfast.core.answer import Reach
@@ -35,8 +34,6 @@ SHORT = {  # reasons in a few words, for a line of progress
 
 if TYPE_CHECKING:
     from handfast.planning.results.grasps import Grasps
-    from handfast.planning.results.grasps_file import SavedGrasps
-    from handfast.planning.results.verify_grasps import ReplayedGrasps
 
 
 def progress_text(so_far: Grasps) -> str:
@@ -170,24 +167,3 @@ def _show_tally(out: Console, answer: Grasps) -> None:
         out.print(grid)
         looked = f"{answer.evaluated} certified configurations judged, steps included"
         out.print(f"{looked}; {answer.starts} random starts of the local search", style="dim")
-
-
-def show_replayed_grasps(out: Console, what: SavedGrasps, done: ReplayedGrasps) -> None:
-    """What a saved answer claims and what of it was proved."""
-    word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
-    out.print(Text.assemble((word, style), "  ", f"grasps of {what.task.name or what.task.hand.name}"))
-    if not done.ok:
-        out.print(done.reason, style="yellow", soft_wrap=True)
-    show_grasps_question(out, what, done.question, proved=done.ok)
-    grid = table("#", "exists", "preload", f"holds {words.count(len(what.loads), 'load')}")
-    for k, (g, reason) in enumerate(zip(what.grasps, done.reasons, strict=True), start=1):
-        grid.add_row(str(k), reason or "proved", words.preload_text(g.grasp), "" if reason else "proved")
-    if what.grasps:
-        out.print()
-        out.print(grid)
-    out.print(f"{num(done.seconds, 2)} s, without the search", style="dim")
-    out.print(
-        f"Not replayed, and not proved: {', '.join(done.not_replayed)}. Checksums "
-        "protect from damage, not from forgery: compare hand, object and task with those you mean.",
-        style="dim",
-    )

@@ -10,9 +10,11 @@ from rich.console import Console
 
 from handfast.cli.table import table
 from handfast.model import grasp_file
+from handfast.planning.results.grasps_file import from_dict as grasps_from_dict
+from handfast.planning.results.verify_grasps import question_of
 from handfast.report import words
 from handfast.report.words import num
-from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
+from handfast.synthesis.embedded import digest, fingerprint, task_from_dict, task_to_dict
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
@@ -24,11 +26,28 @@ RELATIVE = ("hand", "object", "task")
 LAW = {True: "maximum dissipation", False: "friction without maximum dissipation, which may create energy"}
 
 
-def question_json(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """The question of an answer about one disturbance or one preload, with what tells its grasp from others."""
-    g = grasp_file.from_dict(asked["grasp"])
+def head(data: Mapping[str, Any]) -> str:
+    """What a saved file is about, in a line."""
+    answer = data.get("answer", data)
+    said = f": {answer['verdict'].upper()}" + (f", stop {answer['stop']}" if "stop" in answer else "")
+    if data.get("query") == "plan":
+        return f"plan: {words.count(len(data['grasps']), 'grasp')}"
+    if "task" in data:
+        task = task_from_dict(data["task"])
+        return f"{'synthesis' if 'grasps' not in data else 'grasps'} of {task.name or task.hand.name}{said}"
+    name = grasp_file.from_dict(data["question"]["grasp"]).name
+    return f"certificate of {name}: by itself" if "answer" not in data else f"{answer['query']} of {name}{said}"
+
+
+def question_json(data: Mapping[str, Any]) -> dict[str, Any]:
+    """What was asked, with what tells its grasp, or its hand, object and task, from others."""
+    if data.get("query") == "plan":
+        return {"sha256": data["question"], "loads": data["loads"]}
+    if "task" in data:
+        return task_json(task_from_dict(data["task"])) if "motors" not in data else question_of(grasps_from_dict(data))
+    g = grasp_file.from_dict(data["question"]["grasp"])
     about = {"name": g.name, "sha256": grasp_digest(g), "friction": g.mu.tolist(), "preload": g.preload}
-    return dict(asked) | {"grasp": about}
+    return dict(data["question"]) | {"grasp": about}
 
 
 def grasp_digest(grasp: Grasp) -> str:
@@ -36,8 +55,18 @@ def grasp_digest(grasp: Grasp) -> str:
     return digest({k: v for k, v in grasp_file.to_dict(grasp).items() if k not in ("name", "preload")})
 
 
-def show_question(out: Console, asked: Mapping[str, Any], *, proved: bool) -> None:
-    """The question of an answer about one disturbance or one preload."""
+def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
+    """The question of a saved file."""
+    if data.get("query") == "plan":
+        return
+    if "task" in data:
+        if "motors" in data:
+            saved = grasps_from_dict(data)
+            show_grasps_question(out, saved, question_of(saved), proved=proved)
+        else:
+            show_task_question(out, task_from_dict(data["task"]), proved=proved)
+        return
+    asked = data["question"]
     g = grasp_file.from_dict(asked["grasp"])
     sought = "loads" in asked or asked["goal"] == "torques"
     out.print(f"\n{_opening(proved)} {_asked(asked)}", soft_wrap=True)

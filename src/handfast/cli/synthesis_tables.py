@@ -10,7 +10,6 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from handfast.cli.question_tables import show_task_question
 from handfast.cli.table import table
 from handfast.core.answer import Reach, Stop
 from handfast.report.words import count as counted
@@ -19,8 +18,7 @@ from handfast.report.words import num, vector
 if TYPE_CHECKING:
     from handfast.synthesis.query import SynthesisProgress
     from handfast.synthesis.solution import Solution
-    from handfast.synthesis.synthesis_answer import ReplayedSynthesis, Searched, Synthesis
-    from handfast.synthesis.synthesis_file import SavedSynthesis
+    from handfast.synthesis.synthesis_answer import Searched, Synthesis
     from handfast.synthesis.task import Task
 
 STYLE = {Reach.FOUND: "bold green", Reach.NONE: "bold red", Reach.UNDECIDED: "bold yellow"}
@@ -91,28 +89,6 @@ def show_solution(out: Console, solution: Solution) -> None:
         f"{counted(len(proof.dependent), 'coordinate')}, the others as they are.",
         style="dim",
     )
-
-
-def show_replayed(out: Console, saved: SavedSynthesis, done: ReplayedSynthesis) -> None:
-    """Which proofs of a saved synthesis were accepted."""
-    answer = saved.synthesis
-    word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
-    if done.ok and answer.verdict is Reach.UNDECIDED:
-        word, style = "NOTHING CLAIMED", "bold yellow"
-    of = f" of {answer.task.name}" if answer.task.name else ""
-    out.print(Text.assemble((word, style), "  ", f"synthesis{of}: {answer.verdict.upper()}, stop {answer.stop}"))
-    if not done.ok:
-        out.print(done.reason, style="yellow")
-    if done.reports:
-        grid = table("", "contraction", "contacts closed to [m]", "")
-        for k, r in enumerate(done.reports, start=1):
-            grid.add_row(str(k), f"{r.contraction:.1e}", f"{r.gap:.1e}", "proved" if r.ok else "refused")
-        out.print()
-        out.print(grid)
-    if done.ok and answer.verdict is Reach.NONE:
-        out.print(f"No configuration exists: {done.replayed[0]}.", soft_wrap=True)
-    show_task_question(out, answer.task, proved=word == "PROVED")
-    out.print(f"{num(done.seconds, 2)} s, by interval arithmetic without the search", style="dim")
 
 
 def progress_text(progress: SynthesisProgress) -> str:

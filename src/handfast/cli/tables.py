@@ -52,7 +52,7 @@ def show_checks(out: Console, grasp: Grasp, loads: Loads, answers: Sequence[Chec
     _head(out, grasp, worst, held, asked)
     grid = table("disturbance", "", "load", "shown by")
     for name, wrench, a in zip(loads.names, loads.wrenches, answers, strict=True):
-        shown = "a state" if a.witness else words.certified(a.certificate, a.verified) if a.certificate else "–"
+        shown = "a state" if a.found else words.certified(a.certificate, a.verified) if a.certificate else "–"
         fragile = ", FRAGILE" * words.fragile(a)
         grid.add_row(name, Text(a.verdict.upper() + fragile, style=STYLE[a.verdict]), words.load_text(wrench), shown)
     out.print()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -31,6 +32,7 @@ class ViewGrasps(Command):
         from handfast.viewer.open_page import view
 
         page = view(self.grasps, host=self.host, port=self.port, browser=self.browser)
-        console.out().print(f"{page.url}  (Ctrl-C ends it)", soft_wrap=True)
-        page.wait()
+        with page, suppress(KeyboardInterrupt):  # which may come as soon as it is said
+            console.out().print(f"{page.url}  (Ctrl-C ends it)", soft_wrap=True)
+            page.wait()
         return console.ANSWERED

@@ -1,4 +1,4 @@
-"""What an answer is: a verdict, why the search stopped, and what its JSON begins with; what a replayed one is."""
+"""What an answer is: a verdict, why the search stopped, and what its JSON begins with."""
 
 from __future__ import annotations
 
@@ -59,27 +59,3 @@ def header(answer: Timed, query: str) -> dict[str, Any]:
         "seconds": round(answer.seconds, 6),
         "nodes": answer.nodes,
     }
-
-
-class Checked:
-    """What `verify()` of every answer returns.
-
-    Attributes:
-        seconds: wall time.
-        reason: why not all that is claimed is proved: one line; '' if it is.
-        replayed, not_replayed: what was replayed and found right, and what of the answer cannot be, a line each; the
-            kinds of answers have them as fields or as properties.
-    """
-
-    seconds: float
-    reason: str
-
-    @property
-    def ok(self) -> bool:
-        """Was all that is claimed proved?"""
-        return not self.reason
-
-    def _json(self, parts: dict[str, Any]) -> dict[str, Any]:
-        """The JSON object of a replay with these parts."""
-        ends = {"seconds": round(self.seconds, 6), "reason": self.reason}
-        return {"schema": "handfast/verification/1", "ok": self.ok} | parts | ends

@@ -12,6 +12,7 @@ disappears. What is left may want nothing but functions of C's mathematical libr
 
 from __future__ import annotations
 
+import ast
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -165,7 +166,7 @@ def _check_sources(library: Library) -> None:
         if name in BEFORE or name.split(".")[0] != library.module.split(".")[0]:
             continue
         path = Path(str(module.__file__)).resolve()
-        if path not in named and path.read_bytes().strip():  # an `__init__.py` that is empty compiles to nothing
+        if path not in named and ast.parse(path.read_bytes()).body[1:]:  # a docstring alone compiles to nothing
             raise RuntimeError(f"{library.name}: {path} is compiled, too, but not among the library's sources")
 
 

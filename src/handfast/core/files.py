@@ -31,6 +31,7 @@ class Strict(BaseModel):
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
+Six = Annotated[list[float], Field(min_length=6, max_length=6)]
 
 T = TypeVar("T", bound=BaseModel)
 

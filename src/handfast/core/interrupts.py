@@ -1,4 +1,4 @@
-"""Ctrl-C that comes while a module is imported is kept until it is there.
+"""Ctrl-C that has to wait: for a module that is being imported, for threads that write to the same arrays.
 
 Libraries import their own parts within `except BaseException` (trimesh does), which swallows the interruption and
 leaves them without the part; and Python ends by the signal itself, whatever is caught, if it came within `exec`.
@@ -12,25 +12,27 @@ from _thread import interrupt_main
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
 
 SOON = 0.02  # [s] after which is looked again whether an import goes on
 
 
 @contextmanager
 def deferred_interrupt() -> Iterator[None]:
-    """Within it Ctrl-C is kept, and comes at its end. Other threads than the main one receive none anyway."""
-    if threading.current_thread() is not threading.main_thread():
+    """Within it Ctrl-C is kept, and comes at its end, whatever it does then.
+
+    Other threads than the main one receive none anyway; where Python does not know who hears it, it is not kept.
+    """
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is None:
         yield
         return
-    came: list[tuple[int, Any]] = []
-    before = signal.signal(signal.SIGINT, lambda *signalled: came.append(signalled))
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before if before is not None else signal.SIG_DFL)
-        if came and callable(before):
-            before(*came[-1])
+        signal.signal(signal.SIGINT, before)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager
@@ -41,10 +43,13 @@ def patient_interrupt() -> Iterator[None]:
         yield
         return
 
+    looks: list[threading.Timer] = []  # kept: Python drops what is raised while a thread's object is taken apart
+
     def handler(number: int, frame: FrameType | None) -> None:
         if _importing(frame):
             again = threading.Timer(SOON, interrupt_main)
             again.daemon = True
+            looks.append(again)
             again.start()
         else:
             before(number, frame)

@@ -35,10 +35,10 @@ from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.search_file import FoundGrasp, SavedSearch
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
-from handfast.synthesis.certify.verify_existence import verify_existence
 from handfast.synthesis.curvatures import relative_curvatures
 from handfast.synthesis.distance import features_of
 from handfast.synthesis.embedded import task_to_dict
+from handfast.synthesis.existence import verify_existence
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Certified
 from handfast.synthesis.synthesis_answer import Synthesis
@@ -182,7 +182,7 @@ class _TaskSearch:
         for i, found in enumerate(earlier.found):
             report = verify_existence(self.evaluator.task, found.existence)
             if not report.ok:
-                raise InputError(f"is not proved: {report.reasons[0]}", field=f"found[{i}].existence")
+                raise InputError(f"is not proved: {report.reason}", field=f"found[{i}].existence")
             certified = Certified.of(found.existence, self.evaluator.problem)
             known = found.preload, found.lower, found.upper
             answer = self.work.answer_again(certified, known, found.nodes, f"found[{i}]")

@@ -24,7 +24,7 @@ from handfast.proofs.forces import FAR, drives, farthest
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
-from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Problem, State, read_state
 from handfast.proofs.tolerance import load_scale
 
@@ -331,7 +331,7 @@ class Maximum(Query):
             claim += f", nothing at {', '.join(f'{a:.6g} to {b:.6g}' for a, b in holes)}"
         bounds = [arcs.replayed(saved.question, arc) for arc in saved.arcs]
         reason = next((fault for fault, _ in bounds if fault), "") or _slips_fault(saved) or _ranges_fault(saved, holes)
-        figures = {"arcs": len(saved.arcs), "slips": len(saved.slips)}
+        figures: dict[str, Figure] = {"arcs": len(saved.arcs), "slips": len(saved.slips)}
         figures |= {"residual": max((off for _, off in bounds), default=0.0)}
         return [Replay("interval", claim + ", to 1e-9 of load and commands", reason, figures)]
 
@@ -497,7 +497,7 @@ def _ranges_fault(saved: SavedAnswer, holes: Sequence[Range]) -> str:
 
 def _close(a: Array, b: Array) -> bool:
     """The same numbers but for rounding."""
-    return bool(np.abs(a - b).max(initial=0.0) <= 1e-15 * np.abs(b).max(initial=0.0))
+    return bool(np.abs(a - b).max(initial=0.0) <= SAME * np.abs(b).max(initial=0.0))
 
 
 def matches(said: Any, shown: Any) -> bool:

@@ -25,6 +25,7 @@ from flint import arb, arb_mat, ctx, fmpq, fmpq_mat
 
 from handfast.proofs.fields import Array, Integers
 from handfast.proofs.grasp import GraspData
+from handfast.proofs.rational import dot, rationals, rounded
 from handfast.proofs.states import (
     ULP,
     Contact,
@@ -43,7 +44,7 @@ from handfast.proofs.states import (
 from handfast.proofs.tolerance import EPS
 
 NEAR = 1e-6  # relative to the forces that act: how far the state that is proved may be from the printed one
-TRIES = 8  # modes that are tried
+TRIES = 16  # modes that are tried
 ROUNDS = 5  # for a box
 BITS = 320  # of balls
 DEPENDENT = 1e-9  # relative: rows whose distance from those before is less than this may depend on them
@@ -144,6 +145,7 @@ class System:
 
     Attributes:
         p, modes: the problem and the modes. balanced: are (1) and (2) among the equations, all unknowns besides motions?
+        loose: do held rows depend on each other but for rounding? Then none is among the equations.
         rows: the laws. kept: held rows that the others follow from. full: (n,) of `laws`, whose force is the limit.
         v, phi: (6 + l,), (N + 1,) motions and forces; those of the contacts follow from v.
         sought: (6 + l,) what a unit of magnitude adds to (1) and (2); 0 if there is no magnitude.
@@ -156,6 +158,7 @@ class System:
     p: Problem
     modes: Modes
     balanced: bool
+    loose: bool
     rows: Rows
     kept: Integers
     full: Integers
@@ -180,7 +183,8 @@ class System:
         g, (M, size), v = p.grasp, p.rows, x.motion
         unit = _unit(p)
         d, d_off = M @ v, unit * (size @ np.abs(v))
-        rows, laws = Rows.of(p, modes), Laws.of(p, modes, d)
+        printed = x.forces(g)
+        rows, laws = Rows.of(p, modes), Laws.of(p, modes, d, printed)
         off = d_off[laws.rows]
         change = laws.change(p, np.sqrt((off**2).sum(axis=1)))
         if not np.isfinite(change).all():
@@ -191,7 +195,7 @@ class System:
         K_off = change + 32 * ULP * (1.0 + laws.rub * (1.0 + steep))
         force_off = _times(np.abs(laws.K), off) + (K_off * off.sum(axis=1))[:, None]
         force_off += 16 * ULP * (np.abs(d[laws.rows]).sum(axis=1) + np.abs(laws.force).sum(axis=1))[:, None]
-        phi, printed = rows.given + p.magnitude * rows.drive, x.forces(g)
+        phi = rows.given + p.magnitude * rows.drive
         phi_off = 4 * ULP * np.abs(p.magnitude * rows.drive)
         phi[laws.rows] += laws.force
         phi_off[laws.rows] += force_off
@@ -207,6 +211,11 @@ class System:
         missing_off = unit * (size.T @ np.abs(phi) + load_size) + size.T @ phi_off
         held = np.flatnonzero(rows.held)
         kept = independent(p, held)
+        loose = kept is None
+        if kept is None:
+            if balanced:
+                raise NotShown("what is held at rest is dependent but for rounding", between(modes))
+            kept = held[:0]
         full = np.flatnonzero(modes.full[modes.closed])
         above = laws.force[full, 0] - p.force_limit
         value = np.r_[missing, d[kept], above]
@@ -219,7 +228,7 @@ class System:
             nv = len(v)
             A, A_size, value, value_off, units = A[nv:, :nv], A_size[nv:, :nv], value[nv:], value_off[nv:], units[nv:]
         args = d, d_off, phi_off, laws, K_off, value, value_off, A, A_size, units, float(residual)
-        return cls(p, modes, balanced, rows, kept, full, v, phi, sought, *args)
+        return cls(p, modes, balanced, loose, rows, kept, full, v, phi, sought, *args)
 
     @cached_property
     def inverse(self) -> Array:
@@ -233,7 +242,8 @@ class System:
         scaled = self.units[:, None] * self.A * columns
         k, n = scaled.shape
         if k > n:
-            raise NotShown(f"{k} equations have only {n} unknowns: {self._corner}", self._corner_part)
+            part = between(self.modes)
+            raise NotShown(f"{k} equations have only {n} unknowns: {part or 'a part'} is between two modes", part)
         try:
             if k == n:
                 out = np.linalg.inv(scaled)
@@ -241,11 +251,17 @@ class System:
                 Q, R = np.linalg.qr(scaled.T)
                 out = Q @ np.linalg.inv(R).T
         except np.linalg.LinAlgError:
-            raise NotShown("the equations of the modes lose rank") from None
+            raise NotShown("the equations of the modes lose rank", between(self.modes)) from None
         return np.asarray(columns[:, None] * out * self.units)
+
+    def _fails(self, rounding: bool) -> NotShown:
+        said = f"Newton's test fails at a residual of {self.residual:.1e}"
+        return NotShown(said if rounding else f"{said}, with {BITS} bits, too", between(self.modes), rounding)
 
     def box(self) -> Box:
         """A box about x0 in which an exact solution is. Raises `NotShown`."""
+        if self.loose:
+            raise self._fails(True)
         value = np.abs(self.value) + self.value_off
         C = self.inverse if value.any() else np.zeros(self.A.T.shape)
         p, laws, (M, size), nv = self.p, self.laws, self.p.rows, len(self.v)
@@ -262,15 +278,17 @@ class System:
 
         for _ in range(ROUNDS):
             by_contact = changes(radius)[0] * (turned @ radius)
+            if not np.isfinite(by_contact).all():
+                raise self._fails(True)
             grown = value + error @ radius
             if self.balanced:
                 grown[:nv] += spread.T @ by_contact
             grown[len(grown) - len(self.full) :] += by_contact[self.full]
-            if (grown <= radius).all() or not np.isfinite(grown).all():
+            if (grown <= radius).all():
                 break
             radius = 1.2 * grown
-        if not (grown <= radius).all():
-            raise NotShown(f"Newton's test fails at a residual of {self.residual:.1e}", rounding=True)
+        else:
+            raise self._fails(True)
         d_off, phi_off, (change, off) = moved @ radius + self.d_off, self.phi_off.copy(), changes(radius)
         rounded = 16 * ULP * (np.abs(self.d[laws.rows]).sum(axis=1) + np.abs(laws.force).sum(axis=1))
         phi_off[laws.rows] = _times(np.abs(laws.K), off) + (change * off.sum(axis=1) + rounded)[:, None]
@@ -285,21 +303,16 @@ class System:
         held = self.rows.held
         return Box(np.where(held, 0.0, self.d), np.where(held, 0.0, d_off), self.phi, phi_off, p.magnitude, s_off)
 
-    @property
-    def _corner(self) -> str:
-        """A part that is between two modes."""
-        return self._corner_part or "nothing that slides or is locked could be told apart"
 
-    @property
-    def _corner_part(self) -> str:
-        modes = self.modes
-        for i in np.flatnonzero((modes.contact == Contact.TOUCHES) | modes.full):
-            return f"contact {i}"
-        for j in np.flatnonzero(np.isin(modes.actuator, (Part.LOW, Part.HIGH, Part.LOWEST))):
-            return f"actuator {j}"
-        for j in np.flatnonzero(np.isin(modes.joint, (Part.LOW, Part.HIGH))):
-            return f"joint {j}"
-        return ""
+def between(modes: Modes) -> str:
+    """A part that is between two modes; "" if none is."""
+    for i in np.flatnonzero(np.isin(modes.contact, (Contact.TOUCHES, Contact.LEANS)) | modes.full):
+        return f"contact {i}"
+    for j in np.flatnonzero(np.isin(modes.actuator, (Part.LOW, Part.HIGH, Part.LOWEST))):
+        return f"actuator {j}"
+    for j in np.flatnonzero(np.isin(modes.joint, (Part.LOW, Part.HIGH))):
+        return f"joint {j}"
+    return ""
 
 
 def _unit(p: Problem) -> float:
@@ -337,15 +350,12 @@ def _derivative(
 # --- held rows that depend on each other -----------------------------------------------------------
 
 
-def independent(p: Problem, held: Integers) -> Integers:
-    """Of rows that are held, some that the others follow from, exactly. Raises `NotShown`."""
+def independent(p: Problem, held: Integers) -> Integers | None:
+    """Of rows that are held, some that the others follow from, exactly; None if they follow but for rounding."""
     known, key = p.grasp.independent_rows, held.tobytes()
     if key not in known:
         known[key] = _independent(p, held)
-    kept = known[key]
-    if kept is None:
-        raise NotShown("what is held at rest is dependent but for rounding")
-    return kept
+    return known[key]
 
 
 def _independent(p: Problem, held: Integers) -> Integers | None:
@@ -365,6 +375,21 @@ def _independent(p: Problem, held: Integers) -> Integers | None:
     return np.array(kept, dtype=held.dtype) if rank == len(kept) else None
 
 
+def at_rest(p: Problem, held: Integers, v: Array) -> list[fmpq]:
+    """Motions near v that keep all held rows at rest, exactly."""
+    H = fmpq_mat([p.grasp.exact_rows[k] for k in held]).numer_denom()[0]
+    basis, rank = H.nullspace()
+    N = [
+        [fmpq(basis[i, j], abs(max((basis[k, j] for k in range(len(v))), key=abs))) for j in range(rank)]
+        for i in range(len(v))
+    ]
+    if not rank:
+        return [fmpq(0)] * len(v)
+    units = p.column_units[:, None]
+    z = np.linalg.lstsq(np.array([[rounded(x) for x in row] for row in N]) / units, v / units[:, 0], rcond=None)[0]
+    return [dot(row, rationals(z)) for row in N]
+
+
 # --- what has to hold all over a box ---------------------------------------------------------------
 
 
@@ -379,8 +404,8 @@ def _margin(p: Problem, modes: Modes, box: Box) -> float:
     gap = p.cos * (d[:, 0] - d_off[:, 0]) + p.sin * np.maximum(slides, 0.0)
     presses = c[:, 0] - c_off[:, 0]
     inside = g.mu * presses * (1 - 8 * ULP) - length(c[:, 1:]) - length(c_off[:, 1:])
-    cone = np.isin(modes.contact, (Contact.STICKS, Contact.RUBS)) & (g.mu > 0)
-    below = p.force_limit - c[:, 0] - c_off[:, 0]
+    cone = np.isin(modes.contact, (Contact.STICKS, Contact.RUBS)) & (g.mu > 0)  # that of LEANS is kept by its ratio
+    below = p.force_limit - c[:, 0] - np.where(modes.closed, c_off[:, 0], 0.0)
     arms = p.row_units
     f, t = box.phi[actuators], box.d[actuators] * sense(p)
     f_off = box.phi_off[actuators] + 4 * ULP * np.abs(f)
@@ -412,7 +437,8 @@ def _margin(p: Problem, modes: Modes, box: Box) -> float:
         k = int(np.argmin(value)) if len(value) else 0
         if len(value) and not value[k] >= 0:
             part = name.format(k)
-            raise NotShown(f"{_said(g, name, k)} {fault}: {value[k]:.2e} N", part, rounding=True)
+            act = max(p.scale, float(np.abs(c).max()))
+            raise NotShown(f"{_said(g, name, k)} {fault}: {value[k]:.2e} N", part, rounding=value[k] > -NEAR * act)
         least = min(least, float(value.min(initial=np.inf)))
     return least / max(p.scale, float(np.abs(c).max(initial=0.0)))
 
@@ -425,16 +451,11 @@ def _said(g: GraspData, name: str, k: int) -> str:
 def _radius(p: Problem, x: State, box: Box) -> float:
     """[N] how far the box is from the floats at most. Raises `NotShown` if that is more than `NEAR`."""
     act = acting(p, x)
-    motion = np.abs(box.d - p.rows[0] @ x.motion) + box.d_off
+    motion = (np.abs(box.d - p.rows[0] @ x.motion) + box.d_off) / p.row_units
     force = (np.abs(box.phi - x.forces(p.grasp)) + box.phi_off) * p.row_units
-    motion = motion / p.row_units
-    for what, values, most in (
-        ("a motion", motion, max(act, float(np.abs(p.rows[0] @ x.motion / p.row_units).max()))),
-        ("a force", force, act),
-    ):
-        if not values.max() <= NEAR * most:
-            reason = f"{what} of the state that is proved is {values.max():.1e} N from the printed one"
-            raise NotShown(f"{row_name(p, int(np.argmax(values)))}: {reason}")
+    if not force.max() <= NEAR * act:
+        where = row_name(p, int(np.argmax(force)))
+        raise NotShown(f"{where}: the force of the state that is proved is {force.max():.1e} N from the printed one")
     return float(max(motion.max(), force.max()))
 
 
@@ -512,13 +533,15 @@ class _Balls:
         exact = [*p.grasp.exact_rows, [fmpq(0)] * len(s.v)]
         self.M = arb_mat([[arb(x) for x in row] for row in exact])
         self.unknown = np.flatnonzero(s.rows.unknown).tolist()
-        self.sought = s.sought.any() and s.balanced
+        self.sought = bool(s.sought.any() and s.balanced)
         along = np.zeros(6) if p.along is None else p.along
         start = arb(p.magnitude)
         self.load = [arb(w) for w in np.r_[p.wrench, p.grasp.torque]]
         self.along = [arb(w) for w in np.r_[along, np.zeros(p.grasp.l)]]
         self.start = [arb(x) for x in (*s.v, *(s.phi[self.unknown] if s.balanced else ()))]
         self.start += [start] * self.sought
+        if s.loose:
+            self.start = [arb(x) for x in at_rest(p, np.flatnonzero(s.rows.held), s.v)]
         self.magnitude = start
 
     def at(self, x: list[arb]) -> tuple[list[arb], list[arb], arb, list[list[arb]], list[arb]]:
@@ -529,9 +552,8 @@ class _Balls:
         d = _column(self.M * arb_mat([[y] for y in x[:nv]]))
         phi = [arb(a) + magnitude * arb(b) for a, b in zip(s.rows.given, s.rows.drive, strict=True)]
         K = [[arb(0)] * size for _ in range(size)]
-        for rows, rub, speed in zip(s.laws.rows.tolist(), s.laws.rub, s.laws.speed, strict=True):
-            rows = [k for k in rows if k < size - 1]
-            _contact_law(p, rows, arb(rub), bool(np.isfinite(speed)), d, phi, K)
+        for i, rows in enumerate(s.laws.rows.tolist()):
+            _contact_law(s, i, [k for k in rows if k < size - 1], d, phi, K)
         for i, k in enumerate(self.unknown):
             phi[k] = x[nv + i] if s.balanced else arb(s.phi[k])
         missing = _column(self.M.transpose() * arb_mat([[y] for y in phi]))
@@ -578,11 +600,11 @@ class _Balls:
                     if (grown <= radius).all():
                         break
                     radius = 1.5 * grown
-                if not (grown <= radius).all():
-                    raise ZeroDivisionError
+                else:
+                    raise s._fails(False)
                 x = wide
         except ZeroDivisionError:
-            raise NotShown(f"Newton's test fails at a residual of {s.residual:.1e}, with {BITS} bits, too") from None
+            raise s._fails(False) from None
         d, phi, magnitude, *_ = self.at(x)
         held = s.rows.held
         mid, off = _floats(d)
@@ -591,32 +613,26 @@ class _Balls:
         )
 
 
-def _contact_law(
-    p: Problem, rows: list[int], rub: arb, smooth: bool, d: list[arb], phi: list[arb], K: list[list[arb]]
-) -> None:
-    """Put the force of a contact that presses, by its motion, and its derivatives where they belong."""
-    n, *t = rows
-    cos, sin = arb(p.cos), arb(p.sin)
-    if not smooth:
-        phi[n], K[n][n] = -cos * d[n], -cos
-        return
-    speed = sum((d[k] * d[k] for k in t), arb(0)).sqrt()
-    u = [d[k] / speed for k in t]
-    normal = -(cos * d[n] + sin * speed)
-    if not all(y.is_finite() for y in u):
+def _contact_law(s: System, i: int, rows: list[int], d: list[arb], phi: list[arb], K: list[list[arb]]) -> None:
+    """Put the force of the i-th contact that presses, by its motion, and its derivatives where they belong."""
+    (n, *t), cos, sin, rub = rows, arb(s.p.cos), arb(s.p.sin), arb(s.laws.rub[i])
+    smooth = bool(np.isfinite(s.laws.speed[i]))
+    speed = sum((d[k] * d[k] for k in t), arb(0)).sqrt() if smooth else arb(0)
+    if smooth and not speed > 0:
         raise ZeroDivisionError
+    u = [d[k] / speed if smooth else arb(0) for k in t]
     by_d = [-cos, *(-sin * y for y in u)]
-    phi[n] = normal
-    for k, slope in zip(rows, by_d, strict=True):
-        K[n][k] = slope
-    if rub == 0:
-        return
-    for i, a in zip(t, u, strict=True):
-        phi[i] = -rub * normal * a
+    phi[n] = -(cos * d[n] + sin * speed)
+    for row, lean in zip(
+        rows, [arb(1), *(arb(y) - rub * a for y, a in zip(s.laws.lean[i], u, strict=False))], strict=True
+    ):
+        phi[row] = lean * phi[n]
         for k, slope in zip(rows, by_d, strict=True):
-            K[i][k] = -rub * a * slope
-        for j, b in zip(t, u, strict=True):
-            K[i][j] -= rub * normal / speed * (arb(int(i == j)) - a * b)
+            K[row][k] = lean * slope
+    if rub != 0:
+        for row, a in zip(t, u, strict=True):
+            for k, b in zip(t, u, strict=True):
+                K[row][k] -= rub * phi[n] / speed * (arb(int(row == k)) - a * b)
 
 
 def _column(A: arb_mat) -> list[arb]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,10 @@ class Fields:
     def at(self, name: str) -> str:
         """The field's whole name."""
         return f"{self.place}.{name}" if self.place else name
+
+    def names(self) -> tuple[str, ...]:
+        """Of the fields that are left."""
+        return tuple(self._left)
 
     def has(self, name: str) -> bool:
         """Is it there, and not null?"""
@@ -95,10 +100,7 @@ class Fields:
 
     def texts(self, name: str, default: Any = _NEEDED) -> tuple[str, ...]:
         """A list of texts."""
-        value = self.take(name, default)
-        if not isinstance(value, Sequence) or isinstance(value, str) or not all(isinstance(x, str) for x in value):
-            raise BadFile("is no list of texts", self.at(name))
-        return tuple(value)
+        return texts(self.take(name, default), self.at(name))
 
     def object(self, name: str) -> Fields:
         """The object in a field."""
@@ -110,6 +112,19 @@ class Fields:
         if not isinstance(value, Sequence) or isinstance(value, str):
             raise BadFile("is no list", self.at(name))
         return (Fields(x, f"{self.at(name)}[{i}]") for i, x in enumerate(value))
+
+    def table(self, name: str, columns: Sequence[str]) -> dict[str, list[Any]]:
+        """The objects of a list that all have these fields and no others, field by field."""
+        value = self.take(name)
+        if not isinstance(value, Sequence) or isinstance(value, str):
+            raise BadFile("is no list", self.at(name))
+        for i, row in enumerate(value):
+            if not isinstance(row, Mapping) or row.keys() != {*columns}:
+                entry = Fields(row, f"{self.at(name)}[{i}]")
+                for column in columns:
+                    entry.take(column)
+                entry.done()
+        return {column: [row[column] for row in value] for column in columns}
 
 
 def number(value: Any, field: str, least: float = -LARGEST) -> float:
@@ -143,11 +158,20 @@ def numbers(value: Any, shape: tuple[int, ...], field: str) -> Array:
 
 
 def _only_numbers(value: Any, field: str) -> None:
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        for x in value:
-            _only_numbers(x, field)
-    elif isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-        raise BadFile(f"has {value!r} where a number is needed", field)
+    layer = [value]
+    while layer and {*map(type, layer)} <= {list, tuple}:
+        layer = list(chain.from_iterable(layer))
+    if not {*map(type, layer)} <= {float, int}:
+        wrong = (x for x in layer if isinstance(x, bool) or not isinstance(x, int | float | np.floating | np.integer))
+        for x in wrong:
+            raise BadFile(f"has {x!r} where a number is needed", field)
+
+
+def texts(value: Any, field: str) -> tuple[str, ...]:
+    """A list of texts."""
+    if not isinstance(value, Sequence) or isinstance(value, str) or not all(isinstance(x, str) for x in value):
+        raise BadFile("is no list of texts", field)
+    return tuple(value)
 
 
 def refuse_unknown(name: str, known: Sequence[str], kind: str, field: str) -> None:
@@ -158,6 +182,8 @@ def refuse_unknown(name: str, known: Sequence[str], kind: str, field: str) -> No
 
 def same(a: Any, b: Any) -> bool:
     """Equal JSON; numbers within `SAME`, relative, or absolute below 1."""
+    if type(a) is float and type(b) is float:
+        return abs(a - b) <= SAME * max(1.0, abs(b))
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
     if isinstance(a, list | tuple) and isinstance(b, list | tuple):

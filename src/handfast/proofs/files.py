@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from handfast.proofs import answers, certificate, checker, holds
+from handfast.proofs import answers, certificate, checker, grasps, holds, synthesis
 from handfast.proofs.fields import BadFile, Fields
 from handfast.proofs.replay import Replay
 
@@ -57,6 +57,8 @@ READERS: dict[str, Callable[[Any, str], Replay]] = {
     answers.SCHEMA: lambda data, place: answers.replay(answers.read_answer(data, place)),
     certificate.SCHEMA: _certificate,
     holds.SCHEMA: lambda data, place: holds.replay(holds.read_hold(data, place)),
+    synthesis.SCHEMA: lambda data, place: synthesis.replay(data),
+    grasps.SCHEMA: grasps.replay_grasps,
 }
 
 

@@ -139,9 +139,9 @@ def _bounding(saved: SavedHold) -> list[Replay]:
     lower, upper = saved.said.get("lower"), saved.said.get("upper")
     if lower == 0 and saved.bounding is None:
         return []
-    if saved.bounding is None or saved.bounding[1] is None:
+    name, answer = saved.bounding or ("", None)
+    if answer is None:
         raise Refused(f"nothing is there that shows the bound {lower}")
-    name, answer = saved.bounding
     _same_question(saved, name, answer)
     if answer.said["query"] != "torques" or answer.said.get("lower") != lower or answer.question.sums:
         raise Refused(f"the bound {lower} is not that of {name}")
@@ -208,7 +208,7 @@ def _compare(saved: SavedHold) -> None:
         raise Refused(f"has other keys than {', '.join(KEYS)}")
     if said["loads"] != loads:
         raise Refused("loads are not those of the question")
-    shown = {"residuals": [a.said.get("residual") for a in saved.checks.values()]}
+    shown: dict[str, Any] = {"residuals": [a.said.get("residual") for a in saved.checks.values()]}
     shown |= {"exact": all(a.said.get("exact") for a in saved.checks.values()) if saved.checks else None}
     for key, value in shown.items():
         if key in said and said[key] != value:

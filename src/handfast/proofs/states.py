@@ -152,6 +152,7 @@ class Contact(IntEnum):
     STICKS = 2
     SLIDES = 3
     RUBS = 4  # closed, without the maximum dissipation principle
+    LEANS = 5  # likewise, at the edge of the friction cone: c_t is in proportion to c_n
 
 
 class Part(IntEnum):
@@ -264,7 +265,9 @@ def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
         else:
             rests, moves = e > none_f[k], t > none_d[k]
             kinds = [Part.MOVES] if moves and not rests else [*full, Part.RESTS] if rests else [Part.LOW]
-            kinds += [x for x in (Part.RESTS, Part.LOW, Part.MOVES) if x not in kinds]
+            turns = t / none_d[k] > e / none_f[k]
+            other = (Part.LOW, Part.MOVES, Part.RESTS) if turns else (Part.LOW, Part.RESTS, Part.MOVES)
+            kinds += [x for x in other if x not in kinds]
         out[f"actuator {j}"] = [(int(x), False) for x in kinds]
     lo, hi = reaction_ends(g)
     for j, k in enumerate(joints):
@@ -292,15 +295,15 @@ def _contact(p: Problem, mu: float, d: Array, phi: Array, none_d: Array, none_f:
         return [(int(k), False) for k in (*shut, Contact.STICKS, Contact.SLIDES)]
     still = slides <= float(none_d[1:].max())
     if not p.mdp:
-        kinds = [Contact.STICKS, Contact.RUBS] if still and p.sin else [Contact.RUBS]
+        kinds = [Contact.LEANS] if mu > 0 and mu * phi[0] - rubs <= none_f else []
+        kinds = [Contact.STICKS, *kinds, Contact.RUBS] if still and p.sin else [*kinds, Contact.RUBS]
     elif mu == 0:
         kinds = [Contact.STICKS, Contact.SLIDES] if still and p.sin else [Contact.SLIDES]
     else:
         along = -float(phi[1:] @ d[1:]) > 0.99 * slides * rubs and slides > 0
         inside = mu * phi[0] - rubs > none_f
-        kinds = (
-            [Contact.STICKS, Contact.SLIDES] if still and (inside or not along) else [Contact.SLIDES, Contact.STICKS]
-        )
+        kinds = [Contact.SLIDES, Contact.STICKS]
+        kinds = kinds[::-1] if still and (inside or not along) else kinds
         kinds = kinds if still or not inside else kinds[:1]
     full = abs(p.force_limit - phi[0]) <= none_f
     return [(int(k), bool(full)) for k in kinds] + ([(int(k), False) for k in kinds] if full else [])
@@ -322,6 +325,7 @@ class Laws:
     Attributes:
         rows: (n, 4) of `Problem.tangents`. force: (n, 4). K: (n, 4, 4) of force by motion.
         speed: (n,) |d_t|, where the direction of sliding counts; else inf. rub: (n,) mu where it slides, else 0.
+        lean: (n, 3) c_t over c_n of those that lean, else 0.
     """
 
     rows: Integers
@@ -329,10 +333,11 @@ class Laws:
     K: Array
     speed: Array
     rub: Array
+    lean: Array
 
     @classmethod
-    def of(cls, p: Problem, modes: Modes, d: Array) -> Laws:
-        """d: (N + 1,), the last 0."""
+    def of(cls, p: Problem, modes: Modes, d: Array, phi: Array) -> Laws:
+        """d, phi: (N + 1,) motions and printed forces, the last 0."""
         closed = np.flatnonzero(modes.closed)
         rows, kinds = p.tangents[closed], modes.contact[closed]
         D = d[rows]
@@ -349,8 +354,13 @@ class Laws:
         K = np.zeros((len(D), 4, 4))
         K[:, 0], K[:, 1:] = by_d, -rub[:, None, None] * u[:, :, None] * by_d[:, None]
         K[:, 1:, 1:] -= np.where(rub > 0, rub, 0.0)[:, None, None] * turned
-        force = np.concatenate([normal[:, None], -(rub * normal)[:, None] * u], axis=1)
-        return cls(rows, force, K, length, rub)
+        lean = np.zeros((len(D), 3))
+        for k in np.flatnonzero(kinds == Contact.LEANS):
+            c, mu = phi[rows[k]], p.grasp.mu[closed[k]]
+            lean[k] = c[1:] / max(c[0], np.sqrt(c[1:] @ c[1:]) / mu) * (1 - 1e-12)
+        K[:, 1:] += lean[:, :, None] * by_d[:, None]
+        force = np.concatenate([normal[:, None], normal[:, None] * (lean - rub[:, None] * u)], axis=1)
+        return cls(rows, force, K, length, rub, lean)
 
     def change(self, p: Problem, reach: Array) -> Array:
         """(n,) by which an entry of K changes at most for motions that differ by up to `reach` (n,); inf if unknown."""
@@ -361,5 +371,5 @@ class Laws:
         apart = np.where(np.isfinite(self.speed), self.speed, 1.0) * (1.0 - share)
         normal = np.abs(self.force[:, 0])
         strong = (1.01 * reach + normal * (2.0 * turn + share)) / apart
-        out = p.sin * turn + self.rub * (1.01 * turn + p.sin * turn + strong)
+        out = p.sin * turn * (1.0 + np.abs(self.lean).sum(axis=1)) + self.rub * (1.01 * turn + p.sin * turn + strong)
         return np.where(ok, 1.001 * np.where(np.isfinite(self.speed), out, 0.0), np.inf)

@@ -85,7 +85,7 @@ def _rows(answer: Answers) -> list[dict[str, Any]]:
 
 
 def _answer(a: Answer) -> dict[str, Any]:
-    row: dict[str, Any] = {"grasp": a.question.grasp.name if a.question else "", "query": a.query.name}
+    row: dict[str, Any] = {"grasp": a.posed.problem.grasp.name if a.posed else "", "query": a.query}
     row |= {
         "verdict": str(a.verdict),
         "stop": str(a.stop),
@@ -95,8 +95,8 @@ def _answer(a: Answer) -> dict[str, Any]:
     }
     if a.witness is not None:
         row |= _wrench(a.witness.wrench)
-    elif a.question is not None and a.question.direction is None:
-        row |= _wrench(a.question.wrench)
+    elif a.posed is not None and not a.posed.goal.has_direction:
+        row |= _wrench(a.posed.problem.wrench)
     else:
         row |= dict.fromkeys(WRENCH, np.nan)
     row["residual"] = _residual(a)

@@ -58,7 +58,7 @@ def facts(answer: Grasps, which: int) -> list[tuple[str, str]]:
     pair = " and ".join(c.nearest_pair) if c.nearest_pair else "none"
     return [
         ("rank", f"{which + 1} of {len(answer.grasps)}, score {g.score:.2f}"),
-        ("existence", "proved" if report.ok else f"REFUSED: {report.reasons[0]}"),
+        ("existence", "proved" if report.ok else f"REFUSED: {report.reason}"),
         ("loads", f"{words.count(len(g.answer.checks), 'load')}, each with a witness, residual {residual:.1e} at most"),
         ("largest command", f"{num(g.command, 3)} {unit}{least}"),
         ("hand to object", f"{1e3 * c.least_to_object:.2f} mm apart or more outside the contacts ({c.nearest_link})"),

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -16,18 +16,18 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
 from handfast.proofs import answers
+from handfast.proofs.certificate import Certificate, proof_to_dict
 from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
 from handfast.proofs.states import State as StateData
 from handfast.stability.model import State
-from handfast.stability.posed import Posed, grasp_data
+from handfast.stability.posed import Posed, grasp_data, stated
 from handfast.stability.refinement import RefinementStep
 from handfast.stability.witness import Witness
 
 if TYPE_CHECKING:
-    from handfast.proofs.certificate import Certificate
     from handfast.stability.search.proof import Proof
 
 
@@ -40,7 +40,7 @@ class Answer(ABC):
         verdict: HOLDS with a valid witness; SLIPS if every case is refuted; else UNDECIDED.
         stop: why the search ended.
         seconds, nodes: its cost: wall time, nodes of the tree. steps: those of Algorithm 1.
-        witness: the state behind `verdict` or `lower`.
+        found: the exact solution behind `verdict` or `lower`, as it was found; see `witness`.
         proof: what the other bound rests on; Algorithm 1 has none.
         posed: the problem and the goal of the search.
         verified: was everything that it says replayed, the proof by the independent checker?
@@ -53,10 +53,41 @@ class Answer(ABC):
     seconds: float
     nodes: int
     steps: tuple[RefinementStep, ...]
-    witness: Witness | None
+    found: Witness | None
     proof: Proof | None = field(repr=False)
     posed: Posed | None = field(default=None, kw_only=True, repr=False)
     verified: bool = field(default=False, kw_only=True)
+
+    @property
+    def witness(self) -> Witness | None:
+        """The solution that is shown, drawn and saved: `least_motion` of the one that was found, where it is proved."""
+        return self._shown[0] if self._shown else None
+
+    @property
+    def proved(self) -> Proved | None:
+        """What is proved of the witness; None without one, or without a question."""
+        return self._shown[1] if self._shown else None
+
+    @cached_property
+    def _shown(self) -> tuple[Witness, Proved | None] | None:
+        if self.found is None or self._of_found is None or self.posed is None:
+            return None if self.found is None else (self.found, None)
+        from handfast.stability.least_motion import least_motion  # needs the engine, and only what is shown needs it
+
+        p = self.posed.problem
+        least = least_motion(self.found, p.torque_limits, p.force_limit)
+        known = self._of_found if least is self.found else self._proved(least)
+        as_good = known.exact or (known.tolerant and not self._of_found.exact)
+        return (least, known) if as_good and self._reaches(known) else (self.found, self._of_found)
+
+    @cached_property
+    def _of_found(self) -> Proved | None:
+        """What is proved of the state that was found."""
+        return None if self.found is None or self.posed is None else self._proved(self.found)
+
+    def _reaches(self, proved: Proved) -> bool:
+        """Is what is proved of a state all that the answer says?"""
+        return True
 
     @cached_property
     def certificate(self) -> Certificate | None:
@@ -68,19 +99,28 @@ class Answer(ABC):
         """What was asked, as proofs take it."""
         return self.posed.question if self.posed else None
 
-    @cached_property
-    def proved(self) -> Proved | None:
-        """What is proved of its witness; None without one, or without a question."""
-        if self.witness is None or self.posed is None:
-            return None
-        p, w = self.posed.problem, self.witness
-        question = self.posed.question
-        along = self._along
+    def _proved(self, w: Witness) -> Proved:
+        """What is proved of a state."""
+        assert self.posed is not None
+        (p, goal), question, along = self.posed, self.posed.question, self._along
+        command = w.grasp.command if goal.seeks_commands else p.grasp.command
         if along is None:
-            return prove(answers.problem(question, w.grasp.command, w.wrench), stated(w.state))
-        base = p.wrench if self.posed.goal.maximised else np.zeros(6)
+            return prove(answers.problem(question, command, w.wrench), stated(w.state))
+        base = p.wrench if goal.maximised else np.zeros(6)
         magnitude = float((w.wrench - base) @ along / (along @ along))
-        return prove(answers.problem(question, w.grasp.command, base, along, magnitude), stated(w.state))
+        return prove(answers.problem(question, command, base, along, magnitude), stated(w.state))
+
+    def settled(self) -> Self:
+        """UNDECIDED if its witness cannot be proved to be one; else as it is."""
+        if self.verdict is not Verdict.HOLDS or self.certain:
+            return self
+        return replace(self, verdict=Verdict.UNDECIDED, stop=Stop.NUMERICAL, found=None)
+
+    @property
+    def certain(self) -> bool:
+        """Is a witness proved to be one, exactly or to 1e-9 of load and commands?"""
+        known = self._of_found
+        return known is not None and (known.exact or known.tolerant)
 
     @property
     def _along(self) -> Array | None:
@@ -121,7 +161,7 @@ class Answer(ABC):
             "question": self.posed.to_json(),
             "answer": self.to_json(),
             "witness": None if self.witness is None else _witness_json(self.witness),
-            "certificate": None if self.certificate is None else self.certificate.to_json(),
+            "certificate": None if self.certificate is None else proof_to_dict(self.certificate),
         }
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
@@ -146,12 +186,7 @@ def _grasp(posed: Posed, w: Witness) -> GraspData:
     return grasp_data(posed.problem.grasp).with_command(w.grasp.command)
 
 
-def stated(s: State) -> StateData:
-    """A state as proofs take it."""
-    return StateData(s.r, s.q, s.c, s.f, s.coupling, s.reaction, s.torsion)
-
-
-def state_json(s: State) -> dict[str, Any]:
+def state_json(s: State | StateData) -> dict[str, Any]:
     """A state as files have it: `reaction` and `torsion` only where joints and contacts have one."""
     arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
     arrays |= {name: x for name, x in (("reaction", s.reaction), ("torsion", s.torsion)) if x.any()}

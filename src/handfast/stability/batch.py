@@ -89,8 +89,8 @@ class _RowBlock(dict[str, Any]):
         """A whole answer."""
         self["verdict"][i], self["nodes"][i], self["verified"][i] = str(answer.verdict), answer.nodes, answer.verified
         self["stop"][i], self["seconds"][i] = str(answer.stop), answer.seconds
-        if answer.witness:
-            self["residual"][i] = answer.witness.residuals.worst
+        if answer.found:
+            self["residual"][i] = answer.found.residuals.worst
         if not isinstance(answer, CheckAnswer):
             self["lower"][i], self["upper"][i] = answer.lower, answer.upper  # type: ignore[attr-defined]
         if isinstance(answer, MaxAnswer):

@@ -30,7 +30,7 @@ class BatchAnswer:
         lower, upper: of a maximum as multiples of the direction, as `MaxAnswer` has them; of torques [N m or N]; NaN
             of a check.
         unbounded: of a maximum: resisted as far as the search goes.
-        residual: the worst relative residual of the witness by the equations alone; NaN without one.
+        residual: the worst relative residual of the state that was found, by the equations alone; NaN without one.
         stop: why the search ended, as text, equal to members of `Stop`; "" where `error` says why.
         verified: was everything behind the row replayed? A witness always is; a proof that nothing holds, unless that
             was switched off; the upper bound of a maximum only where whole answers were asked for.

@@ -86,7 +86,7 @@ class HoldAnswer:
         return holds.replay(holds.read_hold(self.to_file()))
 
     def to_file(self) -> dict[str, Any]:
-        """The `handfast/hold/1` object: question, answer, and the answers that back it. `InputError` without a grasp."""
+        """The `handfast/hold/1` object: question, answer, what backs it. `InputError` without a grasp."""
         if self.grasp is None:
             raise InputError("does not know its grasp; save what `hold` returned", field="answer")
         limits = {name: self.limits.get(name) or none for name, none in NO_LIMITS.items()}

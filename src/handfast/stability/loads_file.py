@@ -12,8 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from handfast.core.errors import InputError
-from handfast.core.files import Strict, read_json, validate
-from handfast.stability.certify.certificate_file import Six
+from handfast.core.files import Six, Strict, read_json, validate
 from handfast.stability.loads import Loads
 
 

@@ -168,7 +168,7 @@ def _sent(shared: tuple[Options, Event], cases: Sequence[Case]) -> list[MaxAnswe
     """The answers without what nobody asks for and the history of Algorithm 1: a thousand travel between processes."""
     proofs = shared[0].proofs
     left: dict[str, Any] = {"steps": ()} | (
-        {} if proofs else {"witness": None, "proof": None, "posed": None, "point": None}
+        {} if proofs else {"found": None, "proof": None, "posed": None, "point": None}
     )
     answers = [replace(answer, **left) for answer in _block(shared, cases)]
     if proofs:

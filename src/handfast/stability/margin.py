@@ -88,7 +88,7 @@ class Margin:
 
     Attributes:
         stiffness: [N/m] of every contact.
-        witness: the equilibrium of least motion that was found, an exact one; others may move more.
+        held: the answer that holds, whose witness is the equilibrium of least motion that was found.
         less, more: all friction coefficients lessened and raised by the same share.
         tilt: normals tilted, by angles in degrees: one at a time, or all at once.
         checks: how many changed grasps were asked.
@@ -97,7 +97,7 @@ class Margin:
     """
 
     stiffness: float
-    witness: Witness = field(repr=False)
+    held: Answer = field(repr=False)
     less: Flip
     more: Flip
     tilt: Flip
@@ -105,6 +105,12 @@ class Margin:
     stop: Stop
     torque_limits: Mapping[str, float] = field(default_factory=dict, repr=False)
     force_limit: float | None = field(default=None, repr=False)
+
+    @property
+    def witness(self) -> Witness:
+        """The equilibrium of least motion; others may move more."""
+        assert self.held.witness is not None
+        return self.held.witness
 
     @property
     def motion(self) -> float:

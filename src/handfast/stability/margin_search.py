@@ -18,7 +18,6 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import cross
 from handfast.model.grasp import Contact, Grasp
-from handfast.stability.least_motion import least_motion
 from handfast.stability.margin import Flip, Margin, rubbed, tilted
 from handfast.stability.queries import CheckAnswer, check
 from handfast.stability.scaled_problem import as_wrench
@@ -88,7 +87,7 @@ def margin(
         "settings": settings,
     }
     answer = answer or check(grasp, wrench, **options)
-    if answer.verdict is not Verdict.HOLDS or answer.witness is None or answer.posed is None:
+    if answer.verdict is not Verdict.HOLDS or answer.witness is None:
         return None
     w = as_wrench(wrench)
     own = settings or Settings()
@@ -98,9 +97,8 @@ def margin(
     more = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 + x))])
     patterns = list(_patterns(sides(grasp, w)))
     tilt = ask.flip("tilt", TILTS, TILT_RESOLUTION, lambda x: [_tilted(grasp, p, np.radians(x)) for p in patterns])
-    least = least_motion(answer.posed[0], answer.witness)
     limits = dict(torque_limits or {}), force_limit
-    return Margin(float(stiffness), least, less, more, tilt, ask.count, ask.stop, *limits)
+    return Margin(float(stiffness), answer, less, more, tilt, ask.count, ask.stop, *limits)
 
 
 def sides(grasp: Grasp, wrench: Array) -> Array:

@@ -11,7 +11,9 @@ from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.question import Question
+from handfast.proofs.states import State as StateData
 from handfast.stability.goal import Goal
+from handfast.stability.model import State
 from handfast.stability.scaled_problem import ScaledProblem
 
 
@@ -19,6 +21,11 @@ from handfast.stability.scaled_problem import ScaledProblem
 def grasp_data(grasp: Grasp) -> GraspData:
     """A grasp as proofs read it from a file."""
     return read_grasp(grasp_file.to_dict(grasp), "grasp")
+
+
+def stated(s: State) -> StateData:
+    """A state as proofs take it."""
+    return StateData(s.r, s.q, s.c, s.f, s.coupling, s.reaction, s.torsion)
 
 
 class Posed(NamedTuple):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from handfast.proofs.certificate import Certificate
 from handfast.stability import scaled_problem
 from handfast.stability.batch_judge import Judge
 from handfast.stability.goal import ANY_STATE
+from handfast.stability.least_motion import least_motion
 from handfast.stability.model import State
 from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
 from handfast.stability.search.arrays import HARD, HELD, UNASKED, QuestionRows
@@ -42,29 +44,41 @@ class PreparedAnswer:
         verdict: HOLDS with a state, SLIPS with a certificate, else UNDECIDED.
         wrench: (6,) the load [N, N m], object frame.
         grasp: with the preload in force.
-        state: an exact state of the model; None unless HOLDS. residual: its worst, by the equations alone.
+        found: an exact state of the model, as it was found; None unless HOLDS.
         certificate: of a load that slips; replayed, unless that was switched off.
         stop: why the search ended. nodes, seconds: its cost.
+        limits: `eta`, `torque_limits` and `force_limit` as asked.
     """
 
     verdict: Verdict
     wrench: Array
     grasp: Grasp = field(repr=False)
-    state: State | None = field(repr=False)
-    residual: float
+    found: Witness | None = field(repr=False)
     certificate: Certificate | None = field(repr=False)
     stop: Stop
     nodes: int
     seconds: float
-    eta: float = field(repr=False)
+    limits: Mapping[str, Any] = field(repr=False)
 
     def __bool__(self) -> bool:
         return self.verdict is Verdict.HOLDS
 
-    @property
+    @cached_property
     def witness(self) -> Witness | None:
-        """The state with what it answers for."""
-        return None if self.state is None else Witness(self.grasp, self.wrench, self.state, self.eta, True)
+        """The state of least motion with what it answers for, see `least_motion`; sought when it is read."""
+        if self.found is None:
+            return None
+        return least_motion(self.found, self.limits["torque_limits"], self.limits["force_limit"])
+
+    @property
+    def state(self) -> State | None:
+        """That of the witness."""
+        return self.witness.state if self.witness else None
+
+    @property
+    def residual(self) -> float:
+        """The worst of the witness, by the equations alone; NaN without one."""
+        return self.witness.residuals.worst if self.witness else np.nan
 
 
 class PreparedGrasp:
@@ -104,11 +118,10 @@ class PreparedGrasp:
         refused = scaled_problem.unbalanced(self.grasp, w)  # `check` says why
         found = self._kernel.ask(self.grasp, w) if self._kernel and not refused else None
         if found is not None and found[1] <= VALID:
-            return self._said(Verdict.HOLDS, w, start, *found[:2], None, Stop.COMPLETE, found[2])
+            state = Witness(self.grasp, w, found[0], self._limits["eta"], True)
+            return self._said(Verdict.HOLDS, w, start, state, None, Stop.COMPLETE, found[2])
         answer: CheckAnswer = check(self.grasp, w, settings=self.settings, **self._limits)
-        residual = answer.witness.residuals.worst if answer.witness else np.nan
-        state = answer.witness.state if answer.witness else None
-        return self._said(answer.verdict, w, start, state, residual, answer.certificate, answer.stop, answer.nodes)
+        return self._said(answer.verdict, w, start, answer.found, answer.certificate, answer.stop, answer.nodes)
 
     def maximum(self, direction: Sequence[float] | Array, **options: Any) -> MaxAnswer:
         """The largest disturbance along a direction, see `handfast.maximum`; options: `base`, `interval`."""
@@ -119,15 +132,13 @@ class PreparedGrasp:
         verdict: Verdict,
         w: Array,
         start: float,
-        state: State | None,
-        residual: float,
+        found: Witness | None,
         certificate: Certificate | None,
         stop: Stop,
         nodes: int,
     ) -> PreparedAnswer:
         seconds = time.perf_counter() - start
-        eta = self._limits["eta"]
-        return PreparedAnswer(verdict, w, self.grasp, state, residual, certificate, stop, nodes, seconds, eta)
+        return PreparedAnswer(verdict, w, self.grasp, found, certificate, stop, nodes, seconds, self._limits)
 
     def _prepared(self, grasp: Grasp) -> _Kernel | None:
         """What is prepared for the commanded actuators and their senses; None with soft fingers, which are searched."""

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from handfast.core.arrays import Array, Indices
-from handfast.synthesis.certify.existence import free_joints
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_groups import POSE
@@ -32,7 +31,7 @@ def features(solutions: Sequence[Solution]) -> Array:
 
 def features_of(task: Task, coordinates: Array) -> Array:
     """(N, .) from coordinates (N, n) in SI units, in the order of a proof's labels."""
-    names = free_joints(task)
+    names = task.free
     nj = len(names)
     straight = np.array([task.hand.joints[task.hand.joint(n)].type == "prismatic" for n in names], dtype=bool)
     joints = coordinates[:, :nj] / np.where(straight, LENGTH, 1.0)

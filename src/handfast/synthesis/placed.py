@@ -8,13 +8,12 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.model.hand.coupling import coupled, driver_ranges
-from handfast.synthesis.certify.existence import free_joints
 from handfast.synthesis.task import Task
 
 
 def whole(task: Task, joints: Mapping[str, float]) -> Array:
     """(l,) all joint values from those of the free joints; unused joints as near to 0 as their limits allow."""
-    hand, free = task.hand, free_joints(task)
+    hand, free = task.hand, task.free
     q = np.zeros(hand.l)
     for j, (lower, upper) in driver_ranges(hand).items():
         name = hand.joint_names[j]

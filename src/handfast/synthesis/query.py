@@ -277,4 +277,6 @@ def _restore(prover: Prover, state: dict[str, Any]) -> None:
 
 
 def _searched(d: Disproof) -> Searched:
-    return Searched(d.by, d.nodes, d.discarded, d.depth, d.pending, d.smallest, d.largest)
+    # shares add up to 1 but for rounding where what is left is tiny
+    discarded = d.discarded if d.empty else min(d.discarded, float(np.nextafter(1.0, 0.0)))
+    return Searched(d.by, d.nodes, discarded, d.depth, d.pending, d.smallest, d.largest)

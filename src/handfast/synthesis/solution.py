@@ -13,9 +13,9 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.configuration import Configuration
-from handfast.synthesis.certify.existence import Existence, existence_to_dict, moving_joints
-from handfast.synthesis.certify.verify_existence import Report, verify_existence
-from handfast.synthesis.embedded import task_to_dict
+from handfast.proofs.configurations import Existence
+from handfast.proofs.replay import Replay
+from handfast.synthesis.existence import verify_existence
 from handfast.synthesis.placed import whole
 from handfast.synthesis.task import Task
 
@@ -80,16 +80,7 @@ class Solution:
         named = {"hand": self.task.hand.source or self.task.hand.name, "object": self.task.object}
         return Configuration.of(self.task.hand, self.q, self.pose, **named)
 
-    def fault(self, task: Task) -> str:
-        """What of it is not that of its proof and of a task; '' if all is."""
-        if self.task is not task and task_to_dict(self.task) != task_to_dict(task):
-            return "it is of another task"
-        names = ("q", "pose", "points", "normals")
-        same = Solution.of(task, self.existence)
-        wrong = [name for name in names if not np.array_equal(getattr(self, name), getattr(same, name))]
-        return f"{' and '.join(wrong)} are not those of its proof" if wrong else ""
-
-    def verify(self) -> Report:
+    def verify(self) -> Replay:
         """The proof, checked with interval arithmetic by code that knows nothing of the search."""
         return verify_existence(self.task, self.existence)
 
@@ -103,13 +94,13 @@ class Solution:
                 for t, p, n in zip(self.task.contact_pairs, self.points.tolist(), self.normals.tolist(), strict=True)
             ],
             "slacks": dict(self.slacks),
-            "existence": existence_to_dict(self.existence),
+            "existence": self.existence.to_json(),
         }
 
 
 def _slacks(task: Task, proof: Existence, q: Array, pose: Array, normals: Array) -> dict[str, float]:
     hand, out = task.hand, {}
-    for j in moving_joints(task):
+    for j in task.moving:
         joint = hand.joints[j]
         if joint.lower < joint.upper:
             out[f"joint:{joint.name}"] = min(q[j] - joint.lower, joint.upper - q[j])

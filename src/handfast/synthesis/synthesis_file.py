@@ -6,7 +6,7 @@ all the rest: a file that was changed after it was written is refused as a whole
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,11 +14,13 @@ from pydantic import ConfigDict, Field
 
 from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
-from handfast.core.files import Strict, read_json, same_json, validate
-from handfast.synthesis.certify.existence import Existence, existence_from_dict, free_joints
+from handfast.core.files import Strict, read_json, validate
+from handfast.proofs.configurations import Existence
+from handfast.proofs.replay import Replay
 from handfast.synthesis.embedded import fingerprint, refuse_broken, task_from_dict
+from handfast.synthesis.existence import existence_from_dict
 from handfast.synthesis.solution import Solution
-from handfast.synthesis.synthesis_answer import ReplayedSynthesis, Searched, Synthesis
+from handfast.synthesis.synthesis_answer import Searched, Synthesis, replayed
 from handfast.synthesis.task import Task
 
 Count = Annotated[int, Field(ge=0)]
@@ -84,27 +86,14 @@ class SynthesisFile(Strict):
 
 @dataclass(frozen=True, eq=False)
 class SavedSynthesis:
-    """A synthesis as it stands in a file, with what the file says of each configuration and of their spread."""
+    """A synthesis as it stands in a file, and the parsed file itself."""
 
     synthesis: Synthesis
-    said: tuple[dict[str, Any], ...]
-    spread: float | None
+    data: dict[str, Any]
 
-    def verify(self) -> ReplayedSynthesis:
-        """`Synthesis.verify`, and whether what the file says of each configuration is what follows from its proof."""
-        done = self.synthesis.verify()
-        return done if done.reason else replace(done, reason=self._contradiction())
-
-    def _contradiction(self) -> str:
-        """What the file says that does not follow from its proofs; '' if nothing."""
-        answer = self.synthesis
-        for i, (solution, said) in enumerate(zip(answer.solutions, self.said, strict=True)):
-            for key, value in solution.to_json().items():
-                if not same_json(value, said[key]):
-                    return f"configuration {i}: {key} are not those of its proof"
-        if answer.verdict is Reach.FOUND and not same_json(answer.spread, self.spread):
-            return f"spread is {self.spread}, of these configurations {answer.spread}"
-        return ""
+    def verify(self) -> Replay:
+        """What the file claims, replayed."""
+        return replayed(self.data)
 
 
 def from_dict(data: Any) -> SavedSynthesis:
@@ -136,7 +125,7 @@ def from_dict(data: Any) -> SavedSynthesis:
         said.seed,
         entry.state.model_dump() if entry.state else {},
     )
-    return SavedSynthesis(synthesis, tuple(data["answer"]["configurations"]), said.spread)
+    return SavedSynthesis(synthesis, data)
 
 
 def solution_of(task: Task, existence: dict[str, Any], field: str) -> Solution:
@@ -151,7 +140,7 @@ def solution_of(task: Task, existence: dict[str, Any], field: str) -> Solution:
 
 def _refuse_misfit(task: Task, proof: Existence) -> None:
     """What a configuration cannot be computed from."""
-    free, b = free_joints(task), len(task.contact_pairs)
+    free, b = task.free, len(task.contact_pairs)
     if set(proof.joints) != set(free):
         raise InputError(f"are not the free joints of the task: {', '.join(free) or 'none'}", field="joints")
     if len(proof.contacts) != b:

@@ -10,6 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, frozen
 from handfast.core.errors import InputError, unknown_name
+from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Coupling, Hand, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Region
@@ -143,6 +144,20 @@ class Task:
     def involved(self) -> Indices:
         """Indices of the joints between the palm and some contact, ascending."""
         return np.array(sorted({j for link in self.links for j in self.hand.moved_by(link)}), dtype=np.intp)
+
+    @cached_property
+    def moving(self) -> tuple[int, ...]:
+        """Indices of the joints that move some contact, and of all that move with them."""
+        follows, involved = drivers(self.hand), self.involved.tolist()
+        driving = {follows[j][0] for j in involved} - {-1}
+        return tuple(j for j in follows if follows[j][0] in driving or j in involved)
+
+    @cached_property
+    def free(self) -> tuple[str, ...]:
+        """Names of the joints that are coordinates: of `moving` those that are free, by coupling and by limits."""
+        follows = drivers(self.hand)
+        joints = [self.hand.joints[j] for j in self.moving if follows[j][0] == j]
+        return tuple(joint.name for joint in joints if joint.lower < joint.upper)
 
 
 def _coupled(hand: Hand, joint: str, driver: str, ratio: float, field: str) -> Hand:

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(not mip.available("scip"), reason="pyscipopt is 
 
 
 def settings(**options) -> Settings:
-    return Settings(**{"method": "algorithm1", "sectors": 256, "time_limit": 60} | options)
+    return Settings(**{"method": "algorithm1", "sectors": 256} | options)
 
 
 def w(*force: float) -> np.ndarray:
@@ -199,8 +199,8 @@ def test_progress_reports_every_step() -> None:
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0.5, 1, 0), (-1, 0.2, 0.1)])
 def test_gurobi_agrees_with_scip(direction: tuple[float, ...]) -> None:
     g = bell(0.02)
-    a = maximum(g, w(*direction), settings=settings(sectors=128, time_limit=60))
-    b = maximum(g, w(*direction), settings=settings(sectors=128, time_limit=60, solver="gurobi"))
+    a = maximum(g, w(*direction), settings=settings(sectors=128))
+    b = maximum(g, w(*direction), settings=settings(sectors=128, solver="gurobi"))
     assert a.unbounded == b.unbounded == (direction == (0.5, 1, 0))
     for answer in (a, b):
         assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.COMPLETE)

@@ -12,7 +12,6 @@ from benchmarks.no_cap import question
 from handfast.core.answer import Verdict
 from handfast.model.grasp_file import load_grasp
 from handfast.stability.queries import check, maximum, torques
-from handfast.stability.settings import Settings
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -20,13 +19,12 @@ DATA = Path(__file__).parents[2] / "data"
 def test_a_capped_bound_that_more_motion_beats_is_not_given() -> None:
     """Up to motions of 18,000 N this grasp resists 8.2066 N; with 2e8 N it resists 8.23 N, as `check` says."""
     _, grasp, direction, options = question(897, 700_000)
-    quick = Settings(time_limit=60.0)
-    above = check(grasp, options["base"] + 8.2148 * direction, settings=quick)
+    above = check(grasp, options["base"] + 8.2148 * direction)
     assert above.verdict is Verdict.HOLDS
     assert above.witness is not None
     assert above.witness.valid
 
-    answer = maximum(grasp, direction, settings=quick, **options)
+    answer = maximum(grasp, direction, **options)
 
     assert answer.upper >= 8.2148
     assert answer.witness is not None
@@ -37,7 +35,7 @@ def test_a_capped_bound_that_more_motion_beats_is_not_given() -> None:
 def test_a_bound_that_a_plain_order_of_cases_shows_up_to_a_cap_only() -> None:
     """Where contacts are split by lines, no cap is needed."""
     _, grasp, direction, options = question(588, 700_000)
-    answer = maximum(grasp, direction, settings=Settings(time_limit=60.0), **options)
+    answer = maximum(grasp, direction, **options)
     assert answer.proof is not None
     assert answer.proof.cap is None
     assert answer.upper - answer.lower <= 1e-3 * answer.upper

@@ -77,12 +77,11 @@ def test_bounds_of_random_grasps_are_proved(seed: int, m: int, eta: float) -> No
     s = solved(seed, m, eta)
     if not s.wrench.any():
         return
-    settings = Settings(time_limit=60)
-    answers = [check(s.grasp, 3 * s.wrench, eta=eta, settings=settings)]
-    answers.append(maximum(s.grasp, s.wrench, eta=eta, settings=settings))
+    answers = [check(s.grasp, 3 * s.wrench, eta=eta)]
+    answers.append(maximum(s.grasp, s.wrench, eta=eta))
     assert answers[1].upper >= 1 - 1e-9
     if s.grasp.preload:
-        answers.append(torques(s.grasp, s.wrench, eta=eta, settings=settings))
+        answers.append(torques(s.grasp, s.wrench, eta=eta))
         assert answers[2].lower <= np.abs(s.grasp.command).max() * (1 + 1e-9)
     for answer in answers:
         assert answer.witness is None or answer.witness.valid
@@ -197,7 +196,7 @@ def test_what_is_left_unresolved_is_searched_more_finely(
     monkeypatch.setattr(front, "_search", search)
     monkeypatch.setattr(front, "_to_cap", lambda beside, goal, settings, found: found)
     p = scaled_problem.build(bell(), np.zeros(6), w(0, 1, 0))
-    out = front.search(p, SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100, time_limit=60.0))
+    out = front.search(p, SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100))
     assert (out.stop, out.value, out.bound) == expected
     assert [s.gap for s in asked] == pytest.approx(gaps)
     assert [s.node_limit for s in asked] == [100 - 10 * k for k in range(len(gaps))]
@@ -207,8 +206,9 @@ def test_what_is_left_unresolved_is_searched_more_finely(
 # --- while it runs --------------------------------------------------------------------------------------
 
 
-def test_progress_has_falling_gaps() -> None:
+def test_progress_has_falling_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a maximum that takes some ten thousand nodes: ten contacts, and an end that is no state's."""
+    monkeypatch.setattr(front, "PAUSE", -INF)  # every slice is reported, however quick
     seen = []
     settings = Settings(gap=1e-9, node_limit=8000, workers=1, verify=False)
     answer = maximum(random_case(10, 1).grasp, w(0, 0, 1), settings=settings, on_step=seen.append)
@@ -222,13 +222,15 @@ def test_progress_has_falling_gaps() -> None:
     assert answer.lower == pytest.approx(seen[-1].lower)
 
 
-def test_ctrl_c_leaves_the_bounds_so_far() -> None:
+def test_ctrl_c_leaves_the_bounds_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(front, "PAUSE", -INF)  # every slice is reported, however quick
+
     def interrupt(progress) -> None:
         if progress.lower > 0:
             raise KeyboardInterrupt
 
     s = solved(1, 8)
-    answer = maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14, time_limit=60), on_step=interrupt)
+    answer = maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14), on_step=interrupt)
     assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.INTERRUPTED)
     assert answer.witness.valid
     assert 0 < answer.lower <= answer.upper

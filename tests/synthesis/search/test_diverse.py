@@ -106,7 +106,7 @@ def test_steps_stay_on_the_set_and_move() -> None:
     nearest = np.linalg.norm(at[:, None] - old[None], axis=2).min(axis=1)
     assert np.median(nearest) > 0.1
     proofs = [c.existence(starts.problem) for c in new[:20]]
-    from handfast.synthesis.certify.verify_existence import verify_existence
+    from handfast.synthesis.existence import verify_existence
 
     assert all(verify_existence(pinch(), p).ok for p in proofs)
 

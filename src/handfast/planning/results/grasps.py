@@ -25,7 +25,8 @@ from handfast.planning.requirements import Requirements
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps_file import ObjectEntry, SavedGrasp, SavedGrasps
 from handfast.planning.results.search_file import REASONS, SavedSearch
-from handfast.planning.results.verify_grasps import ReplayedGrasp, ReplayedGrasps, verify, verify_grasp
+from handfast.planning.results.verify_grasps import verify
+from handfast.proofs.replay import Replay
 from handfast.stability.answers import finite
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
@@ -106,7 +107,7 @@ class ProvedGrasp:
             "score": self.score,
             "repaired": self.repaired,
             "lower": finite(self.answer.lower),
-            "residual": max((a.witness.residuals.worst for a in self.answer.checks if a.witness), default=None),
+            "residual": max((a.proved.residual for a in self.answer.checks if a.proved), default=None),
             "clearances": self.clearances.to_json(),
         }
 
@@ -118,10 +119,6 @@ class ProvedGrasp:
         said = grasp_file.to_dict(self.grasp)
         joints = self.solution.task.hand.values(self.q)
         return SavedGrasp(self.solution, joints, self.grasp, said, witnesses, self.derived.to_json())
-
-    def verify(self) -> ReplayedGrasp:
-        """Everything that is proved of it, checked again without any search, see `verify_grasps`."""
-        return verify_grasp(self.saved, self.answer.loads, self.requirements)
 
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints for it."""
@@ -192,7 +189,7 @@ class Grasps:
         saved = [g.saved for g in self.grasps]
         return SavedGrasps.of(self.task, thing, self.loads, self.requirements, self.verdict, saved, record)
 
-    def verify(self) -> ReplayedGrasps:
+    def verify(self) -> Replay:
         """Everything that is proved of the grasps, checked again without any search, see `verify_grasps`."""
         return verify(self.saved)
 

@@ -20,22 +20,20 @@ from pydantic import Field
 from handfast.core.answer import Reach
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import Finite, Strict, Vector, validate, write_text
+from handfast.core.files import Finite, Six, Strict, Vector, validate, write_text
 from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
 from handfast.planning.requirements import Requirements
 from handfast.planning.results.motors import MotorsEntry, driven, motors_to_dict
-from handfast.stability.certify.certificate_file import Six
+from handfast.stability.answers import state_json
 from handfast.stability.loads import Loads, Weight
 from handfast.stability.model import State
-from handfast.stability.saved_answer import state_dict
-from handfast.synthesis.certify.existence import existence_to_dict
 from handfast.synthesis.embedded import digest, refuse_broken, sealed, task_from_dict, task_to_dict
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task
 
-SCHEMA, FIRST = "handfast/grasps/2", "handfast/grasps/1"
+SCHEMA = "handfast/grasps/2"
 
 
 class WeightEntry(Strict):
@@ -71,7 +69,7 @@ class GraspsQuestionEntry(Strict):
 
 
 class LoadWitnessEntry(Strict):
-    """As `state_dict` writes it."""
+    """As `state_json` writes it."""
 
     r: Six
     q: list[Finite]
@@ -79,6 +77,7 @@ class LoadWitnessEntry(Strict):
     f: list[Finite]
     coupling: list[Finite]
     reaction: list[Finite] | None = None
+    torsion: list[Finite] | None = None
 
 
 class GraspEntry(Strict):
@@ -235,10 +234,10 @@ def loads_to_dict(loads: Loads) -> dict[str, Any]:
 
 def _entry(g: SavedGrasp) -> dict[str, Any]:
     return {
-        "existence": existence_to_dict(g.solution.existence),
+        "existence": g.solution.existence.to_json(),
         "joints": g.joints,
         "grasp": g.said,
-        "witnesses": {name: state_dict(state) for name, state in g.witnesses.items()},
+        "witnesses": {name: state_json(state) for name, state in g.witnesses.items()},
     }
 
 
@@ -252,9 +251,6 @@ def save_grasps(saved: SavedGrasps, path: str | Path, *, force: bool = False) ->
 
 def from_dict(data: Any) -> SavedGrasps:
     """The grasps in a parsed object; raises `InputError` with field and fault."""
-    if isinstance(data, dict) and data.get("schema") == FIRST:
-        problem = f"is '{FIRST}', which says neither friction nor gearing, so that nothing can be computed again; "
-        raise InputError(problem + f"find the grasps anew, '{SCHEMA}' is needed", field="schema")
     entry = validate(GraspsFile, data)
     refuse_broken(data)
     try:

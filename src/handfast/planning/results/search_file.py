@@ -16,7 +16,7 @@ from pydantic import Field
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate, write_text
 from handfast.planning.rejection import RejectionReason, Tally
-from handfast.synthesis.certify.existence import Existence, existence_to_dict
+from handfast.proofs.configurations import Existence
 from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task
 
@@ -103,7 +103,7 @@ def save_search(search: SavedSearch, path: str | Path) -> None:
         "seconds": search.seconds,
         "found": [
             {
-                "existence": existence_to_dict(f.existence),
+                "existence": f.existence.to_json(),
                 "repaired": f.repaired,
                 "preload": f.preload,
                 "lower": f.lower,

@@ -1,122 +1,64 @@
-"""Checks grasps again: existence, what follows from it, and every load under the preload.
+"""Checks grasps again: what is proved of them (`handfast.proofs.grasps`), and what is measured anew.
 
-Nothing of the search is needed: the independent checker for the proofs of existence, the hand's kinematics and the
-question for the grasp that they make, the equations of the model for the witnesses. All that is said of the grasps is
-computed again from these and compared; what cannot be stands in a file's `record`, of which nothing is claimed.
+Measured are contacts, joints and mechanism, by the hand's kinematics at the configuration, and what follows from these.
+What cannot be computed again stands in a file's `record`, of which nothing is claimed.
 """
 
 from __future__ import annotations
 
 import json
-import time
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import Any
 
-from handfast.core.answer import Checked, Reach, Stop, Verdict
-from handfast.core.arrays import Array
+from handfast.core.answer import Reach
 from handfast.core.errors import InputError
 from handfast.core.files import SAME
 from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.derived import Derived, contacts_at, grasp_at
 from handfast.planning.requirements import Requirements
+from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict
 from handfast.planning.results.motors import motors_to_dict
-from handfast.stability.certify.certificate import Question
+from handfast.proofs import grasps
+from handfast.proofs.fields import BadFile
+from handfast.proofs.replay import Replay
 from handfast.stability.loads import Loads
-from handfast.stability.model import State
-from handfast.stability.posed import Posed
-from handfast.stability.queries import CheckAnswer
-from handfast.stability.witness import Witness
 from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
-from handfast.synthesis.solution import Solution
 
-CLOSE = 1e-9  # [rad, m]: joint values that a proof and the file give
 LONG = 60  # characters of a value that are shown
 SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is
 
 
-class NotProved(Exception):
-    """Why a grasp is not proved."""
-
-
-REPLAYED = ("existence, joints, contacts, mechanism, preload, every load's equilibrium, and what follows from these",)
 NOT_REPLAYED = ("clearances, scores, lower bounds and the course of the search",)
+CLAIM = "contacts, joints and mechanism are those of the hand at the configuration, and what follows from these"
 
 
-@dataclass(frozen=True)
-class ReplayedGrasp(Checked):
-    """A grasp that was checked.
-
-    Attributes:
-        residuals: of the witness of each load.
-        seconds: wall time.
-        reason: why it is not proved: one line; '' if it is.
-        replayed, not_replayed: what of it was checked, and what cannot be.
-    """
-
-    residuals: tuple[float, ...]
-    seconds: float
-    reason: str
-    replayed: ClassVar[tuple[str, ...]] = REPLAYED
-    not_replayed: ClassVar[tuple[str, ...]] = NOT_REPLAYED
-
-    def to_json(self) -> dict[str, Any]:
-        return self._json({"witnesses": len(self.residuals), "residual": max(self.residuals, default=0.0)})
-
-
-@dataclass(frozen=True)
-class ReplayedGrasps(Checked):
-    """Grasps that were checked.
-
-    Attributes:
-        question: what was proved of them, and relative to what, see `question_of`.
-        reasons: for each grasp why it is not proved: one line; '' if it is.
-        loads: how many witnesses were replayed. residual: the worst of them.
-        seconds: wall time.
-        reason: why not all is proved: one line; '' if it is.
-        replayed, not_replayed: what of each grasp was checked, and what cannot be.
-    """
-
-    question: dict[str, Any]
-    reasons: tuple[str, ...]
-    loads: int
-    residual: float
-    seconds: float
-    reason: str
-    replayed: ClassVar[tuple[str, ...]] = REPLAYED
-    not_replayed: ClassVar[tuple[str, ...]] = NOT_REPLAYED
-
-    def to_json(self) -> dict[str, Any]:
-        return self._json(
-            {
-                "question": self.question,
-                "grasps": [{"ok": not r, "reason": r} for r in self.reasons],
-                "witnesses": self.loads,
-                "residual": self.residual,
-            }
-        )
-
-
-def verify(saved: SavedGrasps) -> ReplayedGrasps:
+def verify(saved: SavedGrasps) -> Replay:
     """Does every grasp exist, is it what is said of it, and does it hold every load under its preload?"""
-    start = time.monotonic()
-    done = [verify_grasp(g, saved.loads, saved.requirements) for g in saved.grasps]
-    residuals = [r for d in done for r in d.residuals]
-    reasons = tuple(d.reason for d in done)
-    wrong = [f"grasp {i}: {r}" for i, r in enumerate(reasons, start=1) if r] or [_answer_fault(saved)]
-    worst, seconds = max(residuals, default=0.0), time.monotonic() - start
-    return ReplayedGrasps(question_of(saved), reasons, len(residuals), worst, seconds, wrong[0])
+    data = grasps_file.to_dict(saved)
+    proved = proved_grasps(data)
+    return replace(proved, parts=(*proved.parts, measured(saved)))
 
 
-def verify_grasp(g: SavedGrasp, loads: Loads, requirements: Requirements) -> ReplayedGrasp:
-    """Does one grasp exist, is it what is said of it, and does it hold every load under its preload?"""
-    start = time.monotonic()
+def proved_grasps(data: dict[str, Any]) -> Replay:
+    """What of a parsed file is proved; `InputError` if it is none."""
     try:
-        residuals, reason = tuple(_replayed(g, loads, requirements)), ""
-    except (NotProved, InputError) as fault:
-        residuals, reason = (), str(fault)
-    return ReplayedGrasp(residuals, time.monotonic() - start, reason)
+        return grasps.replay_grasps(data)
+    except BadFile as fault:
+        raise InputError(fault.problem, field=fault.field or None) from None
+
+
+def measured(saved: SavedGrasps) -> Replay:
+    """Is every grasp that of the hand at its configuration, and is all else said that follows? Worked out anew."""
+    parts = []
+    for k, g in enumerate(saved.grasps, start=1):
+        try:
+            fault = _fault(g, saved.loads, saved.requirements)
+        except InputError as problem:
+            fault = str(problem)
+        parts.append(Replay(f"grasp {k}", CLAIM, fault))
+    return Replay("geometry", "", _answer_fault(saved), parts=tuple(parts), not_replayed=NOT_REPLAYED)
 
 
 def question_of(saved: SavedGrasps) -> dict[str, Any]:
@@ -163,46 +105,18 @@ def _answer_fault(saved: SavedGrasps) -> str:
     return difference(saved.loads.by_name, answer.loads, "answer.loads", small=0.0)
 
 
-def _replayed(g: SavedGrasp, loads: Loads, requirements: Requirements) -> list[float]:
-    """The residual of each load's witness; `NotProved` or `InputError` if something of the grasp is not proved."""
-    report = g.solution.verify()
-    if not report.ok:
-        raise NotProved(report.reasons[0])
-    _require(joints_misfit(g.solution, g.joints))
+def _fault(g: SavedGrasp, loads: Loads, requirements: Requirements) -> str:
+    """What is said of a grasp that does not follow from hand, configuration and question; '' if nothing."""
     bare = grasp_at(g.solution, g.q, contacts_at(g.solution, requirements.friction))
-    _require(difference(grasp_file.to_dict(bare) | {"preload": g.said.get("preload")}, g.said, "grasp"))
     grasp, driven = bare.with_preload(g.grasp.preload), requirements.driven(bare)
-    _require(difference(grasp.preload, g.said["preload"], "grasp.preload", small=0.0))
-    _require(_commands_fault(grasp, driven, requirements))
     preload = {name: grasp.preload.get(name, 0.0) for name in driven}
-    _require(difference(preload, g.answer.get("preload"), "answer.preload", small=0.0))
-    _require(difference(Derived.of(g.solution, g.q, grasp, preload, loads).to_json(), g.answer, "answer"))
-    if g.witnesses.keys() != set(loads.names):
-        raise NotProved(f"has witnesses for {len(g.witnesses)} loads, not for each of {', '.join(loads.names)}")
-    residuals = []
-    for name, wrench in zip(loads.names, loads.wrenches, strict=True):
-        try:
-            residuals.append(_held(grasp, wrench, g.witnesses[name], requirements))
-        except (NotProved, InputError) as fault:
-            raise NotProved(f"{name}: {fault}") from None
-    return residuals
-
-
-def _held(grasp: Grasp, wrench: Array, state: State, asked: Requirements) -> float:
-    """The residual of a state that holds a load; `NotProved` if it does not."""
-    sizes = {"r": 6, "q": grasp.l, "c": 3 * grasp.m, "f": grasp.mechanism.a, "coupling": len(grasp.mechanism.A)}
-    sizes |= {"reaction": grasp.l}
-    for key, size in sizes.items():
-        if len(getattr(state, key)) != size:
-            raise NotProved(f"its witness has {len(getattr(state, key))} numbers for {key}, needs {size}")
-    question = Question(
-        grasp, wrench=wrench, eta=asked.eta, torque_limits=asked.torque_limits or {}, force_limit=asked.force_limit
+    return (
+        difference(grasp_file.to_dict(bare) | {"preload": g.said.get("preload")}, g.said, "grasp")
+        or difference(grasp.preload, g.said["preload"], "grasp.preload", small=0.0)
+        or _commands_fault(grasp, driven, requirements)
+        or difference(preload, g.answer.get("preload"), "answer.preload", small=0.0)
+        or difference(Derived.of(g.solution, g.q, grasp, preload, loads).to_json(), g.answer, "answer")
     )
-    witness = Witness(grasp, wrench, state, asked.eta, mdp=True)
-    done = CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), witness, None, posed=Posed.of(question)).verify()
-    if not done.ok or done.witness is None:
-        raise NotProved(done.reason)
-    return done.witness.residual
 
 
 def _commands_fault(grasp: Grasp, driven: list[str], asked: Requirements) -> str:
@@ -212,27 +126,6 @@ def _commands_fault(grasp: Grasp, driven: list[str], asked: Requirements) -> str
             return f"{name} is commanded, which was not asked for"
         if asked.command_limit is not None and abs(value) > asked.command_limit * (1 + SAME):
             return f"{name} is commanded {value:g}; the limit is {asked.command_limit:g}"
-    return ""
-
-
-def _require(reason: str) -> None:
-    if reason:
-        raise NotProved(reason)
-
-
-def joints_misfit(solution: Solution, joints: dict[str, float]) -> str:
-    """Where joint values are not the proof's, or break a limit or a coupling; '' if they fit."""
-    hand, proved = solution.task.hand, solution.existence.joints
-    for joint in hand.joints:
-        value = joints[joint.name]
-        if joint.name in proved and abs(value - proved[joint.name]) > CLOSE:
-            return f"{joint.name} is not at the value that is proved"
-        if not joint.lower - CLOSE <= value <= joint.upper + CLOSE:
-            return f"{joint.name} is beyond its limits"
-    for c in hand.couplings:
-        driver = joints[hand.joints[c.driver].name] if c.driver >= 0 else 0.0
-        if abs(joints[hand.joints[c.joint].name] - c.ratio * driver - c.offset) > CLOSE:
-            return f"{hand.joints[c.joint].name} does not follow its coupling"
     return ""
 
 

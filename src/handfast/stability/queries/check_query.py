@@ -137,6 +137,6 @@ def _check(
 def _any_state(p: ScaledProblem, settings: Settings, on_step: OnStep | None) -> CheckAnswer:
     found = solve(p, ANY_STATE, settings, on_step)
     verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
-    return CheckAnswer(
-        verdict, found.stop, *found.cost, found.witness, found.proof, posed=Posed(p, ANY_STATE), verified=found.backed
-    )
+    backing: dict[str, Any] = {"posed": Posed(p, ANY_STATE), "verified": found.backed}
+    answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
+    return answer.settled() if settings.verify else answer

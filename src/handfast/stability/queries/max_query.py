@@ -12,6 +12,8 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
+from handfast.proofs.certificate import proof_to_dict
+from handfast.proofs.existence import Proved
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer, finite, state_json
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Goal
@@ -26,6 +28,7 @@ from handfast.stability.witness import Witness
 if TYPE_CHECKING:
     from handfast.stability.limit import Supremum
     from handfast.stability.search.outcome import Outcome
+NEAR = 1e-9  # relative: the exact state of a largest magnitude is so near the one that was found
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +58,7 @@ class MaxAnswer(Answer):
 
         None where nothing shows that.
         """
-        if self.posed is None or self.witness is None or not (self.lower > 0 and np.isfinite(self.upper)):
+        if not (self.lower > 0 and np.isfinite(self.upper)) or self.posed is None or self.witness is None:
             return None
         from handfast.stability.limit import limit_from
 
@@ -72,6 +75,16 @@ class MaxAnswer(Answer):
         if self.unbounded or self.upper == 0:
             return 0.0
         return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
+
+    def settled(self) -> MaxAnswer:
+        """With a lower bound that is proved to be reached; UNDECIDED where none is."""
+        out, known = super().settled(), self._of_found
+        if out is not self or known is None or known.magnitude is None or known.magnitude[0] >= self.lower:
+            return out
+        return replace(self, lower=max(known.magnitude[0], 0.0))
+
+    def _reaches(self, proved: Proved) -> bool:
+        return proved.magnitude is None or proved.magnitude[0] >= self.lower
 
     @property
     def _along(self) -> Array | None:
@@ -94,7 +107,7 @@ class MaxAnswer(Answer):
         if shown is None:
             return out
         arcs = [{"first": a.first, "last": a.last, "controls": [state_json(x) for x in a.controls]} for a in shown.arcs]
-        return out | {"arcs": arcs, "slips": [c.to_json() for c in shown.slips]}
+        return out | {"arcs": arcs, "slips": [proof_to_dict(c) for c in shown.slips]}
 
 
 def maximum(
@@ -131,11 +144,11 @@ def maximum(
 
 def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
     """A maximum with which smaller magnitudes are resisted; as it is if none is, or after Ctrl-C."""
-    if answer.posed is None or answer.witness is None or not answer.lower > 0 or answer.stop is Stop.INTERRUPTED:
+    if answer.posed is None or answer.found is None or not answer.lower > 0 or answer.stop is Stop.INTERRUPTED:
         return answer
     from handfast.stability.search.interval_search import resisted
 
-    shown = resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
+    shown = resisted(*answer.posed, answer.lower, answer.upper, answer.found.state, settings)
     return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
 
 
@@ -174,8 +187,9 @@ def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None,
             verdict, w = Verdict.UNDECIDED, None
     backing: dict[str, Any] = {"posed": posed, "verified": found.backed}
     point = found.point if verdict is Verdict.HOLDS else None
-    bounds = lower, upper, unbounded
-    return MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, *bounds, point=point, **backing)
+    bounds = lower * (1 - NEAR), upper, unbounded
+    answer = MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, *bounds, point=point, **backing)
+    return answer.settled() if settings.verify else answer
 
 
 def _search(

@@ -95,7 +95,9 @@ def torques(
         every = dict(zip(found.witness.grasp.mechanism.actuators, commands.tolist(), strict=True))
         preload, upper = {n: every[n] for n in names}, goal.cost(found.witness.grasp)
     backing: dict[str, Any] = {"posed": Posed(p, goal), "verified": found.backed}
-    return TorquesAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, preload, lower, upper, **backing)
+    bounds = preload, lower, upper
+    answer = TorquesAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, *bounds, **backing)
+    return answer.settled() if settings.verify else answer
 
 
 def _search(

@@ -285,9 +285,8 @@ def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, 
     if not settings.verify:
         return proof, False
     best: Proof | None = None
-    known: dict[bytes, float] = {}
     for _ in range(ROUNDS):
-        proof, ok, unproved = proof.checked(known, start + REPLAY * settings.time_limit)
+        proof, ok, unproved = proof.checked(start + REPLAY * settings.time_limit)
         if ok and (best is None or proof.cap is None or (best.cap is not None and proof.cap > best.cap)):
             best = proof
         late = time.monotonic() - start > settings.time_limit

@@ -15,13 +15,13 @@ import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
-from handfast.stability.certify import arc as arcs
-from handfast.stability.certify.arc import Arc
-from handfast.stability.certify.certificate import Certificate
-from handfast.stability.certify.ranges import Known, known
+from handfast.proofs import arcs
+from handfast.proofs.arcs import Arc
+from handfast.proofs.certificate import Certificate
+from handfast.proofs.ranges import Known, known
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, Goal, Range
 from handfast.stability.model import State
-from handfast.stability.posed import Posed
+from handfast.stability.posed import Posed, stated
 from handfast.stability.resisted_interval import ResistedInterval
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search import exact, front
@@ -29,7 +29,6 @@ from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import SearchWorker
 from handfast.stability.settings import Settings
-from handfast.stability.witness import VALID
 
 DEGREE = 6  # of arcs, where a straight line does not do
 FINEST = 1e-8  # of the resolution: narrower ranges are not halved
@@ -77,8 +76,12 @@ class _Magnitudes:
 
     def known(self, largest: float, upper: float) -> Known:
         """The ranges together."""
-        good, bad = [(a.first, a.last) for a in self.arcs], [c.magnitudes for c in self.slips]
+        good, bad = [(a.first, a.last) for a in self.arcs], [self._magnitudes(c) for c in self.slips]
         return known(good, bad, largest, upper, self.settings.gap, self.p.unit_magnitude)
+
+    def _magnitudes(self, c: Certificate) -> Range:
+        """Which slip by a certificate."""
+        return c.question.magnitudes(c.scalar)
 
     def cover(self, largest: float, state: State) -> None:
         """Show as much as possible of all magnitudes from 0 to the largest."""
@@ -168,8 +171,8 @@ class _Magnitudes:
 
     def _arc(self, a: float, b: float, points: list[Array]) -> bool:
         controls = arcs.controls_of(len(points) - 1) @ np.array(points)
-        arc = Arc(a, b, tuple(self._state(z) for z in controls))
-        if arcs.residual_bound(self.question, arc) > VALID:
+        arc = Arc(a, b, tuple(stated(self._state(z)) for z in controls))
+        if arcs.replayed(self.question, arc)[0]:
             return False
         self.arcs.append(arc)
         return True

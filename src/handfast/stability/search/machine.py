@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from handfast.core.machine_code import EntryPoint, Library
+from handfast.proofs import kinds
 from handfast.stability.search.arrays import (
     ClosedLeaves,
     Kept,
@@ -33,5 +34,11 @@ LIBRARY = Library(
         ),
         "refuted": EntryPoint(f"{_KERNEL}.refute", (KernelQuestion, WorkerState, Pool, ClosedLeaves, WorkingSet)),
     },
-    sources=(HERE / "machine.py", HERE / "rows.py", HERE / "arrays.py", *sorted((HERE / "kernel").glob("*.py"))),
+    sources=(
+        HERE / "machine.py",
+        HERE / "rows.py",
+        Path(kinds.__file__),
+        HERE / "arrays.py",
+        *sorted((HERE / "kernel").glob("*.py")),
+    ),
 )

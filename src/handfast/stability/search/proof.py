@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Indices
-from handfast.stability.certify import checker
-from handfast.stability.certify.certificate import Certificate, Columns, Row
+from handfast.proofs import checker
+from handfast.proofs.certificate import Certificate
+from handfast.proofs.rows import Columns
 from handfast.stability.posed import Posed
 from handfast.stability.search import arrays, rows
 from handfast.stability.search.arrays import Pool
@@ -71,25 +72,23 @@ class Proof:
             state=state,
             left=left,
             right=right,
-            leaves=leaves,
             start=start,
             **entries,
         )
 
-    def checked(self, known: dict[bytes, float], until: float) -> tuple[Proof, bool, Indices]:
+    def checked(self, until: float) -> tuple[Proof, bool, Indices]:
         """The proof, does the independent checker accept it, and if not, which nodes of the tree are not proved.
 
-        With other rays where those found do not do. known: leaves that were judged before; until: [s] of
-        `time.monotonic`, when there is no more time for it.
+        With other rays where those found do not do. until: [s] of `time.monotonic`, when there is no more time for it.
         """
         none = np.zeros(0, int)
         if self.certificate is None:
             return self, False, none
-        found = checker.verify(self.certificate, known, until)
+        found = checker.verify(self.certificate, until)
         if not 0 < len(found.unproved) <= MOST or self.reduced.cap < np.inf:
             return replace(self, cap=found.cap), found.ok, self.certificate.leaves[list(found.unproved)]
         certificate = repaired(self.certificate, found.unproved)
-        found = checker.verify(certificate, known, until)
+        found = checker.verify(certificate, until)
         mended = replace(self, cap=found.cap)
         mended.__dict__["certificate"] = certificate
         return mended, found.ok, certificate.leaves[list(found.unproved)]
@@ -148,9 +147,6 @@ class Proof:
         y[plain] *= factors[index[plain]]
         index[plain] = columns[index[plain]]
         kind = np.where(flip, rows.PLAIN_UP + rows.PLAIN_DOWN - kind, kind)
-        soft = (kind > rows.ENERGY) & ~energy
         patched = (kind == rows.SOFT_CHORD) | (kind == rows.C_SIDE) | (kind == rows.D_SIDE)
         a[patched], b[patched] = ids[patched] & ((1 << rows.SIDE) - 1), (ids[patched] >> rows.SIDE) & 3
-        kind = np.where(soft, kind - rows.SOFT_TANGENT + Row.SOFT_TANGENT, kind)
-        kind = np.where(energy, Row.ENERGY, kind)
         return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y, "references": references}

@@ -13,30 +13,34 @@ forces. It combines a few *base values*, affine in z: forces c = C z + off and m
 
 An id holds kind, index and two angles, or a patch and one of its sides, so that a working set of ids is all a node has
 to keep, and a parent's working set is legal in every child. Angles are integers, `TURN` to a turn. The kinds and what
-they say are those of `stability/certificate`; BOX rows bound z itself and give the first working set. The ENERGY row of
+they say are those of `proofs/kinds`; BOX rows bound z itself and give the first working set. The ENERGY row of
 node k is the tangent, at the point of k, of the balance of energy: sum c_n^2 <= w . r + f_c . t.
 """
 
 from __future__ import annotations
 
-TURN = 1 << 24
-WIDER = 2.0**-40  # as in `certificate`
+from handfast.proofs.kinds import TURN as TURN
+from handfast.proofs.kinds import WIDER as WIDER
+from handfast.proofs.kinds import ActuatorState, ContactState, Row
 
-# kinds of rows, see `row`
-CN_UP, CN_DOWN, GAP_UP, GAP_DOWN, DN_UP, TANGENT, CHORD = 0, 1, 2, 3, 4, 5, 6
-C_LEFT, C_RIGHT, D_LEFT, D_RIGHT = 7, 8, 9, 10
-STILL = 11  # to 14: +d_t1, -d_t1, +d_t2, -d_t2
-T_UP, T_DOWN, E_UP, E_DOWN, S_UP, PLAIN_UP, PLAIN_DOWN, BOX_UP, BOX_DOWN = 15, 16, 17, 18, 19, 20, 21, 22, 23
-ENERGY = 24  # of the node whose number, within the mask NODE, takes the place of the angles
+# kinds of rows, as plain numbers for compiled code
+CN_UP, CN_DOWN, GAP_UP, GAP_DOWN = int(Row.CN_UP), int(Row.CN_DOWN), int(Row.GAP_UP), int(Row.GAP_DOWN)
+DN_UP, TANGENT, CHORD = int(Row.DN_UP), int(Row.TANGENT), int(Row.CHORD)
+C_LEFT, C_RIGHT, D_LEFT, D_RIGHT = int(Row.C_LEFT), int(Row.C_RIGHT), int(Row.D_LEFT), int(Row.D_RIGHT)
+STILL = int(Row.STILL_1_UP)  # to 3 more: +d_t1, -d_t1, +d_t2, -d_t2
+T_UP, T_DOWN, E_UP, E_DOWN = int(Row.T_UP), int(Row.T_DOWN), int(Row.E_UP), int(Row.E_DOWN)
+S_UP, PLAIN_UP, PLAIN_DOWN = int(Row.S_UP), int(Row.BOUND_UP), int(Row.BOUND_DOWN)
+BOX_UP, BOX_DOWN = 22, 23  # bounds of a search's own, which no certificate may cite
+ENERGY = int(Row.ENERGY)  # of the node whose number, within the mask NODE, takes the place of the angles
 
 # of soft fingers, c_t and torsion together; two angles, a patch, or a patch and its side; +turning, -turning
-SOFT_TANGENT, SOFT_CHORD, C_SIDE, D_SIDE, TURN_UP, TURN_DOWN = 25, 26, 27, 28, 29, 30
+SOFT_TANGENT, SOFT_CHORD, C_SIDE = int(Row.SOFT_TANGENT), int(Row.SOFT_CHORD), int(Row.C_SIDE)
+D_SIDE, TURN_UP, TURN_DOWN = int(Row.D_SIDE), int(Row.TURN_UP), int(Row.TURN_DOWN)
 SIDE = 40  # place of the side in an id, whose patch is below it
 
-# what a contact is in a node
-UNDECIDED, OPEN, CLOSED, STICK, SLIDE = 0, 1, 2, 3, 4
-# what an actuator is in a node
-FREE, LOCKED, MOVES = 0, 1, 2
+# what a contact is in a node, and an actuator
+UNDECIDED, OPEN, CLOSED, STICK, SLIDE = (int(x) for x in ContactState)
+FREE, LOCKED, MOVES = (int(x) for x in ActuatorState)
 
 
 KIND, INDEX, ANGLE = 58, 50, 25  # places of the fields in an id; the second angle is at 0

@@ -19,6 +19,7 @@ import numpy as np
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import Block, table
+from handfast.core.interrupts import deferred_interrupt
 from handfast.stability.search import arrays, cases, rows
 from handfast.stability.search.arrays import (
     CHILDREN,
@@ -331,12 +332,9 @@ class Search:
         try:
             if len(busy) == 1 or self.workers == 1:
                 return [self._run(searcher, budget) for searcher in busy]
-            other = helpers().submit(self._run, busy[1], budget)
-            try:
-                why = self._run(busy[0], budget)
-            finally:  # Ctrl-C comes to this thread alone
-                last = other.result()
-            return [why, last]
+            with deferred_interrupt():  # Ctrl-C comes to this thread alone, and both write to the tree
+                other = helpers().submit(self._run, busy[1], budget)
+                return [self._run(busy[0], budget), other.result()]
         finally:
             self.used = int(busy[-1].state.counts[arrays.USED])
             self._share_incumbent()

@@ -8,7 +8,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.core.groups import Block, table
-from handfast.synthesis.certify.existence import ContactPoint, Existence
+from handfast.proofs.configurations import ContactPoint, Existence
 from handfast.synthesis.search.library import LIBRARY
 from handfast.synthesis.search.workspace import (
     ALIGNED,

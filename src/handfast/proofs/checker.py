@@ -1,0 +1,94 @@
+"""Checks a certificate with arithmetic alone: no solver, nothing of the search that wrote it.
+
+Four things are checked: the tree's splits leave out no case (`tree`); every row that a leaf cites holds in the leaf's
+case (`rows`); no multiplier is negative; and the rows, weighed by their multipliers, contradict the equilibrium
+(`leaves`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handfast.proofs import rows
+from handfast.proofs.certificate import Certificate
+from handfast.proofs.equations import RightSide, equations_of
+from handfast.proofs.fields import Integers, Mask
+from handfast.proofs.leaves import CitedRows, Late, proved
+from handfast.proofs.rows import Columns, LeafRows, Row, zeros
+from handfast.proofs.tree import BadCertificate, leaf_cases
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What the checker found.
+
+    Attributes:
+        ok: is the claim proved?
+        leaves: how many cases the proof has.
+        margin: the smallest relative margin by which a leaf is proved; -inf if it did not come to that.
+        reason: empty if ok, else one line: which node, leaf or row, and what is wrong with it.
+        unproved: places of the leaves that are not proved, if all else is right.
+        cap: [N] the claim is proved for virtual motions up to here only; None without any end. The file has no say
+            in it.
+    """
+
+    ok: bool
+    leaves: int
+    margin: float
+    reason: str
+    unproved: tuple[int, ...] = ()
+    cap: float | None = None
+
+
+def verify(certificate: Certificate, until: float = np.inf) -> Checked:
+    """Does the certificate prove its claim? until: [s] of `time.monotonic`, when it is to give up."""
+    c, q = certificate, certificate.question
+    leaves = len(c.start) - 1
+    try:
+        cases = leaf_cases(q, c.parent, c.part, np.column_stack([c.state, c.left, c.right]))
+        if len(cases) != leaves:
+            raise BadCertificate(f"has rows for {leaves} leaves; the tree has {len(cases)}")
+        with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which proves nothing
+            cited = checked_rows(c, cases)
+            equations = equations_of(q)
+            margins, caps = proved(equations, RightSide.of(q, c.scalar, len(equations.E)), cited, until)
+    except BadCertificate as fault:
+        return Checked(False, leaves, -np.inf, str(fault))
+    except Late:
+        return Checked(False, leaves, -np.inf, "there was no time to check it all")
+    bad, cap = np.flatnonzero(~(margins > 0)), float(caps.min())
+    reason = f"leaf {bad[0]} (node {c.leaves[bad[0]]}) is not proved: margin {margins[bad[0]]:.3g}" if len(bad) else ""
+    limit = cap if cap < np.inf and not len(bad) else None
+    return Checked(not len(bad), leaves, float(margins.min()), reason, tuple(bad.tolist()), limit)
+
+
+def checked_rows(c: Certificate, cases: Integers) -> CitedRows:
+    """The rows as numbers; `BadCertificate` for the first that is none, need not hold in its leaf, or has no multiplier."""
+    q = c.question
+    leaf = np.repeat(np.arange(len(c.start) - 1), np.diff(c.start))
+    some = LeafRows(c.kind, c.index, c.a, c.b, leaf, c.references)
+
+    def refuse(bad: Mask, why: str) -> None:
+        if bad.any():
+            r = int(np.flatnonzero(bad)[0])
+            place = f"leaf {leaf[r]} (node {c.leaves[leaf[r]]}), row {r - c.start[leaf[r]]}"
+            name = Row(c.kind[r]).name if c.kind[r] in rows.KINDS else c.kind[r]
+            raise BadCertificate(f"{place}, {name} {c.index[r]} [{c.a[r]}, {c.b[r]}]: {why}")
+
+    refuse(~rows.known(q, some), "no such kind, contact, actuator, column or reference")
+    refuse(~(np.isfinite(c.multiplier) & (c.multiplier >= 0)), "the multiplier is negative or not finite")
+    refuse(~rows.legal(q, c.scalar, some, cases), "does not hold in this case")
+    value, right = rows.row_values(q, c.scalar, some)
+    at = Columns.of(q)
+    return CitedRows(
+        value=value,
+        right=right,
+        either=rows.equalities(q, some, cases),
+        y=c.multiplier.astype(np.float64),
+        start=c.start,
+        zero=zeros(q, cases),
+        first=(c.kind == Row.BOUND_UP) & (c.index == at.scalar.start) & q.has_scalar,
+        energy=c.kind == Row.ENERGY,
+    )

@@ -1,0 +1,321 @@
+"""The model's equalities and motions of a question as matrices, rounded and exactly, and by how much loads may be off.
+
+Of the unknowns x (`rows.Columns`): E x = h are (1), (2), couplings, (8) where nothing is commanded, and the sum of
+commands; Z x are the motions (3): d of the contacts, t of the actuators, turning of soft fingers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from flint import fmpz, fmpz_mat
+
+from handfast.proofs.fields import Array, Mask
+from handfast.proofs.grasp import GraspData
+from handfast.proofs.question import TORQUES, Question, Range
+from handfast.proofs.rows import UNIT, Columns
+from handfast.proofs.tolerance import EPS, load_scale
+
+ROUNDED = 64 * UNIT  # relative error of an entry of G and J, of its sum of absolute values
+
+Sparse = dict[int, fmpz]  # an unknown's number, its coefficient
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Of a question, but for the right-hand side: what questions with other loads on the same grasp share.
+
+    Attributes:
+        columns: of x.
+        E, Z: (p, n), (3m+a+s, n), entries of G and J rounded.
+        E_size, Z_size: sums of the absolute values of what entries are made of: |rounded - exact| <= `ROUNDED` size,
+            and 0 only where the exact entry is.
+        about: (p, p) that turns multipliers of forces of (1) into those of forces through the contacts' centroid.
+        joint_units: (l',) of `GraspData`; of sliders, whose motion is a mean of others', the least.
+        grasp: for exact numbers.
+    """
+
+    columns: Columns
+    E: Array
+    Z: Array
+    E_size: Array
+    Z_size: Array
+    about: Array
+    joint_units: Array
+    grasp: GraspData
+
+    @cached_property
+    def scale(self) -> Array:
+        """(n,) powers of two by which unknowns are scaled; forces of contacts have 1."""
+        largest = np.maximum(self.E_size.max(axis=0, initial=0.0), self.Z_size.max(axis=0, initial=0.0))
+        out = power_near(largest)
+        out[self.columns.c] = 1.0
+        return 1.0 / out
+
+    @cached_property
+    def unit(self) -> Array:
+        """(p,) powers of two: the rows of E, scaled, over these are of like size."""
+        return power_near((self.E_size * self.scale).max(axis=1, initial=0.0))
+
+    @cached_property
+    def inverse(self) -> Array:
+        """(n, p) pseudo-inverse of the scaled E."""
+        return np.linalg.pinv(self.E * self.scale / self.unit[:, None], rcond=1e-12)
+
+    @cached_property
+    def reached(self) -> Mask:
+        """(n,) bool: unknowns that are bounded where motions are: these, and forces of contacts."""
+        at, out = self.columns, np.zeros(self.columns.n, dtype=bool)
+        for part in (at.r, at.q, at.c, at.twist):
+            out[part] = True
+        return out
+
+    @cached_property
+    def _arms(self) -> Array:
+        """(n,) how large unknowns but r are where motions are 1 N at most, see `reach`; 0 for what nothing bounds.
+
+        A contact's |d_n| is at most that of the object, once for its way and once for its turn, and that of its joints;
+        c_n <= |d_n|, |c_t| <= mu c_n, and so the torsion over the lever.
+        """
+        at, g, out = self.columns, self.grasp, np.zeros(self.columns.n)
+        out[at.q] = 1.0 / self.joint_units
+        normal = (2.0 + g.sizes[1][0::3] @ (1.0 / g.joint_units)) * (1 + 1e-9)
+        out[at.c] = np.column_stack([normal, g.mu * normal, g.mu * normal]).ravel()
+        out[at.twist] = (g.mu * normal)[g.soft]
+        return out
+
+    def reach(self, rest: Array, off: Array) -> Array:
+        """(L,) upper bounds on |rho x| over all x whose motions are 1 N at most, for all rho within off (L, n) of rest.
+
+        These are motions of the object about the contacts' centroid, a turn times `GraspData.size`, and of each joint
+        times its unit. Of unknowns that they do not bound, rho has to be 0.
+        """
+        g, at = self.grasp, self.columns
+        force, torque = rest[:, :3], rest[:, 3:6]
+        arm = float(np.linalg.norm(g.centroid))
+
+        def length(x: Array) -> Array:
+            return np.asarray(np.linalg.norm(x, axis=1))
+
+        about = torque - np.cross(g.centroid, force)
+        rounding = 16 * UNIT * (length(torque) + arm * length(force))
+        turns = (length(about) + rounding + length(off[:, 3:6]) + arm * length(off[:, :3])) / g.size
+        own = (
+            length(force)
+            + length(off[:, :3])
+            + turns
+            + (np.abs(rest) + off)[:, at.q.start :] @ self._arms[at.q.start :]
+        )
+        return np.asarray(own * (1 + 1e-9))
+
+    @cached_property
+    def exact(self) -> ExactRows:
+        """The same in whole numbers."""
+        return ExactRows(self)
+
+
+def power_near(x: Array) -> Array:
+    """Powers of two near numbers; 1 for 0."""
+    return np.asarray(np.exp2(np.round(np.log2(np.where(x > 0, x, 1.0)))))
+
+
+@dataclass(frozen=True)
+class _Asked:
+    key: tuple[Any, ...]
+    question: Question = field(compare=False)
+
+
+def equations_of(q: Question) -> Equations:
+    """Those of a question; kept, as a prepared grasp is asked again and again."""
+    e, load = q.equivalent, q.load
+    arrays = (e.R, e.A, q.sense, q.may_move, q.is_driven, load.w_b, load.g_b)
+    return _made(_Asked((q.grasp, q.goal, q.sums, *(x.tobytes() for x in arrays)), q))
+
+
+@lru_cache(maxsize=32)
+def _made(asked: _Asked) -> Equations:
+    q = asked.question
+    g = q.grasp
+    E, Z = _assembled(q, (g.G, g.J, g.twist_map, g.twist_jacobian))
+    E_size, Z_size = (np.abs(x) for x in _assembled(q, g.sizes))
+    about = np.eye(len(E))
+    x, y, z = g.centroid
+    about[:3, 3:6] = -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])  # v_force + v_torque x centroid
+    units = np.append(g.joint_units, np.full(q.joints - g.l, g.joint_units.min(initial=g.size)))
+    return Equations(Columns.of(q), E, Z, E_size, Z_size, about, units, g)
+
+
+def _assembled(q: Question, maps: tuple[Array, Array, Array, Array]) -> tuple[Array, Array]:
+    """E and Z from G, J, the twist map and the twist Jacobian of the grasp's joints."""
+    g, e, at = q.grasp, q.equivalent, Columns.of(q)
+    G, J, twist_map, twist_jacobian = maps
+    R, A, own = q.sense[:, None] * e.R, e.A, slice(6, 6 + g.l)
+    locked = np.flatnonzero(~q.may_move)
+    b2, b3, b4, p = (6 + np.cumsum([q.joints, len(A), len(locked), int(at.e.stop > at.e.start)])).tolist()
+    E = np.zeros((p, at.n))
+    E[:6, at.c], E[:6, at.twist], E[:6, at.scalar] = G, twist_map, q.load.w_b[:, None]  # (1)
+    E[own, at.c], E[own, at.twist] = J.T, twist_jacobian.T  # (2); nothing touches sliders
+    E[6:b2, at.f], E[6:b2, at.coupling], E[6:b2, at.scalar] = -R.T, -A.T, -q.load.g_b[:, None]
+    E[b2:b3, at.q] = A
+    E[b3:b4, at.q] = R[locked]  # (8) where nothing is commanded
+    if p > b4:
+        E[b4:, at.scalar], E[b4:, at.e] = 1.0, -q.is_driven.astype(float)
+    c, t = 3 * g.m, 3 * g.m + len(R)
+    Z = np.zeros((t + len(g.soft), at.n))
+    Z[:c, at.r], Z[:c, own], Z[c:t, at.q] = G.T, -J, R  # (3)
+    Z[t:, at.r], Z[t:, own] = twist_map.T, -twist_jacobian
+    return E, Z
+
+
+@dataclass(frozen=True, eq=False)
+class RightSide:
+    """What load and commands make of E x = h.
+
+    Attributes:
+        h: (p,).
+        slack, growth: (p,) E x = h may be missed by slack + |scalar| growth, (1) about the contacts' centroid.
+        energy: by how much the balance of energy may be missed.
+        scale: [N] of the load. ends: of the scalar, 0 and 0 without.
+    """
+
+    h: Array
+    slack: Array
+    growth: Array
+    energy: float
+    scale: float
+    ends: Range
+
+    @classmethod
+    def of(cls, q: Question, scalar: Range | None, p: int) -> RightSide:
+        """Of a question with its scalar in a range.
+
+        The slack is that of `tolerance`, in all of (1) and (2) and in nothing else: couplings, (8) and the added
+        sliders behind joints with friction are there exactly. A state whose joint torques are off by as much is one of
+        the equivalent whose joints are, while the two forces on a slider add up to 2 F by what they are. What is
+        missed does work, too: `tolerance` allows EPS F^2 of it.
+        """
+        g, load = q.grasp, q.load
+        h = np.zeros(p)
+        h[:6], h[6 : 6 + q.joints] = -load.w_a, load.g_a
+        units = np.zeros(p)
+        units[: 6 + g.l] = np.concatenate([[1.0] * 3, [g.size] * 3, g.joint_units])
+        of_load, grows = 0.0, 0.0
+        if load.w_b.any():
+            grows = load_scale(g, load.w_b)
+        if load.w_a.any() or not load.w_b.any() or (scalar is not None and scalar[0] <= 0.0 <= scalar[1]):
+            of_load = load_scale(g, load.w_a)
+        if q.goal == TORQUES and not load.w_a.any():  # the commands that are sought are the largest thing there is
+            R = np.abs(g.R[q.sought]) / g.joint_units
+            grows = float(R.max(initial=0.0))
+        ends = scalar or (0.0, 0.0)
+        return cls(h, EPS * of_load * units, EPS * grows * units, EPS * of_load**2, max(of_load, grows), ends)
+
+    def costs(self, about: Array, v: Array, change: Array) -> tuple[Array, Array]:
+        """(L,) upper bounds on |v| slack and |v| growth for all v (L, p) that differ from these by change at most."""
+        size = np.abs(v @ about.T) + (change + 16 * UNIT * np.abs(v)) @ np.abs(about.T)
+        return size @ self.slack * (1 + 1e-9), size @ self.growth * (1 + 1e-9)
+
+    def grown(self, grows: Array, pushes: Array) -> Array:
+        """(L,) how much of a margin what grows with the scalar can take.
+
+        The multiplier of the scalar's first end grows with the scalar, too. Where that is faster, the first end is the
+        worst; else the farther one is.
+        """
+        first, last = abs(self.ends[0]), max(abs(x) for x in self.ends)
+        end = np.where(pushes >= grows, first, last)
+        return np.multiply(grows, end, out=np.zeros_like(grows), where=grows > 0) * (1 + 1e-9)
+
+
+class ExactRows:
+    """E and Z as rows of whole numbers, each times a power of two; and ranks of blocks of rows."""
+
+    def __init__(self, equations: Equations) -> None:
+        at, g = equations.columns, equations.grasp
+        self.n = at.n
+        motion, unit = _exact_motion(g)
+        E, Z = _whole_rows(equations.E), _whole_rows(equations.Z)
+        contacts = 3 * g.m
+        turning = len(Z) - len(g.soft)
+        for row, exact in zip([*range(contacts), *range(turning, len(Z))], motion, strict=True):
+            Z[row] = {i: x for i, x in enumerate(exact) if x != 0}, unit
+        common = max(factor for _, factor in Z) if Z else 1
+        self.Z = [{i: x * (common // factor) for i, x in row.items()} for row, factor in Z]
+        self.unit = common
+        places = [*range(at.c.start, at.c.stop), *range(at.twist.start, at.twist.stop)]
+        for k in range(6 + g.l):
+            own = {j: exact[k] if k < 6 else -exact[k] for j, exact in zip(places, motion, strict=True)}
+            row, factor = _whole(
+                {int(j): float(equations.E[k, j]) for j in np.flatnonzero(equations.E[k]) if j not in own}
+            )
+            shared = max(factor, unit)
+            E[k] = {j: x * (shared // factor) for j, x in row.items()}, shared
+            E[k][0].update({j: x * (shared // unit) for j, x in own.items() if x != 0})
+        self.E = E
+        self._ranks: dict[tuple[bytes, bytes, bytes], int] = {}
+
+    def row(self, value: Array) -> tuple[Sparse, int]:
+        """A row of `row_values` over x alone, times a power of two, which is the second."""
+        numbers, factor = _whole({int(j): float(value[j]) for j in np.flatnonzero(value)})
+        out: Sparse = {}
+        for j, x in numbers.items():
+            of = {j: fmpz(self.unit)} if j < self.n else self.Z[j - self.n]
+            for i, coefficient in of.items():
+                out[i] = out.get(i, fmpz(0)) + x * coefficient
+        return out, factor * self.unit
+
+    def rank(self, values: Array, equalities: Mask, columns: Mask) -> int:
+        """Exactly, of rows (k, n+3m+a+s) of `row_values` and some equalities (p,), in some columns (n,) only."""
+        rows = {row.tobytes(): row for row in values}
+        key = b"".join(sorted(rows)), equalities.tobytes(), columns.tobytes()
+        if key not in self._ranks:
+            every = [self.row(row)[0] for row in rows.values()]
+            every += [self.E[k][0] for k in np.flatnonzero(equalities)]
+            self._ranks[key] = _rank(every, np.flatnonzero(columns).tolist())
+        return self._ranks[key]
+
+
+def _rank(rows: list[Sparse], columns: list[int]) -> int:
+    """Exactly. What stands alone in its row or column is counted first, and goes with both."""
+    left = [{j: row[j] for j in columns if j in row and row[j] != 0} for row in rows]
+    alone, found = 0, True
+    while found:
+        count: dict[int, int] = {}
+        for row in left:
+            for j in row:
+                count[j] = count.get(j, 0) + 1
+        gone = {j for row in left if len(row) == 1 for j in row}
+        single = [i for i, row in enumerate(left) if not gone & row.keys() and any(count[j] == 1 for j in row)]
+        alone, found = alone + len(gone) + len(single), bool(gone or single)
+        left = [{j: x for j, x in row.items() if j not in gone} for i, row in enumerate(left) if i not in set(single)]
+    left = [row for row in left if row]
+    places = sorted({j for row in left for j in row})
+    zero = fmpz(0)
+    table = []
+    for row in left:
+        shared = zero
+        for x in row.values():
+            shared = shared.gcd(x)
+        table.append([row[j] // shared if j in row else zero for j in places])
+    return alone + (int(fmpz_mat(table).rank()) if table else 0)
+
+
+def _whole(row: dict[int, float]) -> tuple[Sparse, int]:
+    """Numbers times the least power of two that makes them whole, which is the second."""
+    ratios = {j: x.as_integer_ratio() for j, x in row.items()}
+    common = max((d for _, d in ratios.values()), default=1)
+    return {j: fmpz(p * (common // d)) for j, (p, d) in ratios.items()}, common
+
+
+def _whole_rows(A: Array) -> list[tuple[Sparse, int]]:
+    return [_whole({int(j): float(row[j]) for j in np.flatnonzero(row)}) for row in A]
+
+
+@lru_cache(maxsize=32)
+def _exact_motion(grasp: GraspData) -> tuple[list[list[fmpz]], int]:
+    """`GraspData.exact_motion` in whole numbers, and the power of two that they were multiplied by."""
+    rows = grasp.exact_motion
+    unit = max(int(x.q) for row in rows for x in row)
+    return [[fmpz(int(x.p) * (unit // int(x.q))) for x in row] for row in rows], unit

@@ -1,0 +1,136 @@
+"""Grasps for a task: what a `handfast/grasps/2` file claims of each, put together from proofs of both halves.
+
+Of each grasp: an exact configuration exists in which hand and object touch as the task asks, and every load alone is
+held under its one preload. That contacts, joints and mechanism of the grasp are those of the hand at that configuration
+is geometry: `handfast verify` works it out anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from handfast.proofs import answers
+from handfast.proofs.configurations import check_configuration, read_existence
+from handfast.proofs.contact_equations import ContactEquations
+from handfast.proofs.existence import prove
+from handfast.proofs.fields import SAME, Array, BadFile, Fields, refuse_unknown
+from handfast.proofs.grasp import read_grasp
+from handfast.proofs.question import CHECK, Question
+from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.states import read_state
+from handfast.proofs.tasks import read_task
+
+SCHEMA = "handfast/grasps/2"
+NOT_REPLAYED = "clearances, scores, lower bounds of commands and the course of the search"
+
+
+def replay_grasps(data: Any, place: str = "") -> Replay:
+    """The claims of a parsed file. Raises `BadFile`."""
+    f = Fields(data, place)
+    f.text("schema", among=[SCHEMA])
+    task, motors, asked = read_task(f.take("task")), f.object("motors"), f.object("question")
+    names = [actuator.text("name") for actuator in motors.objects("actuators")]
+    loads = _read_loads(asked.object("loads"), asked.object("object"))
+    terms = _Terms(asked, names)
+    answer, entries = f.object("answer"), list(f.objects("grasps"))
+    verdict, said = answer.text("verdict", among=("found", "none", "undecided")), answer.take("loads")
+    for name in ("checksum", "record"):
+        f.take(name)
+    f.done()
+    refused = ""
+    if (verdict == "found") != bool(entries):
+        refused = f"{verdict.upper()} {'with' if entries else 'without'} a grasp"
+    elif verdict != "found":
+        refused = f"{verdict.upper()} rests on the search itself, ask it again"
+    elif said != {name: load.tolist() for name, load in loads.items()}:
+        refused = "the answer is about other loads"
+    if any(entry == other for k, entry in enumerate(data["grasps"]) for other in data["grasps"][:k]):
+        refused = "a grasp is there twice"
+    try:
+        equations = ContactEquations.of(task)
+    except Refused as fault:
+        return Replay("grasps", "", str(fault))
+    parts = tuple(_grasp(entry, equations, terms, loads, f"grasp {k}") for k, entry in enumerate(entries, start=1))
+    return Replay("grasps", "", refused, parts=parts, not_replayed=(NOT_REPLAYED,))
+
+
+class _Terms:
+    """What all loads have in common: `friction`, `actuators` that may be commanded, and limits."""
+
+    def __init__(self, f: Fields, actuators: list[str]) -> None:
+        self.friction, self.actuators = f.number("friction", least=0.0), f.texts("actuators")
+        for name in self.actuators:
+            refuse_unknown(name, actuators, "actuator", f.at("actuators"))
+        self.eta, self.torque_limits = f.number("eta", least=0.0), f.named("torque_limits")
+        self.force_limit = f.number("force_limit") if f.has("force_limit") else np.inf
+        self.command_limit = f.number("command_limit") if f.has("command_limit") else np.inf
+        for name in ("force_limit", "command_limit"):
+            f.take(name, None)
+        f.done()
+
+
+def _read_loads(f: Fields, thing: Fields) -> Mapping[str, Array]:
+    """(6,) [N, N m] by name: wrenches as they are given, or the object's weight."""
+    thing.text("name")
+    mass = thing.number("mass", least=0.0) if thing.has("mass") else None
+    thing.take("mass", None)
+    centre = thing.numbers("center_of_mass", (3,))
+    thing.done()
+    out: dict[str, Array] = {}
+    for name in f.names():
+        load = f.object(name)
+        if load.has("wrench") == load.has("weight"):
+            raise BadFile("needs either a wrench or a weight", load.place)
+        if load.has("wrench"):
+            out[name] = load.numbers("wrench", (6,))
+        else:
+            weight = load.object("weight")
+            along, size = weight.numbers("along", (3,)), weight.number("factor") * weight.number("g")
+            weight.done()
+            if not mass or not along.any():
+                raise BadFile("needs an object with a mass, and a direction", weight.place)
+            along = along / np.abs(along).max()
+            force = size * mass * along / np.linalg.norm(along)
+            out[name] = np.concatenate([force, np.cross(centre, force)])
+        for rest in ("wrench", "weight"):
+            load.take(rest, None)
+        load.done()
+    if not out:
+        raise BadFile("is empty; at least one load is needed", f.place)
+    return out
+
+
+def _grasp(f: Fields, equations: ContactEquations, terms: _Terms, loads: Mapping[str, Array], name: str) -> Replay:
+    """The claims of one grasp."""
+    existence = read_existence(f.take("existence"))
+    joints, grasp = f.named("joints"), read_grasp(f.take("grasp"), f.at("grasp"))
+    witnesses = f.object("witnesses")
+    parts, refused = [check_configuration(equations, existence)], equations.task.misplaced(joints, existence.joints)
+    if (grasp.mu != terms.friction).any():
+        refused = refused or f"friction at its contacts is not {terms.friction:g}"
+    commanded = [a for a, value in zip(grasp.actuators, grasp.command.tolist(), strict=True) if value]
+    wrong = [a for a in commanded if a not in terms.actuators and set(terms.actuators) & set(grasp.actuators)]
+    if wrong:
+        refused = refused or f"{wrong[0]} is commanded, which was not asked for"
+    most = float(np.abs(grasp.command).max(initial=0.0))
+    if most > terms.command_limit * (1 + SAME):
+        refused = refused or f"commands go up to {most:g}; the limit is {terms.command_limit:g}"
+    for load, wrench in loads.items():
+        if not witnesses.has(load):
+            refused = refused or f"has no witness of {load}"
+            continue
+        own = witnesses.object(load)
+        state = read_state(own, grasp)
+        own.done()
+        limits = {a: x for a, x in terms.torque_limits.items() if a in grasp.actuators}
+        question = Question(grasp, CHECK, False, wrench, np.zeros(6), terms.eta, True, limits, terms.force_limit, ())
+        found = prove(answers.problem(question, grasp.command, wrench), state)
+        reason = "" if found.exact or found.tolerant else found.reason
+        claim = f"{load} is held" + ("" if found.exact else ", to 1e-9 of load and commands")
+        parts.append(Replay(load, claim, reason, {"residual": found.residual, "exact": found.exact}))
+    witnesses.done()
+    f.done()
+    return Replay(name, "", refused, parts=tuple(parts))

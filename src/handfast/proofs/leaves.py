@@ -1,0 +1,423 @@
+"""The proofs of leaves without any bound on motions or forces: multipliers that cancel every unknown exactly.
+
+A leaf's case and the equations of the model say, of the unknowns x (`rows.Columns`),
+
+    F x >= b,   E x = h.
+
+The leaf is empty if there are y (>= 0 where a row is an inequality) and v with y F + v E = 0 and y b + v h > 0, less
+what E x = h may be missed by. A sum that is only nearly 0 proves nothing, as motions have no bound. A certificate has
+y as rounded numbers, and v follows from it by least squares. Multipliers w = (y, v) near them cancel exactly:
+
+- The rows that a leaf uses leave out one combination of them, w itself. So all but one of these rows, the *basis*, are
+  as many as there are independent columns, and its multipliers follow from the one that is kept: a square system B.
+  Where X is its inverse but for rounding, |B X - 1| < 1 shows that the solution exists and how near it is.
+- Columns depend on each other by structure: two fingertips that stick do not keep an object from turning about the line
+  through them. As many columns as the rank are kept; that the rank of all is no higher is shown in whole numbers, once
+  for each set of rows (`ExactRows.rank`), for motions and forces apart. Then what cancels in the kept columns cancels
+  in all.
+- Where columns depend on each other only but for rounding (points on a circle, parallel walls), what is left in those
+  that are not kept is multiplied by a motion, or by a force of a contact, which is no larger than its motion. The
+  margin then allows for motions up to a *cap* only, see `Equations.reach`.
+- What remains is solved in rational arithmetic (`exact_leaves`).
+
+All of F, b, E, h but grasp map and Jacobian are floating-point numbers taken as they are, see `rows.row_values`.
+Rounding is bounded from above: a sum of k products is wrong by at most k ulp of the sum of sizes, and `error` is four
+times that and more.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from handfast.proofs.equations import ROUNDED, Equations, RightSide, power_near
+from handfast.proofs.exact_leaves import exact_margin
+from handfast.proofs.fields import Array, Integers, Mask
+from handfast.proofs.rows import UNIT
+
+NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
+LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
+HIGH = 1e9  # times the load: caps below are sought again in rational arithmetic
+RANK, COARSE = 1e-9, 1e-6  # of scaled rows: pivots that are smaller do not count; where that shows nothing
+ABOVE = 1 + 1e-9  # rounds sums of bounds up
+CHUNK, SIDE = 128, 4096  # systems inverted at a time; leaves whose rows are in memory at a time
+
+
+class Late(Exception):
+    """It was to end before."""
+
+
+@dataclass(frozen=True, eq=False)
+class CitedRows:
+    """Rows of leaves, one after the other.
+
+    Attributes:
+        value, right: (R, n+3m+a+s), (R,) of `rows.row_values`.
+        either: (R,) bool, multipliers may have any sign.
+        y: (R,) multipliers, not negative.
+        start: (L+1,) leaf i has the rows start[i] to start[i+1].
+        zero: (L, n) bool, unknowns that are 0, see `rows.zeros`.
+        first: (R,) bool, rows that the scalar is not below its first end.
+        energy: (R,) bool, balances of energy.
+    """
+
+    value: Array
+    right: Array
+    either: Mask
+    y: Array
+    start: Integers
+    zero: Mask
+    first: Mask
+    energy: Mask
+
+    def some(self, begin: int, end: int) -> CitedRows:
+        """Of the leaves from begin to end."""
+        rows, start = slice(self.start[begin], self.start[end]), self.start[begin : end + 1]
+        own = self.value[rows], self.right[rows], self.either[rows], self.y[rows]
+        of_kind = self.first[rows], self.energy[rows]
+        return CitedRows(*own, start - start[0], self.zero[begin:end], *of_kind)
+
+
+def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf) -> tuple[Array, Array]:
+    """(L,) y b + v h less the slack, relative to its terms: positive is a proof; (L,) [N] the cap it needs, inf for none.
+
+    Raises:
+        Late: until [s] of `time.monotonic` is over.
+    """
+    margins, caps = np.full(len(rows.start) - 1, -np.inf), np.full(len(rows.start) - 1, np.inf)
+    for begin in range(0, len(margins), SIDE):
+        if time.monotonic() > until:
+            raise Late
+        end = min(begin + SIDE, len(margins))
+        systems = LeafSystems(equations, side, rows.some(begin, end))
+        margins[begin:end], caps[begin:end] = systems.proved(until)
+    return margins, caps
+
+
+class LeafSystems:
+    """Some leaves with scaled rows and unknowns.
+
+    Attributes:
+        F, F_size: (R, n) rows, and sums of absolute values behind them. E: (p, n).
+        y, v: (R,), (L, p) multipliers of scaled rows.
+        used, used_E: (R,), (L, p) bool: rows that count, and touch an unknown that is not 0.
+        alive: (L, n) bool: unknowns that they touch.
+    """
+
+    def __init__(self, equations: Equations, side: RightSide, rows: CitedRows) -> None:
+        q, n = equations, equations.columns.n
+        self.equations, self.side, self.rows = equations, side, rows
+        self.count = np.diff(rows.start)
+        self.some, self.begin = self.count > 0, rows.start[:-1][self.count > 0]
+        self.leaf = np.repeat(np.arange(len(self.count)), self.count)
+        motions = slice(0, equations.columns.motions)
+        d, Z, Z_size = rows.value[:, n:], q.Z * q.scale, q.Z_size * q.scale
+        self.F = rows.value[:, :n] * q.scale
+        size = np.abs(self.F)
+        self.F[:, motions] += d @ Z[:, motions]
+        size[:, motions] += np.abs(d) @ Z_size[:, motions]
+        most = size.max(axis=1, initial=0.0)
+        self.unit = power_near(most)
+        self.F /= self.unit[:, None]
+        self.largest = most / self.unit
+        self.E = q.E * q.scale / q.unit[:, None]
+        self.E_largest = (q.E_size * q.scale).max(axis=1, initial=0.0) / q.unit
+        self.y = rows.y * self.unit
+        self.b, self.h = rows.right / self.unit, side.h / q.unit
+        terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
+        self.error = ROUNDED + 4 * terms * UNIT
+
+        self.rest = rest = self._summed(self.y[:, None] * self.F)
+        self.v = -rest @ q.inverse
+        alone = self.count == 0  # the equilibrium contradicts itself
+        self.v[alone] = self.h - (q.inverse.T @ (self.E.T @ self.h))
+        self.v -= (rest + self.v @ self.E) @ q.inverse  # once more for what rounding left
+
+        closed = ~rows.zero
+        touches, E_touches = size > 0, (q.E_size > 0).astype(float)
+        size_of_v = np.abs(self.v)
+        top = np.maximum(self._top(self.y), size_of_v.max(axis=1, initial=0.0))
+        self.y = np.where(self.y > NEGLIGIBLE * top[self.leaf], self.y, 0.0)
+        self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
+        self.used_E = (size_of_v > NEGLIGIBLE * top[:, None]) & (closed.astype(float) @ E_touches.T > 0)
+        self.v = np.where(self.used_E, self.v, 0.0)
+        self.touches = touches
+        self.alive = np.zeros_like(closed)
+        if len(touches):
+            self.alive[self.some] = np.logical_or.reduceat(touches & self.used[:, None], self.begin)
+        self.alive = (self.alive | (self.used_E.astype(float) @ E_touches > 0)) & closed
+        self.top = top
+
+    def _summed(self, x: Array) -> Array:
+        """(L, ...) sums over the rows of each leaf."""
+        out = np.zeros((len(self.count), *x.shape[1:]), dtype=x.dtype)
+        if len(x):
+            out[self.some] = np.add.reduceat(x, self.begin, axis=0)
+        return out
+
+    def _top(self, x: Array) -> Array:
+        """(L,) the largest of the rows of each leaf."""
+        out = np.zeros(len(self.count))
+        if len(x):
+            out[self.some] = np.maximum.reduceat(x, self.begin)
+        return out
+
+    # --- which rows and columns make the square system
+
+    def proved(self, until: float) -> tuple[Array, Array]:
+        """(L,) margins and caps."""
+        L, n = self.alive.shape
+        self.basis, self.basis_E, self.columns = self.used.copy(), self.used_E.copy(), self.alive.copy()
+        self.left, self.hopeless = np.zeros((L, n), dtype=bool), np.zeros(L, dtype=bool)
+        many = self._summed(self.used.astype(np.int64)) + self.used_E.sum(axis=1)
+        self._leave_out_one()
+        ragged = (many - 1 != self.alive.sum(axis=1)) & self.alive.any(axis=1)
+        self._choose(np.flatnonzero(ragged), RANK)
+        squares = self._squares(np.arange(L))
+        singular = np.concatenate([np.zeros(0, np.int64), *(x.leaves[~x.regular] for x in squares)])
+        self._choose(singular, RANK)
+        margins, caps = self._enclosed(squares + self._squares(singular))
+        self._exactly(margins, caps, until)
+        failed = np.flatnonzero(~(margins > 0))
+        if len(failed):  # columns that depend on each other to some digits
+            self._choose(failed, COARSE)
+            of_some = self._enclosed(self._squares(failed))
+            margins[failed], caps[failed] = of_some[0][failed], of_some[1][failed]
+            self._exactly(margins, caps, until)
+        return margins, np.where(margins > 0, caps, np.inf)
+
+    def _exactly(self, margins: Array, caps: Array, until: float) -> None:
+        """Put in what rational arithmetic shows, where the margins of leaves (L,) are none or their caps small."""
+        for k in np.flatnonzero((~(margins > 0) | (caps < HIGH * self.side.scale)) & ~self.hopeless):
+            if time.monotonic() > until:
+                raise Late
+            margin, cap = exact_margin(self, int(k))
+            if margin > 0 and (not margins[k] > 0 or cap > caps[k]):
+                margins[k], caps[k] = margin, cap
+
+    def _squares(self, leaves: Integers) -> list[Square]:
+        """The square systems of leaves, without those that have none."""
+        side = self._summed(self.basis.astype(np.int64)) + self.basis_E.sum(axis=1)
+        side[~self.alive.any(axis=1)] = 0
+        self.hopeless[leaves] |= (side != self.columns.sum(axis=1))[leaves]
+        solvable = leaves[~self.hopeless[leaves]]
+        return [Square(self, chosen, int(side[chosen].max(initial=0))) for chosen in _groups(solvable, side)]
+
+    def _leave_out_one(self) -> None:
+        """Of each leaf's basis, the row with the largest multiplier."""
+        of_y, of_v = np.where(self.used, self.y, -1.0), np.where(self.used_E, np.abs(self.v), -1.0)
+        most, place = self._top(of_y), of_v.argmax(axis=1)
+        in_E = of_v[np.arange(len(place)), place] > np.where(self.count > 0, most, -1.0)
+        self.basis_E[np.flatnonzero(in_E), place[in_E]] = False
+        rows = np.flatnonzero(self.used & (of_y == most[self.leaf]) & ~in_E[self.leaf])
+        self.basis[rows[np.unique(self.leaf[rows], return_index=True)[1]]] = False
+
+    def _choose(self, leaves: Integers, least: float) -> None:
+        """Independent rows and columns of leaves, by elimination; pivots are larger than `least`.
+
+        Equations come first, then inequalities with large multipliers, which may change most; last the row with the
+        largest of all, which the others leave over.
+        """
+        R, p = len(self.F), len(self.E)
+        for chosen in _groups(leaves, self.count):
+            index, there = self.places(chosen, self.used, self.used_E)
+            place = np.clip(index - R, 0, p - 1)
+            size = np.where(
+                index < R, np.append(self.y, 0.0)[np.minimum(index, R)], np.abs(self.v[chosen[:, None], place])
+            )
+            size = np.where(there, size, -1.0)
+            free = np.append(self.rows.either, np.ones(p + 1, dtype=bool))[index] & there
+            last = size == size.max(axis=1)[:, None]
+            order = np.argsort(np.where(last, 1.0, np.where(free, -np.inf, -size)), axis=1, kind="stable")
+            index, there = np.take_along_axis(index, order, axis=1), np.take_along_axis(there, order, axis=1)
+            rows, columns = _pivots(self.every[index, :-1] * self.alive[chosen][:, None], least)
+            for k, leaf in enumerate(chosen.tolist()):
+                mine = index[k][rows[k] & there[k]]
+                self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
+                self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True
+                self.columns[leaf] = columns[k]
+                self.left[leaf] = False
+                self.hopeless[leaf] = self._drop(leaf, columns[k])
+
+    def _drop(self, leaf: int, kept: Mask) -> bool:
+        """See whether other columns depend on those kept exactly; if not, some may be left over, others not: True."""
+        dropped, motions = self.alive[leaf] & ~kept, np.arange(len(kept)) < self.equations.columns.motions
+        blocks = [block for block in (motions, ~motions) if (dropped & block).any()]
+        if all(self._rank(leaf, block) <= (kept & block).sum() for block in blocks):
+            return False
+        if self._rank(leaf, motions | True) <= kept.sum():
+            return False
+        self.left[leaf] = dropped
+        return bool((dropped & ~self.equations.reached).any())
+
+    def _rank(self, leaf: int, block: Mask) -> int:
+        """Exactly, of the rows that a leaf uses, in some columns."""
+        own, columns = slice(self.rows.start[leaf], self.rows.start[leaf + 1]), self.alive[leaf] & block
+        touching = self.used[own] & (self.touches[own] & columns).any(axis=1)
+        values = self.rows.value[own][touching].copy()
+        values[:, : len(block)] *= columns
+        values[:, len(block) :] *= block[0]
+        equalities = self.used_E[leaf] & ((self.equations.E_size > 0) & columns).any(axis=1)
+        return self.equations.exact.rank(values, equalities, columns)
+
+    def places(self, chosen: Integers, rows: Mask, equalities: Mask) -> tuple[Integers, Mask]:
+        """(C, K) where in (F, E, 0) some rows (R,) and equalities (L, p) of leaves stand; and which are there."""
+        R, p, counts = len(self.F), len(self.E), self.count[chosen]
+        place = self.rows.start[chosen][:, None] + np.arange(int(counts.max(initial=0)))
+        inside = place < self.rows.start[chosen + 1][:, None]
+        there = np.concatenate([np.append(rows, False)[np.where(inside, place, R)], equalities[chosen]], axis=1)
+        index = np.concatenate([place, np.broadcast_to(R + np.arange(p), (len(chosen), p))], axis=1)
+        out = _compact(there, index, int(there.sum(axis=1).max(initial=0)), R + p)
+        return out, out < R + p
+
+    # --- their solutions
+
+    @cached_property
+    def every(self) -> Array:
+        """(R+p+1, n+1) F and E, with one more row and column of zeros."""
+        (R, n), p = self.F.shape, len(self.E)
+        out = np.zeros((R + p + 1, n + 1))
+        out[:R, :n], out[R:-1, :n] = self.F, self.E
+        return out
+
+    def _enclosed(self, squares: list[Square]) -> tuple[Array, Array]:
+        """(L,) margins and caps by the square systems; margins are -inf where these show nothing."""
+        L, R, p = len(self.count), len(self.F), len(self.E)
+        w = np.concatenate([self.y, self.v.ravel(), [0.0]])
+        rest = self.rest + self.v @ self.E
+        for square in squares:
+            w[square.places] -= square.solution(rest)
+        y, v = w[:R], w[R:-1].reshape(L, p)
+        rest = self._summed(y[:, None] * self.F) + v @ self.E
+        sizes = self._summed(np.abs(y) * self.largest) + np.abs(v) @ self.E_largest
+        bound = self.error * sizes * ABOVE + 1e-300
+        change, sound = np.zeros(len(w)), np.zeros(L, dtype=bool)
+        for square in squares:
+            change[square.places], sound[square.leaves] = square.bound(np.abs(rest) + bound[:, None])
+        change_y, change_v = change[:R], change[R:-1].reshape(L, p)
+
+        good = (y >= change_y) | self.rows.either
+        sound &= self._summed((~good).astype(np.int64)) == 0
+        unit = self.equations.unit
+        terms = self._summed(np.abs(y * self.b)) + np.abs(v) @ np.abs(self.h)
+        value = self._summed(y * self.b) + v @ self.h - self.error * terms
+        value -= (self._summed(change_y * np.abs(self.b)) + change_v @ np.abs(self.h)) * ABOVE
+        slack, grows = self.side.costs(self.equations.about, v / unit, change_v / unit)
+        first = self.rows.first
+        pushes = self._summed(np.where(first, y - change_y, 0.0) / self.unit) * (1 - 1e-9)
+        energy = self._summed(np.where(self.rows.energy, np.abs(y) + change_y, 0.0) / self.unit) * self.side.energy
+        value -= (slack + energy) * ABOVE + self.side.grown(grows, pushes)
+        caps = np.full(L, np.inf)
+        if self.left.any():
+            caps = self._caps(value, rest, bound, change_y, change_v)
+        margins = value / np.maximum(terms, 1e-300)
+        return np.where(sound & np.isfinite(margins), margins, -np.inf), caps
+
+    def _caps(self, value: Array, rest: Array, bound: Array, change_y: Array, change_v: Array) -> Array:
+        """(L,) [N] up to which motions leave half of the margin, where columns are left over."""
+        q = self.equations
+        off = self._summed(change_y[:, None] * np.abs(self.F)) + change_v @ np.abs(self.E)
+        off += (self.error * (self._summed(change_y * self.largest) + change_v @ self.E_largest) + bound)[:, None]
+        left = self.left / q.scale
+        weight = q.reach(rest * left, off * left * ABOVE)
+        with np.errstate(divide="ignore"):
+            return np.where(self.left.any(axis=1), np.maximum(value, 0.0) / (2 * ABOVE * weight), np.inf)
+
+
+class Square:
+    """The bases of some leaves, B d = -r: as many rows as columns, padded with 1.
+
+    Attributes:
+        leaves: (C,). places: (C, N) where their multipliers stand among those of all rows and equalities.
+        columns: (C, N), of a residual with one more column, for padding. regular: (C,) bool: it is shown that there
+            is an inverse.
+    """
+
+    def __init__(self, systems: LeafSystems, leaves: Integers, side: int) -> None:
+        R, (p, n) = len(systems.F), systems.E.shape
+        self.leaves = leaves
+        index, there = systems.places(leaves, systems.basis, systems.basis_E)
+        index, there = index[:, :side], there[:, :side]
+        self.columns = _compact(systems.columns[leaves], np.arange(n), side, n)
+        B = systems.every.take(index[:, :, None] * (n + 1) + self.columns[:, None, :])
+        diagonal = np.arange(B.shape[1])
+        B[:, diagonal, diagonal] += ~there
+        end = R + len(systems.count) * p
+        self.places = np.where(index < R, index, np.where(there, index + leaves[:, None] * p, end))
+        self.X = X = _inverse(B)
+        sizes = np.abs(X).sum(axis=2)
+        off = B @ X
+        off[:, diagonal, diagonal] -= 1.0
+        off = np.abs(off)
+        largest = np.concatenate([systems.largest, systems.E_largest, [1.0]])[index]
+        rounding = systems.error * largest * sizes.sum(axis=1)[:, None] * ABOVE
+        self._rows = (off.sum(axis=2) * ABOVE + rounding).max(axis=1, initial=0.0)
+        self._columns = off.max(axis=1, initial=0.0) + rounding.max(axis=1, initial=0.0)[:, None]
+        self.regular = self._rows < 0.5
+
+    def _of(self, residual: Array) -> Array:
+        """(C, 1, N) a residual (L, n) in the columns of the systems."""
+        wide = np.concatenate([residual, np.zeros((len(residual), 1))], axis=1)
+        return wide[self.leaves[:, None], self.columns][:, None]
+
+    def solution(self, residual: Array) -> Array:
+        """(C, N) d that B maps to a residual (L, n), but for rounding."""
+        found = (self._of(residual) @ self.X)[:, 0]
+        return np.where(self.regular[:, None], found, 0.0)
+
+    def bound(self, residual: Array) -> tuple[Array, Mask]:
+        """(C, N) upper bounds on the d that B maps to a residual, exactly, of at most this size; (C,) do they exist?
+
+        With B X = 1 + D, d B = r: d = r X - d D, hence |d|_1 <= |r X|_1 / (1 - the largest row sum of |D|).
+        """
+        at_most = (self._of(residual) @ np.abs(self.X))[:, 0] * ABOVE
+        whole = at_most.sum(axis=1) / np.maximum(1.0 - self._rows, 1e-300) * ABOVE
+        return np.where(self.regular[:, None], at_most + whole[:, None] * self._columns * ABOVE, 0.0), self.regular
+
+
+def _groups(leaves: Integers, size: Integers) -> list[Integers]:
+    """Leaves of like size together: little is wasted on padding."""
+    leaves = leaves[np.argsort(size[leaves], kind="stable")]
+    return [leaves[k : k + CHUNK] for k in range(0, len(leaves), CHUNK)]
+
+
+def _compact(there: Mask, values: Integers, width: int, nothing: int) -> Integers:
+    """(C, width) those of the values (C, K) or (K,) that are there, in each row in their order, then `nothing`."""
+    i, j = np.nonzero(there)
+    count = there.sum(axis=1)
+    out = np.full((len(there), width), nothing)
+    place = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
+    within = place < width
+    i, j, place = i[within], j[within], place[within]
+    out[i, place] = values[j] if values.ndim == 1 else values[i, j]
+    return out
+
+
+def _inverse(B: Array) -> Array:
+    """Of each matrix; useless where there is none."""
+    try:
+        return np.linalg.inv(B)
+    except np.linalg.LinAlgError:
+        tilt = 1e-300 + 1e-16 * np.abs(B).max(axis=(1, 2), initial=0.0)
+        return np.linalg.inv(B + tilt[:, None, None] * np.eye(B.shape[1]))
+
+
+def _pivots(B: Array, least: float) -> tuple[Mask, Mask]:
+    """(C, K) which rows of matrices (C, K, n) are independent of those before; (C, n) columns with their pivots, above `least`."""
+    B = B.copy()
+    C, K, n = B.shape
+    rows, columns, every = np.zeros((C, K), dtype=bool), np.zeros((C, n), dtype=bool), np.arange(C)
+    for i in range(K):
+        row = B[:, i]
+        j = np.abs(row).argmax(axis=1)
+        pivot = row[every, j]
+        real = np.abs(pivot) > least
+        rows[:, i], columns[every, j] = real, columns[every, j] | real
+        row = row * (real / np.where(real, pivot, 1.0))[:, None]
+        rest = B[:, i + 1 :]
+        rest -= rest[every, :, j][:, :, None] * row[:, None]
+        rest[every, :, j] = np.where(real[:, None], 0.0, rest[every, :, j])
+    return rows, columns

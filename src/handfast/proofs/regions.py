@@ -1,0 +1,339 @@
+"""Regions in interval arithmetic: points, normals and tangents with their derivatives.
+
+A region of a new kind is a class here, with `read` and `at`, and a line in `SURFACES`. If contacts on a hand need
+no parameters on it, as on a cap, it is its `ball` too, and `contact_equations` has to know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import comb, pi
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from handfast.proofs.fields import Array, BadFile, Fields, Integers
+from handfast.proofs.intervals import Dual, Interval, columns, cos, cross, join, orthonormal, sin, unit
+
+ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # the derivatives of a patch that F and F' need
+DEGREE = 100  # of a patch, at most
+AROUND = 3.2  # [rad] more than half a turn: as far as a parameter goes either way
+TURN = 2 * pi * (1 + 1e-12)  # [rad] a full turn, with room for a file's rounding
+
+
+@dataclass(frozen=True, eq=False)
+class RegionData:
+    """A region as it stands in a file.
+
+    Attributes:
+        kind: a key of `SURFACES`. numbers: by the names of its fields. sign: -1 if its normals are flipped, else 1.
+        ball: is it part of a sphere? Then s is an angle from its axis, and of the hand's only the centre counts.
+        ends: (2, 2) where its parameters are, each point there at least once.
+    """
+
+    kind: str
+    numbers: Mapping[str, Array]
+    sign: float
+    ball: bool
+    ends: Array
+
+    @property
+    def radius(self) -> float:
+        """[m] of a cap."""
+        return float(self.numbers["radius"])
+
+    @property
+    def half_angle(self) -> float:
+        """[rad] of a cap; pi is a whole sphere."""
+        return float(self.numbers["half_angle"])
+
+
+class Surface(NamedTuple):
+    """(N, P, 3) each, with derivatives (2, N, P, 3) by their own parameters."""
+
+    point: Dual
+    normal: Dual
+    first: Dual
+    second: Dual
+
+
+class Surfaces(Protocol):
+    """P regions of one kind; each kind has `read`, the numbers of one in a file, and `of`, which makes several."""
+
+    def at(self, parameters: Interval) -> Surface:
+        """Point, outward unit normal (axis of a cap's centre), two tangents at parameters (N, P, 2)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSide:
+    """The regions of one side of the contacts, each kind and degree apart.
+
+    Attributes:
+        parts: of each kind that there is, and the columns (P, 2) of its parameters.
+        order: (K,) of the contacts, in one part after the other; None if it is theirs.
+        columns: (K, 2) of their parameters; -1 where there are none.
+    """
+
+    parts: tuple[tuple[Surfaces, Integers], ...]
+    order: Integers | None
+    columns: Integers
+
+    @classmethod
+    def of(cls, regions: Sequence[RegionData], its: Integers, *, still: bool) -> ContactSide:
+        """With parameters in the columns `its` (K, 2); `still`: of a cap only its centre and axis are wanted."""
+        groups: dict[tuple[object, ...], list[int]] = {}
+        for k, region in enumerate(regions):
+            shape = region.numbers["bezier"].shape if region.kind == "bezier" else ()
+            groups.setdefault((region.kind, shape), []).append(k)
+        parts: list[tuple[Surfaces, Integers]] = []
+        for at in groups.values():
+            some = [regions[k] for k in at]
+            parts.append((_Centres.of(some) if still and some[0].ball else SURFACES[some[0].kind].of(some), its[at]))
+        order = np.argsort([k for at in groups.values() for k in at])
+        return cls(tuple(parts), None if len(parts) == 1 else order, its)
+
+    def at(self, x: Interval) -> Surface:
+        """(N, K, 3) each at coordinates (N, n)."""
+        found = [part.at(x[..., its]) for part, its in self.parts]
+        if self.order is None:
+            return found[0]
+        return Surface(*(join(list(p), -2)[..., self.order, :] for p in zip(*found, strict=True)))
+
+    def spread(self, a: Dual, n: int) -> Dual:
+        """(N, K, 3) with derivatives by n coordinates instead of the two of each contact."""
+        ends = np.zeros((n, *a.value.ends.shape))
+        for k, its in enumerate(self.columns.tolist()):
+            if its[0] >= 0:
+                ends[its, :, k] = a.slope.ends[:, :, k]
+        return Dual(a.value, Interval(ends))
+
+
+@dataclass(frozen=True, eq=False)
+class _Centres:
+    """Hand caps: centre and axis (P, 3), constant in the link."""
+
+    centre: Interval
+    axis: Interval
+
+    @classmethod
+    def of(cls, caps: Sequence[RegionData]) -> _Centres:
+        return cls(Interval.of(_stacked(caps, "center")), unit(Interval.of(_stacked(caps, "axis"))))
+
+    def at(self, parameters: Interval) -> Surface:
+        shape = (parameters.shape[0], *self.centre.ends.shape)
+        centre, axis = (Dual.constant(Interval(np.broadcast_to(a.ends, shape)), 2) for a in (self.centre, self.axis))
+        return Surface(centre, axis, axis, axis)  # a cap's equations have no tangents
+
+
+@dataclass(frozen=True, eq=False)
+class _Caps:
+    """Spherical caps: rotations (P, 3, 3) with the axis as third column, centres, radii, signs."""
+
+    frame: Interval
+    centre: Array
+    radius: Array
+    sign: Array
+
+    @classmethod
+    def read(cls, f: Fields) -> dict[str, Array]:
+        out = {"center": f.numbers("center", (3,)), "axis": f.numbers("axis", (3,))}
+        out |= {"radius": np.array(_positive(f, "radius")), "half_angle": np.array(_positive(f, "half_angle"))}
+        if not out["half_angle"] <= pi:
+            raise BadFile(f"is {out['half_angle']:g}; pi or less is needed [rad]", f.at("half_angle"))
+        return out
+
+    @classmethod
+    def of(cls, caps: Sequence[RegionData]) -> _Caps:
+        axis = _stacked(caps, "axis")
+        least = np.eye(3)[np.abs(axis).argmin(axis=1)]
+        R = orthonormal(axis, -np.cross(axis, least))[..., [1, 2, 0]]
+        return cls(R, _stacked(caps, "center"), _stacked(caps, "radius")[:, None], _signs(caps))
+
+    def at(self, parameters: Interval) -> Surface:
+        s, t = _variables(parameters)
+        sin_s, cos_s, sin_t, cos_t = sin(s), cos(s), sin(t), cos(t)
+        zero = 0.0 * sin_t
+        local = [(sin_s * cos_t, sin_s * sin_t, cos_s), (cos_s * cos_t, cos_s * sin_t, -sin_s), (-sin_t, cos_t, zero)]
+        turned = self.frame @ columns([join([a[..., None] for a in v], -1) for v in local])
+        direction = turned[..., 0]
+        return Surface(direction * self.radius + self.centre, direction * self.sign, turned[..., 1], turned[..., 2])
+
+
+@dataclass(frozen=True, eq=False)
+class _CylinderSides:
+    """Sides of cylinders: rotations (P, 3, 3) with x_axis and axis as first and third column, centres, radii, signs.
+
+    Attributes:
+        first, turn: (P,) [rad] the first angle and how far it is to the last. lowest, length: [m] of the heights.
+    """
+
+    frame: Interval
+    centre: Array
+    radius: Array
+    sign: Array
+    first: Array
+    turn: Interval
+    lowest: Array
+    length: Interval
+
+    @classmethod
+    def read(cls, f: Fields) -> dict[str, Array]:
+        out = {name: f.numbers(name, (3,)) for name in ("center", "axis", "x_axis")}
+        out["radius"] = np.array(_positive(f, "radius"))
+        for name in ("angles", "heights"):
+            lo, hi = out[name] = f.numbers(name, (2,))
+            if not lo < hi or (name == "angles" and not hi - lo <= TURN):
+                raise BadFile(f"is [{lo:g}, {hi:g}]; the lower one first, at most a full turn", f.at(name))
+        return out
+
+    @classmethod
+    def of(cls, sides: Sequence[RegionData]) -> _CylinderSides:
+        R = orthonormal(_stacked(sides, "axis"), _stacked(sides, "x_axis"))[..., [1, 2, 0]]
+        ends = [a for name in ("angles", "heights") for a in _stacked(sides, name).T]
+        ranges = ends[0], Interval.of(ends[1]) - ends[0], ends[2], Interval.of(ends[3]) - ends[2]
+        return cls(R, _stacked(sides, "center"), _stacked(sides, "radius")[:, None], _signs(sides), *ranges)
+
+    def at(self, parameters: Interval) -> Surface:
+        u, v = _variables(parameters)
+        angle, height = u * self.turn + self.first, v * self.length + self.lowest
+        sine, cosine = sin(angle), cos(angle)
+        zero = 0.0 * sine
+        local = [(cosine, sine, zero), (-sine, cosine, zero), (zero, zero, height), (zero, zero, zero + 1.0)]
+        turned = self.frame @ columns([join([a[..., None] for a in w], -1) for w in local])
+        direction = turned[..., 0]
+        point = direction * self.radius + turned[..., 2] + self.centre
+        return Surface(point, direction * self.sign, turned[..., 1], turned[..., 3])
+
+
+@dataclass(frozen=True, eq=False)
+class _Patches:
+    """Bezier patches of one degree (M, N), as control points of their derivatives filled up with 0.
+
+    Attributes:
+        base: (P, 6, 3) a point amid the control points of each of the derivatives in ORDERS.
+        points: (P, 6, I * J, 3) these control points less the base: the polynomials sum to 1, and small
+            points lose little to the width of the polynomials.
+        binomials: (2, 1, 3, I) for u and for v those of degree M, M-1, M-2, 0 beyond. up, down: powers of u and 1-u.
+        sign: (P, 1) of the normal.
+    """
+
+    base: Array
+    points: Interval
+    binomials: Interval
+    up: Integers
+    down: Integers
+    sign: Array
+
+    @classmethod
+    def read(cls, f: Fields) -> dict[str, Array]:
+        points = f.numbers("bezier", (-1, -1, 3))
+        if not all(2 <= n <= DEGREE + 1 for n in points.shape[:2]):
+            shape = " x ".join(map(str, points.shape[:2]))
+            raise BadFile(f"has {shape} points; 2 x 2 to {DEGREE + 1} x {DEGREE + 1} are possible", f.at("bezier"))
+        return {"bezier": points}
+
+    @classmethod
+    def of(cls, patches: Sequence[RegionData]) -> _Patches:
+        points = _stacked(patches, "bezier")
+        P, I, J, _ = points.shape
+        size = max(I, J)
+        filled, base = np.zeros((P, 6, size, size, 3, 2)), np.zeros((P, 6, 3))
+        derived = {(0, 0): Interval.of(points)}
+        for n, (du, dv) in enumerate(ORDERS):
+            if du:
+                a = derived[du - 1, dv]
+                derived[du, dv] = (a[:, 1:] - a[:, :-1]) * float(I - du)
+            elif dv:
+                a = derived[du, dv - 1]
+                derived[du, dv] = (a[:, :, 1:] - a[:, :, :-1]) * float(J - dv)
+            a = derived[du, dv]
+            filled[:, n, : a.shape[1], : a.shape[2]] = a.ends
+            base[:, n] = a.mid.sum(axis=(1, 2)) / max(1, a.shape[1] * a.shape[2])
+        less = Interval(filled) - base[:, :, None, None]
+        return cls(base, less.reshape(P, 6, size**2, 3), *_weights((I - 1, J - 1), size), _signs(patches))
+
+    def at(self, parameters: Interval) -> Surface:
+        w = Interval(np.moveaxis(parameters.ends, -2, 0))  # (2, N, P)
+        u, v = _powers(w, self.up.shape[-1]), _powers(1.0 - w, self.up.shape[-1])
+        which = np.arange(2)[:, None, None]
+        weight = Interval(u.ends[which, :, :, self.up]) * Interval(v.ends[which, :, :, self.down])
+        weight = weight * self.binomials  # (2, 3, I, N, P)
+        du, dv = (list(order) for order in zip(*ORDERS, strict=True))
+        both = weight[0][du][:, :, None] * weight[1][dv][:, None]  # (6, I, J, N, P)
+        both = Interval(np.moveaxis(both.ends.reshape(6, -1, *both.ends.shape[3:]), (2, 3), (0, 1)))  # (N, P, 6, I * J)
+        d = (both[:, :, :, None] @ self.points)[..., 0, :] + self.base  # (N, P, 6, 3)
+        slope = Interval(np.stack([d.ends[..., [1, 3, 4], :, :], d.ends[..., [2, 4, 5], :, :]]))
+        jet = Dual(d[..., :3, :], slope)
+        first, second = jet[..., 1, :], jet[..., 2, :]
+        return Surface(jet[..., 0, :], unit(cross(first, second)) * self.sign, first, second)
+
+
+# kinds of regions, by their key in files
+SURFACES: Mapping[str, type[_Patches | _Caps | _CylinderSides]] = {
+    "bezier": _Patches,
+    "cap": _Caps,
+    "cylinder_side": _CylinderSides,
+}
+
+
+def read_region(f: Fields) -> RegionData:
+    """One region: exactly one kind, under its key, and perhaps `flip`."""
+    kinds = [kind for kind in SURFACES if f.has(kind)]
+    if len(kinds) != 1:
+        raise BadFile(f"exactly one of {', '.join(SURFACES)} is needed", f.place)
+    (kind,), sign = kinds, -1.0 if f.flag("flip", False) else 1.0
+    inner = f if kind == "bezier" else f.object(kind)
+    numbers = SURFACES[kind].read(inner)
+    inner.done()
+    f.done()
+    ball = kind == "cap"
+    ends = [[0.0, float(numbers["half_angle"])], [-AROUND, AROUND]] if ball else [[0.0, 1.0], [0.0, 1.0]]
+    return RegionData(kind, numbers, sign, ball, np.array(ends))
+
+
+def _positive(f: Fields, name: str) -> float:
+    value = f.number(name)
+    if not value > 0:
+        raise BadFile(f"is {value:g}; it must be positive", f.at(name))
+    return value
+
+
+def _stacked(regions: Sequence[RegionData], name: str) -> Array:
+    return np.stack([r.numbers[name] for r in regions])
+
+
+def _signs(regions: Sequence[RegionData]) -> Array:
+    return np.array([[r.sign] for r in regions])
+
+
+def _variables(parameters: Interval) -> list[Dual]:
+    """Two parameters (N, P) of (N, P, 2), each with its derivatives (2, N, P) by both."""
+    one = np.zeros((2, *parameters.ends.shape[:-2], 2))
+    out = []
+    for i in (0, 1):
+        slope = one.copy()
+        slope[i] = [-1.0, 1.0]
+        out.append(Dual(parameters[..., i], Interval(slope)))
+    return out
+
+
+def _weights(degrees: tuple[int, int], size: int) -> tuple[Interval, Integers, Integers]:
+    """(2, 3, size) binomials of degrees M, M-1, M-2, powers of u and of 1-u; 0 beyond the degree."""
+    shape = (2, 3, size)
+    binomials, up, down = np.zeros(shape), np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    for p, degree in enumerate(degrees):
+        for less in range(min(3, degree + 1)):
+            for i in range(degree - less + 1):
+                binomials[p, less, i] = comb(degree - less, i)
+                up[p, less, i], down[p, less, i] = i, degree - less - i
+    exact = Interval.of(binomials[..., None, None])
+    return (exact if binomials.max() < 2.0**53 else exact * 1.0), up, down
+
+
+def _powers(u: Interval, count: int) -> Interval:
+    """(..., count) powers 0, 1, .. of u."""
+    powers = [Interval.of(np.ones(u.shape)), u]
+    while len(powers) < count:
+        powers.append(powers[-1] * u)
+    return join([p[..., None] for p in powers[:count]], -1)

@@ -1,0 +1,325 @@
+"""What certificates are made of: the rows that hold in cases of contacts and actuators (`kinds`).
+
+A row says: value >= 0, of the unknowns x (`Columns`) and the motions they make. Which rows hold in which case is
+`legal`; what they say as numbers is `row_values`. U_a is the unit vector of direction a, a whole number, 2^24 to the
+turn; a *sector* is a pair left < right of them. A soft finger slides in a patch of the sphere of directions instead
+(`patches`), whose number stands in the place of the sector's left end. Actuators are mirrored into the sense of their
+command, so that (8) reads t >= 0, f >= |f_c| everywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from handfast.proofs.fields import Array, Integers, Mask
+from handfast.proofs.kinds import TURN, WIDER, ActuatorState, ContactState, Row
+from handfast.proofs.patches import contains, patch
+from handfast.proofs.question import LARGEST, TORQUES, Question, Range
+
+HALF = TURN // 2  # a sector is narrower than this
+WIDEST = HALF - TURN // 128  # of a sector whose chord is used: nearly half a turn, it would say nothing
+UNIT = 2.0**-53  # relative error of one rounded operation
+
+UNDECIDED, OPEN, CLOSED, STICK, SLIDE = ContactState
+FREE, LOCKED, MOVES = ActuatorState
+KINDS = frozenset(int(row) for row in Row)
+OF_CONTACT = np.isin(np.arange(32), [k for k in KINDS if k <= Row.STILL_2_DOWN or k > Row.ENERGY])
+OF_ACTUATOR = np.isin(np.arange(32), np.arange(Row.T_UP, Row.BOUND_UP))
+IS_KIND = np.isin(np.arange(32), list(KINDS))
+
+
+def directions(k: Integers) -> Array:
+    """(n, 2) the vectors U_k = (cos, sin)(2 pi k / 2^24) as floats; quarter turns rotate them exactly."""
+    quarter, rest = np.divmod(np.mod(k, TURN), TURN // 4)
+    x, y = np.cos(rest * (2 * np.pi / TURN)), np.sin(rest * (2 * np.pi / TURN))
+    return np.column_stack([np.choose(quarter, [x, -y, -x, y]), np.choose(quarter, [y, x, -y, -x])])
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Where the unknowns are in x = (r, q, c, f, coupling, scalar, e, twist); motions are first.
+
+    f is mirrored, e one effort per actuator, twist the torsion of each soft finger over its lever [N].
+    """
+
+    r: slice
+    q: slice
+    c: slice
+    f: slice
+    coupling: slice
+    scalar: slice  # empty for a check
+    e: slice  # empty unless the sum of commands is sought
+    twist: slice  # empty without soft fingers
+    n: int
+
+    @property
+    def motions(self) -> int:
+        """How many unknowns are motions."""
+        return self.q.stop
+
+    @classmethod
+    def of(cls, q: Question) -> Columns:
+        """The columns of a question."""
+        a, efforts = q.actuators, q.actuators if q.goal == TORQUES and q.sums else 0
+        sizes = (6, q.joints, 3 * q.grasp.m, a, len(q.equivalent.A), int(q.has_scalar), efforts, len(q.grasp.soft))
+        ends = np.cumsum([0, *sizes]).tolist()
+        return cls(*(slice(i, j) for i, j in pairwise(ends)), ends[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class LeafRows:
+    """The rows of some leaves, one entry a row.
+
+    Attributes:
+        kind, index, a, b: (R,) a `Row`, of which contact, actuator, column or reference, and its directions.
+        leaf: (R,) whose it is.
+        references: (K, m+1) normal forces [N] at which the balance of energy has tangents, and the scalar that f_c is
+            taken at.
+    """
+
+    kind: Integers
+    index: Integers
+    a: Integers
+    b: Integers
+    leaf: Integers
+    references: Array
+
+
+def bounds(q: Question, scalar: Range | None) -> tuple[Array, Array]:
+    """(n,) each: what BOUND rows may say of the unknowns; infinite where nothing is known."""
+    at = Columns.of(q)
+    lo, hi = np.full(at.n, -np.inf), np.full(at.n, np.inf)
+    lo[at.c][0::3], hi[at.c][0::3] = 0.0, q.force_limit
+    lo[at.f], hi[at.f] = -q.limit, q.limit
+    if scalar is not None:
+        lo[at.scalar], hi[at.scalar] = scalar
+        lo[at.e] = 0.0
+        hi[at.e] = np.where(q.is_driven, scalar[1], np.inf)[: at.e.stop - at.e.start]
+    return lo, hi
+
+
+# --- which rows hold --------------------------------------------------------------------------------
+
+
+def known(q: Question, rows: LeafRows) -> Mask:
+    """(R,) bool: is there such a kind, and the contact, actuator, column or reference that it is about?"""
+    real = (rows.kind >= 0) & (rows.kind < 32)
+    kind = np.where(real, rows.kind, 22)
+    ends = np.where(OF_CONTACT[kind], q.grasp.m, np.where(OF_ACTUATOR[kind], q.actuators, Columns.of(q).n))
+    ends = np.where(kind == Row.ENERGY, len(rows.references), ends)
+    return np.asarray(IS_KIND[kind] & (rows.index >= 0) & (rows.index < ends))
+
+
+def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) -> Mask:
+    """(R,) bool: is each row, all `known`, true of every state in the case (L, m+a, 3) of its leaf?"""
+    m, kind, a, b = q.grasp.m, rows.kind, rows.a, rows.b
+    of_contact, of_actuator = OF_CONTACT[kind], OF_ACTUATOR[kind]
+    index = np.where(of_contact | of_actuator, rows.index, 0)
+    part = np.where(of_actuator, m + index, np.where(of_contact, index, 0))
+    state, left, right = cases[rows.leaf, part].T
+
+    def inside(a: Integers, b: Integers) -> Mask:
+        """Is the sector within [a, b]? Both may be written with any number of full turns added."""
+        return np.asarray((left < right) & (np.mod(left - a, TURN) + (right - left) <= b - a))
+
+    still, slides, opens, moves = state == STICK, state == SLIDE, state == OPEN, state == MOVES
+    pressed = (state == CLOSED) | still | slides
+    within = inside(a, b) & (b - a < WIDEST)
+    chord = within | (q.eta == 0)  # g is not needed where eta = 0
+    leftish, rightish = inside(a, a + HALF), inside(b - HALF, b)
+    soft = np.append(q.soft_fingers >= 0, False)[np.where(of_contact, index, m)]
+    patched = soft & slides
+    if patched.any():
+        patched &= contains(a, left)
+    driven, may_move = (
+        np.append(x, False)[np.where(of_actuator, index, q.actuators)] for x in (q.is_driven, q.may_move)
+    )
+    commanded = may_move & ~driven
+    always = np.ones(len(kind), dtype=bool)
+    out = np.zeros(len(kind), dtype=bool)
+
+    def put(condition: Mask, *kinds: Row) -> None:
+        for k in kinds:
+            np.copyto(out, condition, where=kind == k)
+
+    put(always, Row.CN_UP, Row.TANGENT, Row.T_UP)
+    put(opens, Row.CN_DOWN)
+    put(still | chord, Row.GAP_UP)
+    put(pressed, Row.GAP_DOWN)
+    put(opens & chord, Row.DN_UP)
+    put(slides & within, Row.CHORD)
+    put(pressed & leftish, Row.C_LEFT)
+    put(pressed & rightish, Row.C_RIGHT)
+    put(still | leftish, Row.D_LEFT)
+    put(still | rightish, Row.D_RIGHT)
+    put(still, Row.STILL_1_UP, Row.STILL_1_DOWN, Row.STILL_2_UP, Row.STILL_2_DOWN)
+    put((state == LOCKED) | ~may_move, Row.T_DOWN)
+    put(commanded | (driven & moves), Row.E_UP)
+    put(commanded & moves, Row.E_DOWN)
+    put(driven & moves, Row.S_UP)
+    for bound, k in zip(bounds(q, scalar), (Row.BOUND_UP, Row.BOUND_DOWN), strict=True):
+        put(np.isfinite(bound)[np.where(kind == k, rows.index, 0)], k)
+    put(_energy_holds(q, scalar, rows), Row.ENERGY)
+    put(soft, Row.SOFT_TANGENT)
+    put(patched, Row.SOFT_CHORD)
+    put(patched & (b >= 0) & (b < 3), Row.C_SIDE, Row.D_SIDE)
+    put(soft & still, Row.TURN_UP, Row.TURN_DOWN)
+    return out
+
+
+def _energy_holds(q: Question, scalar: Range | None, rows: LeafRows) -> Mask:
+    """(R,) does the balance of energy hold: w . r + f_c . t + g . q = sum of c_n^2, and what friction takes by (6), (7)?
+
+    With a scalar, larger commands put in more, as t >= 0; what acts on joints takes energy, or is not said. Where the
+    scalar multiplies the load, or commands are sought, the work put in is no linear function of the unknowns.
+    """
+    if not q.mdp or q.goal in (LARGEST, TORQUES) or (q.homogeneous and q.equivalent.drives):
+        return np.zeros(len(rows.kind), dtype=bool)
+    if scalar is None or not len(rows.references):
+        return np.ones(len(rows.kind), dtype=bool)
+    top = rows.references[np.where(rows.kind == Row.ENERGY, rows.index, 0), q.grasp.m]
+    return np.asarray(top >= scalar[1])
+
+
+def equalities(q: Question, rows: LeafRows, cases: Integers) -> Mask:
+    """(R,) bool: is the row 0 in its case (L, m+a, 3), so that its multiplier may have any sign?"""
+    m, kind, a = q.grasp.m, rows.kind, q.actuators
+    of_contact, of_actuator = OF_CONTACT[kind], OF_ACTUATOR[kind]
+    j = np.where(of_actuator, rows.index, a)
+    state = cases[rows.leaf, np.where(of_contact, rows.index, np.where(of_actuator, m + rows.index, 0)), 0]
+    may_move, driven = np.append(q.may_move, False)[j], np.append(q.is_driven, False)[j]
+    still = ((kind >= Row.STILL_1_UP) & (kind <= Row.STILL_2_DOWN)) | (kind == Row.TURN_UP) | (kind == Row.TURN_DOWN)
+    gap = ((kind == Row.GAP_UP) | (kind == Row.GAP_DOWN)) & (q.eta == 0) & (state >= CLOSED)
+    fixed = ((kind == Row.T_UP) | (kind == Row.T_DOWN)) & ((state == LOCKED) | ~may_move)
+    given = ((kind == Row.E_UP) | (kind == Row.E_DOWN)) & (state == MOVES) & ~driven
+    return np.asarray(still | gap | fixed | given)
+
+
+def zeros(q: Question, cases: Integers) -> Mask:
+    """(L, n) bool: unknowns that are 0 in a case (L, m+a, 3): forces of open contacts, joints whose actuator is locked."""
+    at, m = Columns.of(q), q.grasp.m
+    opened, locked = cases[:, :m, 0] == OPEN, (cases[:, m:, 0] == LOCKED) | ~q.may_move
+    alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
+    out = np.zeros((len(cases), at.n), dtype=bool)
+    out[:, at.c], out[:, at.twist] = np.repeat(opened, 3, axis=1), opened[:, q.grasp.soft]
+    np.logical_or.at(out, (slice(None), 6 + np.argmax(q.equivalent.R[alone] != 0, axis=1)), locked[:, alone])
+    return out
+
+
+# --- what they say ----------------------------------------------------------------------------------
+
+
+def row_values(q: Question, scalar: Range | None, rows: LeafRows) -> tuple[Array, Array]:
+    """(R, n+3m+a+s) coefficients of x and of the motions d, t, turning; (R,) right-hand sides: value >= right.
+
+    These are the numbers that a proof is about, taken as they are. Directions are rounded, and contact frames are of
+    unit length and at right angles but for rounding: rows of the friction cone and bounds on |d_t| give way by `WIDER`,
+    relative, which covers that. Sides of sectors do not: a case says on which side of a direction, as its numbers are,
+    friction and -d_t lie. cos(eta) is the rounded number.
+    """
+    at, m, a = Columns.of(q), q.grasp.m, q.actuators
+    kind, index, count = rows.kind, rows.index, len(rows.kind)
+    cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
+    value, right = np.zeros((count, at.n + 3 * m + a + len(q.grasp.soft))), np.zeros(count)
+    Ua, Ub = directions(rows.a), directions(rows.b)
+    both = 1.0 + (Ua * Ub).sum(axis=1)
+    mu = np.append(q.grasp.mu, 0.0)[np.where(OF_CONTACT[kind], index, m)]
+    force, motion = at.c.start + 3 * index, at.n + 3 * index
+    t, f = at.n + 3 * m + index, at.f.start + index
+    ones = np.ones(count)
+
+    order = np.argsort(kind.astype(np.int8), kind="stable")
+    ends = np.searchsorted(kind[order], np.arange(33))
+
+    def put(coefficient: Array, column: Integers, *kinds: Row) -> None:
+        for k in kinds:
+            here = order[ends[k] : ends[k + 1]]
+            if len(here):
+                value[here, column[here]] += coefficient[here]
+
+    put(ones, force, Row.CN_UP, Row.GAP_UP)
+    put(-ones, force, Row.CN_DOWN, Row.GAP_DOWN)
+    put(mu * (1 + WIDER), force, Row.TANGENT)
+    put(-mu * (both / 2 - WIDER), force, Row.CHORD)
+    put(cos * ones, motion, Row.GAP_UP, Row.DN_UP)
+    put(-cos * ones, motion, Row.GAP_DOWN)
+    for k in (0, 1):
+        put(-Ua[:, k], force + 1 + k, Row.TANGENT)
+        put((Ua + Ub)[:, k] / 2, force + 1 + k, Row.CHORD)
+        turned = (-1, 1)[k]  # U x c = U_1 c_2 - U_2 c_1
+        put(turned * Ua[:, 1 - k], force + 1 + k, Row.C_LEFT)
+        put(-turned * Ub[:, 1 - k], force + 1 + k, Row.C_RIGHT)
+        put(-turned * Ua[:, 1 - k], motion + 1 + k, Row.D_LEFT)
+        put(turned * Ub[:, 1 - k], motion + 1 + k, Row.D_RIGHT)
+        if sin > 0:
+            wide = (Ua + Ub)[:, k] / np.where(both > 0, both, 1.0)
+            put(-sin * (1 + WIDER) * wide, motion + 1 + k, Row.GAP_UP, Row.DN_UP)
+            put(sin * (1 - WIDER) * Ua[:, k], motion + 1 + k, Row.GAP_DOWN)
+    put(ones, motion + 1, Row.STILL_1_UP)
+    put(-ones, motion + 1, Row.STILL_1_DOWN)
+    put(ones, motion + 2, Row.STILL_2_UP)
+    put(-ones, motion + 2, Row.STILL_2_DOWN)
+    put(ones, t, Row.T_UP)
+    put(-ones, t, Row.T_DOWN)
+    put(ones, f, Row.E_UP)
+    put(-ones, f, Row.E_DOWN, Row.S_UP)
+    put(ones, at.e.start + index if at.e.stop > at.e.start else 0 * index + at.scalar.start, Row.S_UP)
+    put(ones, index, Row.BOUND_UP)
+    put(-ones, index, Row.BOUND_DOWN)
+    j = np.where(OF_ACTUATOR[kind], index, a)
+    if q.has_scalar:  # commands lambda f_c
+        per_scalar, column = np.append(q.load.f_b, 0.0)[j], 0 * index + at.scalar.start
+        put(-per_scalar, column, Row.E_UP)
+        put(per_scalar, column, Row.E_DOWN)
+    constant = np.append(q.load.f_a, 0.0)[j]
+    lo, hi = (x[np.where((kind == Row.BOUND_UP) | (kind == Row.BOUND_DOWN), index, 0)] for x in bounds(q, scalar))
+    for k, of_row in ((Row.E_UP, constant), (Row.E_DOWN, -constant), (Row.BOUND_UP, lo), (Row.BOUND_DOWN, -hi)):
+        np.copyto(right, of_row, where=kind == k)
+    _put_soft(q, rows, value)
+    _put_energy(q, rows, value, right)
+    return value, right
+
+
+def _put_soft(q: Question, rows: LeafRows, value: Array) -> None:
+    """The rows of soft fingers, over c_n, c_f and d_f."""
+    here = np.flatnonzero(rows.kind > Row.ENERGY)
+    if not len(here):
+        return
+    at, kind, i, a, b = Columns.of(q), rows.kind[here], rows.index[here], rows.a[here], rows.b[here]
+    s, mu = q.soft_fingers[i], q.grasp.mu[i]
+    normal, force, motion = np.zeros(len(here)), np.zeros((len(here), 3)), np.zeros((len(here), 3))
+    tangent = np.flatnonzero(kind == Row.SOFT_TANGENT)
+    flat, up = directions(a[tangent]), directions(b[tangent])
+    normal[tangent], force[tangent] = mu[tangent] * (1 + WIDER), -np.column_stack([up[:, :1] * flat, up[:, 1]])
+    for k in np.flatnonzero((kind >= Row.SOFT_CHORD) & (kind <= Row.D_SIDE)):
+        part = patch(int(a[k]))
+        if kind[k] == Row.SOFT_CHORD:
+            normal[k], force[k] = -mu[k] * (part.reach - WIDER), part.middle
+        elif kind[k] == Row.C_SIDE:
+            normal[k], force[k] = mu[k] * WIDER, part.planes[b[k]]
+        else:
+            motion[k] = -part.planes[b[k]]
+    motion[:, 2] += (kind == Row.TURN_UP).astype(float) - (kind == Row.TURN_DOWN)
+    first, turning = at.n + 3 * i, at.n + 3 * q.grasp.m + q.actuators + s
+    value[here, at.c.start + 3 * i] += normal
+    for axis in (0, 1):
+        value[here, at.c.start + 3 * i + 1 + axis] += force[:, axis]
+        value[here, first + 1 + axis] += motion[:, axis]
+    value[here, at.twist.start + s] += force[:, 2]
+    value[here, turning] += motion[:, 2]
+
+
+def _put_energy(q: Question, rows: LeafRows, value: Array, right: Array) -> None:
+    """The balances of energy, rounded so that they say less than (6) does: t >= 0."""
+    here = np.flatnonzero(rows.kind == Row.ENERGY)
+    if not len(here):
+        return
+    at, m, a = Columns.of(q), q.grasp.m, q.actuators
+    x, f_c, per_scalar = rows.references[rows.index[here]], q.load.f_a, q.load.f_b
+    value[here, at.r], value[here, at.q] = q.load.w_a, q.load.g_a
+    value[here[:, None], np.arange(at.c.start, at.c.stop, 3)] = -2 * x[:, :m]
+    value[here[:, None], np.arange(at.n + 3 * m, at.n + 3 * m + a)] = (f_c + x[:, m:] * per_scalar) * (1 + 4 * UNIT)
+    right[here] = -(x[:, :m] ** 2).sum(axis=1) * (1 + 2 * m * UNIT)

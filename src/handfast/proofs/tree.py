@@ -1,0 +1,143 @@
+"""The splits of a certificate's tree leave out no case; what every contact and actuator is in each leaf."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from handfast.proofs.fields import Integers, Mask
+from handfast.proofs.patches import LAST, OCTANTS
+from handfast.proofs.question import Question
+from handfast.proofs.rows import CLOSED, FREE, HALF, LOCKED, MOVES, OPEN, SLIDE, STICK, TURN, UNDECIDED
+
+
+class BadCertificate(Exception):
+    """Why a certificate proves nothing."""
+
+
+def leaf_cases(q: Question, parent: Integers, part: Integers, change: Integers) -> Integers:
+    """(L, m+a, 3) state, left and right of every part in every leaf, the nodes that are not split in their order.
+
+    Args:
+        q: the question.
+        parent, part: (N,) of nodes: their parents, smaller numbers; which part is changed: contacts, then actuators.
+        change: (N, 3) its state, left and right.
+
+    Raises:
+        BadCertificate: the tree has a gap: the node, and what is wrong.
+    """
+    nodes, parts = np.arange(len(parent)), q.grasp.m + q.actuators
+    stray = np.where(nodes == 0, parent != -1, (parent < 0) | (parent >= nodes))
+    _refuse(stray, lambda k: f"node {k} has parent {parent[k]}; the root has -1, the others an earlier node")
+    strange = (nodes > 0) & ((part < 0) | (part >= parts))
+    _refuse(strange, lambda k: f"node {k} changes part {part[k]}; there are {parts}")
+    cases = _cases(parent, part, change, parts)
+    first = np.full(len(parent), -1)  # of the children of each node
+    first[parent[:0:-1]] = nodes[:0:-1]
+    mixed = np.zeros(len(parent), dtype=bool)
+    mixed[1:] = part[1:] != part[first[parent[1:]]]
+    _refuse(mixed, lambda k: f"node {parent[k]} is split in several parts at once")
+    is_split = first >= 0
+    if is_split.any():
+        _check_splits(q, parent, np.where(is_split, part[first], 0), change, cases)
+    return cases[~is_split]
+
+
+def _cases(parent: Integers, part: Integers, change: Integers, parts: int) -> Integers:
+    """(N, parts, 3) of all nodes: the root is UNDECIDED and FREE everywhere."""
+    depth, above = (parent >= 0).astype(np.int64), parent.copy()
+    while (above >= 0).any():
+        depth += np.where(above >= 0, depth[above], 0)
+        above = np.where(above >= 0, above[above], -1)
+    cases = np.zeros((len(parent), parts, 3), dtype=np.int64)
+    order = np.argsort(depth, kind="stable")
+    ends = np.cumsum(np.bincount(depth))
+    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+        level = order[begin:end]
+        cases[level] = cases[parent[level]]
+        cases[level, part[level]] = change[level]
+    return cases
+
+
+def _refuse(bad: Mask, why: object) -> None:
+    if bad.any():
+        raise BadCertificate(why(int(np.flatnonzero(bad)[0])))  # type: ignore[operator]
+
+
+def _check_splits(q: Question, parent: Integers, split: Integers, change: Integers, cases: Integers) -> None:
+    """`BadCertificate` for the first node whose children do not cover its case; split: (N,) the part that is split.
+
+    The same faults in the same order as for one node: what may be split at all, which states its children have, and
+    that their sectors join without a gap.
+    """
+    m, nodes = q.grasp.m, np.arange(len(parent))
+    state, left, right = cases[nodes, split].T
+    of = parent[1:]
+    new, a, b = change[1:].T
+    plain = (a == 0) & (b == 0)
+
+    def count(which: Mask) -> Integers:
+        """(N,) how many of a node's children are so."""
+        return np.bincount(of[which], minlength=len(parent))
+
+    children, bare = count(np.ones(len(of), dtype=bool)), count(plain)
+    is_split, of_actuator = children > 0, split >= m
+    soft = ~of_actuator & (np.append(q.soft_fingers >= 0, False)[np.where(of_actuator, m, split)])
+    may_move = np.append(q.may_move, False)[np.where(of_actuator, split - m, q.actuators)]
+    two = (children == 2) & (bare == 2)
+
+    def both(one: int, other: int) -> Mask:
+        return two & (count(new == one) == 1) & (count(new == other) == 1)
+
+    undecided = ~of_actuator & (state == UNDECIDED)
+    later = ~of_actuator & ~undecided
+    decided = later & ((state == STICK) | ((state == OPEN) & (q.eta == 0)) | (not q.mdp))
+    sliding, closing = later & ~decided & soft, later & ~decided & ~soft
+
+    def refuse(bad: Mask, why: str) -> None:
+        if (bad & is_split).any():
+            k = int(np.flatnonzero(bad & is_split)[0])
+            what = f"actuator {split[k] - m}" if of_actuator[k] else f"contact {split[k]}"
+            raise BadCertificate(f"node {k}, split of {what}: {why}")
+
+    refuse(of_actuator & ((state != FREE) | ~may_move), "it is decided already, or cannot move")
+    refuse(of_actuator & ~both(LOCKED, MOVES), "needs LOCKED and MOVES")
+    refuse(undecided & ~both(OPEN, CLOSED), "needs OPEN and CLOSED")
+    refuse(decided, "it is decided already")
+
+    # a soft finger sticks or slides in one of eight octants, a patch is halved
+    whole, half = sliding & (state == CLOSED), sliding & (state == SLIDE)
+    base = np.where(whole, OCTANTS[0], 2 * left)
+    place = a - base[of]
+    patches = (new == SLIDE) & (b == 0) & (place >= 0) & (place < np.where(whole, len(OCTANTS), 2)[of])
+    distinct = np.zeros(len(parent), dtype=np.int64)
+    np.bitwise_or.at(distinct, of[patches], 1 << place[patches])
+    stuck = (new == STICK) & plain
+    octants = (children == 9) & (distinct == 255) & (count(stuck) == 1)
+    halves = (children == 2) & (distinct == 3) & (2 * left + 1 <= LAST)
+    refuse(whole & ~octants, f"needs STICK and the patches {OCTANTS[0]} to {OCTANTS[-1]}")
+    refuse(sliding & ~whole & ~(half & halves), "needs the two halves of its patch")
+
+    # sectors: of an open contact, of one that slides, of one that is closed: by (7) friction and -d_t are then on one
+    # side of any line; or it sticks, in all of its sector, or slides
+    all_closed = closing & (state == CLOSED) & (count(new == CLOSED) == children)
+    sticks = closing & (state == CLOSED) & ~all_closed
+    kind = np.select([all_closed, closing & (state == OPEN)], [int(CLOSED), int(OPEN)], int(SLIDE))
+    is_stuck = (new == STICK) & sticks[of]
+    entire = plain | ((a == left[of]) & (b == right[of]))
+    refuse(sticks & ~((count(is_stuck) == 1) & (count(is_stuck & entire) == 1)), "needs STICK and sectors")
+    sector = closing[of] & ~is_stuck
+    widest = np.where(all_closed, HALF, HALF - 1)[of]
+    good = (new == kind[of]) & (a < b) & (b <= a + widest)
+    refuse(count(sector & ~good) > 0, "a child is no sector, or not of the right state")
+    refuse(closing & (count(sector) == 0), "needs sectors")
+    chosen = np.flatnonzero(sector)
+    chosen = chosen[np.lexsort((a[chosen], of[chosen]))]
+    starts = np.flatnonzero(np.diff(of[chosen], prepend=-1))
+    joined = (a[chosen][1:] == b[chosen][:-1]) | (of[chosen][1:] != of[chosen][:-1])
+    refuse(np.bincount(of[chosen][1:][~joined], minlength=len(parent)) > 0, "the sectors leave a gap, or overlap")
+    low, high = left.copy(), right.copy()
+    if len(chosen):
+        low[of[chosen][starts]] = a[chosen][starts]
+        high[of[chosen][starts]] = b[chosen][np.append(starts[1:], len(chosen)) - 1]
+    turn = np.where(left == right, high - low == TURN, (low == left) & (high == right))
+    refuse(closing & ~turn, "the sectors are not those of the node, or a full turn")

@@ -1,0 +1,190 @@
+"""Tasks in plain arrays: what is read is what a task says, and every fault names its field."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast.model.hand.coupling import drivers
+from handfast.proofs.fields import BadFile
+from handfast.proofs.tasks import read_task
+from handfast.synthesis.embedded import task_to_dict
+from handfast.synthesis.task import PoseBounds, Task
+from tests.support.holds import pinch
+from tests.support.planted_proofs import odd_case, sah_case
+
+Data = dict[str, Any]
+
+
+def embedded(task: Task) -> Data:
+    return json.loads(json.dumps(task_to_dict(task)))
+
+
+@pytest.mark.parametrize("case", [odd_case, sah_case])
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_read_is_the_task(case: Callable, seed: int) -> None:
+    task = case(seed).task
+    data, hand = read_task(embedded(task)), task.hand
+    assert data.hand.joints == hand.joint_names
+    assert [link.name for link in data.hand.links] == list(hand.link_names)
+    assert [link.parent for link in data.hand.links] == [link.parent for link in hand.links]
+    assert [link.joints for link in data.hand.links] == [link.joints for link in hand.links]
+    np.testing.assert_array_equal(data.hand.poses, [link.pose for link in hand.links])
+    for name, of in (("axes", "axis"), ("anchors", "anchor"), ("ref", "ref")):
+        np.testing.assert_array_equal(getattr(data.hand, name), [getattr(j, of) for j in hand.joints])
+    np.testing.assert_array_equal(data.hand.limits, hand.limits)
+    assert data.hand.revolute.tolist() == [j.type == "revolute" for j in hand.joints]
+    assert {j: (c.driver, c.ratio, c.offset) for j, c in data.hand.couplings.items()} == {
+        c.joint: (c.driver, c.ratio, c.offset) for c in hand.couplings
+    }
+    assert data.links == task.links
+    assert tuple(data.moving) == task.moving
+    assert tuple(hand.joint_names[j] for j in data.free) == task.free
+    follows = drivers(hand)
+    for j, path in data.moving.items():
+        assert (path[-1].driver if path else j) == follows[j][0]
+    for region, pair in zip(data.on_object, task.contact_pairs, strict=True):
+        assert (region.kind, region.sign) == (pair.object.kind, pair.object.sign)
+
+
+def test_bounds_that_are_none_are_infinite() -> None:
+    axes = np.tile([-1.0, 1.0], (3, 3, 1))
+    axes[0, 1] = [-1.0, 0.5]
+    pose = PoseBounds(np.array([[-np.inf, 0.3], [0, 1], [-np.inf, np.inf]]), axes)
+    data = read_task(embedded(pinch(pose=pose)))
+    np.testing.assert_array_equal(data.position, pose.position)
+    np.testing.assert_array_equal(data.axes, axes)
+
+
+def put(*path: Any, to: Any) -> Callable[[Data], None]:
+    def change(data: Data) -> None:
+        *inner, last = path
+        at: Any = data
+        for key in inner:
+            at = at[key]
+        at[last] = to
+
+    return change
+
+
+HAND, CONTACT = ("hand",), ("contacts", 0)
+FAULTS: list[tuple[Callable[[Data], object], str]] = [
+    (put("name", to=1), "task.name: is 1; a text is needed"),
+    (put("object", to=1), "task.object: is 1; a text is needed"),
+    (put("note", to=1), "task.note: is not a known field"),
+    (lambda d: d.pop("pose"), "task.pose: is missing"),
+    (put("contacts", to=[]), "task.contacts: has 0 entries; 1 to 1000 are possible"),
+    (put(*CONTACT, "link", to="tail"), "task.contacts[0].link: has unknown link 'tail'; known are palm, "),
+    (put(*CONTACT, "note", to=1), "task.contacts[0].note: is not a known field"),
+    (put(*CONTACT, "hand", to={}), "task.contacts[0].hand: exactly one of bezier, cap, cylinder_side is needed"),
+    (put(*CONTACT, "hand", "bezier", to=[]), "task.contacts[0].hand: exactly one of "),
+    (put(*CONTACT, "hand", "cap", "radius", to=0.0), "task.contacts[0].hand.cap.radius: is 0; it must be positive"),
+    (put(*CONTACT, "hand", "cap", "radius", to=-1.0), "task.contacts[0].hand.cap.radius: is -1; it must be positive"),
+    (put(*CONTACT, "hand", "cap", "half_angle", to=0.0), "task.contacts[0].hand.cap.half_angle: is 0; it must be pos"),
+    (put(*CONTACT, "hand", "cap", "half_angle", to=3.2), "task.contacts[0].hand.cap.half_angle: is 3.2; pi or less"),
+    (put(*CONTACT, "hand", "cap", "more", to=0.0), "task.contacts[0].hand.cap.more: is not a known field"),
+    (put(*CONTACT, "hand", "flip", to=1), "task.contacts[0].hand.flip: is 1; true or false is needed"),
+    (put(*CONTACT, "object", "bezier", to=[[[0, 0, 0]]]), "task.contacts[0].object.bezier: has 1 x 1 points; 2 x 2 to"),
+    (put(*CONTACT, "object", "bezier", to=[[[0, 0]]]), "task.contacts[0].object.bezier: has 1 x 1 x 2 numbers"),
+    (put(*CONTACT, "object", "more", to=1), "task.contacts[0].object.more: is not a known field"),
+    (put(*HAND, "links", 2, "parent", to=2), "task.hand.links[2].parent: is 2; an earlier link is needed"),
+    (put(*HAND, "links", 2, "parent", to=-1), "task.hand.links[2].parent: is -1; an earlier link"),
+    (put(*HAND, "links", 0, "parent", to=0), "task.hand.links[0].parent: is 0; an earlier link"),
+    (put(*HAND, "links", 2, "parent", to=True), "task.hand.links[2].parent: is True; an earlier link"),
+    (put(*HAND, "links", 2, "joints", to=[99]), "task.hand.links: have joints that do not exist, or a joint twice"),
+    (put(*HAND, "links", 2, "joints", to=[-1]), "task.hand.links: have joints that do not exist, or a joint twice"),
+    (put(*HAND, "links", 2, "joints", to=[0, 0]), "task.hand.links: have joints that do not exist, or a joint twice"),
+    (put(*HAND, "links", 2, "joints", to=[0.5]), "task.hand.links: have joints that do not exist, or a joint twice"),
+    (put(*HAND, "links", 2, "joints", to=0), "task.hand.links: have joints that do not exist, or a joint twice"),
+    (put(*HAND, "links", 2, "name", to="palm"), "task.hand.links: has a name twice"),
+    (put(*HAND, "links", 2, "name", to=2), "task.hand.links: is no list of texts"),
+    (put(*HAND, "links", 2, "more", to=2), "task.hand.links[2].more: is not a known field"),
+    (lambda d: d["hand"]["links"][2].pop("pose"), "task.hand.links[2].pose: is missing"),
+    (put(*HAND, "links", 2, "pose", 3, to=[0, 0, 0, 2]), "task.hand.links[].pose: has no 0, 0, 0, 1 as last row"),
+    (put(*HAND, "links", 2, "pose", 0, 0, to="1"), "task.hand.links[].pose: has '1' where a number is needed"),
+    (put(*HAND, "links", 2, "pose", 0, 0, to=True), "task.hand.links[].pose: has True where a number is needed"),
+    (put(*HAND, "links", 2, "pose", 0, 0, to=1e60), "task.hand.links[].pose: has a number that is not finite, or"),
+    (put(*HAND, "links", to=[]), "task.hand"),
+    (
+        put(*HAND, "joints", 1, "type", to="ball"),
+        "task.hand: has no link, or a joint that is not revolute or prismatic",
+    ),
+    (put(*HAND, "joints", 1, "axis", to=[0, 0, 0]), "task.hand.joints[].axis: is zero; a direction is needed"),
+    (put(*HAND, "joints", 1, "axis", to=[0, 1]), "task.hand.joints[].axis: is no table of n x 3 numbers"),
+    (put(*HAND, "joints", 1, "limits", to=[1, 0]), "task.hand.joints.ring_proximal.limits: is [1, 0]; the lower one"),
+    (put(*HAND, "joints", 1, "name", to="ring_abduction"), "task.hand.joints: has a name twice"),
+    (put(*HAND, "couplings", 0, "joint", to=99), "task.hand.couplings[0]: ties a joint that does not exist"),
+    (put(*HAND, "couplings", 0, "leader", to=99), "task.hand.couplings[0]: ties a joint that does not exist"),
+    (put(*HAND, "couplings", 0, "leader", to=-2), "task.hand.couplings[0].leader: is -2; a whole number of -1 or more"),
+    (lambda d: d["hand"]["couplings"].append(d["hand"]["couplings"][0]), "task.hand.couplings[4]: ties a joint that"),
+    (lambda d: d["hand"]["couplings"][0].update(leader=d["hand"]["couplings"][0]["joint"]), "task.hand.couplings: tie"),
+    (put("pose", "position", to=[]), "task.pose.position: is no list of three pairs"),
+    (put("pose", "position", 0, to=[2, 1]), "task.pose.position: is [2, 1]; the lower one comes first"),
+    (put("pose", "position", 0, to=["a", 1]), "task.pose.position: is 'a'; a finite number is needed"),
+    (put("pose", "axes", to=[[]]), "task.pose.axes: is no list of three"),
+    (put("pose", "axes", 1, to=[[0]]), "task.pose.axes[1]: is no list of three pairs"),
+    (put("pose", "more", to=1), "task.pose.more: is not a known field"),
+]
+
+
+@pytest.mark.parametrize(("change", "words"), FAULTS)
+def test_faults_name_their_field(change: Callable[[Data], object], words: str) -> None:
+    data = embedded(pinch())
+    change(data)
+    with pytest.raises(BadFile) as fault:
+        read_task(data)
+    assert str(fault.value).startswith(words)
+    assert "\n" not in str(fault.value)
+
+
+SIDE = {"center": [0, 0, 0], "radius": 0.1, "axis": [0, 0, 1], "x_axis": [1, 0, 0], "angles": [0, 1], "heights": [0, 1]}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"radius": 0}, "radius: is 0; it must be positive"),
+        ({"angles": [1, 1]}, r"angles: is \[1, 1\]; the lower one first"),
+        ({"angles": [0, 6.3]}, r"angles: is \[0, 6.3\]; the lower one first, at most a full turn"),
+        ({"heights": [2, 1]}, r"heights: is \[2, 1\]; the lower one first"),
+        ({"axis": [0, 0]}, "axis: has 2 numbers; 3 are needed"),
+    ],
+)
+def test_faults_of_the_side_of_a_cylinder(change: Data, words: str) -> None:
+    data = embedded(pinch())
+    data["contacts"][0]["object"] = {"cylinder_side": SIDE | {"heights": [-9, 9]}}
+    read_task(data)  # heights may be farther apart than a full turn
+    data["contacts"][0]["object"] = {"cylinder_side": SIDE | change}
+    with pytest.raises(BadFile, match=rf"^task.contacts\[0\].object.cylinder_side.{words}"):
+        read_task(data)
+
+
+# --- where all joints are ---
+
+
+def test_joints_beside_a_proof() -> None:
+    """ring_distal follows ring_middle; index_proximal is proved to be at 0.2."""
+    task = read_task(embedded(pinch()))
+    good = dict.fromkeys(task.hand.joints, 0.1) | {"index_proximal": 0.2}
+    proved = {"index_proximal": 0.2}
+    low, high = task.hand.limits[task.hand.joints.index("ring_proximal")].tolist()
+
+    def said(**joints: float) -> str:
+        return task.misplaced(good | joints, proved)
+
+    assert said() == ""
+    assert said(index_proximal=0.2 + 0.9e-9) == ""
+    assert said(index_proximal=0.2 - 1.1e-9) == "index_proximal is not at the value that is proved"
+    assert said(index_proximal=0.2 + 1.1e-9) == "index_proximal is not at the value that is proved"
+    assert said(ring_proximal=high + 0.9e-9) == ""
+    assert said(ring_proximal=high + 1.1e-9) == "ring_proximal is beyond its limits"
+    assert said(ring_proximal=low - 0.9e-9) == ""
+    assert said(ring_proximal=low - 1.1e-9) == "ring_proximal is beyond its limits"
+    assert said(ring_middle=0.5, ring_distal=0.5) == ""
+    assert said(ring_middle=0.5, ring_distal=0.5 + 1.1e-9) == "ring_distal does not follow its coupling"
+    assert said(ring_middle=0.5) == "ring_distal does not follow its coupling"
+    assert task.misplaced({}, proved).startswith("the joints are ring_abduction, ")
