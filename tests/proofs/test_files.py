@@ -9,10 +9,9 @@ from typing import Any
 
 import pytest
 
+from handfast.proofs import files
 from handfast.proofs.replay import Replay
 from tests.support.refused import refused
-
-files = pytest.importorskip("handfast.proofs.files", reason="modules that it imports are missing", exc_type=ImportError)
 
 
 @pytest.fixture
@@ -103,6 +102,11 @@ def test_what_cannot_be_read(tmp_path: Path) -> None:
 
 
 # --- schemas
+
+
+def test_what_can_be_verified() -> None:
+    schemas = "result/2", "certificate/3", "hold/1", "synthesis/1", "grasps/2"
+    assert [*files.READERS] == [f"handfast/{schema}" for schema in schemas]
 
 
 def known() -> str:

@@ -9,11 +9,9 @@ from typing import Any
 
 import pytest
 
+from handfast.proofs import __main__ as program
+from handfast.proofs import files
 from handfast.proofs.replay import Replay
-
-REASON = "modules that it imports are missing"
-files = pytest.importorskip("handfast.proofs.files", reason=REASON, exc_type=ImportError)
-program = pytest.importorskip("handfast.proofs.__main__", reason=REASON, exc_type=ImportError)
 
 SCHEMA = "handfast/said/1"
 
