@@ -205,7 +205,7 @@ def zeros(q: Question, cases: Integers) -> Mask:
     alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
     out = np.zeros((len(cases), at.n), dtype=bool)
     out[:, at.c], out[:, at.twist] = np.repeat(opened, 3, axis=1), opened[:, q.grasp.soft]
-    np.logical_or.at(out, (slice(None), 6 + np.argmax(q.equivalent.R[alone] != 0, axis=1)), locked[:, alone])
+    np.logical_or.at(out, (slice(None), 6 + np.nonzero(q.equivalent.R[alone])[1]), locked[:, alone])
     return out
 
 
