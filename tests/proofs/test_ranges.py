@@ -130,6 +130,12 @@ def test_exactly_the_resolution() -> None:
     assert said.unproved == ((1, 2), (2 + fine, 4))
 
 
+def test_the_largest_is_resisted_itself() -> None:
+    assert known([(0, 4.999)], [], 5.0, 5.004, 1e-3, 1.0).unproved == ((4.999, 5),)
+    assert known([(0, 4)], [(4, 4.999)], 5.0, 5.004, 1e-3, 1.0).unproved == ()
+    assert known([(0, 4)], [(4, 4.99)], 5.0, 5.004, 1e-3, 1.0).unproved == ((4.99, 5),)
+
+
 def test_gaps_on_both_sides_of_a_hole_stay_two() -> None:
     said = known([(0, 1), (3, 5)], [(2, 2.001)], 5.0, 5.004, 1e-3, 1.0)
     assert said.unproved == ((1, 2), (2.001, 3))
