@@ -9,10 +9,9 @@ from typing import Any
 
 import pytest
 
+from handfast.proofs import files
 from handfast.proofs.replay import Replay
 from tests.support.refused import refused
-
-files = pytest.importorskip("handfast.proofs.files", reason="modules that it imports are missing", exc_type=ImportError)
 
 
 @pytest.fixture
@@ -90,6 +89,11 @@ def test_what_is_no_json(written, text: str | bytes) -> None:
         files.read_json(path, "place")
 
 
+def test_where_json_ends(written) -> None:
+    with refused("is not valid JSON: Expecting value: line 2 column 2 (char 3)", "place"):
+        files.read_json(written("[\n ,"), "place")
+
+
 def test_what_cannot_be_read(tmp_path: Path) -> None:
     with refused("cannot be read: No such file or directory", "place"):
         files.read_json(tmp_path / "none.json", "place")
@@ -98,6 +102,11 @@ def test_what_cannot_be_read(tmp_path: Path) -> None:
 
 
 # --- schemas
+
+
+def test_what_can_be_verified() -> None:
+    schemas = "result/2", "certificate/3", "hold/1", "synthesis/1", "grasps/2"
+    assert [*files.READERS] == [f"handfast/{schema}" for schema in schemas]
 
 
 def known() -> str:
