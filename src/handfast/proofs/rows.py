@@ -206,12 +206,8 @@ def zeros(q: Question, cases: Integers) -> Mask:
     alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
     out = np.zeros((len(cases), at.n), dtype=bool)
     out[:, at.c], out[:, at.twist] = np.repeat(opened, 3, axis=1), opened[:, q.grasp.soft]
-<<<<<<< HEAD
     for row, joint in zip(alone, np.nonzero(q.equivalent.R[alone])[1], strict=True):
         out[:, 6 + joint] |= locked[:, row]
-=======
-    np.logical_or.at(out, (slice(None), 6 + np.nonzero(q.equivalent.R[alone])[1]), locked[:, alone])
->>>>>>> readers
     return out
 
 
