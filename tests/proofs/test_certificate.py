@@ -56,7 +56,10 @@ def test_round_trip():
     back = read_certificate(json.loads(json.dumps(proof_to_dict(c))), "proof", c.question)
     for name in (*NODES, "start", *ROWS, "multiplier", "references"):
         assert np.array_equal(getattr(back, name), getattr(c, name)), name
-    assert back.multiplier.dtype == np.float32
+    assert back.multiplier.dtype == c.multiplier.dtype
+    short = read_certificate(json.loads(json.dumps(proof_to_dict(c.rounded()))), "proof", c.question)
+    assert short.multiplier.dtype == np.float32
+    assert np.array_equal(short.multiplier, c.rounded().multiplier)
     assert back.scalar is None
     assert back.question is c.question
 
