@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from benchmarks.soft_fingers import random_grasp, random_load, random_turn, turned
+from handfast import verify
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact
 from handfast.model.grasp_file import from_dict, load_grasp, save_grasp, to_dict
+from handfast.proofs import checker
 from handfast.stability import model
-from handfast.stability.answer_file import verify
 from handfast.stability.batch import check_many, max_many
-from handfast.stability.certify import checker
 from handfast.stability.margin_search import margin
 from handfast.stability.model import State
 from handfast.stability.prepared import prepare

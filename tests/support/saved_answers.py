@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from handfast.stability import model, saved_answer
+from handfast.proofs.certificate import Certificate, proof_to_dict, read_certificate
+from handfast.proofs.kinds import Row
+from handfast.proofs.question import read_question
 from handfast.stability.answers import Answer
-from handfast.stability.certify.certificate import Row
-from handfast.stability.certify.certificate_file import question_to_dict
-from handfast.stability.certify.certificate_file import to_dict as certificate_to_dict
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.settings import Settings
-from handfast.stability.witness import KEYS
-from tests.support.certificates import CASES, prove
 from tests.support.problems import bell, nest, pinch, table
 
 
@@ -58,7 +57,7 @@ def answer(name: str) -> Answer:
 
 @cache
 def text(name: str) -> str:
-    return json.dumps(saved_answer.to_dict(answer(name).saved()))
+    return json.dumps(answer(name).to_file())
 
 
 def deep(data: Any, *path: Any) -> Any:
@@ -81,30 +80,47 @@ def times(x: float) -> Any:
     return lambda v: x * v
 
 
-def negate_largest(data: dict) -> None:
-    y = deep(data, "certificate", "rows", "multiplier")
-    y[int(np.argmax(y))] *= -1
+def certificate_of(data: dict, *path: Any) -> Certificate:
+    """A certificate of a result file, unpacked."""
+    return read_certificate(deep(data, *path), "certificate", read_question(data["question"]))
 
 
-def drop_leaf(data: dict) -> None:
-    data["certificate"]["leaves"].pop()
-    data["certificate"]["rows"]["start"].pop(-2)
+def proof(change: Callable[[Certificate], dict[str, Any]], *path: Any) -> Any:
+    """A change of some arrays of a certificate, which is packed again."""
+    path = path or ("certificate",)
+
+    def altered(data: dict) -> None:
+        c = certificate_of(data, *path)
+        put(*path, to=proof_to_dict(replace(c, **change(c))))(data)
+
+    return altered
 
 
-def move_sector(data: dict) -> None:
-    nodes = data["certificate"]["nodes"]
-    at = next(i for i, (a, b) in enumerate(zip(nodes["left"], nodes["right"], strict=True)) if a < b)
-    nodes["right"][at] -= 1
+def set_at(x: np.ndarray, i: int, value: float) -> np.ndarray:
+    out = x.copy()
+    out[i] = value
+    return out
 
 
-def trivial(data: dict) -> None:
-    """A proof that holds: of a claim about motions too small to matter."""
-    c = data["certificate"]
-    c["schema"] = "handfast/certificate/1"
-    c["cap_r"], c["cap_q"] = [1e-9] * 6, [1e-9] * len(c["question"]["grasp"]["joints"])
-    c["nodes"] = {"parent": [-1], "part": [0], "state": [0], "left": [0], "right": [0]}
-    c["leaves"] = [0]
-    c["rows"] = {"start": [0, 1], "kind": [int(Row.CN_UP)], "index": [0], "a": [0], "b": [0], "multiplier": [1.0]}
+def negate_largest(c: Certificate) -> dict[str, Any]:
+    i = int(c.multiplier.argmax())
+    return {"multiplier": set_at(c.multiplier, i, -c.multiplier[i])}
+
+
+def drop_leaf(c: Certificate) -> dict[str, Any]:
+    return {"start": np.delete(c.start, -2)}
+
+
+def move_sector(c: Certificate) -> dict[str, Any]:
+    i = int(np.flatnonzero(c.left < c.right)[0])
+    return {"right": set_at(c.right, i, c.right[i] - 1)}
+
+
+def trivial(c: Certificate) -> dict[str, Any]:
+    """A tree of its root alone, with one row that holds in every case."""
+    root, row = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    tree = {"parent": root - 1, "part": root, "state": root, "left": root, "right": root}
+    return tree | {"start": [0, 1], "kind": row + Row.CN_UP, "index": row, "a": row, "b": row, "multiplier": row + 1.0}
 
 
 def without_motions(data: dict) -> None:
@@ -154,10 +170,14 @@ FAULTS = [
     ("check slips", put("answer", "verdict", to="holds"), "answer: HOLDS without a witness"),
     ("check slips", put("certificate", to=None), "answer: the disturbance is not resisted: no certificate"),
     ("check slips", put("question", "wrench", 1, to=2.2), "certificate: it answers another question"),
-    ("check slips", negate_largest, r"certificate: leaf \d+ .*the multiplier is negative"),
-    ("check slips", drop_leaf, r"certificate: node \d+ is neither split nor a leaf"),
-    ("check slips", move_sector, r"certificate: node \d+, split of contact"),
-    ("check slips", trivial, "certificate: it has caps on motions; an answer of this version is about all of them"),
+    ("check slips", proof(negate_largest), r"certificate: leaf \d+ .*the multiplier is negative"),
+    ("check slips", proof(drop_leaf), r"certificate: node \d+ is neither split nor a leaf"),
+    ("check slips", proof(move_sector), r"certificate: node \d+, split of contact"),
+    (
+        "check slips",
+        proof(trivial),
+        "certificate: it has caps on motions; an answer of this version is about all of them",
+    ),
     ("check slips", put("certificate", "schema", to="handfast/certificate/1"), "certificate.cap_r: is missing"),
     ("check slips", put("answer", "certified", to=False), "answer: certified is not what the rest of the file shows"),
     ("check with eta", put("question", "eta", to=0.0), "certificate: it answers another question"),
@@ -174,9 +194,9 @@ FAULTS = [
         "certificate: leaf .* (is not proved|does not hold in this case)",
     ),
     ("max", put("certificate", to=None), r"answer: nothing above 2\.22\d* times the direction is res.*: no cert"),
-    ("max", negate_largest, "certificate: leaf"),
-    ("max", drop_leaf, "certificate: node"),
-    ("max", move_sector, "certificate: node"),
+    ("max", proof(negate_largest), "certificate: leaf"),
+    ("max", proof(drop_leaf), "certificate: node"),
+    ("max", proof(move_sector), "certificate: node"),
     ("max", put("question", "goal", to="largest"), "certificate: it answers another question|witness: "),
     ("max with base", put("answer", "upper", to=times(0.9995)), "certificate: it covers"),
     ("max with base", put("question", "wrench", 2, to=-9.0), "witness: it is a state under another"),
@@ -291,27 +311,3 @@ def overload(data: dict) -> None:
     for wrench in (data["question"]["wrench"], data["witness"]["wrench"]):
         wrench[1] += 1.0
         wrench[5] += 0.1
-
-
-@cache
-def first_text() -> str:
-    """An answer of version 1: its certificate has caps, and it says which."""
-    reach = 1e4 * 1.1  # [N] ten thousand times the force that acts
-    question = CASES["check"][0]
-    size = question.grasp.size
-    caps = np.repeat([reach, reach / size], 3), reach / model.joint_arms(question.grasp)
-    c = prove(question, caps=caps)
-    assert c is not None
-    said = {"schema": "handfast/answer/1", "query": "check", "verdict": "slips", "stop": "complete", "seconds": 0.1}
-    said |= {"nodes": 10, "certified": True, "motion_cap": reach, **dict.fromkeys(KEYS)}
-    bare = {"schema": "handfast/result/1", "question": question_to_dict(question), "answer": said, "witness": None}
-    return json.dumps(bare | {"certificate": certificate_to_dict(c)})
-
-
-def caps_times(x: float) -> Any:
-    def change(data: dict) -> None:
-        for name in ("cap_r", "cap_q"):
-            data["certificate"][name] = [x * v for v in data["certificate"][name]]
-        data["answer"]["motion_cap"] *= x
-
-    return change
