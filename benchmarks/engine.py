@@ -33,8 +33,8 @@ import numpy as np
 from benchmarks.grasps import FAMILIES, Case, cases, fingerprint
 from benchmarks.machine import describe
 from handfast.core.errors import InputError
+from handfast.proofs.checker import verify
 from handfast.stability.answers import finite
-from handfast.stability.certify.checker import verify
 from handfast.stability.queries import MaxAnswer, maximum
 from handfast.stability.settings import Settings
 

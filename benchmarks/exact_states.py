@@ -28,8 +28,8 @@ from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from benchmarks.no_cap import KINDS, question
 from handfast import load_grasp
-from handfast.core.arrays import Array
 from handfast.core import bundled
+from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import to_dict
 from handfast.proofs.existence import Proved, prove

@@ -243,7 +243,7 @@ def main() -> None:
             times.append(1e3 * (time.perf_counter() - clock))
             counts[report.ok] += 1
             if not report.ok:
-                faults.append({"k": k, "reason": report.reasons[0]})
+                faults.append({"k": k, "reason": report.reason})
         ms = {"median": float(np.median(times)), "95 %": float(np.percentile(times, 95)), "worst": max(times)}
         found = {"accepted": counts[True], "refused": counts[False], "faults": faults}
         rows[name] = found | {"ms": ms, "busy": others.busy()}

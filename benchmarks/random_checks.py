@@ -25,7 +25,7 @@ from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from handfast.core.answer import Verdict
 from handfast.model.grasp import Grasp
-from handfast.stability.certify.checker import verify
+from handfast.proofs.checker import verify
 from handfast.stability.queries import CheckAnswer, check
 from handfast.stability.settings import Settings
 
