@@ -7,12 +7,13 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from handfast import InputError, grasp_for, load_body, load_task, verify
+from handfast import InputError, grasp_for, load_body, load_task
 from handfast.planning.requirements import Limits
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.grasps_file import asked_digest
-from handfast.planning.results.verify_grasps import ReplayedGrasps
+from handfast.planning.results.verify_grasps import verify
+from handfast.proofs.replay import Replay
 from handfast.stability.loads import Loads
 from handfast.synthesis.embedded import digest
 
@@ -41,10 +42,8 @@ def scalpel_file() -> Data:
     return data
 
 
-def replayed(data: Data) -> ReplayedGrasps:
-    done = verify(grasps_file.from_dict(data))
-    assert isinstance(done, ReplayedGrasps)
-    return done
+def replayed(data: Data) -> Replay:
+    return verify(grasps_file.from_dict(data))
 
 
 def renew(data: Data, *, question: bool = True) -> Data:
