@@ -77,7 +77,9 @@ def test_texts_that_could_fake_what_is_printed(written, word: str, problem: str)
 
 
 def test_the_first_name(written) -> None:
-    data = files.read_json(written('{"schema": "holdfast/result/2", "a": [{"schema": "holdfast/x", "b": "holdfast/"}]}'))
+    data = files.read_json(
+        written('{"schema": "holdfast/result/2", "a": [{"schema": "holdfast/x", "b": "holdfast/"}]}')
+    )
     assert data == {"schema": "handfast/result/2", "a": [{"schema": "handfast/x", "b": "holdfast/"}]}
 
 
