@@ -212,7 +212,7 @@ def test_a_link_that_no_joint_moves_stands_at_its_pose() -> None:
     slopes = rng.normal(size=(2, 2, 2, 1, 3))
     none = Interval.of(np.zeros((2, 0)))
     at, along, by_joints = arms.carry(
-        none, *(Dual(Interval.of(v), Interval.of(s)) for v, s in zip((point, vector), slopes, strict=True))
+        none, *(Dual(Interval.of(v), Interval.of(s)) for v, s in zip((point, vector), slopes, strict=True)), 5
     )
     np.testing.assert_allclose(at.value.mid, point @ turned.T + X, atol=1e-14)
     np.testing.assert_allclose(along.value.mid, vector @ turned.T, atol=1e-14)
@@ -231,7 +231,7 @@ def test_a_revolute_and_a_prismatic_joint_move_what_is_behind_them() -> None:
     arms = arms_of(touched(hand, "far"))
     q = Interval.of(np.array([[np.pi / 2, 0.2]]))
     still = [Dual.constant(Interval.of(v.reshape(1, 1, 3)), 2) for v in (0.05 * Y, X)]
-    at, along, by_joints = arms.carry(q, *still)
+    at, along, by_joints = arms.carry(q, *still, 5)
     np.testing.assert_allclose(at.value.mid[0, 0], [0.05, 0.5, 0], atol=1e-15)  # (0.1, 0) + (-0.05, 0.5) turned
     np.testing.assert_allclose(along.value.mid[0, 0], Y, atol=1e-15)
     np.testing.assert_allclose(by_joints.mid[0, 0, 0, 0], [-0.5, -0.05, 0], atol=1e-15)  # z x (-0.05, 0.5)

@@ -47,6 +47,7 @@ def test_what_is_no_object_is_refused(data: Any) -> None:
 def test_each_field_is_taken_once_and_none_may_be_left() -> None:
     data = {"a": 1, "b": None, "c": 3}
     f = Fields(data, "top")
+    assert f.names() == ("a", "b", "c")
     assert (f.has("a"), f.has("b"), f.has("d")) == (True, False, False)
     assert f.take("a") == 1
     assert not f.has("a")
@@ -57,6 +58,7 @@ def test_each_field_is_taken_once_and_none_may_be_left() -> None:
     assert f.take("b", 5) is None  # null is a value
     with refused("is not a known field; leave it out", "top.c"):
         f.done()
+    assert f.names() == ("c",)
     assert f.take("c") == 3
     f.done()
     assert data == {"a": 1, "b": None, "c": 3}
@@ -91,6 +93,23 @@ def test_lists_of_objects() -> None:
             Fields({"a": wrong}, "top").objects("a")
     with refused("is no object", "top.a[1]"):
         list(Fields({"a": [{}, 1]}, "top").objects("a"))
+
+
+def test_tables_of_objects() -> None:
+    rows = [{"x": 1, "y": "a"}, {"y": "b", "x": [2]}]
+    assert Fields({"t": rows}).table("t", ["x", "y"]) == {"x": [1, [2]], "y": ["a", "b"]}
+    assert Fields({"t": []}).table("t", ["x"]) == {"x": []}
+    for wrong in ("text", {"x": 1}, 3):
+        with refused("is no list", "top.t"):
+            Fields({"t": wrong}, "top").table("t", ["x"])
+    with refused("is missing", "top.t"):
+        Fields({}, "top").table("t", ["x"])
+    with refused("is no object", "top.t[1]"):
+        Fields({"t": [{"x": 1}, 3]}, "top").table("t", ["x"])
+    with refused("is missing", "top.t[1].y"):
+        Fields({"t": [*rows[:1], {"x": 1}]}, "top").table("t", ["x", "y"])
+    with refused("is not a known field; leave it out", "top.t[0].z"):
+        Fields({"t": [rows[0] | {"z": 1}]}, "top").table("t", ["x", "y"])
 
 
 # --- texts, truth values, whole numbers
@@ -215,7 +234,10 @@ def test_any_length() -> None:
         ([], (3,), "has 0 numbers; 3 are needed"),
         ([1], (0,), "has 1 numbers; 0 are needed"),
         ([[1, 2], [3]], (2, 2), "is no table of 2 x 2 numbers"),
-        ([[1, 2], 3], (-1, 2), "is no table of n x 2 numbers"),
+        ([[1, 2], 3], (-1, 2), "has [1, 2] where a number is needed"),
+        ([[1, 2], "x"], (-1, 2), "has [1, 2] where a number is needed"),
+        ([[1, 2], [3, "x"]], (-1, 2), "has 'x' where a number is needed"),
+        ([[[1]]], (1, 1), "has 1 x 1 x 1 numbers; 1 x 1 are needed"),
         ([1, True], (2,), "has True where a number is needed"),
         ([1, "2"], (2,), "has '2' where a number is needed"),
         ("12", (2,), "has '12' where a number is needed"),

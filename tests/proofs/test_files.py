@@ -9,10 +9,9 @@ from typing import Any
 
 import pytest
 
+from handfast.proofs import files
 from handfast.proofs.replay import Replay
 from tests.support.refused import refused
-
-files = pytest.importorskip("handfast.proofs.files", reason="modules that it imports are missing", exc_type=ImportError)
 
 
 @pytest.fixture
@@ -118,14 +117,24 @@ def test_what_is_no_json(written, text: str | bytes) -> None:
         files.read_json(path, "place")
 
 
+def test_where_json_ends(written) -> None:
+    with refused("is not valid JSON: Expecting value: line 2 column 2 (char 3)", "place"):
+        files.read_json(written("[\n ,"), "place")
+
+
 def test_what_cannot_be_read(tmp_path: Path) -> None:
-    with refused("cannot be read: No such file or directory", "place"):
+    with refused("no such file; one that --save wrote is needed", "place"):
         files.read_json(tmp_path / "none.json", "place")
     with refused("cannot be read: Is a directory"):
         files.read_json(tmp_path)
 
 
 # --- schemas
+
+
+def test_what_can_be_verified() -> None:
+    schemas = "result/2", "certificate/3", "hold/1", "synthesis/1", "grasps/2"
+    assert [*files.READERS] == [f"handfast/{schema}" for schema in schemas]
 
 
 def known() -> str:
@@ -227,7 +236,7 @@ def test_faults_of_plans(plan: Any, field: str, problem: str, written, tmp_path:
 @pytest.mark.parametrize(
     ("name", "text", "problem"),
     [
-        ("none.json", None, "none.json: cannot be read: No such file or directory"),
+        ("none.json", None, "none.json: no such file; one that --save wrote is needed"),
         ("..", None, "..: cannot be read: Is a directory"),
         ("", None, "cannot be read: Is a directory"),
         ("a.json", "[NaN]", "a.json: contains NaN; finite numbers are needed"),
@@ -244,5 +253,5 @@ def test_files_of_a_plan_that_are_none(name: str, text: str | None, problem: str
 
 
 def test_a_folder_without_a_plan(tmp_path: Path) -> None:
-    with refused("cannot be read: No such file or directory", "plan.json"):
+    with refused("no such file; one that --save wrote is needed", "plan.json"):
         files.verify_path(tmp_path)

@@ -94,9 +94,9 @@ def test_what_moves_no_contact_does_not_count() -> None:
     ]
     data["preload"] |= {"spin": 100.0, "turned": 70.0}
     assert drives(question(data)) == pytest.approx(0.75 / PUSH)
-    # a joint whose axis goes through a soft finger turns it, though it moves no point: 6 over the lever 1/2
+    # a joint whose axis goes through one of two soft fingers turns it, though it moves no point: 6 over the lever 1/2
     data["joints"][3] |= {"moves": [0], "origin": [0.5, 0, 7], "torque": 6.0, "friction": 0}
-    data["preload"] |= {"spin": 0.0, "turned": 0.0}
+    data["contacts"][1]["torsion"] = 0.375
     data["mechanism"]["actuators"] = data["mechanism"]["actuators"][:3]
     data["preload"] = {"push": -0.75}
     assert drives(question(data)) == pytest.approx(12)

@@ -642,6 +642,13 @@ def test_faults(path: str, value: Any, field: str, problem: str) -> None:
         read_grasp(altered(path, value), "g")
 
 
+def test_of_several_names_twice_the_first_is_told() -> None:
+    data = altered("joints.1.name", "turn")
+    data["joints"] += [data["joints"][2] | {"name": name} for name in ("roll", "turn")]
+    with refused("'turn' is there twice", "g.joints"):
+        read_grasp(data, "g")
+
+
 @pytest.mark.parametrize("data", [None, [], 3])
 def test_what_is_no_grasp(data: Any) -> None:
     with refused("is no object", "g"):

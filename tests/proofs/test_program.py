@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
+import runpy
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from handfast.proofs import __main__ as program
+from handfast.proofs import files
 from handfast.proofs.replay import Replay
-
-REASON = "modules that it imports are missing"
-files = pytest.importorskip("handfast.proofs.files", reason=REASON, exc_type=ImportError)
-program = pytest.importorskip("handfast.proofs.__main__", reason=REASON, exc_type=ImportError)
 
 SCHEMA = "handfast/said/1"
 
@@ -60,7 +59,7 @@ def test_files_that_cannot_be_read(tmp_path: Path, capsys: pytest.CaptureFixture
     assert program.main([missing]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err == f"{missing}: cannot be read: No such file or directory\n"
+    assert err == f"{missing}: no such file; one that --save wrote is needed\n"
 
 
 @pytest.mark.parametrize("arguments", [[], ["a", "b"]])
@@ -69,3 +68,12 @@ def test_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None
     out, err = capsys.readouterr()
     assert out == ""
     assert err == "usage: python -m handfast.proofs FILE\n"
+
+
+def test_run_as_a_program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    missing = str(tmp_path / "none.json")
+    monkeypatch.setattr("sys.argv", ["handfast.proofs", missing])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(program.__file__), run_name="__main__")
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == f"{missing}: no such file; one that --save wrote is needed\n"

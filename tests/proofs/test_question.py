@@ -76,6 +76,8 @@ def test_defaults() -> None:
     empty = question(direction=None, force_limit=None)
     assert (empty.direction.tolist(), empty.force_limit) == (NONE, INF)
     assert question(LARGEST).direction.tolist() == D
+    small = question(force_limit=0.5, torque_limits={"push": 0.25})
+    assert (small.force_limit, dict(small.torque_limits)) == (0.5, {"push": 0.25})
 
 
 @pytest.mark.parametrize(

@@ -116,6 +116,26 @@ def test_gaps_nearer_to_each_other_than_the_resolution_are_one() -> None:
     assert known([(0, 1), (2, 2.001), (3, 3.001), (4, 5)], [], 5.0, 5.004, 1e-3, 1.0).unproved == ((1, 4),)
 
 
+def test_of_several_gaps_the_last_one_grows() -> None:
+    resisted: Ranges = [(0, 0.5), (1, 1.2), (1.5, 2), (3, 3.001), (4, 5)]
+    said = known(resisted, [(1.2, 1.5)], 5.0, 5.004, 1e-3, 1.0)
+    assert said.unproved == ((0.5, 1), (2, 4))
+
+
+def test_exactly_the_resolution() -> None:
+    """2^-10 of 4 is 2^-8: as wide as that a gap beside a hole is none, and two gaps so far apart are two."""
+    fine = 2.0**-8
+    assert known([(0, 4 - fine), (4.5, 5)], [(4, 4.5)], 5.0, 5.004, 2.0**-10, 1.0).unproved == ()
+    said = known([(0, 1), (2, 2 + fine), (4, 5)], [], 5.0, 5.004, 2.0**-10, 1.0)
+    assert said.unproved == ((1, 2), (2 + fine, 4))
+
+
+def test_the_largest_is_resisted_itself() -> None:
+    assert known([(0, 4.999)], [], 5.0, 5.004, 1e-3, 1.0).unproved == ((4.999, 5),)
+    assert known([(0, 4)], [(4, 4.999)], 5.0, 5.004, 1e-3, 1.0).unproved == ()
+    assert known([(0, 4)], [(4, 4.99)], 5.0, 5.004, 1e-3, 1.0).unproved == ((4.99, 5),)
+
+
 def test_gaps_on_both_sides_of_a_hole_stay_two() -> None:
     said = known([(0, 1), (3, 5)], [(2, 2.001)], 5.0, 5.004, 1e-3, 1.0)
     assert said.unproved == ((1, 2), (2.001, 3))
@@ -149,4 +169,6 @@ def test_merged_ranges() -> None:
     assert merged([(3, 4), (0, 1), (1, 2)]) == ((0, 2), (3, 4))
     assert merged([(0, 5), (1, 2)]) == ((0, 5),)
     assert merged([(0, 2), (1, 3), (3.5, 4)]) == ((0, 3), (3.5, 4))
+    assert merged([(0, 1), (2, 3), (2.5, 4)]) == ((0, 1), (2, 4))
+    assert merged([(0, 1), (2, 5), (3, 4)]) == ((0, 1), (2, 5))
     assert merged([(0, 1), (1.0000001, 2)]) == ((0, 1), (1.0000001, 2))

@@ -65,6 +65,22 @@ def test_torch_without_torch(tmp_path: Path) -> None:
     assert found["names"] == ["a", "b"]
 
 
+@pytest.mark.parametrize(
+    ("kind", "raw", "values"),
+    [
+        (b"BFloat16Storage", b"\x80\x3f\x20\xc0\x40\x3e", [1.0, -2.5, 0.1875]),  # the upper halves of 4 bytes each
+        (b"HalfStorage", b"\x00\x3c\x00\xc1\x00\x32", [1.0, -2.5, 0.1875]),
+        (b"DoubleStorage", np.array([1.0, -2.5, 0.1]).tobytes(), [1.0, -2.5, 0.1]),
+        (b"ShortStorage", b"\x01\x00\xff\xff\x00\x01", [1, -1, 256]),
+    ],
+)
+def test_numbers_of_torch_storages(kind: bytes, raw: bytes, values: list[float], tmp_path: Path) -> None:
+    file = torch_file(tmp_path / "x.pt", [np.arange(3)])
+    altered(file, "archive/data.pkl", lambda text: text.replace(b"FloatStorage", kind))
+    (found,) = read_array_file(altered(file, "archive/data/0", lambda _: raw))
+    assert found.tolist() == values
+
+
 def altered(path: Path, name: str, change: Any) -> Path:
     """The zip with one of its files changed, or left out."""
     with zipfile.ZipFile(path) as packed:
@@ -92,6 +108,31 @@ def test_torch_files_that_lie(name: str, change: Any, says: str, tmp_path: Path)
     file = torch_file(tmp_path / "x.pt", {"q": np.arange(6).reshape(2, 3)})
     with pytest.raises(InputError, match=says):
         read_array_file(altered(file, name, change))
+
+
+def packed_file(path: Path, **files: bytes) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, data in files.items():
+            packed.writestr(name, data)
+    return path
+
+
+def test_a_pickle_that_is_packed_too_well_is_not_unpacked(tmp_path: Path) -> None:
+    bomb = packed_file(tmp_path / "x.pt", **{"archive/data.pkl": b"\x80\x02" + b"]" * 19_000_000 + b"."})
+    assert bomb.stat().st_size < 20_000
+    with pytest.raises(InputError, match=r"x\.pt: has a data\.pkl that is packed more than 20 to 1"):
+        read_array_file(bomb)
+    names = [f"grasp {k}" for k in range(1000)]
+    fair = packed_file(tmp_path / "y.pt", **{"archive/data.pkl": pickle.dumps(names, 2)})
+    assert read_array_file(fair) == names  # packed, but no bomb
+
+
+def test_arrays_that_are_packed_too_well_are_not_unpacked(tmp_path: Path) -> None:
+    bomb = packed_file(tmp_path / "x.npz", **{f"{k}.npy": npy(np.zeros(2**22)) for k in range(3)})  # 96 MiB
+    with pytest.raises(InputError, match=r"x\.npz: unpacks to \d+ bytes; at most 100 times its size"):
+        read_array_file(bomb)
+    fair = packed_file(tmp_path / "y.npz", **{"a.npy": npy(np.zeros(2**22))})  # 32 MiB of zeros
+    assert read_array_file(fair)["a"].shape == (2**22,)
 
 
 def test_other_zips_and_legacy_torch(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question, Range, read_question
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import Figure, Refused, Replay
-from handfast.proofs.states import Problem, State, read_state
+from handfast.proofs.states import Contact, Problem, State, read_state
 from handfast.proofs.tolerance import load_scale
 
 SCHEMA = "handfast/result/2"
@@ -33,6 +33,7 @@ VERDICTS = "holds", "slips", "undecided"
 STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
 COURSE = "stop", "seconds", "nodes", "verified"  # the course of the search: recorded, and nothing rests on it
 NOT_REPLAYED = f"{', '.join(COURSE)}: the course of the search is recorded, and nothing rests on it"
+ROUNDING = 1e-12  # of residuals: they are made of it
 NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
 LIMIT = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
 OF_INTERVAL = "holds_from_zero_upper", "holes", "unproved", "resolution"  # keys beside `holds_from_zero_to`
@@ -219,6 +220,9 @@ def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float
     for key, value in shown.items():
         if key not in said:
             raise Refused(f"{key} is missing")
+        if key == "residual" and isinstance(said[key], float) and isinstance(value, float):
+            if abs(said[key] - value) <= ROUNDING:
+                continue
         if not matches(said[key], value):
             raise Refused(f"{key} is not what the rest of the file shows")
 
@@ -408,13 +412,20 @@ QUERIES: dict[str, Query] = {"check": Query(), "max": Maximum(), "torques": Torq
 # --- parts of them --------------------------------------------------------------------------------
 
 
-WORDS = {"open": "open", "touches": "open", "sticks": "stick", "slides": "slide", "rubs": "slide"}  # of contacts
+WORDS = {  # of contacts
+    Contact.OPEN: "open",
+    Contact.TOUCHES: "open",
+    Contact.STICKS: "stick",
+    Contact.SLIDES: "slide",
+    Contact.RUBS: "slide",
+}
 NOTHING = dict.fromkeys(("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"))
 
 
 def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
     """What `check` says of a state by key; `NOTHING` without one."""
     motions = g.rows[0] @ x.motion
+    states = [Contact(k) for k in proved.modes.contact] if proved.modes else [Contact.OPEN] * g.m
     c, d = x.c.reshape(-1, 3), motions[: 3 * g.m].reshape(-1, 3)
     contacts = [
         {
@@ -424,7 +435,7 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
             "normal_force": float(c[i, 0]),
             "friction_force": float(np.linalg.norm(c[i, 1:])),
             "motion": (g.frames[i] @ d[i]).tolist(),
-            "state": WORDS[proved.modes[f"contact {i}"]],
+            "state": WORDS[states[i]],
         }
         | ({"torsion": float(x.torsion[i])} if g.lever[i] > 0 else {})
         for i in range(g.m)

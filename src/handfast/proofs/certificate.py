@@ -109,10 +109,9 @@ class Certificate:
     @classmethod
     def of_root(cls, question: Question, scalar: Range | None) -> Certificate:
         """Without cases and rows: the equilibrium contradicts itself."""
-        none, root = np.zeros(0, np.int64), np.zeros(1, np.int64)
-        return cls(
-            question, scalar, root - 1, root, root, root, root, np.zeros(2, np.int64), none, none, none, none, none
-        )
+        none, zero, empty = np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0, np.float32)
+        start = np.zeros(2, np.int64)
+        return cls(question, scalar, zero - 1, zero, zero, zero, zero, start, none, none, none, none, empty)
 
     @cached_property
     def leaves(self) -> Integers:

@@ -142,12 +142,12 @@ class Arms:
             steps_of, column, ref, *turns, frame @ sliding[..., None], frame @ anchor[..., None] + p, Interval(gain)
         )
 
-    def carry(self, joints: Interval, point: Dual, vector: Dual) -> tuple[Dual, Dual, Interval]:
+    def carry(self, joints: Interval, point: Dual, vector: Dual, n: int) -> tuple[Dual, Dual, Interval]:
         """Points and vectors (N, K, 3) of the contacts' links in the palm frame, at joint values (N, J).
 
         Returns:
             Both, with derivatives (2, N, K, 3) by what they depend on in the link; (2, n, N, K, 3) the derivatives of
-            both by the coordinates that move the joints.
+            both by the n coordinates, as far as these move joints; by none for n = 0.
         """
         R, by = self.frame[None], Interval(np.zeros((1, len(self.ref), 2)))
         if joints.shape[1]:
@@ -169,7 +169,7 @@ class Arms:
             x = join([x[..., :1] + shift[:, :, d], x[..., 1:], turned[..., :1] + slide[:, d], turned[..., 1:]], -1)
         local = Interval(np.moveaxis(x.ends[..., 2:6, :], -2, 0))
         steps = x.ends[..., 6:, :].reshape(*x.shape[:3], D, 2, 2)[..., ::-1, :, :]  # (N, K, 3, D, 2) from the palm
-        by_all = Interval(np.moveaxis(steps, -2, 0)) @ self.gain  # (2, N, K, 3, n)
+        by_all = Interval(np.moveaxis(steps, -2, 0)) @ self.gain[..., :n]  # (2, N, K, 3, n)
         by_all = Interval(np.moveaxis(by_all.ends, -2, 1))
         return Dual(x[..., 0], local[:2]), Dual(x[..., 1], local[2:]), by_all
 

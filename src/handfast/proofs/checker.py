@@ -65,7 +65,7 @@ def verify(certificate: Certificate, until: float = np.inf) -> Checked:
 
 
 def checked_rows(c: Certificate, cases: Integers) -> CitedRows:
-    """The rows as numbers; `BadCertificate` for the first that is none, need not hold in its leaf, or has no multiplier."""
+    """The rows as numbers; `BadCertificate` for the first that is none, or need not hold, or has no multiplier >= 0."""
     q = c.question
     leaf = np.repeat(np.arange(len(c.start) - 1), np.diff(c.start))
     some = LeafRows(c.kind, c.index, c.a, c.b, leaf, c.references)

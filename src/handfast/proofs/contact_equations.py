@@ -109,11 +109,14 @@ class Sides:
             np.array([[-c.sign if c else -1.0] for c in caps]),
         )
 
-    def on_hand(self, x: Interval, joints: Interval) -> tuple[Dual, Dual]:
-        """The hand's points and axes or normals (N, K, 3) in the palm frame, at coordinates (N, n)."""
+    def on_hand(self, x: Interval, n: int) -> tuple[Dual, Dual]:
+        """The hand's points and axes or normals (N, K, 3) in the palm frame, at coordinates (N, n).
+
+        With derivatives by all n coordinates, or with none for n = 0.
+        """
         at = self.hand.at(x)
-        point, vector, by_joints = self.arms.carry(joints, at.point, at.normal)
-        moved, turned = (self.hand.spread(a, len(self.column)) for a in (point, vector))
+        point, vector, by_joints = self.arms.carry(self.drive.at(x), at.point, at.normal, n)
+        moved, turned = (self.hand.spread(a, n) for a in (point, vector))
         return Dual(moved.value, moved.slope + by_joints[0]), Dual(turned.value, turned.slope + by_joints[1])
 
 
@@ -150,8 +153,7 @@ class ContactEquations:
     def at(self, x: Interval) -> Values:
         """F and its derivatives at coordinates (N, n)."""
         sides, (N, n), K = self.sides, x.shape, len(self.task.links)
-        joints = sides.drive.at(x)
-        there, axis = sides.on_hand(x, joints)
+        there, axis = sides.on_hand(x, n)
         R, by_q = rotations(x[..., self.place.stop : self.place.stop + 4])
         at = sides.object.at(x)
         centre = at.point + at.normal * sides.radius
@@ -173,7 +175,9 @@ class ContactEquations:
         F = Dual(F.value.reshape(N, -1)[:, self.rows], F.slope.reshape(n, N, -1)[..., self.rows])
         normal = turned.value[..., 1, :]
         point = turned.value[..., 0, :] - normal * sides.radius + position
-        return Values(x, F, gap.value, joints, position[:, 0], R, point, normal, axis.value, facing * sides.sign[:, 0])
+        return Values(
+            x, F, gap.value, sides.drive.at(x), position[:, 0], R, point, normal, axis.value, facing * sides.sign[:, 0]
+        )
 
 
 def rotations(q: Interval) -> tuple[Interval, Interval]:

@@ -63,7 +63,7 @@ class Equations:
     @cached_property
     def inverse(self) -> Array:
         """(n, p) pseudo-inverse of the scaled E."""
-        return np.linalg.pinv(self.E * self.scale / self.unit[:, None], rcond=1e-12)
+        return np.asarray(np.linalg.pinv(self.E * self.scale / self.unit[:, None], rcond=1e-12), dtype=np.float64)
 
     @cached_property
     def reached(self) -> Mask:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from flint import fmpq_mat, fmpz
+from flint import fmpq, fmpq_mat
 
 from handfast.proofs.rational import ZERO, dot, rational, rounded
 
@@ -25,7 +25,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     s, q, exact = systems, systems.equations, systems.equations.exact
     own = np.arange(s.rows.start[leaf], s.rows.start[leaf + 1])
     own = own[s.used[own]]
-    ties = np.flatnonzero(s.used_E[leaf])
+    ties = np.flatnonzero(s.v[leaf])
     y, v = s.y[own] / s.unit[own], s.v[leaf, ties] / q.unit[ties]
     if not (np.isfinite(y).all() and np.isfinite(v).all()):
         return NONE
@@ -37,9 +37,9 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     if len(basis) != len(columns):
         return NONE
     if basis:
-        zero, others = fmpz(0), sorted(set(range(len(table))) - set(basis))
-        matrix = fmpq_mat(len(basis), len(basis), [table[j].get(i, zero) for i in columns for j in basis])
-        right = [-dot((w[j] for j in others), (table[j].get(i, zero) for j in others)) for i in columns]
+        others = sorted(set(range(len(table))) - set(basis))
+        matrix = fmpq_mat(len(basis), len(basis), [fmpq(table[j].get(i, 0)) for i in columns for j in basis])
+        right = [-dot((w[j] for j in others), (fmpq(table[j].get(i, 0)) for j in others)) for i in columns]
         try:
             found = matrix.solve(fmpq_mat(len(basis), 1, right))
         except ZeroDivisionError:  # singular
@@ -49,7 +49,7 @@ def exact_margin(systems: LeafSystems, leaf: int) -> tuple[float, float]:
     free = np.concatenate([s.rows.either[own], np.ones(len(ties), dtype=bool)])
     if any(x < 0 for x, any_sign in zip(w, free, strict=True) if not any_sign):
         return NONE
-    total = {i: dot(w, (row.get(i, fmpz(0)) for row in table)) for i in np.flatnonzero(s.alive[leaf]).tolist()}
+    total = {i: dot(w, (fmpq(row.get(i, 0)) for row in table)) for i in np.flatnonzero(s.alive[leaf]).tolist()}
     if any(x != 0 and not s.left[leaf, i] for i, x in total.items()):
         return NONE
 

@@ -116,6 +116,8 @@ def read_json(path: Path, place: str = "") -> Any:
         raise BadFile(TOO_DEEP, place) from None
     except ValueError as fault:  # a NUL in the path as well
         raise BadFile(f"is not valid JSON: {fault}", place) from None
+    except FileNotFoundError:
+        raise BadFile("no such file; one that --save wrote is needed", place) from None
     except OSError as fault:
         raise BadFile(f"cannot be read: {fault.strerror}", place) from None
     layer, depth = [data], 0

@@ -77,7 +77,7 @@ class GraspData:
         """Number of actuators."""
         return len(self.actuators)
 
-    @property
+    @cached_property
     def soft(self) -> Integers:
         """(s,) which contacts are soft fingers."""
         return np.flatnonzero(self.lever > 0)
@@ -169,23 +169,43 @@ class GraspData:
 
     @cached_property
     def rows(self) -> tuple[Array, Array]:
-        """(N, 6 + l) each: motions for (r, q), and sums of absolute values that bound the rounding.
+        """(N + 1, 6 + l) each: motions for (r, q), and sums of absolute values that bound the rounding.
 
-        Motions of the object against the fingers (3) and turning of soft fingers, A q and R q, q itself. The same
-        rows, transposed, take the forces that belong to them to (1) and (2).
+        Motions of the object against the fingers (3) and turning of soft fingers, R q and A q, q itself; a last row of
+        zeros stands for what a contact has not. The same rows, transposed, take the forces that belong to them to (1)
+        and (2).
         """
-        out = []
+        out, none = [], np.zeros((1, self.l))
         for maps, sign, R, A in ((self._maps, -1.0, self.R, self.A), (self.sizes, 1.0, np.abs(self.R), np.abs(self.A))):
             G, J, twist, turned = maps
-            own = np.vstack([R, A, np.eye(self.l)])
+            own = np.vstack([R, A, np.eye(self.l), none])
             top = np.hstack([np.vstack([G.T, twist.T]), sign * np.vstack([J, turned])])
             out.append(np.vstack([top, np.hstack([np.zeros((len(own), 6)), own])]))
         return out[0], out[1]
 
     @cached_property
+    def column_units(self) -> Array:
+        """(6 + l,) of r and q, so that each moves the contacts by about 1."""
+        return np.concatenate([[1.0, 1.0, 1.0], np.full(3, 1.0 / self.size), 1.0 / self.joint_arms])
+
+    @cached_property
+    def row_units(self) -> Array:
+        """(N + 1,) motions of `rows` per unit of motion at the contacts; forces are the other way round."""
+        size = np.sqrt(((self.rows[0] * self.column_units) ** 2).sum(axis=1))
+        return np.where(size > 0, size, 1.0)
+
+    @cached_property
+    def contact_rows(self) -> Integers:
+        """(m, 4) rows of d_n, d_t1, d_t2 and the turning of each contact; N, which is none, at point contacts."""
+        out = np.full((self.m, 4), len(self.rows[0]) - 1)
+        out[:, :3] = np.arange(3 * self.m).reshape(-1, 3)
+        out[self.soft, 3] = 3 * self.m + np.arange(len(self.soft))
+        return out
+
+    @cached_property
     def exact_rows(self) -> list[list[fmpq]]:
         """`rows` as rational numbers."""
-        own = np.vstack([self.R, self.A, np.eye(self.l)])
+        own = np.vstack([self.R, self.A, np.eye(self.l), np.zeros((1, self.l))])
         return self.exact_motion + [[fmpq(0)] * 6 + rationals(row) for row in own]
 
     @cached_property

@@ -165,16 +165,16 @@ class _Conditions:
     def _sized(self) -> _Conditions:
         """With its size, and a finite place of the origin: no farther than a contact on the hand and on the object."""
         x = Interval.between(self.root[None, :, 0], self.root[None, :, 1])
-        on_hand, _ = self.sides.on_hand(x, self.sides.drive.at(x))
+        on_hand, _ = self.sides.on_hand(x, 0)
         away, out = (sqrt(sqr(y.value).sum()).hi for y in (on_hand, self.sides.object.at(x).point))
         far, root = (away + out + np.abs(self.sides.radius[:, 0])).min() * MORE, self.root.copy()
         root[self.place] = np.clip(root[self.place], -far, far)
         return replace(self, root=root, size=max(float(away.max()), 1e-6))
 
-    def _contacts(self, x: Interval, joints: Interval) -> tuple[Dual, Dual, Dual, Dual]:
+    def _contacts(self, x: Interval, n: int) -> tuple[Dual, Dual, Dual, Dual]:
         """P, A, O, N (N, ., 3) of the contacts; P and O of the origin if it has a place, A and N of the axes."""
-        sides, (m, n) = self.sides, x.shape
-        P, A = sides.on_hand(x, joints)
+        sides, m = self.sides, len(x.ends)
+        P, A = sides.on_hand(x, n)
         at = sides.object.at(x)
         point, normal = (sides.object.spread(a, n) for a in (at.point, at.normal))
         lifted = point + normal * sides.radius
@@ -182,7 +182,7 @@ class _Conditions:
         O = join([(lifted if r else point)[..., k : k + 1, :] for k, r in enumerate(sides.radius[:, 0])], -2)
         if self.place:
             slope = np.zeros((n, m, 1, 3, 2))
-            slope[self.place] = np.eye(3)[:, None, None, :, None] * [-1.0, 1.0]
+            slope[self.place if n else []] = np.eye(3)[:n, None, None, :, None] * [-1.0, 1.0]
             P = join([P, Dual(x[..., self.place].reshape(m, 1, 3), Interval(slope))], -2)
             O = join([O, Dual.constant(Interval(np.zeros((m, 1, 3, 2))), n)], -2)
         N = normal * sides.sign
@@ -191,9 +191,9 @@ class _Conditions:
             A, N = (join([y, Dual.constant(f, n)], -2) for y, f in zip((A, N), fixed, strict=True))
         return P, A, O, N
 
-    def _rows(self, x: Interval, joints: Interval) -> tuple[Dual, Interval]:
-        """(N, C) the conditions, lengths first; (N, T) the lengths |dP|."""
-        P, A, O, N = self._contacts(x, joints)
+    def _rows(self, x: Interval, n: int) -> tuple[Dual, Interval]:
+        """(N, C) the conditions, lengths first, with n derivatives or none; (N, T) the lengths |dP|."""
+        P, A, O, N = self._contacts(x, n)
         (i, j), (a, b), (k, at) = self.two, self.directed, self.line
         dP, dO = P[..., i, :] - P[..., j, :], O[..., i, :] - O[..., j, :]
         lengths = sqr(dP).sum()
@@ -204,9 +204,9 @@ class _Conditions:
     def at(self, box: Array) -> _ConditionValues:
         """The conditions over boxes (N, n, 2)."""
         over, middle = Interval.between(box[..., 0], box[..., 1]), box.mean(axis=2)
-        q, still = self.sides.drive.at(over), Interval.of(middle)
-        value, length = self._rows(over, q)
-        here, _ = self._rows(still, self.sides.drive.at(still))
+        q = self.sides.drive.at(over)
+        value, length = self._rows(over, box.shape[1])
+        here, _ = self._rows(Interval.of(middle), 0)
         (a, b), (k, at) = self.directed, self.line
         most = [
             np.zeros((len(box), self.two.shape[1])),

@@ -49,10 +49,7 @@ class Interval:
     @classmethod
     def between(cls, lo: Array, hi: Array) -> Interval:
         """From lo to hi."""
-        ends = np.empty((*np.shape(lo), 2))
-        np.negative(lo, out=ends[..., 0])
-        ends[..., 1] = hi
-        return cls(ends)
+        return cls(_pair(np.negative(lo), hi))
 
     @classmethod
     def of(cls, x: object) -> Interval:
@@ -64,10 +61,7 @@ class Interval:
     def around(cls, middle: object, radius: object) -> Interval:
         """[middle - radius, middle + radius], rounded outwards."""
         m, r = np.asarray(middle, dtype=float), np.asarray(radius, dtype=float)
-        lower, upper = r - m, r + m
-        ends = np.empty((*lower.shape, 2))
-        ends[..., 0], ends[..., 1] = lower, upper
-        return _up(ends)
+        return _up(_pair(r - m, r + m))
 
     @property
     def lo(self) -> Array:
@@ -133,6 +127,8 @@ class Interval:
             return NotImplemented
         if isinstance(other, Interval):
             return _hull(self.ends * other.ends, self.ends * other.ends[..., ::-1])
+        if isinstance(other, float):
+            return _up((self.ends if other >= 0 else self.ends[..., ::-1]) * abs(other))
         by = np.asarray(other, dtype=float)[..., None]
         return _up(np.where(by < 0, self.ends[..., ::-1], self.ends) * np.abs(by))
 
@@ -237,8 +233,8 @@ def sqr(x: Number) -> Number:
     """x^2, never negative."""
     if isinstance(x, Dual):
         return Dual(sqr(x.value), 2.0 * x.value * x.slope)
-    least = np.maximum(-x.ends.min(axis=-1), 0.0)  # 0 if 0 is inside
-    out = _up(np.stack([-least * least, x.mag * x.mag], axis=-1))
+    least = np.maximum(-np.minimum(x.ends[..., 0], x.ends[..., 1]), 0.0)  # 0 if 0 is inside
+    out = _up(_pair(-least * least, x.mag * x.mag))
     return Interval.between(np.maximum(out.lo, 0.0), out.hi)
 
 
@@ -247,7 +243,7 @@ def sqrt(x: Number) -> Number:
     if isinstance(x, Dual):
         root = sqrt(x.value)
         return Dual(root, x.slope / (2.0 * root))
-    out = _up(np.stack([-np.sqrt(np.maximum(x.lo, 0.0)), np.sqrt(x.hi)], axis=-1))
+    out = _up(_pair(-np.sqrt(np.maximum(x.lo, 0.0)), np.sqrt(x.hi)))
     return Interval.between(np.maximum(out.lo, 0.0), out.hi)
 
 
@@ -305,6 +301,13 @@ def orthonormal(first: Array, second: Array) -> Interval:
 
 def _interval(x: Interval | Array | float) -> Interval:
     return x if isinstance(x, Interval) else Interval.of(x)
+
+
+def _pair(lower: Array, upper: Array) -> Array:
+    """(..., 2) ends from those below, negated, and above."""
+    ends = np.empty((*np.shape(lower), 2))
+    ends[..., 0], ends[..., 1] = lower, upper
+    return ends
 
 
 def _up(ends: Array) -> Interval:

@@ -41,7 +41,7 @@ from handfast.proofs.rows import UNIT
 NEGLIGIBLE = 1e-13  # relative: multipliers below this are taken for 0
 LEAST = 1e-4  # how far a small multiplier may change, relative to what an equality's may, as a root
 HIGH = 1e9  # times the load: caps below are sought again in rational arithmetic
-RANK, COARSE = 1e-9, 1e-6  # of scaled rows: pivots that are smaller do not count; where that shows nothing
+RANK, COARSE = 1e-9, (1e-6, 1e-4)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
 CHUNK, SIDE = 128, 4096  # systems inverted at a time; leaves whose rows are in memory at a time
 
@@ -82,7 +82,7 @@ class CitedRows:
 
 
 def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf) -> tuple[Array, Array]:
-    """(L,) y b + v h less the slack, relative to its terms: positive is a proof; (L,) [N] the cap it needs, inf for none.
+    """(L,) y b + v h less the slack, relative to its terms, positive is a proof; (L,) [N] the cap it needs, or inf.
 
     Raises:
         Late: until [s] of `time.monotonic` is over.
@@ -130,26 +130,37 @@ class LeafSystems:
         terms = int(self.count.max(initial=0)) + sum(q.E.shape) + len(q.Z)
         self.error = ROUNDED + 4 * terms * UNIT
 
+        self.touches, self.given = size > 0, self.y
         self.rest = rest = self._summed(self.y[:, None] * self.F)
-        self.v = -rest @ q.inverse
+        v = -rest @ q.inverse
         alone = self.count == 0  # the equilibrium contradicts itself
-        self.v[alone] = self.h - (q.inverse.T @ (self.E.T @ self.h))
-        self.v -= (rest + self.v @ self.E) @ q.inverse  # once more for what rounding left
+        v[alone] = self.h - (q.inverse.T @ (self.E.T @ self.h))
+        self._use(v - (rest + v @ self.E) @ q.inverse)  # once more for what rounding left
 
-        closed = ~rows.zero
-        touches, E_touches = size > 0, (q.E_size > 0).astype(float)
-        size_of_v = np.abs(self.v)
-        top = np.maximum(self._top(self.y), size_of_v.max(axis=1, initial=0.0))
-        self.y = np.where(self.y > NEGLIGIBLE * top[self.leaf], self.y, 0.0)
-        self.used = (self.y > 0) & (touches & closed[self.leaf]).any(axis=1)
-        self.used_E = (size_of_v > NEGLIGIBLE * top[:, None]) & (closed.astype(float) @ E_touches.T > 0)
-        self.v = np.where(self.used_E, self.v, 0.0)
-        self.touches = touches
+    def _use(self, v: Array) -> None:
+        """Take v (L, p) as the multipliers of equalities, and those that are not negligible as what is used."""
+        closed, size = ~self.rows.zero, np.abs(v)
+        E_touches = (self.equations.E_size > 0).astype(float)
+        self.top = np.maximum(self._top(self.given), size.max(axis=1, initial=0.0))
+        self.y = np.where(self.given > NEGLIGIBLE * self.top[self.leaf], self.given, 0.0)
+        self.used = (self.y > 0) & (self.touches & closed[self.leaf]).any(axis=1)
+        counts = size > NEGLIGIBLE * self.top[:, None]
+        self.used_E, self.v = counts & (closed.astype(float) @ E_touches.T > 0), np.where(counts, v, 0.0)
         self.alive = np.zeros_like(closed)
-        if len(touches):
-            self.alive[self.some] = np.logical_or.reduceat(touches & self.used[:, None], self.begin)
+        if len(self.y):
+            self.alive[self.some] = np.logical_or.reduceat(self.touches & self.used[:, None], self.begin)
         self.alive = (self.alive | (self.used_E.astype(float) @ E_touches > 0)) & closed
-        self.top = top
+
+    def _solve_again(self, leaves: Integers, least: float) -> None:
+        """Multipliers of the equalities of leaves for the unknowns that are not 0 in them alone."""
+        E = self.E * ~self.rows.zero[leaves][:, None]
+        inverse, v = np.linalg.pinv(E, rcond=least), self.v.copy()
+        rest = (self.rest[leaves] * ~self.rows.zero[leaves])[:, None]
+        v[leaves] = -(rest @ inverse)[:, 0]
+        alone = self.count[leaves] == 0
+        whole = self.h - ((self.h @ E)[:, None] @ inverse)[:, 0]
+        v[leaves[alone]] = whole[alone]
+        self._use(v)
 
     def _summed(self, x: Array) -> Array:
         """(L, ...) sums over the rows of each leaf."""
@@ -181,9 +192,12 @@ class LeafSystems:
         self._choose(singular, RANK)
         margins, caps = self._enclosed(squares + self._squares(singular))
         self._exactly(margins, caps, until)
-        failed = np.flatnonzero(~(margins > 0))
-        if len(failed):  # columns that depend on each other to some digits
-            self._choose(failed, COARSE)
+        for least in (RANK, *COARSE):  # columns that depend on each other to some digits
+            failed = np.flatnonzero(~(margins > 0))
+            if not len(failed):
+                break
+            self._solve_again(failed, least)
+            self._choose(failed[self.alive[failed].any(axis=1)], least)
             of_some = self._enclosed(self._squares(failed))
             margins[failed], caps[failed] = of_some[0][failed], of_some[1][failed]
             self._exactly(margins, caps, until)
@@ -313,7 +327,7 @@ class LeafSystems:
         caps = np.full(L, np.inf)
         if self.left.any():
             caps = self._caps(value, rest, bound, change_y, change_v)
-        margins = value / np.maximum(terms, 1e-300)
+        margins = np.where(terms > 0, value / np.maximum(terms, 1e-300), -np.inf)
         return np.where(sound & np.isfinite(margins), margins, -np.inf), caps
 
     def _caps(self, value: Array, rest: Array, bound: Array, change_y: Array, change_v: Array) -> Array:
@@ -397,16 +411,17 @@ def _compact(there: Mask, values: Integers, width: int, nothing: int) -> Integer
 
 
 def _inverse(B: Array) -> Array:
-    """Of each matrix; useless where there is none."""
+    """Of each matrix (C, N, N); 0 where there is none."""
     try:
-        return np.linalg.inv(B)
-    except np.linalg.LinAlgError:
-        tilt = 1e-300 + 1e-16 * np.abs(B).max(axis=(1, 2), initial=0.0)
-        return np.linalg.inv(B + tilt[:, None, None] * np.eye(B.shape[1]))
+        return np.asarray(np.linalg.inv(B), dtype=np.float64)
+    except np.linalg.LinAlgError:  # one of them is singular
+        if len(B) == 1:
+            return np.zeros(B.shape)
+        return np.concatenate([_inverse(B[: len(B) // 2]), _inverse(B[len(B) // 2 :])])
 
 
 def _pivots(B: Array, least: float) -> tuple[Mask, Mask]:
-    """(C, K) which rows of matrices (C, K, n) are independent of those before; (C, n) columns with their pivots, above `least`."""
+    """(C, K) rows of matrices (C, K, n) that those before leave a pivot above `least`; (C, n) the pivots' columns."""
     B = B.copy()
     C, K, n = B.shape
     rows, columns, every = np.zeros((C, K), dtype=bool), np.zeros((C, n), dtype=bool), np.arange(C)

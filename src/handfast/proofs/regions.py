@@ -101,10 +101,10 @@ class ContactSide:
         return Surface(*(join(list(p), -2)[..., self.order, :] for p in zip(*found, strict=True)))
 
     def spread(self, a: Dual, n: int) -> Dual:
-        """(N, K, 3) with derivatives by n coordinates instead of the two of each contact."""
+        """(N, K, 3) with derivatives by n coordinates, or none, instead of the two of each contact."""
         ends = np.zeros((n, *a.value.ends.shape))
         for k, its in enumerate(self.columns.tolist()):
-            if its[0] >= 0:
+            if n and its[0] >= 0:
                 ends[its, :, k] = a.slope.ends[:, :, k]
         return Dual(a.value, Interval(ends))
 

@@ -66,7 +66,8 @@ class Columns:
         a, efforts = q.actuators, q.actuators if q.goal == TORQUES and q.sums else 0
         sizes = (6, q.joints, 3 * q.grasp.m, a, len(q.equivalent.A), int(q.has_scalar), efforts, len(q.grasp.soft))
         ends = np.cumsum([0, *sizes]).tolist()
-        return cls(*(slice(i, j) for i, j in pairwise(ends)), ends[-1])
+        r, q_, c, f, coupling, scalar, e, twist = (slice(i, j) for i, j in pairwise(ends))
+        return cls(r, q_, c, f, coupling, scalar, e, twist, ends[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +172,7 @@ def legal(q: Question, scalar: Range | None, rows: LeafRows, cases: Integers) ->
 
 
 def _energy_holds(q: Question, scalar: Range | None, rows: LeafRows) -> Mask:
-    """(R,) does the balance of energy hold: w . r + f_c . t + g . q = sum of c_n^2, and what friction takes by (6), (7)?
+    """(R,) does the balance of energy hold: w . r + f_c . t + g . q = sum of c_n^2 and what (6), (7) take?
 
     With a scalar, larger commands put in more, as t >= 0; what acts on joints takes energy, or is not said. Where the
     scalar multiplies the load, or commands are sought, the work put in is no linear function of the unknowns.
@@ -199,13 +200,14 @@ def equalities(q: Question, rows: LeafRows, cases: Integers) -> Mask:
 
 
 def zeros(q: Question, cases: Integers) -> Mask:
-    """(L, n) bool: unknowns that are 0 in a case (L, m+a, 3): forces of open contacts, joints whose actuator is locked."""
+    """(L, n) bool: unknowns that are 0 in a case (L, m+a, 3): forces of open contacts, joints that are locked."""
     at, m = Columns.of(q), q.grasp.m
     opened, locked = cases[:, :m, 0] == OPEN, (cases[:, m:, 0] == LOCKED) | ~q.may_move
     alone = np.flatnonzero((q.equivalent.R != 0).sum(axis=1) == 1)  # t = R_j q_j
     out = np.zeros((len(cases), at.n), dtype=bool)
     out[:, at.c], out[:, at.twist] = np.repeat(opened, 3, axis=1), opened[:, q.grasp.soft]
-    np.logical_or.at(out, (slice(None), 6 + np.argmax(q.equivalent.R[alone] != 0, axis=1)), locked[:, alone])
+    for row, joint in zip(alone, np.nonzero(q.equivalent.R[alone])[1], strict=True):
+        out[:, 6 + joint] |= locked[:, row]
     return out
 
 

@@ -1,9 +1,9 @@
 """A state of the model as arrays, the equations (1) to (8) with all laws, and the modes in which they are smooth.
 
 Everything that moves or carries is a row of `GraspData.rows` M: contact forces and motions, torsions of soft fingers,
-actuators, couplings, reactions of joints. A row's motion is d = M (r, q), and forces phi of all rows are in balance with
-the load, M^T phi + L = 0: that is (1) and (2). What is left are laws between d and phi, row by row. In fixed modes each
-row is *held* (its motion is 0), its force is *unknown*, or given, or follows from the motion of its contact:
+actuators, couplings, reactions of joints. A row's motion is d = M (r, q), and the forces phi of all rows are in balance
+with the load, M^T phi + L = 0: that is (1) and (2). What is left are laws between d and phi, row by row. In fixed modes
+each row is *held* (its motion is 0), its force is *unknown*, or given, or follows from the motion of its contact:
 
     open     c = 0, d^_n > 0              touches  c = 0, d_n = 0
     sticks   c_n = -d^_n, d_t = 0         slides   c_n = -d^_n, c_t = -mu c_n d_t / |d_t|         (4) to (7), (17)
@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
+from math import hypot
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from handfast.proofs.grasp import GraspData
 from handfast.proofs.tolerance import load_scale
 
 ULP = 2.0**-53
+NO_ROW = np.zeros(1)
 NONE = 1e-9  # relative to the forces that act: motions and forces that may be none
 
 
@@ -42,14 +44,15 @@ class State:
     reaction: Array
     torsion: Array
 
-    @property
+    @cached_property
     def motion(self) -> Array:
         """(6 + l,) r and q."""
-        return np.r_[self.r, self.q]
+        return np.concatenate([self.r, self.q])
 
     def forces(self, g: GraspData) -> Array:
-        """(N + 1,) forces of `Problem.rows`."""
-        return np.r_[self.c, self.torsion[g.soft] / g.lever[g.soft], self.f, self.coupling, self.reaction, 0.0]
+        """(N + 1,) forces of `GraspData.rows`."""
+        twist = self.torsion[g.soft] / g.lever[g.soft]
+        return np.concatenate([self.c, twist, self.f, self.coupling, self.reaction, NO_ROW])
 
     @classmethod
     def of(cls, g: GraspData, motion: Array, forces: Array) -> State:
@@ -115,34 +118,6 @@ class Problem:
         """[N] `load_scale`."""
         return load_scale(self.grasp.with_command(self.command), self.load)
 
-    @cached_property
-    def rows(self) -> tuple[Array, Array]:
-        """(N + 1, 6 + l) each: `GraspData.rows`, and a last one of zeros that stands for what a contact has not."""
-        M, size = self.grasp.rows
-        last = np.zeros((1, M.shape[1]))
-        return np.vstack([M, last]), np.vstack([size, last])
-
-    @cached_property
-    def column_units(self) -> Array:
-        """(6 + l,) of r and q, so that each moves the contacts by about 1."""
-        g = self.grasp
-        return np.r_[1.0, 1.0, 1.0, np.full(3, 1.0 / g.size), 1.0 / g.joint_arms]
-
-    @cached_property
-    def row_units(self) -> Array:
-        """(N + 1,) motions of `rows` per unit of motion at the contacts; forces are the other way round."""
-        size = np.sqrt(((self.rows[0] * self.column_units) ** 2).sum(axis=1))
-        return np.where(size > 0, size, 1.0)
-
-    @cached_property
-    def tangents(self) -> Integers:
-        """(m, 4) rows of d_n, d_t1, d_t2 and the turning of each contact; N, which is none, at point contacts."""
-        g = self.grasp
-        out = np.full((g.m, 4), len(self.rows[0]) - 1)
-        out[:, :3] = np.arange(3 * g.m).reshape(-1, 3)
-        out[g.soft, 3] = 3 * g.m + np.arange(len(g.soft))
-        return out
-
 
 class Contact(IntEnum):
     """The mode of a contact."""
@@ -207,14 +182,14 @@ class Rows:
 
     @classmethod
     def of(cls, p: Problem, modes: Modes) -> Rows:
-        g, n = p.grasp, len(p.rows[0])
+        g, n = p.grasp, len(p.grasp.rows[0])
         held, unknown = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         given, drive = np.zeros(n), np.zeros(n)
-        held[p.tangents[modes.contact == Contact.TOUCHES, 0]] = True
+        held[p.grasp.contact_rows[modes.contact == Contact.TOUCHES, 0]] = True
         sticks = modes.contact == Contact.STICKS
-        held[p.tangents[sticks, 1:]] = True
+        held[p.grasp.contact_rows[sticks, 1:]] = True
         rubs = (sticks | (modes.contact == Contact.RUBS)) & (g.mu > 0)
-        unknown[p.tangents[rubs, 1:]] = True
+        unknown[p.grasp.contact_rows[rubs, 1:]] = True
         _, _, actuators, couplings, joints = g.parts
         k = modes.actuator
         held[actuators] = (k != Part.MOVES) & (k != Part.FREE)
@@ -226,7 +201,7 @@ class Rows:
         drive[actuators] = 0.0 if p.drive is None else np.where(at_command, p.drive, 0.0)
         held[couplings] = unknown[couplings] = True
         k, (lo, hi) = modes.joint, reaction_ends(g)
-        held[joints] = np.isin(k, (Part.LOCKED, Part.RESTS, Part.LOW, Part.HIGH))
+        held[joints] = (k != Part.MOVES) & (k != Part.OPENS) & (k != Part.FREE)
         unknown[joints] = (k == Part.LOCKED) | (k == Part.RESTS)
         low, high = (k == Part.MOVES) | (k == Part.LOW), (k == Part.OPENS) | (k == Part.HIGH)
         given[joints] = np.where(low, lo, np.where(high, hi, 0.0))
@@ -247,14 +222,17 @@ def acting(p: Problem, x: State) -> float:
 def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
     """Modes that a state may have, the likeliest first, by `Modes` field and number ("contact 3"); see `modes_of`."""
     g = p.grasp
-    M, size = p.rows
+    M, size = p.grasp.rows
     phi, d, act = x.forces(g), M @ x.motion, acting(p, x)
     coarse = 8 * len(M) * ULP * (size @ np.abs(x.motion))
-    none_d, none_f = np.maximum(NONE * act * p.row_units, coarse), NONE * act / p.row_units
+    none_d, none_f = np.maximum(NONE * act * p.grasp.row_units, coarse), NONE * act / p.grasp.row_units
     out = {}
-    for i, rows in enumerate(p.tangents):
-        out[f"contact {i}"] = _contact(p, g.mu[i], d[rows], phi[rows], none_d[rows], none_f[rows[0]])
+    rows = g.contact_rows
+    of_contacts = (x.tolist() for x in (g.mu, d[rows], phi[rows], none_d[rows].max(axis=1), none_f[rows[:, 0]]))
+    for i, values in enumerate(zip(*of_contacts, strict=True)):
+        out[f"contact {i}"] = _contact(p, *values)
     _, _, actuators, _, joints = (range(s.start, s.stop) for s in g.parts)
+    d, phi, none_d, none_f = d.tolist(), phi.tolist(), none_d.tolist(), none_f.tolist()
     for j, k in enumerate(actuators):
         e, t = sense(p)[j] * (phi[k] - p.command[j]), sense(p)[j] * d[k]
         full = [Part.HIGH if phi[k] > 0 else Part.LOWEST] * bool(p.limit[j] - abs(phi[k]) < none_f[k])
@@ -264,8 +242,8 @@ def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
             kinds = [*full, Part.LOCKED]
         else:
             rests, moves = e > none_f[k], t > none_d[k]
-            kinds = [Part.MOVES] if moves and not rests else [*full, Part.RESTS] if rests else [Part.LOW]
             turns = t / none_d[k] > e / none_f[k]
+            kinds = [Part.MOVES] if moves and (turns or not rests) else [*full, Part.RESTS] if rests else [Part.LOW]
             other = (Part.LOW, Part.MOVES, Part.RESTS) if turns else (Part.LOW, Part.RESTS, Part.MOVES)
             kinds += [x for x in other if x not in kinds]
         out[f"actuator {j}"] = [(int(x), False) for x in kinds]
@@ -284,23 +262,25 @@ def choices(p: Problem, x: State) -> dict[str, list[tuple[int, bool]]]:
     return out
 
 
-def _contact(p: Problem, mu: float, d: Array, phi: Array, none_d: Array, none_f: float) -> list[tuple[int, bool]]:
+def _contact(
+    p: Problem, mu: float, d: list[float], phi: list[float], none_d: float, none_f: float
+) -> list[tuple[int, bool]]:
     """Modes of one contact from d_n, d_t, turning and their forces, with what may be none of them."""
-    slides, rubs = float(np.linalg.norm(d[1:])), float(np.linalg.norm(phi[1:]))
+    slides, rubs = hypot(*d[1:]), hypot(*phi[1:])
     gap = p.cos * d[0] + p.sin * slides
     if phi[0] <= none_f:
-        shut = [Contact.TOUCHES, Contact.OPEN] if abs(gap) <= none_d[0] else [Contact.OPEN, Contact.TOUCHES]
-        if abs(gap) > none_d[0] or phi[0] <= 0:
+        shut = [Contact.TOUCHES, Contact.OPEN] if abs(gap) <= none_d else [Contact.OPEN, Contact.TOUCHES]
+        if abs(gap) > none_d or phi[0] <= 0:
             return [(int(k), False) for k in shut]
         return [(int(k), False) for k in (*shut, Contact.STICKS, Contact.SLIDES)]
-    still = slides <= float(none_d[1:].max())
+    still = slides <= none_d
     if not p.mdp:
         kinds = [Contact.LEANS] if mu > 0 and mu * phi[0] - rubs <= none_f else []
         kinds = [Contact.STICKS, *kinds, Contact.RUBS] if still and p.sin else [*kinds, Contact.RUBS]
     elif mu == 0:
         kinds = [Contact.STICKS, Contact.SLIDES] if still and p.sin else [Contact.SLIDES]
     else:
-        along = -float(phi[1:] @ d[1:]) > 0.99 * slides * rubs and slides > 0
+        along = -sum(x * y for x, y in zip(phi[1:], d[1:], strict=True)) > 0.99 * slides * rubs and slides > 0
         inside = mu * phi[0] - rubs > none_f
         kinds = [Contact.SLIDES, Contact.STICKS]
         kinds = kinds[::-1] if still and (inside or not along) else kinds
@@ -323,7 +303,7 @@ class Laws:
     """Forces of the contacts that press, from their motions, with their derivatives.
 
     Attributes:
-        rows: (n, 4) of `Problem.tangents`. force: (n, 4). K: (n, 4, 4) of force by motion.
+        rows: (n, 4) of `GraspData.contact_rows`. force: (n, 4). K: (n, 4, 4) of force by motion.
         speed: (n,) |d_t|, where the direction of sliding counts; else inf. rub: (n,) mu where it slides, else 0.
         lean: (n, 3) c_t over c_n of those that lean, else 0.
     """
@@ -339,7 +319,7 @@ class Laws:
     def of(cls, p: Problem, modes: Modes, d: Array, phi: Array) -> Laws:
         """d, phi: (N + 1,) motions and printed forces, the last 0."""
         closed = np.flatnonzero(modes.closed)
-        rows, kinds = p.tangents[closed], modes.contact[closed]
+        rows, kinds = p.grasp.contact_rows[closed], modes.contact[closed]
         D = d[rows]
         rub = np.where(kinds == Contact.SLIDES, p.grasp.mu[closed], 0.0)
         smooth = (rub > 0) | ((kinds != Contact.STICKS) & (p.sin != 0))
@@ -362,14 +342,19 @@ class Laws:
         force = np.concatenate([normal[:, None], normal[:, None] * (lean - rub[:, None] * u)], axis=1)
         return cls(rows, force, K, length, rub, lean)
 
+    def rounding(self, p: Problem, d: Array) -> Array:
+        """(n,) of the forces at these motions, at most."""
+        D = np.abs(d[self.rows])
+        return 16 * ULP * (D[:, 0] + p.sin * D[:, 1:].sum(axis=1) + np.abs(self.force).sum(axis=1))
+
     def change(self, p: Problem, reach: Array) -> Array:
         """(n,) by which an entry of K changes at most for motions that differ by up to `reach` (n,); inf if unknown."""
-        share = reach / self.speed
+        share = np.divide(reach, self.speed, out=np.ones(len(reach)), where=self.speed > 0)
         ok = share < 0.5
         share = np.where(ok, share, 0.0)
         turn = 1.001 * share / (1.0 - share)  # of the direction of sliding
         apart = np.where(np.isfinite(self.speed), self.speed, 1.0) * (1.0 - share)
         normal = np.abs(self.force[:, 0])
-        strong = (1.01 * reach + normal * (2.0 * turn + share)) / apart
+        strong = (1.01 * reach + normal * (2.0 * turn + share)) / np.where(ok, apart, 1.0)
         out = p.sin * turn * (1.0 + np.abs(self.lean).sum(axis=1)) + self.rub * (1.01 * turn + p.sin * turn + strong)
         return np.where(ok, 1.001 * np.where(np.isfinite(self.speed), out, 0.0), np.inf)

@@ -17,13 +17,19 @@ from handfast.proofs.grasp import GraspData
 EPS = 1e-9
 
 
+def about_centroid(g: GraspData, w: Array) -> Array:
+    """(3,) torque of a wrench (6,) about the contacts' centroid."""
+    (x, y, z), (a, b, c) = g.centroid.tolist(), w[:3].tolist()
+    return np.asarray(w[3:] - np.array([y * c - z * b, z * a - x * c, x * b - y * a]))
+
+
 def load_scale(g: GraspData, w: Array) -> float:
     """[N] of a load w (6,): its force, or its torque about the contacts' centroid over `size`, whichever is larger.
 
     Without a load: the largest command or given torque as a force, each joint's over `joint_units`; 1 if none acts.
     As a norm of w it is at most the sum of the scales of the parts of w.
     """
-    torque = w[3:] - np.cross(g.centroid, w[:3])
+    torque = about_centroid(g, w)
     scale = max(float(np.linalg.norm(w[:3])), float(np.linalg.norm(torque)) / g.size)
     if scale == 0 and g.l:
         drives = np.abs(g.R.T * g.command) / g.joint_units[:, None]
@@ -32,5 +38,5 @@ def load_scale(g: GraspData, w: Array) -> float:
 
 
 def slack(g: GraspData, scale: float) -> Array:
-    """(6 + l,) by which (1) about the contacts' centroid, forces and torques, and (2), joint by joint, may be missed."""
+    """(6 + l,) by which (1), forces and torques about the contacts' centroid, and (2), by joint, may be missed."""
     return EPS * scale * np.r_[1.0, 1.0, 1.0, g.size * np.ones(3), g.joint_units]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
+
 import numpy as np
 
 from handfast.proofs.fields import Integers, Mask
@@ -51,16 +54,16 @@ def _cases(parent: Integers, part: Integers, change: Integers, parts: int) -> In
     cases = np.zeros((len(parent), parts, 3), dtype=np.int64)
     order = np.argsort(depth, kind="stable")
     ends = np.cumsum(np.bincount(depth))
-    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+    for begin, end in pairwise(ends):
         level = order[begin:end]
         cases[level] = cases[parent[level]]
         cases[level, part[level]] = change[level]
     return cases
 
 
-def _refuse(bad: Mask, why: object) -> None:
+def _refuse(bad: Mask, why: Callable[[int], str]) -> None:
     if bad.any():
-        raise BadCertificate(why(int(np.flatnonzero(bad)[0])))  # type: ignore[operator]
+        raise BadCertificate(why(int(np.flatnonzero(bad)[0])))
 
 
 def _check_splits(q: Question, parent: Integers, split: Integers, change: Integers, cases: Integers) -> None:

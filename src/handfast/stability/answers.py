@@ -21,6 +21,7 @@ from handfast.proofs.existence import Proved, prove
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
+from handfast.proofs.states import Problem
 from handfast.proofs.states import State as StateData
 from handfast.stability.model import State
 from handfast.stability.posed import Posed, grasp_data, stated
@@ -101,14 +102,18 @@ class Answer(ABC):
 
     def _proved(self, w: Witness) -> Proved:
         """What is proved of a state."""
+        return prove(self._problem(w), stated(w.state))
+
+    def _problem(self, w: Witness) -> Problem:
+        """What a state has to solve."""
         assert self.posed is not None
         (p, goal), question, along = self.posed, self.posed.question, self._along
         command = w.grasp.command if goal.seeks_commands else p.grasp.command
         if along is None:
-            return prove(answers.problem(question, command, w.wrench), stated(w.state))
+            return answers.problem(question, command, w.wrench)
         base = p.wrench if goal.maximised else np.zeros(6)
         magnitude = float((w.wrench - base) @ along / (along @ along))
-        return prove(answers.problem(question, command, base, along, magnitude), stated(w.state))
+        return answers.problem(question, command, base, along, magnitude)
 
     def settled(self) -> Self:
         """UNDECIDED if its witness cannot be proved to be one; else as it is."""

@@ -13,12 +13,13 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.proofs.certificate import proof_to_dict
-from handfast.proofs.existence import Proved
+from handfast.proofs.existence import Proved, nearby
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer, finite, state_json
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Goal
 from handfast.stability.idle_joints import runs_away
-from handfast.stability.posed import Posed
+from handfast.stability.model import State
+from handfast.stability.posed import Posed, stated
 from handfast.stability.resisted_interval import ResistedInterval
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import OnStep, Settings
@@ -78,10 +79,25 @@ class MaxAnswer(Answer):
 
     def settled(self) -> MaxAnswer:
         """With a lower bound that is proved to be reached; UNDECIDED where none is."""
-        out, known = super().settled(), self._of_found
-        if out is not self or known is None or known.magnitude is None or known.magnitude[0] >= self.lower:
-            return out
-        return replace(self, lower=max(known.magnitude[0], 0.0))
+        out = self._exactly()
+        known = out._of_found
+        if known is None or known.magnitude is None or known.magnitude[0] >= out.lower:
+            return Answer.settled(out)
+        return Answer.settled(replace(out, lower=max(known.magnitude[0], 0.0)))
+
+    def _exactly(self) -> MaxAnswer:
+        """With a state that exists exactly, where one is near: at most a tenth of the gap lower."""
+        known, w = self._of_found, self.found
+        if known is None or w is None or known.exact or self.posed is None or self._along is None:
+            return self
+        room = self.upper - self.lower if np.isfinite(self.upper) else 0.0
+        p, x = nearby(self._problem(w), stated(w.state), room)
+        state = State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+        better = replace(self, found=Witness(w.grasp, p.load, state, w.eta, w.mdp))
+        shown = better._of_found
+        if shown is None or not shown.exact:
+            return self
+        return replace(better, lower=min(self.lower, p.magnitude * (1 - NEAR)), point=None)
 
     def _reaches(self, proved: Proved) -> bool:
         return proved.magnitude is None or proved.magnitude[0] >= self.lower

@@ -1,0 +1,160 @@
+"""As `newton`, in FLINT's balls: with the numbers of the grasp exactly, and as many digits as it takes."""
+
+from __future__ import annotations
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+
+from handfast.proofs.fields import Array
+from handfast.proofs.newton import BITS, ROUNDS, Box, System
+from handfast.proofs.states import ULP
+
+
+def refined(s: System) -> Box:
+    """`System.box` after Newton's method. Raises `NotShown`."""
+    with ctx.workprec(BITS):
+        return Balls(s).box()
+
+
+def solution(s: System) -> tuple[Array, Array, float]:
+    """Motions (6 + l,), forces (N + 1,) and magnitude after Newton's method, rounded. Raises `NotShown`."""
+    with ctx.workprec(BITS):
+        balls = Balls(s)
+        x = balls.solved()
+        _, phi, magnitude, *_ = balls.at(x)
+        return _floats(x[: len(s.v)])[0], _floats(phi)[0], float(magnitude.mid())
+
+
+class Balls:
+    """A system in balls: the numbers of the grasp exactly, unknowns as lists of balls."""
+
+    def __init__(self, s: System) -> None:
+        self.s, p = s, s.p
+        self.M = arb_mat([[arb(x) for x in row] for row in p.grasp.exact_rows])
+        self.unknown = np.flatnonzero(s.rows.unknown).tolist()
+        self.sought = bool(s.sought.any() and s.balanced)
+        along = np.zeros(6) if p.along is None else p.along
+        start = arb(p.magnitude)
+        self.load = [arb(w) for w in np.r_[p.wrench, p.grasp.torque]]
+        self.along = [arb(w) for w in np.r_[along, np.zeros(p.grasp.l)]]
+        self.start = [arb(x) for x in (*s.v, *(s.phi[self.unknown] if s.balanced else ()))]
+        self.start += [start] * self.sought
+        self.magnitude = start
+
+    def at(self, x: list[arb]) -> tuple[list[arb], list[arb], arb, list[list[arb]], list[arb]]:
+        """Motions, forces, magnitude, derivatives K of all forces by all motions, and what the equations miss."""
+        s, p, nv = self.s, self.s.p, len(self.s.v)
+        size = len(s.phi)
+        magnitude = x[-1] if self.sought else self.magnitude
+        d = _column(self.M * arb_mat([[y] for y in x[:nv]]))
+        phi = [arb(a) + magnitude * arb(b) for a, b in zip(s.rows.given, s.rows.drive, strict=True)]
+        K = [[arb(0)] * size for _ in range(size)]
+        for i, rows in enumerate(s.laws.rows.tolist()):
+            _contact_law(s, i, [k for k in rows if k < size - 1], d, phi, K)
+        for i, k in enumerate(self.unknown):
+            phi[k] = x[nv + i] if s.balanced else arb(s.phi[k])
+        missing = _column(self.M.transpose() * arb_mat([[y] for y in phi]))
+        missing = [a + b + magnitude * c for a, b, c in zip(missing, self.load, self.along, strict=True)]
+        above = [phi[s.laws.rows[i, 0]] - arb(p.force_limit) for i in s.full]
+        value = [*(missing if s.balanced else []), *(d[k] for k in s.kept), *above]
+        return d, phi, magnitude, K, [value[i] for i in s.used]
+
+    def derivative(self, K: list[list[arb]]) -> arb_mat:
+        """(k, n) of the equations by the unknowns."""
+        s, nv, M = self.s, len(self.s.v), self.M
+        KM = arb_mat(K) * M
+        out: list[list[arb]] = []
+        if s.balanced:
+            J = M.transpose() * KM
+            drives = _column(M.transpose() * arb_mat([[arb(x)] for x in s.rows.drive]))
+            for i in range(nv):
+                last = [self.along[i] + drives[i]] if self.sought else []
+                out.append([*(J[i, j] for j in range(nv)), *(M[k, i] for k in self.unknown), *last])
+        rest = [arb(0)] * (len(self.start) - nv)
+        out += [[*(M[k, j] for j in range(nv)), *rest] for k in s.kept.tolist()]
+        out += [[*(KM[int(s.laws.rows[i, 0]), j] for j in range(nv)), *rest] for i in s.full]
+        return arb_mat([out[i] for i in s.used])
+
+    def solved(self) -> list[arb]:
+        """Unknowns after Newton's method. Raises `NotShown`."""
+        s, x = self.s, self.start
+        if not len(s.value):
+            return x
+        C = arb_mat(s.inverse.tolist())
+        try:
+            for _ in range(ROUNDS):
+                *_, K, value = self.at(x)
+                step = _column(C * (self.derivative(K) * C).solve(arb_mat([[y] for y in value])))
+                x = [(a - b).mid() for a, b in zip(x, step, strict=True)]
+        except ZeroDivisionError:
+            raise s.fails(False) from None
+        return x
+
+    def box(self) -> Box:
+        """A box about the solved unknowns in which an exact solution is. Raises `NotShown`."""
+        s, x, k = self.s, self.solved(), len(self.s.value)
+        if k:
+            x = self._contained(x, k)
+        d, phi, magnitude, *_ = self.at(x)
+        held, ((mid, off), forces) = s.rows.held, (_floats(y) for y in (d, phi))
+        (shift,), (shift_off,) = _floats([magnitude])
+        return Box(np.where(held, 0.0, mid), np.where(held, 0.0, off), *forces, shift, shift_off)
+
+    def _contained(self, x: list[arb], k: int) -> list[arb]:
+        """Balls about x that Newton's test keeps. Raises `NotShown`."""
+        try:
+            *_, K, value = self.at(x)
+            C = arb_mat(self.s.inverse.tolist())
+            C = (C * (self.derivative(K) * C).inv()).mid()
+            missed = np.array([_most(y) for y in value])
+            radius = 1.5 * missed
+            for _ in range(ROUNDS):
+                away = _column(C * arb_mat([[arb(0, r)] for r in radius]))
+                wide = [a + b for a, b in zip(x, away, strict=True)]
+                error = self.derivative(self.at(wide)[3]) * C - arb_mat(k, k, 1)
+                grown = missed + np.array([[_most(y) for y in row] for row in error.table()]) @ radius * (1 + 1e-12)
+                if (grown <= radius).all():
+                    return wide
+                radius = 1.5 * grown
+        except ZeroDivisionError:
+            pass
+        raise self.s.fails(False)
+
+
+def _contact_law(s: System, i: int, rows: list[int], d: list[arb], phi: list[arb], K: list[list[arb]]) -> None:
+    """Put the force of the i-th contact that presses, by its motion, and its derivatives where they belong."""
+    (n, *t), cos, sin, rub = rows, arb(s.p.cos), arb(s.p.sin), arb(s.laws.rub[i])
+    smooth = bool(np.isfinite(s.laws.speed[i]))
+    speed = sum((d[k] * d[k] for k in t), arb(0)).sqrt() if smooth else arb(0)
+    if smooth and not speed > 0:
+        raise ZeroDivisionError
+    u = [d[k] / speed if smooth else arb(0) for k in t]
+    by_d = [-cos, *(-sin * y for y in u)]
+    phi[n] = -(cos * d[n] + sin * speed)
+    for row, lean in zip(
+        rows, [arb(1), *(arb(y) - rub * a for y, a in zip(s.laws.lean[i], u, strict=False))], strict=True
+    ):
+        phi[row] = lean * phi[n]
+        for k, slope in zip(rows, by_d, strict=True):
+            K[row][k] = lean * slope
+    if rub != 0:
+        for row, a in zip(t, u, strict=True):
+            for k, b in zip(t, u, strict=True):
+                K[row][k] -= rub * phi[n] / speed * (arb(int(row == k)) - a * b)
+
+
+def _column(A: arb_mat) -> list[arb]:
+    return [A[i, 0] for i in range(A.nrows())]
+
+
+def _most(x: arb) -> float:
+    """At least |x|; inf if nothing is known."""
+    out = float(x.abs_upper()) if x.is_finite() else np.inf
+    return out * (1 + 4 * ULP)
+
+
+def _floats(values: list[arb]) -> tuple[Array, Array]:
+    """Middles and radii."""
+    mid = np.array([float(x.mid()) for x in values])
+    off = np.array([float(x.rad()) for x in values])
+    return mid, off * (1 + 4 * ULP) + 2 * ULP * np.abs(mid)

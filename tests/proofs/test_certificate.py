@@ -1,0 +1,181 @@
+"""Certificates come back from files as they were; whatever is wrong with one is said in a line."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+
+import numpy as np
+import pytest
+
+from handfast.proofs import certificate
+from handfast.proofs.certificate import (
+    NODES,
+    ROWS,
+    SCHEMA,
+    Certificate,
+    file_to_dict,
+    proof_to_dict,
+    read_certificate,
+    read_certificate_file,
+)
+from handfast.proofs.checker import verify
+from handfast.proofs.fields import BadFile
+from handfast.proofs.question import SMALLEST_PRELOAD
+from tests.support import proof_certificates
+from tests.support.proof_certificates import SHORT, walls
+from tests.support.proof_states import contact, pinch
+
+QUESTION = {
+    "grasp": {
+        "schema": "handfast/grasp/1",
+        "contacts": [contact([-1, 0, 0], [1, 0, 0]), contact([1, 0, 0], [-1, 0, 0])],
+    },
+    "goal": "check",
+    "wrench": [0, 1, 0, 0, 0, 0],
+}
+
+
+def arrays():
+    return proof_certificates.arrays(leaves=SHORT)
+
+
+def proof(**changed):
+    return proof_certificates.proof(leaves=SHORT, **changed)
+
+
+def preload():
+    return pinch([0] * 6, goal=SMALLEST_PRELOAD, direction=[0, 0, 1, 0, 0, 0])
+
+
+def test_round_trip():
+    rng = np.random.default_rng(3)
+    rows = {name: rng.integers(-(2**31), 2**31, size=6) for name in ROWS}
+    c = proof(**rows, left=[-(2**31), 2**31 - 1, 5, 0, -1], references=rng.normal(size=(2, 3)))
+    back = read_certificate(json.loads(json.dumps(proof_to_dict(c))), "proof", c.question)
+    for name in (*NODES, "start", *ROWS, "multiplier", "references"):
+        assert np.array_equal(getattr(back, name), getattr(c, name)), name
+    assert back.multiplier.dtype == np.float32
+    assert back.scalar is None
+    assert back.question is c.question
+
+
+def test_files_hold_question_and_proof():
+    data = json.loads(json.dumps(file_to_dict(proof_certificates.proof(), QUESTION)))
+    assert data["schema"] == SCHEMA == "handfast/certificate/3"
+    assert verify(read_certificate_file(data, "")).ok
+    with pytest.raises(BadFile, match=r"schema: is 'handfast/certificate/2'; 'handfast/certificate/3' is needed"):
+        read_certificate_file(data | {"schema": "handfast/certificate/2"}, "")
+    with pytest.raises(BadFile, match=r"question\.wrench: is missing"):
+        read_certificate_file(data | {"question": {"grasp": QUESTION["grasp"], "goal": "check"}}, "")
+
+
+def test_ranges():
+    q = preload()
+    for scalar in ((0.0, 1.5), (0.25, np.inf)):
+        back = read_certificate(proof_to_dict(Certificate.of_root(q, scalar)), "", q)
+        assert back.scalar == scalar
+    for scalar, why in (
+        ([-1.0, 2.0], "is -1 to 2, not a range"),
+        ([2.0, 1.0], "is 2 to 1, not a range"),
+        (None, "is the range of the goal's scalar"),
+        ([1.0], "is no range; two numbers"),
+        (1.0, "is no range; two numbers"),
+        ([None, 1.0], "scalar: has None where a number is needed"),
+        ([0.0, "1"], "scalar: has '1' where a number"),
+    ):
+        with pytest.raises(BadFile, match=why):
+            read_certificate(proof_to_dict(Certificate.of_root(q, (0.0, 1.0))) | {"scalar": scalar}, "c", q)
+    with pytest.raises(BadFile, match="null for a check"):
+        Certificate.of_root(walls(), (0.0, 1.0))
+
+
+def packed(change):
+    """The proof's file with its bytes changed."""
+    data = proof_to_dict(proof())
+    return data | {"proof": base64.b64encode(change(zlib.decompress(base64.b64decode(data["proof"])))).decode()}
+
+
+def compressed(change=lambda raw: raw):
+    return packed(lambda raw: zlib.compress(change(raw)))
+
+
+BAD = {
+    "no base64": (lambda: proof_to_dict(proof()) | {"proof": "*"}, "c.proof: is no zlib stream in base64"),
+    "no stream": (lambda: packed(lambda raw: raw), "c.proof: is no zlib stream in base64"),
+    "cut off": (lambda: packed(lambda raw: zlib.compress(raw)[:-3]), "c.proof: is not of the .* bytes"),
+    "a byte short": (lambda: compressed(lambda raw: raw[:-1]), "c.proof: is not of the 232 bytes"),
+    "a byte more": (lambda: compressed(lambda raw: raw + b"0"), "c.proof: is not of the 232 bytes"),
+    "something after it": (lambda: packed(lambda raw: zlib.compress(raw) + b"0"), "c.proof: is not of the 232 bytes"),
+    "a bomb": (lambda: compressed(lambda raw: bytes(10**7)), "c.proof: is not of the 232 bytes"),
+    "another count": (lambda: proof_to_dict(proof()) | {"rows": 7}, "c.proof: is not of the 252 bytes"),
+    "a huge count": (lambda: proof_to_dict(proof()) | {"rows": 10**12}, "at most 268435456 are possible"),
+    "a negative count": (lambda: proof_to_dict(proof()) | {"nodes": -1}, "c.nodes: is -1; a whole number of 0 or more"),
+    "half a count": (lambda: proof_to_dict(proof()) | {"leaves": 2.5}, "c.leaves: is 2.5; a whole number"),
+    "no text": (lambda: proof_to_dict(proof()) | {"proof": 5}, "c.proof: is 5; a text"),
+    "unknown": (lambda: proof_to_dict(proof()) | {"cap": 5}, "c.cap: is not a known field"),
+    "missing": (lambda: {k: v for k, v in proof_to_dict(proof()).items() if k != "rows"}, "c.rows: is missing"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_files(name):
+    make, why = BAD[name]
+    with pytest.raises(BadFile, match=why):
+        read_certificate(make(), "c", walls())
+
+
+def test_no_more_is_unpacked_than_the_counts_say(monkeypatch):
+    asked = []
+
+    class Stream:
+        def __init__(self):
+            self.stream = zlib._decompressobj() if hasattr(zlib, "_decompressobj") else original()
+
+        def decompress(self, data, most):
+            asked.append(most)
+            return self.stream.decompress(data, most)
+
+        def __getattr__(self, name):
+            return getattr(self.stream, name)
+
+    original = zlib.decompressobj
+    monkeypatch.setattr(certificate.zlib, "decompressobj", Stream)
+    read_certificate(proof_to_dict(proof()), "", walls())
+    assert asked == [233]  # 4 (5 x 5 + 4 x 6 + 3 + 6) and one more
+
+
+SHAPES = {
+    "empty tree": ({name: [] for name in NODES}, "parent: is empty"),
+    "nodes": ({"state": [0]}, "state: has shape .*; 5 numbers are needed"),
+    "rows": ({"a": [0]}, "a: has shape .*; 6 numbers are needed"),
+    "table": ({"kind": [[5] * 6]}, "kind: has shape"),
+    "multipliers": ({"multiplier": [1.0]}, "multiplier: has shape .*; 6 numbers are needed"),
+    "beyond": ({"b": [2**31] * 6}, r"b: has a number beyond 2\^31"),
+    "far below": ({"left": [-(2**31) - 1] * 5}, r"left: has a number beyond 2\^31"),
+    "no start": ({"start": []}, "start: must rise from 0 to the number of rows, 6"),
+    "late start": ({"start": [1, 2, 3, 6]}, "start: must rise from 0"),
+    "early end": ({"start": [0, 1, 2, 5]}, "start: must rise from 0"),
+    "falls": ({"start": [0, 2, 1, 6]}, "start: must rise from 0"),
+    "references": ({"references": [[1.0, 2.0]]}, "references: has shape .*; 3 finite numbers each"),
+    "no reference": ({"references": [[1.0, 2.0, np.nan]]}, "references: has shape"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_bad_arrays(name):
+    changed, why = SHAPES[name]
+    with pytest.raises(BadFile, match=why):
+        Certificate(walls(), None, **(arrays() | changed))
+
+
+def test_multipliers_are_divided_by_the_largest_of_their_leaf():
+    many = Certificate(walls(), None, **(arrays() | {"multiplier": [1e60, 3e-60, 4.0, 2.0, 1.0, 0.0]}))
+    assert many.multiplier.tolist() == [1, 1, 1, 0.5, 0.25, 0]
+    given = np.array([0.5, 2, 4, 2, 1, 0], dtype=np.float32)
+    assert Certificate(walls(), None, **(arrays() | {"multiplier": given})).multiplier.tolist() == given.tolist()
+    assert many.leaves.tolist() == [1, 3, 4]
+    assert many.claim == "the disturbance is not resisted"
+    for name in (*NODES, *ROWS, "start", "multiplier", "references"):
+        assert not getattr(many, name).flags.writeable

@@ -1,0 +1,139 @@
+"""What the checker accepts: proofs by hand, at any scale; what slack and caps say; planted faults."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from handfast.proofs.certificate import Certificate
+from handfast.proofs.checker import verify
+from handfast.proofs.rows import CLOSED, OPEN, Row
+from tests.support.proof_certificates import LEAVES, NODES, proof, walls
+from tests.support.proof_states import contact, pinch, question
+
+SCALES = [10.0**k for k in range(-11, 12, 2)]
+
+
+def test_proof_by_hand():
+    found = verify(proof())
+    assert found.ok
+    assert found.reason == ""
+    assert found.leaves == 3
+    assert found.cap is None
+    assert found.unproved == ()
+    # 1 N of the load alone counts, less 1e-9 of it in each of the balances that its multipliers meet
+    assert 1 - 1e-7 < found.margin < 1
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_lengths_and_forces_of_any_size(scale):
+    own = (walls(size=scale), walls(force=scale), walls(scale, 1 / scale), walls(scale, at=(9 * scale, 0, scale)))
+    for q, unscaled in zip(own, (walls(), walls(), walls(), walls(at=(9, 0, 1))), strict=True):
+        found = verify(proof(q))
+        assert found.ok
+        assert found.cap is None
+        assert found.margin == pytest.approx(verify(proof(unscaled)).margin, rel=1e-6)
+        assert not verify(proof(q, leaves=[*LEAVES[:2], LEAVES[2][:3]])).ok
+
+
+@pytest.mark.parametrize("tilt", [-1e-10, -1e-12, -1e-14, -1e-16])
+def test_walls_that_are_not_quite_parallel_have_a_cap_below_the_motion_that_holds(tilt):
+    """c_n = 1 N at both holds 1 N: -r_x = 1 and r_x + tilt r_y = 1 where the object moves along y by -2 / tilt."""
+    found = verify(proof(walls(tilt=tilt)))
+    assert found.ok
+    assert found.cap is not None
+    assert min(0.05 / -tilt, 1e12) < found.cap < 2 / -tilt
+    scaled = verify(proof(walls(size=1e9, tilt=tilt))), verify(proof(walls(force=1e-9, tilt=tilt)))
+    assert [x.cap for x in scaled] == pytest.approx([found.cap, 1e-9 * found.cap], rel=0.1)
+
+
+@pytest.mark.parametrize("tilt", [-1e-3, -1e-5])
+def test_walls_that_are_not_parallel_at_all(tilt):
+    """What holds with a motion of 2e3 N is not refuted with a useful cap."""
+    found = verify(proof(walls(tilt=tilt)))
+    assert not found.ok or found.cap < 2 / -tilt
+
+
+@pytest.mark.parametrize(("torque", "ok"), [(1e-6, True), (1e-8, True), (0.9e-9, False), (1e-12, False), (0.0, False)])
+def test_loads_that_miss_what_holds_by_rounding_are_not_refuted(torque, ok):
+    """Two contacts, 1 m off their middle, hold no torque about their line; 1e-9 of 1 N is allowed for."""
+    assert verify(Certificate.of_root(pinch([1, 0, 0, torque, 0, 0]), None)).ok == ok
+
+
+@pytest.mark.parametrize("arm", [10.0**k for k in (-3, -6, -8, -10, -13, -17)])
+def test_pivots_that_pass_a_contact_by_rounding_refute_nothing(arm):
+    """A free joint whose axis is near the contact that carries 1 N: its torque may be off by 1e-9 N m."""
+    joints = [{"name": "swivel", "axis": [0, 0, 1], "origin": [arm, 0, 1], "moves": [0]}]
+    contacts = [contact([0, 0, 1], [0, 0, -1], 1.0), contact([0, 0, -1], [0, 0, 1], 0.0)]
+    q = question(contacts, [0, 1, 0, -1, 0, 0], joints=joints, mechanism={"actuators": []})
+    assert verify(Certificate.of_root(q, None)).ok == (arm > 5e-9)
+
+
+PLANTED = {
+    "gap in the tree": ({"nodes": [*NODES[:3], NODES[4]], "leaves": LEAVES[::2]}, "contact 1: needs OPEN"),
+    "a leaf is missing": ({"leaves": LEAVES[:2]}, "has rows for 2 leaves; the tree has 3"),
+    "a leaf too many": ({"leaves": [*LEAVES, LEAVES[0]]}, "has rows for 4 leaves; the tree has 3"),
+    "row of another case": (
+        {"leaves": [[(Row.GAP_DOWN, 0, 0, 0, 1.0)], *LEAVES[1:]]},
+        r"leaf 0 \(node 1\), row 0, GAP_DOWN 0 \[0, 0\]: does not hold in this case",
+    ),
+    "no such contact": ({"leaves": [[(Row.TANGENT, 2, 0, 0, 1.0)], *LEAVES[1:]]}, r"leaf 0 .*: no such kind, contact"),
+    "no such kind": ({"leaves": [[(23, 0, 0, 0, 1.0)], *LEAVES[1:]]}, r"row 0, 23 0 \[0, 0\]: no such kind"),
+    "negative": (
+        {"leaves": [*LEAVES[:2], [*LEAVES[2][:3], (Row.GAP_DOWN, 1, 0, 0, -0.5)]]},
+        r"leaf 2 \(node 4\), row 3, .*: the multiplier is negative or not finite",
+    ),
+    "nothing contradicts": ({"leaves": [[(Row.TANGENT, 1, 0, 0, 1.0)], *LEAVES[1:]]}, "leaf 0 .* is not proved"),
+    "one row is missing": ({"leaves": [*LEAVES[:2], LEAVES[2][:3]]}, r"leaf 2 \(node 4\) is not proved: margin -"),
+    "multipliers that do not cancel": (
+        {"leaves": [*LEAVES[:2], [*LEAVES[2][:3], (Row.GAP_DOWN, 1, 0, 0, 0.0)]]}, r"leaf 2 \(node 4\) is not proved",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_planted_faults(name):
+    changed, why = PLANTED[name]
+    found = verify(proof(**changed))
+    assert not found.ok
+    assert found.cap is None
+    with pytest.raises(ValueError, match=why):
+        raise ValueError(found.reason)
+
+
+def test_multipliers_that_are_no_numbers():
+    for value in (np.nan, np.inf):
+        found = verify(proof(multiplier=np.array([1] * 9 + [value], dtype=np.float32)))
+        assert found.reason.endswith("the multiplier is negative or not finite")
+        assert found.margin == -np.inf
+
+
+def test_unproved_leaves_are_named():
+    wrong = [(Row.TANGENT, 1, 0, 0, 1.0)]
+    assert verify(proof(leaves=[wrong, [(Row.TANGENT, 0, 0, 0, 1.0)], LEAVES[2]])).unproved == (0, 1)
+
+
+def test_states_that_hold_are_not_refuted():
+    """A load along x is carried by contact 1 while contact 0 is open: that leaf is not refuted."""
+    q = pinch([1, 0, 0, 0, 0, 0])
+    assert 0 in verify(proof(q)).unproved
+    heavy = [[*LEAVES[0], (Row.CN_UP, 1, 0, 0, 3.0), (Row.GAP_UP, 1, 0, 0, 1.0)], *LEAVES[1:]]
+    assert 0 in verify(proof(q, leaves=heavy)).unproved
+
+
+def test_no_time():
+    found = verify(proof(), until=time.monotonic() - 1)
+    assert not found.ok
+    assert found.reason == "there was no time to check it all"
+
+
+def test_sticking_contacts_leave_motions_free():
+    """Both walls stick and nothing but the equilibrium is used: a torque about their line is held by neither."""
+    q = pinch([0, 0, 0, 1, 0, 0])
+    assert verify(Certificate.of_root(q, None)).ok
+    split = [NODES[0], (0, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0)]
+    empty = {"start": [0, 0, 0], "kind": [], "index": [], "a": [], "b": [], "multiplier": []}
+    assert verify(proof(q, nodes=split, **empty)).ok
+    assert CLOSED == 2

@@ -1,0 +1,341 @@
+"""Exact states: planted right and wrong ones for each equation and law, and families over twenty orders."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from benchmarks.exact_states import FAMILIES, drawn
+from handfast.core import bundled
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.grasp_file import load_grasp
+from handfast.model.mechanism import Mechanism
+from handfast.proofs.balls import refined
+from handfast.proofs.existence import nearby, polished, prove
+from handfast.proofs.newton import System
+from handfast.proofs.states import Problem, State, choices, modes_of
+from handfast.proofs.tolerance import EPS, load_scale
+from handfast.stability.queries import check, maximum
+from tests.support.exact_states import data, moved, problem, state
+from tests.support.law_grasps import DOWN, jaw
+
+HALF = 0.5  # of the largest magnitude
+
+
+def nothing(done):
+    """Is a state refused, exactly and with the slack?"""
+    assert not done.exact
+    assert not done.tolerant
+
+
+def held(grasp, load, **options):
+    """Problem and state of a check that holds."""
+    answer = check(grasp, load, **options)
+    assert answer.witness is not None
+    names = {"torque_limits": "limits"}
+    return problem(grasp, load, **{names.get(k, k): v for k, v in options.items()}), state(answer.witness.state)
+
+
+def of_family(family, k=0):
+    """Grasp, load and options of the first random grasp of a family that resists anything, at half of its maximum."""
+    place = FAMILIES.index(family) + len(FAMILIES) * k
+    _, grasp, direction, options = drawn(place, 4_200_000)
+    most = maximum(grasp, direction, **options)
+    load = options.get("base", np.zeros(6)) + HALF * most.lower * direction
+    rest = {key: value for key, value in options.items() if key != "base"}
+    if not most.lower > 0 or check(grasp, load, **rest).witness is None:
+        return of_family(family, k + 1)
+    return grasp, load, rest
+
+
+@pytest.mark.parametrize("family", [name for name in FAMILIES if name != "no dissipation"])
+def test_half_of_the_largest_load_holds_exactly(family):
+    p, x = held(*(got := of_family(family))[:2], **got[2])
+    done = prove(p, x)
+    assert done.exact, done.reason
+    assert done.residual < EPS
+    assert done.radius < 1e-6 * max(p.scale, np.abs(x.c).max())
+
+
+def test_the_lower_bound_of_a_maximum_is_proved_with_the_magnitude_among_the_unknowns():
+    grasp = load_grasp(bundled.resolve("grasps", "fig9"))
+    along = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    most = maximum(grasp, along)
+    p = replace(problem(grasp, np.zeros(6)), along=along, magnitude=most.lower)
+    done = prove(p, state(most.witness.state))
+    assert done.exact, done.reason
+    first, last = done.magnitude
+    assert last - first < 1e-6 * most.lower
+    assert abs(first - most.lower) < 1e-6 * most.lower
+    below, better = nearby(p, state(most.witness.state), most.upper - most.lower)
+    assert most.lower - below.magnitude <= (most.upper - most.lower) / 10 + 1e-9
+    assert prove(below, better).exact
+
+
+# --- planted: one number of a proved state is moved ---------------------------------------------------
+
+
+def squeezed() -> tuple[Problem, State]:
+    """A jaw that squeezes with 5 N, 1 N down: by hand, 5 N at both contacts, 0.5 N of friction each."""
+    return held(jaw(None, {"hinge": 0.5}), [0.0, 0, -1, 0, 0, 0])
+
+
+def test_the_squeeze_is_the_one_by_hand():
+    p, x = squeezed()
+    assert prove(p, x).exact
+    assert x.c[0] == pytest.approx(5.0)
+    assert x.c[3] == pytest.approx(5.0)
+    assert np.hypot(x.c[1], x.c[2]) + np.hypot(x.c[4], x.c[5]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "i", "words"),
+    [
+        ("c", 0, "contact 0: the force of the state that is proved"),
+        ("c", 1, "contact"),
+        ("f", 0, "actuator 'hinge': the force of the state"),
+    ],
+)
+def test_forces_are_those_of_the_state_that_is_proved(name, i, words):
+    p, x = squeezed()
+    assert prove(p, moved(x, name, i, 1e-9)).exact
+    wrong = prove(p, moved(x, name, i, 1e-3))
+    nothing(wrong)
+    assert words in wrong.reason
+
+
+@pytest.mark.parametrize(
+    "load", [[0, 0, -1 - 1e-4], [1e-4, 0, -1], [0, 1e-4, -1], [0, 0, -1, 1e-5], [0, 0, -1, 0, 1e-5]]
+)
+def test_another_load_is_refused(load):
+    p, x = squeezed()
+    wrench = np.concatenate([load, np.zeros(6 - len(load))])
+    done = prove(replace(p, wrench=wrench), x)
+    assert not done.exact
+    assert not done.tolerant
+
+
+@pytest.mark.parametrize("by", [1e-4, -1e-4])
+def test_another_command_is_refused(by):
+    p, x = squeezed()
+    done = prove(replace(p, grasp=p.grasp.with_command(p.grasp.command + by)), x)
+    nothing(done)
+    assert "is not proved to carry its command" in done.reason or "from the printed one" in done.reason
+
+
+def test_a_limit_is_kept():
+    p, x = squeezed()
+    assert prove(replace(p, torque_limit=np.array([0.5])), x).exact
+    done = prove(replace(p, torque_limit=np.array([0.5 - 1e-9])), x)
+    nothing(done)
+    assert prove(replace(p, force_limit=5.1), x).exact
+    done = prove(replace(p, force_limit=4.9), x)
+    nothing(done)
+    assert "keep the force limit" in done.reason
+
+
+def altered(x: State, **arrays) -> State:
+    return replace(x, **{name: np.array(value, dtype=float) for name, value in arrays.items()})
+
+
+def test_a_contact_that_pulls_is_refused():
+    grasp = Grasp([Contact([0, 0, 0.01], [0, 0, -1], 0.5), Contact([0, 0, -0.01], [0, 0, 1], 0.5)])
+    p = problem(grasp, [0, 0, -1.0])
+    zeros = {f.name: np.zeros(0) for f in fields(State)} | {"torsion": np.zeros(2)}
+    right = State(**zeros | {"r": np.array([0, 0, -1.0, 0, 0, 0]), "c": np.array([0, 0, 0, 1.0, 0, 0])})
+    done = prove(p, right)
+    assert done.tolerant or done.exact, done.reason
+    pulls = altered(right, r=[0, 0, 1.0, 0, 0, 0], c=[-1.0, 0, 0, 0, 0, 0])
+    done = prove(p, pulls)
+    nothing(done)
+
+
+def sliding(mu: float = 0.5) -> tuple[Problem, State]:
+    """A body on three contacts below it that is pushed sideways beyond friction into a wall: by hand all slide."""
+    floor = [Contact([x, y, 0], [0, 0, 1], mu) for x, y in ((0.05, 0.0), (-0.03, 0.04), (-0.03, -0.04))]
+    walls = [Contact([0.06, y, 0.01], [-1, 0, 0], mu) for y in (0.02, -0.02)]
+    return held(Grasp([*floor, *walls]), [8.0, 0.3, -9.0, 0, 0, 0])
+
+
+def test_friction_in_the_wrong_sense_is_refused():
+    p, x = sliding()
+    assert prove(p, x).exact
+    d = (p.grasp.rows[0] @ x.motion)[: 3 * p.grasp.m].reshape(-1, 3)
+    c = x.c.reshape(-1, 3)
+    slides = np.flatnonzero((c[:, 0] > 1e-6) & (np.linalg.norm(d[:, 1:], axis=1) > 1e-6))
+    assert len(slides)
+    for turn in (-1.0, 1 - 1e-4):
+        wrong = c.copy()
+        wrong[slides[0], 1:] *= turn
+        done = prove(p, altered(x, c=wrong.ravel()))
+        assert not done.exact
+        assert f"contact {slides[0]}" in done.reason
+    # in balance with the load, too: less friction than the law demands is no state
+    load = p.wrench.copy()
+    wrong = c.copy()
+    wrong[slides[0], 1:] *= 0.9
+    load[:6] -= p.grasp.G @ (wrong - c).ravel()
+    done = prove(replace(p, wrench=load), altered(x, c=wrong.ravel()))
+    nothing(done)
+
+
+def test_torsion_belongs_to_soft_fingers_and_has_the_sense_that_the_turning_gives():
+    grasp, load, options = of_family("soft fingers", 1)
+    p, x = held(grasp, load, **options)
+    assert prove(p, x).exact
+    soft = p.grasp.soft[np.argmax(np.abs(x.torsion[p.grasp.soft]))]
+    assert x.torsion[soft] != 0
+    done = prove(p, altered(x, torsion=np.where(np.arange(p.grasp.m) == soft, -x.torsion, x.torsion)))
+    assert not done.exact
+    assert not done.tolerant
+
+
+def test_a_coupling_ties_its_joints():
+    grasp, load, options = of_family("coupling")
+    p, x = held(grasp, load, **options)
+    assert prove(p, x).exact
+    A = p.grasp.A.copy()
+    A[0, -1] *= 2.0
+    other = replace(p.grasp, A=A)
+    done = prove(replace(p, grasp=other), x)
+    nothing(done)
+
+
+def test_nothing_moves_into_a_stop():
+    grasp = jaw(None, {"hinge": 0.5})
+    p, x = held(grasp, [0.0, 0, -1, 0, 0, 0])
+    assert abs(x.q[0]) > 0
+    stopped = replace(p.grasp, stop=np.array([2 if x.q[0] > 0 else 1]))
+    done = prove(replace(p, grasp=stopped), x)
+    nothing(done)
+    free = replace(p.grasp, stop=np.array([1 if x.q[0] > 0 else 2]))
+    assert prove(replace(p, grasp=free), x).exact
+
+
+@pytest.mark.parametrize("reaction", [0.05, -0.2, 0.0])
+def test_friction_of_a_joint_that_moves_is_all_that_it_can_take(reaction):
+    p, x = held(jaw(None, {"hinge": 0.5}, friction=0.1), DOWN)
+    assert prove(p, x).exact
+    assert x.reaction[0] == pytest.approx(-0.1 * np.sign(x.q[0]))
+    done = prove(p, altered(x, reaction=[reaction], f=x.f - (reaction - x.reaction)))
+    nothing(done)
+
+
+def test_a_tendon_does_not_push():
+    mechanism = Mechanism(("tendon",), np.eye(1), np.zeros((0, 1)), (True,))
+    p, x = held(jaw(mechanism, {"tendon": 0.5}), DOWN)
+    assert prove(p, x).exact
+    wrong = prove(replace(p, grasp=p.grasp.with_command(np.zeros(1))), altered(x, c=-x.c, f=-x.f, r=-x.r, q=-x.q))
+    nothing(wrong)
+    # its own load turned with it: all is balanced, but the tendon and the contacts push and pull the wrong way
+    wrong = prove(
+        replace(p, grasp=p.grasp.with_command(np.zeros(1)), wrench=-p.wrench),
+        altered(x, c=-x.c, f=-x.f, r=-x.r, q=-x.q),
+    )
+    nothing(wrong)
+
+
+# --- families -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("exponent", range(-16, 0))
+def test_a_squeeze_without_friction_does_not_carry_a_load_across(exponent):
+    angle = 10.0**exponent
+    normals = [[np.cos(angle), np.sin(angle), 0], [-np.cos(angle), np.sin(angle), 0]]
+    grasp = Grasp([Contact([-0.02, 0, 0], normals[0], 0.0), Contact([0.02, 0, 0], normals[1], 0.0)])
+    across = np.sin(angle)
+    for load, force in (([0, 1.0, 0], 1e12), ([0, 0, 1.0], 1e12), ([0, 1.0, 0], 0.5 / across)):
+        x = State(
+            r=np.array([0, -force / across, 0, 0, 0, 0]),
+            c=np.array([force, 0, 0, force, 0, 0]),
+            torsion=np.zeros(2),
+            **{name: np.zeros(0) for name in ("q", "f", "coupling", "reaction")},
+        )
+        done = prove(problem(grasp, load), x)
+        nothing(done)
+    # down into the groove it is a state, however narrow: N = 1 / (2 sin angle), r_y = -N / sin angle
+    force = 0.5 / across
+    x = altered(x, r=[0, -force / across, 0, 0, 0, 0], c=[force, 0, 0, force, 0, 0])
+    done = prove(problem(grasp, [0, -1.0, 0]), x)
+    assert done.exact, done.reason
+
+
+def pivot(offset: float) -> tuple[Grasp, np.ndarray]:
+    """A body on three contacts, pushed against two fingers on swivels whose axes pass their tips at an offset."""
+    floor = [Contact([x, y, 0], [0, 0, 1], 0.0) for x, y in ((0.0, 0.0), (-0.03, 0.04), (-0.03, -0.04))]
+    tips = [Contact([0.02, y, 0.0], [-1, 0, 0], 0.5) for y in (0.0, 0.01)]
+    swivels = [GraspJoint("a", [0, 0, 1], [0.02, offset, 0], (3,)), GraspJoint("b", [0, 0, 1], [0.05, 0.01, 0], (4,))]
+    motor = Mechanism(("b",), np.array([[0.0, 1.0]]), np.zeros((0, 2)), (False,))
+    return Grasp([*floor, *tips], swivels, motor), np.array([1.0, 0, -3.0, 0, -0.06, -0.005])
+
+
+@pytest.mark.parametrize("exponent", range(-20, 1))
+def test_a_swivel_through_a_fingertip_passes_on_nothing(exponent):
+    """By hand: 0.5 N at each tip, which the free swivel cannot have at any offset but 0."""
+    offset = 10.0**exponent
+    here, load = pivot(0.0)
+    p, x = held(here, load)
+    assert x.c[9] == pytest.approx(0.5)
+    x = altered(x, q=[0.0, x.q[1]])  # at offset 0 it may turn at will
+    assert prove(p, x).exact
+    there = problem(pivot(offset)[0], load)
+    done = prove(there, x)
+    assert not done.exact
+    missed = 0.5 * offset
+    unit = EPS * load_scale(there.grasp, there.load) * there.grasp.size
+    assert done.tolerant == (missed <= unit)
+
+
+@pytest.mark.parametrize("exponent", range(-11, 12, 2))
+def test_no_length_and_no_force_is_absolute(exponent):
+    """Fig. 9 in other units of length and force has the same proofs."""
+    grasp = load_grasp(bundled.resolve("grasps", "fig9"))
+    load = np.array([0.0, 0.0, -0.5, 0.0, 0.0, 0.0])
+    p, x = held(grasp, load)
+    assert prove(p, x).exact
+    a = 10.0**exponent
+    for length, force in ((a, 1.0), (1.0, a), (a, a), (a, 1 / a)):
+        g, unit = p.grasp, force * length
+        scaled = replace(g, positions=length * g.positions, origins=length * g.origins, command=unit * g.command)
+        wrench = force * np.concatenate([load[:3], length * load[3:]])
+        turned = np.concatenate([[1.0, 1, 1], np.full(3, 1 / length)])
+        other = altered(
+            x, r=force * turned * x.r, q=force / length * x.q, c=force * x.c, f=unit * x.f, coupling=unit * x.coupling
+        )
+        done = prove(replace(p, grasp=scaled, wrench=wrench), other)
+        assert done.exact, (length, force, done.reason)
+        assert scaled.size == pytest.approx(length * g.size)
+        np.testing.assert_allclose(scaled.joint_arms, length * g.joint_arms, rtol=1e-9)
+        wrong = prove(replace(p, grasp=scaled, wrench=1.001 * wrench), other)
+        nothing(wrong)
+
+
+def test_large_motions_beside_small_forces_are_proved_with_more_digits():
+    """A tendon that lets a wedge in: motions of 1e9 N beside 1 N."""
+    angle = 1e-9
+    normals = [[np.cos(angle), np.sin(angle), 0], [-np.cos(angle), np.sin(angle), 0]]
+    grasp = Grasp([Contact([-0.02, 0, 0], normals[0], 0.0), Contact([0.02, 0, 0], normals[1], 0.0)])
+    force = 0.5 / np.sin(angle)
+    zeros = {name: np.zeros(0) for name in ("q", "f", "coupling", "reaction")}
+    x = State(r=np.array([0, -force / angle, 0, 0, 0, 0]), c=np.array([force, 0, 0] * 2), torsion=np.zeros(2), **zeros)
+    p, better = polished(problem(grasp, [0, -1.0, 0]), x)
+    done = prove(p, better)
+    assert done.exact, done.reason
+    assert data(grasp).size == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("family", [name for name in FAMILIES if name != "no dissipation"])
+def test_boxes_in_floating_point_contain_the_solution_in_many_digits(family):
+    p, x = held(*(got := of_family(family))[:2], **got[2])
+    options = choices(p, x)
+    modes = modes_of(p.grasp, {name: kinds[0] for name, kinds in options.items()})
+    system = System.of(p, modes, x, True, False)
+    wide, narrow = system.box(), refined(system)
+    units = p.grasp.row_units
+    for a, a_off, b, b_off, unit in (
+        (wide.d, wide.d_off, narrow.d, narrow.d_off, units),
+        (wide.phi, wide.phi_off, narrow.phi, narrow.phi_off, 1 / units),
+    ):
+        assert (np.abs(a - b) <= a_off + b_off).all()
+        assert (b_off <= a_off * (1 + 1e-9) + 4e-16 * np.abs(b)).all()
+        assert (a_off / unit).max() < 1e-3 * max(p.scale, np.abs(x.c).max())

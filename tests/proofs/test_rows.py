@@ -1,0 +1,356 @@
+"""Every row that is legal in a case holds for exact states of the model in that case; what rows say, by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from handfast.proofs.equations import equations_of
+from handfast.proofs.question import CHECK, LARGEST, SMALLEST_PRELOAD, TORQUES
+from handfast.proofs.rows import (
+    CLOSED,
+    HALF,
+    LOCKED,
+    MOVES,
+    OF_ACTUATOR,
+    OF_CONTACT,
+    OPEN,
+    SLIDE,
+    STICK,
+    TURN,
+    UNDECIDED,
+    WIDER,
+    WIDEST,
+    Columns,
+    LeafRows,
+    Row,
+    bounds,
+    directions,
+    equalities,
+    known,
+    legal,
+    row_values,
+    zeros,
+)
+from tests.support.proof_states import case_of, contact, drawn, pinch, question
+
+FAMILIES = {
+    "check": {"goal": CHECK},
+    "check with eta": {"goal": CHECK, "eta": 0.3},
+    "soft fingers": {"goal": CHECK, "soft": True},
+    "smallest preload": {"goal": SMALLEST_PRELOAD},
+    "largest": {"goal": LARGEST},
+    "torques": {"goal": TORQUES},
+    "sum of torques": {"goal": TORQUES, "sums": True, "eta": 0.1},
+}
+SOFT = {row for row in Row if row > Row.ENERGY}
+COMMANDED, DRIVEN = SOFT | {Row.S_UP}, SOFT | {Row.ENERGY, Row.E_DOWN}
+MISSING = {  # what holds nowhere in a family
+    "check": COMMANDED | {Row.BOUND_DOWN},
+    "check with eta": COMMANDED | {Row.BOUND_DOWN},
+    "soft fingers": {Row.S_UP, Row.BOUND_DOWN, Row.CHORD, Row.C_LEFT, Row.C_RIGHT},
+    "smallest preload": COMMANDED | {Row.ENERGY},  # there are springs
+    "largest": COMMANDED | {Row.ENERGY},
+    "torques": DRIVEN,
+    "sum of torques": DRIVEN,
+}
+
+
+def every_row(q, cases, rng, references):
+    """Rows of all kinds about everything, with directions at the ends of the case's sectors and elsewhere."""
+    made = []
+    n = Columns.of(q).n
+    for kind in Row:
+        count = q.grasp.m if OF_CONTACT[kind] else q.actuators if OF_ACTUATOR[kind] else n
+        count = len(references) if kind == Row.ENERGY else count
+        for index in range(count):
+            state = cases[0, index] if OF_CONTACT[kind] else np.zeros(3, dtype=int)
+            own = [(state[1], state[2]), (state[1] - TURN, state[2] - TURN), (state[2] - HALF, state[1] + HALF)]
+            a, b = np.sort(rng.integers(-TURN, TURN, size=2))
+            if kind in (Row.SOFT_CHORD, Row.C_SIDE, Row.D_SIDE):
+                own = [(state[1] >> k, side) for k in range(4) for side in (-1, 0, 1, 2, 3)]
+            made += [(kind, index, *ends) for ends in (*own, (a, b), (a, a + HALF // 2))]
+    kind, index, a, b = np.array(made, dtype=np.int64).T
+    return LeafRows(kind, index, a, b, np.zeros(len(kind), dtype=np.int64), references)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_legal_row_holds_for_exact_states(family):
+    rng, counts = np.random.default_rng(len(family)), dict.fromkeys(Row, 0)
+    for _ in range(150):
+        state = drawn(rng, **FAMILIES[family])
+        q, at = state.question, Columns.of(state.question)
+        top = 1.0 if state.scalar is None else state.scalar[1]
+        scalar = np.array([[top], [top], [top * 0.5]])
+        references = np.hstack([np.abs(rng.normal(size=(3, q.grasp.m))), scalar])
+        references[0, :-1] = state.x[at.c][0::3]
+        cases = case_of(state, rng)[None]
+        rows = every_row(q, cases, rng, references)
+        assert known(q, rows).all()
+        fine = legal(q, state.scalar, rows, cases)
+        rows = LeafRows(*(x[fine] for x in (rows.kind, rows.index, rows.a, rows.b, rows.leaf)), references)
+        value, right = row_values(q, state.scalar, rows)
+        z = np.concatenate([state.x, state.motions])
+        excess, size = value @ z - right, np.abs(value) @ np.abs(z) + np.abs(right)
+        wrong = np.flatnonzero(excess < -1e-11 * size - 1e-13)
+        assert not len(wrong), [(Row(rows.kind[k]).name, rows.index[k], rows.a[k], rows.b[k]) for k in wrong[:3]]
+        zero = equalities(q, rows, cases)
+        assert (np.abs(excess[zero]) <= 1e-11 * size[zero] + 1e-13).all()
+        assert np.abs(z[: at.n][zeros(q, cases)[0]]).max(initial=0.0) <= 1e-12
+        for kind in Row:
+            counts[kind] += int((rows.kind == kind).sum())
+        # (1) and (2), the coupling and the locked actuator hold for it as well
+        e = equations_of(q)
+        h = np.zeros(len(e.E))
+        h[:6], h[6 : 6 + q.joints] = -q.load.w_a, q.load.g_a
+        assert np.abs(e.E @ state.x - h).max() <= 1e-9
+        assert np.abs(e.Z @ state.x - state.motions).max() <= 1e-9
+    assert {kind for kind in Row if not counts[kind]} == MISSING[family]
+
+
+def alone(q, kind, index=0, a=0, b=0, references=((),), scalar=None):
+    """One row's numbers."""
+    some = LeafRows(*(np.array([x]) for x in (int(kind), index, a, b, 0)), np.array(references, dtype=float))
+    value, right = row_values(q, scalar, some)
+    return value[0], right[0]
+
+
+QUARTER = TURN // 4
+
+
+def test_coefficients_of_a_contact_by_hand():
+    """mu 0.5, eta 30 degrees; U_0 = (1, 0), U_quarter = (0, 1), 1 + U.U = 1; columns c at 6, d at n = 12."""
+    q = pinch([0, 0, -1, 0, 0, 0], eta=np.pi / 6)
+    at = Columns.of(q)
+    assert (at.c.start, at.n) == (6, 12)
+    c, d, sin, cos = 6, 12, 0.5, np.sqrt(0.75)
+    expected = {
+        Row.CN_UP: {c: 1},
+        Row.CN_DOWN: {c: -1},
+        Row.GAP_UP: {c: 1, d: cos, d + 1: -sin, d + 2: -sin},
+        Row.GAP_DOWN: {c: -1, d: -cos, d + 1: sin},
+        Row.DN_UP: {d: cos, d + 1: -sin, d + 2: -sin},
+        Row.TANGENT: {c: 0.5, c + 1: -1},
+        Row.CHORD: {c: -0.25, c + 1: 0.5, c + 2: 0.5},
+        Row.C_LEFT: {c + 2: 1},
+        Row.C_RIGHT: {c + 1: 1},
+        Row.D_LEFT: {d + 2: -1},
+        Row.D_RIGHT: {d + 1: -1},
+        Row.STILL_1_UP: {d + 1: 1},
+        Row.STILL_1_DOWN: {d + 1: -1},
+        Row.STILL_2_UP: {d + 2: 1},
+        Row.STILL_2_DOWN: {d + 2: -1},
+    }
+    for kind, entries in expected.items():
+        value, right = alone(q, kind, 0, 0, QUARTER)
+        wanted = np.zeros(len(value))
+        wanted[list(entries)] = list(entries.values())
+        assert value == pytest.approx(wanted, abs=2e-12), kind.name
+        assert right == 0
+    gives_way = alone(q, Row.TANGENT, 0, 0, QUARTER)[0][c], alone(q, Row.CHORD, 0, 0, QUARTER)[0][c]
+    assert gives_way == (0.5 * (1 + WIDER), -0.5 * (0.5 - WIDER))
+    second = alone(q, Row.CN_UP, 1)[0]
+    assert second[c + 3] == 1
+    assert np.abs(second).sum() == 1
+
+
+def test_sectors_of_half_a_turn_have_sides_but_no_chord():
+    q = pinch([0, 0, -1, 0, 0, 0], eta=0.1)
+    for width, fine in ((WIDEST - 1, True), (WIDEST, False), (HALF - 1, False)):
+        cases = np.array([[[SLIDE, 7, 7 + 10], [OPEN, 7, 7 + 10]]])
+        for kind, index in ((Row.CHORD, 0), (Row.GAP_UP, 0), (Row.DN_UP, 1)):
+            some = LeafRows(*(np.array([x]) for x in (int(kind), index, 0, width, 0)), np.zeros((0, 3)))
+            assert legal(q, None, some, cases)[0] == fine, (kind, width)
+
+
+ILLEGAL = [
+    (Row.CN_DOWN, (UNDECIDED, 0, 0)),
+    (Row.CN_DOWN, (CLOSED, 0, 0)),
+    (Row.GAP_UP, (UNDECIDED, 0, 0)),
+    (Row.GAP_UP, (SLIDE, 90, 120)),
+    (Row.GAP_DOWN, (OPEN, 10, 20)),
+    (Row.GAP_DOWN, (UNDECIDED, 0, 0)),
+    (Row.DN_UP, (STICK, 10, 20)),
+    (Row.DN_UP, (OPEN, 0, 0)),
+    (Row.CHORD, (STICK, 10, 20)),
+    (Row.CHORD, (CLOSED, 10, 20)),
+    (Row.CHORD, (SLIDE, 90, 120)),
+    (Row.C_LEFT, (OPEN, 10, 20)),
+    (Row.C_LEFT, (SLIDE, -10, 20)),
+    (Row.C_RIGHT, (CLOSED, 0, 0)),
+    (Row.C_RIGHT, (SLIDE, 90, 120)),
+    (Row.D_LEFT, (UNDECIDED, 0, 0)),
+    (Row.D_LEFT, (CLOSED, -10, 20)),
+    (Row.D_RIGHT, (OPEN, 90, 120)),
+    (Row.STILL_1_UP, (SLIDE, 10, 20)),
+    (Row.STILL_1_DOWN, (CLOSED, 10, 20)),
+    (Row.STILL_2_UP, (OPEN, 10, 20)),
+    (Row.STILL_2_DOWN, (UNDECIDED, 0, 0)),
+    (Row.SOFT_TANGENT, (STICK, 10, 20)),
+    (Row.SOFT_CHORD, (SLIDE, 8, 0)),
+    (Row.C_SIDE, (SLIDE, 8, 0)),
+    (Row.D_SIDE, (SLIDE, 8, 0)),
+    (Row.TURN_UP, (STICK, 10, 20)),
+    (Row.TURN_DOWN, (STICK, 0, 0)),
+    (Row.ENERGY, (CLOSED, 0, 0)),
+]
+
+
+@pytest.mark.parametrize(("kind", "state"), ILLEGAL)
+def test_rows_of_a_contact_that_do_not_hold(kind, state):
+    """a = 0, b = 100, contacts that are no soft fingers, without the dissipation principle for the energy."""
+    q = pinch([0, 0, -1, 0, 0, 0], eta=0.1) if kind != Row.ENERGY else pinch([0, 0, -1, 0, 0, 0], mdp=False)
+    some = LeafRows(*(np.array([x]) for x in (int(kind), 0, 0, 100, 0)), np.ones((1, 3)))
+    assert not legal(q, None, some, np.array([[state, (UNDECIDED, 0, 0)]]))[0]
+
+
+def driven_question(goal=TORQUES, **more):
+    joints = [{"name": n, "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]} for n in ("a", "b", "free", "tendon")]
+    actuators = [{"name": n, "joints": {n: 1.0}, "tendon": n == "tendon"} for n in ("a", "b", "free", "tendon")]
+    rest = {"joints": joints, "mechanism": {"actuators": actuators}, "preload": {"a": -1.0, "b": 2.0}}
+    return pinch([0, 0, -1, 0, 0, 0], goal=goal, **rest, **more)
+
+
+def test_rows_of_actuators_hold_where_they_may():
+    """Of a check a, b are commanded, the free one is locked; of torques a alone is driven, b locked."""
+    expected = {
+        CHECK: {
+            Row.T_UP: "aaaa aaaa aaaa",
+            Row.T_DOWN: "--a- aaaa --a-",
+            Row.E_UP: "aa-a aa-a aa-a",
+            Row.E_DOWN: "---- ---- aa-a",
+            Row.S_UP: "---- ---- ----",
+        },
+        TORQUES: {
+            Row.T_UP: "aaaa aaaa aaaa",
+            Row.T_DOWN: "-aa- aaaa -aa-",
+            Row.E_UP: "---a ---a a--a",
+            Row.E_DOWN: "---- ---- ---a",
+            Row.S_UP: "---- ---- a---",
+        },
+    }
+    for goal, table in expected.items():
+        q = driven_question(goal, **({"driven": ["a"]} if goal == TORQUES else {}))
+        for kind, text in table.items():
+            for state, word in zip((0, LOCKED, MOVES), text.split(), strict=True):
+                cases = np.zeros((1, 6, 3), dtype=np.int64)
+                cases[0, 2:, 0] = state
+                index = np.arange(4)
+                some = LeafRows(np.full(4, int(kind)), index, 0 * index, 0 * index, 0 * index, np.zeros((0, 3)))
+                scalar = (0.0, 5.0) if goal == TORQUES else None
+                assert "".join("a" if x else "-" for x in legal(q, scalar, some, cases)) == word, (goal, kind, state)
+
+
+def test_actuators_by_hand():
+    """f of a is mirrored: f >= 1; with the scalar: f >= lambda. T - f, and e - f of the sum."""
+    at = Columns.of(q := driven_question(CHECK))
+    f = at.f.start
+    value, right = alone(q, Row.E_UP, 0)
+    assert (value[f], right) == (1, 1)
+    assert np.abs(value).sum() == 1
+    value, right = alone(q, Row.E_DOWN, 1)
+    assert (value[f + 1], right) == (-1, -2)
+    assert alone(q, Row.T_UP, 2)[0][at.n + 6 + 2] == 1
+    assert alone(q, Row.T_DOWN, 2)[0][at.n + 6 + 2] == -1
+    q = driven_question(TORQUES, driven=["a"])
+    at = Columns.of(q)
+    value, right = alone(q, Row.S_UP, 0, scalar=(0.0, 1.0))
+    assert (value[at.f.start], value[at.scalar.start], right) == (-1, 1, 0)
+    q = driven_question(TORQUES, driven=["a"], objective="sum")
+    at = Columns.of(q)
+    value, right = alone(q, Row.S_UP, 0, scalar=(0.0, 1.0))
+    assert (value[at.f.start], value[at.e.start], value[at.scalar.start]) == (-1, 1, 0)
+
+
+def test_bounds_by_hand():
+    q = driven_question(TORQUES, driven=["a"], objective="sum", torque_limits={"b": 3.0}, force_limit=7.0)
+    at, (lo, hi) = Columns.of(q), bounds(q, (0.5, 2.0))
+    assert lo[at.c].tolist() == [0, -np.inf, -np.inf] * 2
+    assert hi[at.c].tolist() == [7, np.inf, np.inf] * 2
+    assert lo[at.f].tolist() == [-np.inf, -3, -np.inf, -np.inf]
+    assert hi[at.f].tolist() == [np.inf, 3, np.inf, np.inf]
+    assert (lo[at.scalar][0], hi[at.scalar][0]) == (0.5, 2.0)
+    assert lo[at.e].tolist() == [0] * 4
+    assert hi[at.e].tolist() == [2, np.inf, np.inf, np.inf]
+    for part in (at.r, at.q, at.coupling):
+        assert np.isinf(lo[part]).all()
+        assert np.isinf(hi[part]).all()
+    value, right = alone(q, Row.BOUND_DOWN, at.c.start, scalar=(0.5, 2.0))
+    assert (value[at.c.start], right) == (-1, -7)
+    value, right = alone(q, Row.BOUND_UP, at.scalar.start, scalar=(0.5, 2.0))
+    assert (value[at.scalar.start], right) == (1, 0.5)
+
+
+def test_energy_by_hand():
+    """w . r + f_c . t + g . q - 2 x . c_n >= -|x|^2, each rounded to say no more."""
+    q = driven_question(CHECK)
+    at = Columns.of(q)
+    value, right = alone(q, Row.ENERGY, 0, references=[[2.0, 3.0, 0.0]])
+    assert value[at.r].tolist() == [0, 0, -1, 0, 0, 0]
+    assert not value[at.q].any()
+    assert value[at.c][0::3].tolist() == [-4, -6]
+    assert right == pytest.approx(-13, rel=1e-15)
+    assert right < -13
+    t = value[at.n + 6 : at.n + 10]
+    assert t == pytest.approx([1, 2, 0, 0], rel=1e-15)
+    assert (t >= [1, 2, 0, 0]).all()
+
+
+def test_energy_holds_for_checks_and_for_preloads_that_are_no_larger_than_said():
+    none = np.zeros((1, 6, 3), dtype=np.int64)
+    direction = {"direction": [0, 0, 1, 0, 0, 0]}
+
+    def fine(q, scalar, top):
+        one = np.zeros(1, np.int64)
+        return bool(legal(q, scalar, LeafRows(one + 24, one, one, one, one, np.array([[1.0, 1.0, top]])), none)[0])
+
+    assert fine(driven_question(CHECK), None, 0.0)
+    assert not fine(driven_question(CHECK, mdp=False), None, 0.0)
+    assert not fine(driven_question(LARGEST, **direction), (0.0, 1.0), 1.0)
+    assert not fine(driven_question(TORQUES, driven=["a"]), (0.0, 1.0), 1.0)
+    joints = [{"name": "a", "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]}]
+    preload = pinch([0] * 6, goal=SMALLEST_PRELOAD, joints=joints, preload={"a": 1.0}, **direction)
+    none = np.zeros((1, 3, 3), dtype=np.int64)
+    assert fine(preload, (0.0, 1.0), 1.0)
+    assert not fine(preload, (0.0, 1.0), 0.999)
+    sprung = pinch(
+        [0] * 6, goal=SMALLEST_PRELOAD, joints=[joints[0] | {"torque": 0.1}], preload={"a": 1.0}, **direction
+    )
+    assert not fine(sprung, (0.0, 1.0), 1.0)
+
+
+def test_kinds_and_indices_that_are_none():
+    q = driven_question(CHECK)
+    n = Columns.of(q).n
+    good = [(Row.CN_UP, 1), (Row.T_UP, 3), (Row.BOUND_UP, n - 1), (Row.ENERGY, 0), (Row.TURN_DOWN, 1)]
+    bad = [(Row.CN_UP, 2), (Row.T_UP, 4), (Row.BOUND_UP, n), (Row.ENERGY, 1), (Row.TURN_DOWN, 2), (22, 0), (23, 0)]
+    bad += [(31, 0), (32, 0), (-1, 0), (2**31 - 1, 0), (Row.CN_UP, -1), (Row.ENERGY, -1)]
+    for wanted, rows in ((True, good), (False, bad)):
+        for kind, index in rows:
+            some = LeafRows(*(np.array([x], dtype=np.int64) for x in (kind, index, 0, 0, 0)), np.ones((1, 3)))
+            assert known(q, some)[0] == wanted, (kind, index)
+
+
+def test_directions_turn_by_quarters_exactly():
+    k = np.arange(0, TURN, TURN // 4 + 12345)
+    U = directions(k)
+    assert np.array_equal(directions(k + QUARTER), np.column_stack([-U[:, 1], U[:, 0]]))
+    assert np.array_equal(directions(k + HALF), -U)
+    assert np.array_equal(directions(k - TURN), U)
+    assert directions(np.array([0]))[0].tolist() == [1, 0]
+    assert pytest.approx(np.column_stack([np.cos(k * 2 * np.pi / TURN), np.sin(k * 2 * np.pi / TURN)]), abs=1e-15) == U
+
+
+def test_unknowns_that_are_zero():
+    q = question(
+        [contact([0, 0, 1], [0, 0, -1], torsion=0.01), contact([0, 0, -1], [0, 0, 1])],
+        [0, 0, 0, 0, 0, 1],
+        joints=[{"name": n, "axis": [1, 0, 0], "origin": [0, 1, 0], "moves": [0]} for n in "abc"],
+        mechanism={"actuators": [{"name": "a", "joints": {"a": 2.0}}, {"name": "b", "joints": {"b": 1.0, "c": 1.0}}]},
+        preload={"a": 1.0},
+    )
+    at = Columns.of(q)
+    cases = np.zeros((3, 4, 3), dtype=np.int64)
+    cases[1, 0, 0], cases[2, 2, 0] = OPEN, LOCKED
+    wanted = [[], [*range(at.c.start, at.c.start + 3), at.twist.start], [at.q.start]]
+    assert [np.flatnonzero(row).tolist() for row in zeros(q, cases)] == wanted

@@ -1,0 +1,189 @@
+"""Trees whose splits cover every case, and trees that leave one out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from handfast.proofs.question import Question
+from handfast.proofs.rows import CLOSED, FREE, HALF, LOCKED, MOVES, OPEN, SLIDE, STICK, TURN, UNDECIDED
+from handfast.proofs.tree import BadCertificate, leaf_cases
+from tests.support.proof_states import contact, pinch, question
+
+ROOT = (-1, 0, 0, 0, 0)
+SPLIT = [(0, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0)]
+THIRD = TURN // 3
+SECTORS = [(SLIDE, 0, THIRD), (SLIDE, THIRD, 2 * THIRD), (SLIDE, 2 * THIRD, TURN)]
+JOINTS = [{"name": n, "axis": [0, 0, 1], "origin": [0, 1, 0], "moves": [0]} for n in ("a", "b")]
+
+
+def walls(**more) -> Question:
+    return pinch([0, 0, -1, 0, 0, 0], joints=JOINTS, preload={"a": 1.0}, **more)
+
+
+def soft() -> Question:
+    sides = [contact([0, 0, s], [0, 0, -s], torsion=0.01) for s in (1, -1)]
+    return question(sides, [0, 0, 0, 0, 0, 1])
+
+
+def cases(q: Question, *nodes):
+    parent, part, *change = np.array([ROOT, *nodes]).T
+    return leaf_cases(q, parent, part, np.column_stack(change))
+
+
+def closed(*children, at=2, part=0):
+    """Contact 0 is closed in node 2, which has these children."""
+    return [*SPLIT, *((at, part, *child) for child in children)]
+
+
+def test_root_alone_is_a_leaf():
+    assert cases(walls()).tolist() == [[[0, 0, 0]] * 4]
+
+
+def test_cases_are_those_of_parents_with_one_part_changed():
+    found = cases(walls(), *closed((STICK, 0, 0), *SECTORS), (1, 2, LOCKED, 0, 0), (1, 2, MOVES, 0, 0))
+    assert found[:, 0].tolist() == [[STICK, 0, 0], *map(list, SECTORS), [OPEN, 0, 0], [OPEN, 0, 0]]
+    assert found[:, 2, 0].tolist() == [0, 0, 0, 0, LOCKED, MOVES]
+    assert not found[:, [1, 3]].any()
+
+
+FINE = {
+    "half turns of a closed contact": closed((CLOSED, 5, 5 + HALF), (CLOSED, 5 + HALF, 5 + TURN)),
+    "sectors in any order": closed((STICK, 0, 0), *SECTORS[::-1]),
+    "stick within a sector": [
+        *closed((CLOSED, 0, HALF), (CLOSED, HALF, TURN)),
+        (3, 0, STICK, 0, HALF), (3, 0, SLIDE, 0, 9), (3, 0, SLIDE, 9, HALF),
+        (4, 0, STICK, 0, 0), (4, 0, SLIDE, HALF, HALF + 9), (4, 0, SLIDE, HALF + 9, TURN),
+    ],
+    "a sector is halved": [*closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, 0, 7), (4, 0, SLIDE, 7, THIRD)],
+    "sectors that begin below zero": closed((STICK, 0, 0), *((SLIDE, a - 9, b - 9) for _, a, b in SECTORS)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FINE)
+def test_splits_that_cover(name):
+    cases(walls(), *FINE[name])
+
+
+def test_sectors_of_an_open_contact_where_normals_are_uncertain():
+    nodes = [*SPLIT, *((1, 0, OPEN, a, b) for _, a, b in SECTORS)]
+    assert cases(walls(eta=0.1), *nodes).shape == (4, 4, 3)
+    with pytest.raises(BadCertificate, match="node 1, split of contact 0: it is decided already"):
+        cases(walls(), *nodes)
+
+
+def test_octants_and_halves_of_patches():
+    nodes = closed((STICK, 0, 0), *((SLIDE, k, 0) for k in range(8, 16)))
+    nodes += [(5, 0, SLIDE, 2 * 9, 0), (5, 0, SLIDE, 2 * 9 + 1, 0)]
+    assert len(cases(soft(), *nodes)) == 11
+
+
+BAD = {
+    "parent of the root": ([(0, 0, 0, 0, 0)], "node 0 has parent 0"),
+    "parent after the node": ([ROOT, (2, 0, OPEN, 0, 0), (0, 0, CLOSED, 0, 0)], "node 1 has parent 2"),
+    "second root": ([ROOT, ROOT], "node 1 has parent -1"),
+    "no such part": ([ROOT, (0, 4, LOCKED, 0, 0), (0, 4, MOVES, 0, 0)], "node 1 changes part 4; there are 4"),
+    "negative part": ([ROOT, (0, -1, LOCKED, 0, 0)], "changes part -1"),
+    "two parts": ([ROOT, SPLIT[0], (0, 1, CLOSED, 0, 0)], "node 0 is split in several parts at once"),
+    "closed alone": ([ROOT, SPLIT[1]], "split of contact 0: needs OPEN and CLOSED"),
+    "closed twice": ([ROOT, SPLIT[1], SPLIT[1]], "needs OPEN and CLOSED"),
+    "three of two": ([ROOT, *SPLIT, SPLIT[1]], "needs OPEN and CLOSED"),
+    "open in a sector": ([ROOT, (0, 0, OPEN, 1, 2), SPLIT[1]], "needs OPEN and CLOSED"),
+    "an actuator that cannot move": ([ROOT, (0, 3, LOCKED, 0, 0), (0, 3, MOVES, 0, 0)], "actuator 1: it is decided"),
+    "moves alone": ([ROOT, (0, 2, MOVES, 0, 0)], "actuator 0: needs LOCKED and MOVES"),
+    "an actuator in a sector": ([ROOT, (0, 2, LOCKED, 1, 2), (0, 2, MOVES, 0, 0)], "needs LOCKED and MOVES"),
+    "an actuator twice": (
+        [ROOT, (0, 2, LOCKED, 0, 0), (0, 2, MOVES, 0, 0), (1, 2, LOCKED, 0, 0), (1, 2, MOVES, 0, 0)],
+        "node 1, split of actuator 0: it is decided",
+    ),
+    "no stick": ([ROOT, *closed(*SECTORS)], "needs STICK and sectors"),
+    "stick twice": ([ROOT, *closed((STICK, 0, 0), (STICK, 0, 0), *SECTORS)], "needs STICK and sectors"),
+    "stick in part of it": ([ROOT, *closed((STICK, 0, 9), *SECTORS)], "needs STICK and sectors"),
+    "stick alone": ([ROOT, *closed((STICK, 0, 0))], "needs sectors"),
+    "a gap": ([ROOT, *closed((STICK, 0, 0), SECTORS[0], SECTORS[2])], "the sectors leave a gap, or overlap"),
+    "an overlap": (
+        [ROOT, *closed((STICK, 0, 0), SECTORS[0], (SLIDE, THIRD - 1, 2 * THIRD), SECTORS[2])],
+        "the sectors leave a gap, or overlap",
+    ),
+    "no full turn": ([ROOT, *closed((STICK, 0, 0), *SECTORS[:2])], "are not those of the node, or a full turn"),
+    "half a turn": (
+        [ROOT, *closed((STICK, 0, 0), (SLIDE, 0, HALF), (SLIDE, HALF, TURN))],
+        "a child is no sector, or not of the right state",
+    ),
+    "more than half a turn": (
+        [ROOT, *closed((CLOSED, 0, HALF + 1), (CLOSED, HALF + 1, TURN))],
+        "a child is no sector, or not of the right state",
+    ),
+    "a sector that is none": ([ROOT, *closed((STICK, 0, 0), *SECTORS, (SLIDE, 5, 5))], "a child is no sector"),
+    "states are mixed": (
+        [ROOT, *closed((STICK, 0, 0), *SECTORS[:2], (CLOSED, 2 * THIRD, TURN))], "a child is no sector",
+    ),
+    "not all of the sector": (
+        [ROOT, *closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, 0, 7), (4, 0, SLIDE, 7, THIRD - 1)],
+        "are not those of the node",
+    ),
+    "beyond the sector": (
+        [ROOT, *closed((STICK, 0, 0), *SECTORS), (4, 0, SLIDE, -1, 7), (4, 0, SLIDE, 7, THIRD)],
+        "are not those of the node",
+    ),
+    "what sticks": ([ROOT, *closed((STICK, 0, 0), *SECTORS), *((3, 0, *x) for x in SECTORS)], "it is decided already"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_splits_that_leave_something_out(name):
+    nodes, why = BAD[name]
+    parent, part, *change = np.array(nodes).T
+    with pytest.raises(BadCertificate, match=why):
+        leaf_cases(walls(), parent, part, np.column_stack(change))
+
+
+def test_without_the_dissipation_principle_contacts_are_open_or_closed_only():
+    cases(walls(mdp=False), *SPLIT)
+    with pytest.raises(BadCertificate, match="it is decided already"):
+        cases(walls(mdp=False), *closed((STICK, 0, 0), *SECTORS))
+
+
+SOFT = [(STICK, 0, 0), *((SLIDE, k, 0) for k in range(8, 16))]
+BAD_PATCHES = {
+    "an octant is missing": (closed(*SOFT[:-1]), "needs STICK and the patches 8 to 15"),
+    "an octant twice": (closed(*SOFT[:-1], SOFT[-2]), "needs STICK and the patches 8 to 15"),
+    "no stick": (closed(*SOFT[1:]), "needs STICK and the patches"),
+    "stick in a sector": (closed((STICK, 0, 9), *SOFT[1:]), "needs STICK and the patches"),
+    "sectors of a soft finger": (closed((STICK, 0, 0), *SECTORS), "needs STICK and the patches"),
+    "another's half": ([*closed(*SOFT), (5, 0, SLIDE, 18, 0), (5, 0, SLIDE, 21, 0)], "needs the two halves"),
+    "one half": ([*closed(*SOFT), (5, 0, SLIDE, 18, 0)], "needs the two halves"),
+    "a half twice": ([*closed(*SOFT), (5, 0, SLIDE, 18, 0), (5, 0, SLIDE, 18, 0)], "needs the two halves"),
+    "with a right end": ([*closed(*SOFT), (5, 0, SLIDE, 18, 0), (5, 0, SLIDE, 19, 1)], "needs the two halves"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_PATCHES)
+def test_patches_that_leave_something_out(name):
+    nodes, why = BAD_PATCHES[name]
+    with pytest.raises(BadCertificate, match=why):
+        cases(soft(), *nodes)
+
+
+def test_patches_end_where_their_numbers_do():
+    nodes, number = closed(*SOFT), 8
+    node = 4
+    while 2 * number + 1 < 2**31:
+        nodes += [(node, 0, SLIDE, 2 * number, 0), (node, 0, SLIDE, 2 * number + 1, 0)]
+        node, number = len(nodes) - 1, 2 * number
+    cases(soft(), *nodes)
+    nodes += [(node, 0, SLIDE, 2 * number, 0), (node, 0, SLIDE, 2 * number + 1, 0)]
+    with pytest.raises(BadCertificate, match="needs the two halves"):
+        cases(soft(), *nodes)
+
+
+def test_deep_trees_in_any_order():
+    """A chain of 400 halvings, whose leaves are the 400 lower halves and the last upper one."""
+    nodes, node, left = closed((STICK, 0, 0), *SECTORS), 4, 0
+    for _ in range(400):
+        nodes += [(node, 0, SLIDE, left, left + 1), (node, 0, SLIDE, left + 1, THIRD)]
+        node, left = len(nodes), left + 1
+    found = cases(walls(), *nodes)
+    assert len(found) == 1 + 3 + 401
+    assert found[-1, 0].tolist() == [SLIDE, 400, THIRD]
+    assert FREE == UNDECIDED == 0
