@@ -6,7 +6,7 @@ changed: parts 0 to m-1 are the contacts, m to m+a-1 the actuators. Each leaf li
 (`rows`), and multipliers >= 0 under which they contradict the equilibrium: Farkas' lemma.
 
 In files the arrays are one text: whole numbers of 32 bits as differences, little-endian, all first bytes first;
-multipliers and references as floating-point numbers of 32 and 64 bits; all that in a zlib stream, in base64.
+multipliers as floating-point numbers of 32 or 64 `bits`, references of 64; all that in a zlib stream, in base64.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import base64
 import binascii
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -43,7 +43,7 @@ class Certificate:
         part, state, left, right: (N,) what changed: part, its state, its sector (0, 0 without).
         start: (L+1,) the i-th node that is not split, a leaf, has the rows start[i] to start[i+1].
         kind, index, a, b: (R,) a `rows.Row`, of which contact, actuator, column or reference, and its directions.
-        multiplier: (R,) of 32 bits; where they are more, they are divided by the largest of their leaf and rounded.
+        multiplier: (R,) of 32 or 64 bits; see `rounded`.
         references: (K, m+1) normal forces [N] at which the balance of energy has tangents, and the scalar that
             f_c is taken at.
 
@@ -63,7 +63,7 @@ class Certificate:
     index: Integers
     a: Integers
     b: Integers
-    multiplier: NDArray[np.float32]
+    multiplier: NDArray[np.floating[Any]]
     references: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
@@ -77,7 +77,12 @@ class Certificate:
             raise BadFile("is empty; the root at least is needed", "parent")
         if not len(s) or s[0] != 0 or s[-1] != rows or (np.diff(s) < 0).any():
             raise BadFile(f"must rise from 0 to the number of rows, {rows}", "start")
-        put(self, "multiplier", self._of_32_bits())
+        y = np.array(self.multiplier)
+        if y.shape != self.kind.shape:
+            raise BadFile(f"has shape {y.shape}; {len(self.kind)} numbers are needed", "multiplier")
+        y = y if y.dtype == np.float32 else y.astype(np.float64)
+        y.flags.writeable = False
+        put(self, "multiplier", y)
         width, references = self.question.grasp.m + 1, np.array(self.references, dtype=np.float64)
         references = references if references.size else np.zeros((0, width))
         if references.shape[1:] != (width,) or not np.isfinite(references).all():
@@ -94,17 +99,12 @@ class Certificate:
                 raise BadFile(f"is {lo:g} to {hi:g}, not a range that the goal knows", "scalar")
             object.__setattr__(self, "scalar", (lo, hi))
 
-    def _of_32_bits(self) -> NDArray[np.float32]:
-        y = np.array(self.multiplier)
-        if y.shape != self.kind.shape:
-            raise BadFile(f"has shape {y.shape}; {len(self.kind)} numbers are needed", "multiplier")
-        if y.dtype != np.float32:
-            y = y.astype(np.float64)
-            most = np.maximum.reduceat(np.append(np.abs(y), 0.0), self.start[:-1])
-            y = y / np.repeat(np.where(most > 0, most, 1.0), np.diff(self.start))
-        y = y.astype(np.float32)
-        y.flags.writeable = False
-        return y
+    def rounded(self) -> Certificate:
+        """With multipliers over the largest of their leaf, in 32 bits: half as long, and mostly as good."""
+        y = np.asarray(self.multiplier, dtype=np.float64)
+        most = np.maximum.reduceat(np.append(np.abs(y), 0.0), self.start[:-1]) if len(self.start) > 1 else np.ones(0)
+        y = y / np.repeat(np.where(most > 0, most, 1.0), np.diff(self.start))
+        return replace(self, multiplier=y.astype(np.float32))
 
     @classmethod
     def of_root(cls, question: Question, scalar: Range | None) -> Certificate:
@@ -142,13 +142,15 @@ def _integers(value: Any, size: int | None, name: str) -> Integers:
 def proof_to_dict(c: Certificate) -> dict[str, Any]:
     """The certificate but for its question, as it stands in files."""
     columns = [getattr(c, name) for name in (*NODES, *ROWS)] + [np.diff(c.start)]
-    packed = b"".join([*(_shuffled(x) for x in columns), _planes(c.multiplier), c.references.astype("<f8").tobytes()])
+    multipliers = _planes(c.multiplier)
+    packed = b"".join([*(_shuffled(x) for x in columns), multipliers, c.references.astype("<f8").tobytes()])
     return {
         "scalar": None if c.scalar is None else [x if np.isfinite(x) else None for x in c.scalar],
         "nodes": len(c.parent),
         "leaves": len(c.start) - 1,
         "rows": len(c.kind),
         "references": len(c.references),
+        "bits": 8 * c.multiplier.dtype.itemsize,
         "proof": base64.b64encode(zlib.compress(packed, 9)).decode("ascii"),
     }
 
@@ -181,10 +183,14 @@ def _read(f: Fields, question: Question) -> Certificate:
         scalar = float(lo), float(hi)
     N, L, R, K = (f.whole(name) for name in ("nodes", "leaves", "rows", "references"))
     width = question.grasp.m + 1
-    size = 4 * (len(NODES) * N + len(ROWS) * R + L + R) + 8 * K * width
+    bits = f.whole("bits")
+    if bits not in (32, 64):
+        raise BadFile(f"is {bits}; 32 or 64 is needed", f.at("bits"))
+    long = bits // 8
+    size = 4 * (len(NODES) * N + len(ROWS) * R + L) + long * R + 8 * K * width
     packed = _unpacked(f.text("proof"), size, f.at("proof"))
     f.done()
-    ends = np.cumsum([0, *[4 * N] * len(NODES), *[4 * R] * len(ROWS), 4 * L, 4 * R, 8 * K * width]).tolist()
+    ends = np.cumsum([0, *[4 * N] * len(NODES), *[4 * R] * len(ROWS), 4 * L, long * R, 8 * K * width]).tolist()
     *whole, y, x = (packed[i:j] for i, j in pairwise(ends))
     *columns, counts = (_unshuffled(part) for part in whole)
     try:
@@ -193,7 +199,7 @@ def _read(f: Fields, question: Question) -> Certificate:
             scalar=scalar,
             **dict(zip((*NODES, *ROWS), columns, strict=True)),
             start=np.concatenate([[0], np.cumsum(counts)]),
-            multiplier=np.frombuffer(y, np.uint8).reshape(4, -1).T.copy().view("<f4")[:, 0].astype(np.float32),
+            multiplier=_joined(y, long).view(f"<f{long}")[:, 0].astype(f"f{long}"),
             references=np.frombuffer(x, "<f8").reshape(K, width),
         )
     except BadFile as fault:
@@ -215,8 +221,14 @@ def _unpacked(text: str, size: int, field_: str) -> bytes:
 
 
 def _planes(x: NDArray[Any]) -> bytes:
-    """Numbers of 32 bits, little-endian: all first bytes, all second ones and so on."""
-    return np.ascontiguousarray(x.astype(x.dtype.newbyteorder("<"))).view(np.uint8).reshape(-1, 4).T.tobytes()
+    """Numbers, little-endian: all first bytes, all second ones and so on."""
+    every = np.ascontiguousarray(x.astype(x.dtype.newbyteorder("<"))).view(np.uint8)
+    return every.reshape(-1, x.dtype.itemsize).T.tobytes()
+
+
+def _joined(data: bytes, long: int) -> NDArray[np.uint8]:
+    """(n, long) bytes of numbers, from what `_planes` wrote."""
+    return np.frombuffer(data, np.uint8).reshape(long, -1).T.copy()
 
 
 def _shuffled(x: Integers) -> bytes:
@@ -224,5 +236,5 @@ def _shuffled(x: Integers) -> bytes:
 
 
 def _unshuffled(data: bytes) -> Integers:
-    differences = np.frombuffer(data, np.uint8).reshape(4, -1).T.copy().view("<u4")[:, 0]
+    differences = _joined(data, 4).view("<u4")[:, 0]
     return np.cumsum(differences, dtype=np.uint32).astype(np.int32).astype(np.int64)

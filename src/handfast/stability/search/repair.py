@@ -59,8 +59,9 @@ def _ray(c: Certificate, leaf: int, case: Integers, equations: Equations, side: 
         B=np.concatenate([F / unit[:, None], equations.E * scale / equations.unit[:, None]]),
         right=np.concatenate([right / unit, side.h / equations.unit]),
         free=np.concatenate([rows.equalities(q, some, case[None]), np.ones(len(side.h), dtype=bool)]),
-        slack=np.concatenate([np.zeros(len(F)), side.slack / equations.unit]),
-        growth=np.concatenate([np.zeros(len(F)), side.growth / equations.unit]),
+        about=np.hstack([np.zeros((len(side.h), len(F))), equations.about / equations.unit]),
+        slack=side.slack,
+        growth=side.growth,
         first=np.concatenate([np.where(first, 1 / unit, 0.0), np.zeros(len(side.h))]),
         ends=c.scalar or (0.0, 0.0),
     )
@@ -80,13 +81,15 @@ class _Program:
     """Scaled rows and equalities of one leaf.
 
     Attributes:
-        B, right: (K, n), (K,). free: (K,) multipliers of any sign. slack, growth: (K,) see `equations.RightSide`.
+        B, right: (K, n), (K,). free: (K,) multipliers of any sign.
+        about: (p, K) from multipliers to those that slack and growth (p,) are for, see `equations.RightSide`.
         first: (K,) how much each multiplier pushes the scalar's first end. ends: of the scalar.
     """
 
     B: Array
     right: Array
     free: Mask
+    about: Array
     slack: Array
     growth: Array
     first: Array
@@ -114,7 +117,7 @@ class _Program:
         equal[-1, :K] = right
         apart, above, below = np.zeros((S, K + S + A)), np.zeros((A, K + S + A)), np.zeros((A, K + S + A))
         apart[np.arange(S), strict], apart[np.arange(S), K + np.arange(S)] = -1.0, 1.0
-        above[np.arange(A), missed], below[np.arange(A), missed] = 1.0, -1.0
+        above[:, :K], below[:, :K] = self.about[missed], -self.about[missed]
         above[np.arange(A), K + S + np.arange(A)] = below[np.arange(A), K + S + np.arange(A)] = -1.0
         bounded, ends = [apart], [np.zeros(S)]
         if pushed is not None:
