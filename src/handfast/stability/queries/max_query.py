@@ -81,9 +81,10 @@ class MaxAnswer(Answer):
         """With a lower bound that is proved to be reached; UNDECIDED where none is."""
         out = self._exactly()
         known = out._of_found
-        if known is None or known.magnitude is None or known.magnitude[0] >= out.lower:
-            return Answer.settled(out)
-        return Answer.settled(replace(out, lower=max(known.magnitude[0], 0.0)))
+        if known is not None and known.magnitude is not None and known.magnitude[0] < out.lower:
+            out = replace(out, lower=max(known.magnitude[0], 0.0))
+        done = Answer.settled(out)
+        return done if done is out else replace(done, lower=0.0, unbounded=False)
 
     def _exactly(self) -> MaxAnswer:
         """With a state that exists exactly, where one is near: at most a tenth of the gap lower."""
