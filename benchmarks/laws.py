@@ -154,8 +154,9 @@ class Subject:
         tally.claim(f"{name} not verified", answer.verified)
         tally.claim(f"{name} stopped: {answer.stop}", not stopped(answer), sure=False)
         if answer.verdict is Verdict.SLIPS:
-            tally.claim(f"{name}: slips, nothing replayed", done.certificate is not None)
-        cap = done.certificate.motion if done.certificate else None
+            tally.claim(f"{name}: slips, nothing replayed", done.part("certificate") is not None)
+        proof = done.part("certificate")
+        cap = proof.figures.get("motion_cap") if proof else None
         tally.claim(
             f"{name}: up to motions of {cap} only; it says {answer.proof_json()}", (cap is not None) == capped(answer)
         )

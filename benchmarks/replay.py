@@ -7,7 +7,7 @@ force limits, uncertain normals, a coupling, a prismatic joint; then joints that
 searched without replay, and its certificate is checked by `handfast.proofs`, once with everything that depends on the
 grasp made anew, once again with that kept. Times are of the processor, the quickest of three, one thread. Every part
 that may be slow is timed on its own: reading the file, the tree, the rows, the leaves, what is done in rational
-arithmetic. Where the former checker is there still, it is asked in the same run ("before").
+arithmetic.
 """
 
 from __future__ import annotations
@@ -26,17 +26,13 @@ from benchmarks.joint_friction import drawn, rubbing
 from benchmarks.machine import describe
 from benchmarks.no_cap import question
 from handfast.proofs import checker, equations, leaves
-from handfast.proofs.certificate import NODES, Certificate, file_to_dict, read_certificate_file
-from handfast.proofs.question import read_question
-from handfast.stability.certify import checker as before
-from handfast.stability.certify.certificate_file import question_to_dict, to_dict
+from handfast.proofs.certificate import Certificate, file_to_dict, read_certificate_file
 from handfast.stability.queries import maximum
 from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "replay.json"
 SETTINGS = Settings(verify=False, workers=1, time_limit=20.0)
 FIRST_SEED, LAWS_SEED = 8_200_000, 3_150_000
-KINDS = np.array([*range(22), *range(24, 31)])  # of rows: from the former numbers to those of `proofs.rows`
 PARTS = {"tree": (checker, "leaf_cases"), "rows": (checker, "checked_rows"), "rational": (leaves, "exact_margin")}
 
 
@@ -85,32 +81,23 @@ def anew(certificate: Certificate) -> checker.Checked:
 def row(kind: str, ask: Callable[[], Any]) -> dict[str, Any] | None:
     """Figures of one maximum; None if it has no certificate."""
     answer, search = timed(ask)
-    old = answer.certificate
-    if old is None:
+    certificate = answer.certificate
+    if certificate is None:
         return None
-    data = question_to_dict(old.question)
-    new = Certificate(
-        question=read_question(data, "question"),
-        scalar=old.scalar,
-        **{name: getattr(old, name) for name in (*NODES, "start", "index", "a", "b", "multiplier", "references")},
-        kind=KINDS[old.kind],
-    )
-    written = file_to_dict(new, data)
-    was, former = timed(lambda: before.verify(old), 1)
-    found, fresh = timed(lambda: anew(new))
+    written = file_to_dict(certificate, answer.posed.to_json())
+    found, fresh = timed(lambda: anew(certificate))
     return {
         "kind": kind,
-        "contacts": new.question.grasp.m,
+        "contacts": certificate.question.grasp.m,
         "leaves": found.leaves,
         "search": search,
-        "before": former,
         "fresh": fresh,
-        "kept": timed(lambda: checker.verify(new))[1],
+        "kept": timed(lambda: checker.verify(certificate))[1],
         "reading": timed(lambda: read_certificate_file(written, ""))[1],
-        "parts": parts(new),
-        "proved": [was.ok, found.ok],
-        "caps": [was.cap, found.cap],
-        "bytes": [len(json.dumps(to_dict(old))), len(json.dumps(written))],
+        "parts": parts(certificate),
+        "proved": found.ok,
+        "cap": found.cap,
+        "bytes": len(json.dumps(written)),
     }
 
 
@@ -124,13 +111,10 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "certificates": len(rows),
         "of more than a leaf": len(many),
-        "before / search": median(lambda r: r["before"] / r["search"]),
         "fresh / search": median(lambda r: r["fresh"] / r["search"]),
         "kept / search": median(lambda r: r["kept"] / r["search"]),
-        "bytes / before": median(lambda r: r["bytes"][1] / r["bytes"][0]),
-        "proved before": sum(r["proved"][0] for r in rows),
-        "proved": sum(r["proved"][1] for r in rows),
-        "lost": sum(r["proved"][0] and not r["proved"][1] for r in rows),
+        "bytes": median(lambda r: r["bytes"]),
+        "proved": sum(r["proved"] for r in rows),
     }
 
 

@@ -17,8 +17,8 @@ VERDICT = [
     ("ours", "ScaledProblem and Goal", "stability/scaled_problem.py\nstability/goal.py"),
     ("ours", "Reduced: equations\neliminated", "search/reduced.py"),
     ("ours", "tree of contact states", "search/search.py\nsearch/kernel/tree.py"),
-    ("proof", "a witness, judged\nby (1) to (8)", "stability/model.py"),
-    ("proof", "or a certificate,\nchecked leaf by leaf", "certify/checker.py\ncertify/farkas.py"),
+    ("proof", "a witness, proved\nto be near a state", "proofs/existence.py"),
+    ("proof", "or a certificate,\nchecked leaf by leaf", "proofs/checker.py\nproofs/leaves.py"),
     ("out", "HOLDS, SLIPS,\nUNDECIDED", "queries/*_query.py"),
 ]
 FOUND = [

@@ -47,17 +47,16 @@ from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.geometry.scene import Scene
 from handfast.model import decompose
-from handfast.model.grasp_file import to_dict
+from handfast.model.grasp_file import from_dict, to_dict
 from handfast.model.hand.coupling import driver_ranges
 from handfast.model.hand_regions import load_hand_regions
 from handfast.planning.grasp_for import grasp_for
 from handfast.planning.results.search_file import load_search, save_search
-from handfast.saved import load as load_answer
+from handfast.proofs import answers as saved_answers
+from handfast.proofs.certificate import file_to_dict
 from handfast.saved import verify
-from handfast.stability.certify.certificate_file import question_to_dict, save_certificate
 from handfast.stability.loads import Loads
 from handfast.stability.loads_file import load_loads
-from handfast.stability.query import SavedAnswer
 from handfast.stability.settings import Settings
 from handfast.synthesis.embedded import digest
 from handfast.synthesis.query import synthesize
@@ -114,7 +113,8 @@ def samples(folder: Path) -> dict[str, list[Path]]:
         answer.save(out["result"][-1])
         if answer.certificate:
             out["certificate"].append(folder / f"{name}.certificate.json")
-            save_certificate(answer.certificate, out["certificate"][-1])
+            question = answer.posed.to_json()
+            write(out["certificate"][-1], json.dumps(file_to_dict(answer.certificate, question)))
     task = load_task("scalpel-upholding")
     out["synthesis"] = [folder / "found.synthesis.json", folder / "open.synthesis.json"]
     synthesize(task, count=2, timeout=30).save(out["synthesis"][0])
@@ -383,7 +383,7 @@ def use(function: Callable[[Path], Any]) -> Callable[[Path], str]:
 
 
 def use_answer(path: Path) -> str:
-    return "proved" if verify(load_answer(path)).ok else "not proved"
+    return "proved" if verify(path).ok else "not proved"
 
 
 USES: dict[str, Callable[[Path], str]] = {
@@ -419,15 +419,11 @@ def outcome(kind: str, path: Path) -> tuple[str, str]:
 
 
 def claim(path: Path) -> Any:
-    """What a file of results claims: the question, and what is said to be proved."""
-    what = load_answer(path)
-    if not isinstance(what, SavedAnswer):
-        return None
-    said = what.answer.model_dump(mode="json", by_alias=True)
-    for key in ("seconds", "nodes", "stop", "witness", "steps"):
-        said.pop(key, None)
-    question = question_to_dict(what.question)
-    question["grasp"].pop("name")
+    """What a result file claims: the question without labels, and what is said to be proved."""
+    data = json.loads(path.read_text("utf-8"))
+    said = {key: value for key, value in data["answer"].items() if key not in saved_answers.COURSE}
+    question = data["question"]
+    question["grasp"] = to_dict(from_dict(question["grasp"])) | {"name": ""}
     for contact in question["grasp"]["contacts"]:
         del contact["link"], contact["depth"]
     return {"question": question, "answer": said}
@@ -435,23 +431,25 @@ def claim(path: Path) -> Any:
 
 def contradicted(path: Path) -> str:
     """Why an accepted result is not so, asked anew; '' if it may be."""
-    what = load_answer(path)
-    assert isinstance(what, SavedAnswer)
-    q, said = what.question, what.answer
+    data = json.loads(path.read_text("utf-8"))
+    saved = saved_answers.read_answer(data)
+    q, said, grasp = saved.question, saved.said, from_dict(data["question"]["grasp"])
     settings = Settings(time_limit=20.0, workers=1)
     limits: dict[str, Any] = {
-        "eta": q.eta, "torque_limits": q.torque_limits, "force_limit": q.force_limit, "settings": settings
+        "eta": q.eta, "mdp": q.mdp, "torque_limits": q.torque_limits, "settings": settings
     }  # fmt: skip
-    if said.query == "check":
-        fresh = check(q.grasp, q.wrench, mdp=q.mdp, **limits)
-        if {fresh.verdict, said.verdict} == {Verdict.HOLDS, Verdict.SLIPS}:
-            return f"says {said.verdict}, is {fresh.verdict}"
-    elif said.query == "max":
-        again = maximum(q.grasp, q.direction, base=q.wrench, mdp=q.mdp, **limits)
-        upper = np.inf if said.upper is None else said.upper
+    limits["force_limit"] = q.force_limit if np.isfinite(q.force_limit) else None
+    if said["query"] == "check":
+        fresh = check(grasp, q.wrench, **limits)
+        if {fresh.verdict, said["verdict"]} == {Verdict.HOLDS, Verdict.SLIPS}:
+            return f"says {said['verdict']}, is {fresh.verdict}"
+    elif said["query"] == "max":
+        base, along = (q.wrench, q.direction) if q.has_scalar else (np.zeros(6), q.wrench)
+        again = maximum(grasp, along, base=base, **limits)
+        lower, upper = said["lower"], np.inf if said["upper"] is None else said["upper"]
         room = 1e-6 * max(abs(again.lower), 1e-9)
-        if again.lower > upper + room or (again.upper < said.lower - room and not again.unbounded):
-            return f"says {said.lower} to {upper}, is {again.lower} to {again.upper}"
+        if again.lower > upper + room or (again.upper < lower - room and not again.unbounded):
+            return f"says {lower} to {upper}, is {again.lower} to {again.upper}"
     return ""
 
 

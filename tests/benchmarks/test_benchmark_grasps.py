@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from handfast.core.answer import Stop
+from handfast.proofs.checker import verify
 from handfast.stability import scaled_problem
-from handfast.stability.certify.checker import verify
 from handfast.stability.queries import maximum
 from handfast.stability.settings import Settings
 

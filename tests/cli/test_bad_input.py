@@ -20,7 +20,7 @@ from handfast.model.grasp_file import from_dict
 from handfast.model.hand_regions import load_hand_regions
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import SMALLEST, Shape
-from handfast.saved import load as load_result
+from handfast.saved import verify
 from handfast.stability import scaled_problem
 from handfast.stability.goal import GOALS, SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS
 from handfast.stability.loads_file import load_loads
@@ -34,7 +34,7 @@ LOADERS = {
     "task": load_task,
     "hand-regions": load_hand_regions,
     "loads": load_loads,
-    "result": load_result,
+    "result": verify,
 }
 
 

@@ -13,7 +13,7 @@ from tests.support.program import ask, complains, run
 
 QUICK = ["--gap", "0.02"]
 COMMON = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
-PROOF = {"certified", "verified", "motion_cap"}
+PROOF = {"certified", "verified", "motion_cap", "exact"}
 
 
 def test_check(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -32,6 +32,8 @@ def test_check(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert slips["verdict"] == "slips"
     assert (holds["certified"], slips["certified"]) == (False, True)
     assert (holds["verified"], slips["verified"]) == (True, True)
+    assert isinstance(holds["exact"], bool)
+    assert slips["exact"] is None
 
 
 def test_max(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -102,7 +102,7 @@ def test_none(task: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert answer["searched"]["discarded"] == 1
     status, out, _ = run(capsys, "verify", "s.json")
     assert (status, out.split("  ")[0]) == (0, "PROVED")
-    assert "No configuration exists: contacts 0 and 1 exclude each other, by 1 box of the checker's own." in out
+    assert "contacts 0 and 1 exclude each other, by 1 box of the checker's own" in " ".join(out.split())
 
 
 def test_undecided_saved_and_resumed(task: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -149,9 +149,10 @@ def test_save_verify_configuration(task: str, capsys: pytest.CaptureFixture[str]
     status, out, _ = run(capsys, "verify", "s.json", "--json")
     done = json.loads(out)
     assert (status, done["schema"], done["ok"]) == (0, "handfast/verification/1", True)
-    assert [c["ok"] for c in done["configurations"]] == [True]
+    (configuration,) = (part for part in done["parts"] if part["name"].startswith("configuration"))
+    assert configuration["ok"]
     assert (done["question"]["hand"]["name"], len(done["question"]["task"]["sha256"])) == ("parallel-gripper", 64)
-    assert done["configurations"][0]["gap"] < 1e-12
+    assert configuration["gap"] < 1e-12
     data = json.loads(Path("c.json").read_text())
     assert data["hand"] == "parallel-gripper"
     assert set(data["joints"]) == set(load_hand("parallel-gripper").joint_names)

@@ -26,6 +26,7 @@ from pathlib import Path
 import pytest
 
 import handfast
+from handfast import Loads, hold, maximum
 from handfast.cli import main
 from handfast.cli.app import ALIASES, COMMANDS, option_name
 from handfast.core.files import Strict
@@ -36,15 +37,10 @@ from handfast.model.hand.load import load_hand
 from handfast.model.hand_regions import load_hand_regions
 from handfast.model.region_file import KINDS
 from handfast.proofs import configurations
+from handfast.proofs.certificate import NODES, ROWS, file_to_dict
+from handfast.proofs.states import State
 from handfast.published.mapping_file import read_mapping
-from handfast.stability.certify.certificate_file import (
-    CertificateFile,
-    CertificateNodesEntry,
-    CertificateQuestionEntry,
-    CertificateRowsEntry,
-)
 from handfast.stability.loads_file import load_loads
-from handfast.stability.saved_answer import ResultArcEntry, ResultFile, ResultWitnessEntry
 from handfast.synthesis.synthesis_file import SynthesisAnswerEntry, SynthesisFile, SynthesisStateEntry
 from handfast.synthesis.task_file import TaskFile, load_task
 from tests.support.places import ROOT
@@ -249,22 +245,27 @@ def test_every_field_of_a_body_is_in_its_table() -> None:
 
 def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
     page = (DOCS / "file-formats.md").read_text("utf-8")
-    for heading, model in (
-        ("Result: `handfast/result/2`", ResultFile),
-        ("Certificate: `handfast/certificate/2`", CertificateFile),
-    ):
-        lines = [line for line in section(page, heading).splitlines() if line.startswith("| `")]
-        written = {name for line in lines for name in re.findall(r"`([^`]+)`", line.split("|")[1])}
-        top = {info.alias or name for name, info in model.model_fields.items()}
-        inside = (
-            {f"witness.{name}" for name in ResultWitnessEntry.model_fields}
-            if model is ResultFile
-            else {"question.goal"}
-        )
-        inside |= {f"arcs[].{name}" for name in ResultArcEntry.model_fields} if model is ResultFile else set()
-        assert written == top | inside
-    for entry in (CertificateNodesEntry, CertificateRowsEntry, CertificateQuestionEntry):
-        assert all(f"`{name}`" in page for name in entry.model_fields), entry.__name__
+    grasp, state = load_grasp("fig1"), {f.name for f in fields(State)}
+    answer = maximum(grasp, [0, 1, 0, 0, 0, 0], interval=True)
+    result, one = answer.to_file(), {"wrench", "command"} | state
+    assert set(result["witness"]) <= one
+    inside = {f"witness.{name}" for name in one} | {"arcs[].first", "arcs[].last", "arcs[].controls"}
+    assert {key for arc in result["arcs"] for key in arc} == {"first", "last", "controls"}
+    assert fields_in_tables(section(page, "Result: `handfast/result/2`")) == set(result) | inside
+    assert answer.certificate
+    assert answer.posed
+    certificate = file_to_dict(answer.certificate, answer.posed.to_json())
+    text = section(page, "Certificate: `handfast/certificate/3`")
+    assert fields_in_tables(text) == set(certificate) | {"question.goal"}
+    assert all(f"`{name}`" in text for name in certificate["question"])
+    assert all(re.search(rf"^\| [^|]*\b{name}\b", text, re.MULTILINE) for name in (*NODES, *ROWS))
+
+
+def test_every_field_of_a_hold_is_in_its_table() -> None:
+    text = section((DOCS / "file-formats.md").read_text("utf-8"), "Hold: `handfast/hold/1`")
+    data = hold(load_grasp("fig1"), Loads(("up",), [[0, 1, 0, 0, 0, 0]])).to_file()
+    assert fields_in_tables(text) == set(data) | {f"question.{name}" for name in data["question"]}
+    assert all(f"`{name}`" in text for name in data["answer"])
 
 
 def fields_in_tables(text: str) -> set[str]:
@@ -296,7 +297,7 @@ def test_every_field_of_a_synthesis_is_in_its_table() -> None:
 
 def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = (DOCS / "answers.md").read_text("utf-8")
-    up, proof = ["--direction", "0", "0", "1"], {"certified", "verified", "motion_cap"}
+    up, proof = ["--direction", "0", "0", "1"], {"certified", "verified", "motion_cap", "exact"}
     asked = {
         "check": ["check", "fig1", "--wrench", "0", "1", "0"],
         "max": ["max", "fig1", "--direction", "0", "-1", "0", "--no-preload", "--interval"],

@@ -59,7 +59,7 @@ def test_files_that_cannot_be_read(tmp_path: Path, capsys: pytest.CaptureFixture
     assert program.main([missing]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err == f"{missing}: cannot be read: No such file or directory\n"
+    assert err == f"{missing}: no such file; one that --save wrote is needed\n"
 
 
 @pytest.mark.parametrize("arguments", [[], ["a", "b"]])
@@ -76,4 +76,4 @@ def test_run_as_a_program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsy
     with pytest.raises(SystemExit) as ended:
         runpy.run_path(str(program.__file__), run_name="__main__")
     assert ended.value.code == 2
-    assert capsys.readouterr().err == f"{missing}: cannot be read: No such file or directory\n"
+    assert capsys.readouterr().err == f"{missing}: no such file; one that --save wrote is needed\n"

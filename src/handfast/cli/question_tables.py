@@ -109,6 +109,8 @@ def show_grasps_question(out: Console, what: SavedGrasps, question: Mapping[str,
     out.print(grid)
     parts = [f"{part} '{question[part]['name']}' sha256 {question[part]['sha256'][:DIGITS]}…" for part in RELATIVE]
     out.print(f"relative to {', '.join(parts)}", style="dim", soft_wrap=True)
+    warning = "Checksums protect from damage, not from forgery: compare hand, object and task with those you mean."
+    out.print(warning, style="dim", soft_wrap=True)
 
 
 def _opening(proved: bool) -> str:

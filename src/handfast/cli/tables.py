@@ -123,9 +123,16 @@ def show_replay(out: Console, head: str, done: Replay) -> str:
     if rows:
         out.print()
         out.print(grid)
-    for line in done.not_replayed:
+    for line in dict.fromkeys(_not_shown(done)):
         out.print(f"Not shown: {line}.", style="dim", soft_wrap=True)
     return word
+
+
+def _not_shown(done: Replay) -> Iterator[str]:
+    """What an answer and its parts say besides that is not shown."""
+    yield from done.not_replayed
+    for part in done.parts:
+        yield from _not_shown(part)
 
 
 def _claims(done: Replay, above: str) -> Iterator[tuple[str, str, str, str]]:

@@ -15,13 +15,13 @@ from handfast.cli.options import Command
 class Verify(Command):
     """Is everything that a saved answer claims proved? Prints what: the question, and the grasp or hand it is about.
 
-    Replays its witness in the equations and its certificate, the proofs that its configurations exist, or both for
-    each grasp of a task, without the engine and without any solver.
+    Proves that an exact state is near its witness and replays its certificate, the proofs that its configurations
+    exist, or both for each grasp, without the engine and without any solver. Geometry is measured anew.
     Exit status: 0 all is proved, 1 something is refused, 2 bad input.
     """
 
     result: Annotated[Positional[str], arg(metavar="RESULT")]
-    """a file that --save wrote, or a handfast/certificate/1 file"""
+    """a file that --save wrote, a handfast/certificate/3 file, or the folder of a plan"""
     json: bool = False
     """print one JSON object instead of a table"""
 

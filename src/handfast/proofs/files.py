@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import unicodedata
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from handfast.proofs import answers, certificate, checker, grasps, holds, synthesis
-from handfast.proofs.fields import BadFile, Fields
+from handfast.proofs.fields import LARGEST, BadFile, Fields
 from handfast.proofs.replay import Replay
 
 LONGEST = 50  # digits of a whole number
 DEPTH = 50  # of lists and objects in each other
+TOO_DEEP = f"is nested too deeply; at most {DEPTH} lists and objects may be in each other"
+NAME, FORMER = "handfast/", "holdfast/"  # what schemas begin with, and what they began with under the first name
 PLAN = "plan.json"
 ASK = {  # answers that keep no proof, and what asks for one
     "check": "handfast check GRASP --save",
@@ -69,7 +73,11 @@ def verify_path(path: str | Path) -> Replay:
         BadFile: nothing is there, it cannot be read, or is not what can be verified.
     """
     path = Path(path)
-    if not path.is_dir():
+    try:
+        is_folder = path.is_dir()
+    except OSError as fault:  # no name of a file
+        raise BadFile(f"cannot be read: {fault.strerror}") from None
+    if not is_folder:
         return verify(read_json(path))
     plan = Fields(read_json(path / PLAN, PLAN), PLAN)
     entries = [*plan.objects("grasps", []), *plan.objects("others", [])]
@@ -88,25 +96,44 @@ OF_PLAN = "that contacts and joints are those of the hand on the object, clearan
 
 
 def read_json(path: Path, place: str = "") -> Any:
-    """The parsed JSON of a file: no number that is none, no name twice in an object, nothing nested without end.
+    """The parsed JSON of a file; schemas of the first name, Holdfast, are read as today's.
 
     Raises:
-        BadFile: what is wrong, at this place.
+        BadFile: what is wrong, at this place: no number that is finite and at most `LARGEST`, a name twice in an
+            object, a text that is no line of characters, more than `DEPTH` lists and objects in each other.
     """
     try:
-        data = json.loads(path.read_text("utf-8"), parse_constant=_refused, parse_int=_whole, object_pairs_hook=_object)
+        data = json.loads(
+            path.read_text("utf-8"),
+            parse_constant=_refused,
+            parse_int=_whole,
+            parse_float=_real,
+            object_pairs_hook=_object,
+        )
     except BadFile as fault:
         raise BadFile(fault.problem, place) from None
-    except (ValueError, RecursionError) as fault:
+    except RecursionError:
+        raise BadFile(TOO_DEEP, place) from None
+    except ValueError as fault:  # a NUL in the path as well
         raise BadFile(f"is not valid JSON: {fault}", place) from None
+    except FileNotFoundError:
+        raise BadFile("no such file; one that --save wrote is needed", place) from None
     except OSError as fault:
         raise BadFile(f"cannot be read: {fault.strerror}", place) from None
-    layer, depth = [data] if isinstance(data, dict | list) else [], 0
+    layer, depth = [data], 0
     while layer:
+        if depth == DEPTH and any(isinstance(x, dict | list) for x in layer):
+            raise BadFile(TOO_DEEP, place)
+        for word in (x for y in layer for x in ((y,) if isinstance(y, str) else y if isinstance(y, dict) else ())):
+            kinds = set(map(unicodedata.category, word))
+            if "Cc" in kinds:
+                problem = f"contains {word[:40]!r}; names and texts are one line without control characters"
+                raise BadFile(problem, place)
+            if "Cs" in kinds:
+                raise BadFile("contains half a character (a lone surrogate such as \\ud800)", place)
         depth += 1
-        if depth > DEPTH:
-            raise BadFile(f"is nested too deeply; at most {DEPTH} lists and objects may be in each other", place)
-        layer = [y for x in layer for y in (x.values() if isinstance(x, dict) else x) if isinstance(y, dict | list)]
+        inner = [x.values() if isinstance(x, dict) else x for x in layer if isinstance(x, dict | list)]
+        layer = [x for values in inner for x in values if isinstance(x, dict | list | str)]
     return data
 
 
@@ -120,9 +147,19 @@ def _whole(digits: str) -> int:
     return int(digits)
 
 
+def _real(text: str) -> float:
+    x = float(text)
+    if abs(x) > LARGEST:
+        raise BadFile(f"contains {text[:20]}; numbers up to {LARGEST:g} are possible")
+    return x
+
+
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     out = dict(pairs)
     if len(out) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise BadFile(f"has '{next(n for n in names if names.count(n) > 1)}' twice in one object")
+        name, times = Counter(name for name, _ in pairs).most_common(1)[0]
+        raise BadFile(f"has {name!r} {times} times in one object; once is enough")
+    schema = out.get("schema")
+    if isinstance(schema, str) and schema.startswith(FORMER):
+        out["schema"] = NAME + schema.removeprefix(FORMER)
     return out

@@ -45,7 +45,7 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
         refused = f"{verdict.upper()} {'with' if entries else 'without'} a grasp"
     elif verdict != "found":
         refused = f"{verdict.upper()} rests on the search itself, ask it again"
-    elif said != {name: load.tolist() for name, load in loads.items()}:
+    elif not _same_loads(said, loads):
         refused = "the answer is about other loads"
     if any(entry == other for k, entry in enumerate(data["grasps"]) for other in data["grasps"][:k]):
         refused = "a grasp is there twice"
@@ -55,6 +55,13 @@ def replay_grasps(data: Any, place: str = "") -> Replay:
         return Replay("grasps", "", str(fault))
     parts = tuple(_grasp(entry, equations, terms, loads, f"grasp {k}") for k, entry in enumerate(entries, start=1))
     return Replay("grasps", "", refused, parts=parts, not_replayed=(NOT_REPLAYED,))
+
+
+def _same_loads(said: Any, loads: Mapping[str, Array]) -> bool:
+    """The same names and wrenches, but for the rounding of a weight that is computed anew."""
+    if not isinstance(said, Mapping) or said.keys() != loads.keys():
+        return False
+    return all(answers.matches(said[name], load.tolist()) for name, load in loads.items())
 
 
 class _Terms:

@@ -29,8 +29,6 @@ from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
 LONG = 60  # characters of a value that are shown
 SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is
 
-
-NOT_REPLAYED = ("clearances, scores, lower bounds and the course of the search",)
 CLAIM = "contacts, joints and mechanism are those of the hand at the configuration, and what follows from these"
 
 
@@ -58,7 +56,7 @@ def measured(saved: SavedGrasps) -> Replay:
         except InputError as problem:
             fault = str(problem)
         parts.append(Replay(f"grasp {k}", CLAIM, fault))
-    return Replay("geometry", "", _answer_fault(saved), parts=tuple(parts), not_replayed=NOT_REPLAYED)
+    return Replay("geometry", "", _answer_fault(saved), parts=tuple(parts))
 
 
 def question_of(saved: SavedGrasps) -> dict[str, Any]:

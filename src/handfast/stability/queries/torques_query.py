@@ -42,6 +42,11 @@ class TorquesAnswer(Answer):
     lower: float
     upper: float
 
+    def settled(self) -> TorquesAnswer:
+        """UNDECIDED, without commands, if its witness cannot be proved to be one; else as it is."""
+        out = super().settled()
+        return out if out is self else replace(out, preload=None, upper=INF)
+
     def said(self) -> dict[str, Any]:
         return {"preload": self.preload, "lower": finite(self.lower), "upper": finite(self.upper)}
 

@@ -1,0 +1,42 @@
+"""Answers whose witness cannot be proved claim nothing of it, and what is left of them is replayed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handfast import load_grasp
+from handfast.core.answer import Stop, Verdict
+from handfast.stability.answers import Answer
+from handfast.stability.queries import check, maximum, torques
+from handfast.stability.settings import Settings
+
+UP, ONE = [0, 1, 0, 0, 0, 0], Settings(workers=1)
+
+
+def spoilt(answer: Answer) -> Answer:
+    """With forces that are 1 % too large."""
+    assert answer.found is not None
+    state = replace(answer.found.state, c=1.01 * answer.found.state.c)
+    return replace(answer, found=replace(answer.found, state=state))
+
+
+@pytest.mark.parametrize("ask", [check, maximum, torques])
+def test_undecided_without_a_witness_that_is_proved(ask) -> None:
+    answer = ask(load_grasp("fig1"), UP, settings=ONE)
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.settled().verdict is Verdict.HOLDS
+    bad = spoilt(answer).settled()
+    assert (bad.verdict, bad.stop, bad.witness, bad.exact) == (Verdict.UNDECIDED, Stop.NUMERICAL, None, None)
+    done = bad.verify()
+    assert done.ok, done.reason
+
+
+def test_bounds_of_what_is_not_proved() -> None:
+    best = spoilt(maximum(load_grasp("fig1"), UP, settings=ONE)).settled()
+    assert (best.lower, best.unbounded) == (0.0, False)
+    assert best.upper == pytest.approx(2.2268, abs=1e-3)
+    least = spoilt(torques(load_grasp("fig1"), UP, settings=ONE)).settled()
+    assert (least.preload, least.upper) == (None, np.inf)
