@@ -3,8 +3,8 @@
 An arc is a Bezier curve in the unknowns of `State` while the load goes along a straight line. What is linear in the
 unknowns is a Bezier curve again, between its control values; products have control values of twice the degree. So the
 residuals of (1) to (8) are bounded for all states of the arc at once, by arithmetic alone. What an arc claims is that:
-every equation is missed by at most 1e-9 of load and commands, never of contact forces. That an exact state exists at each of
-its magnitudes is not claimed. With two controls an arc is all convex combinations of two states.
+every equation is missed by at most 1e-9 of load and commands, never of contact forces. That an exact state exists at
+each of its magnitudes is not claimed. With two controls an arc is all convex combinations of two states.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handfast.proofs.balls import refined, solution
+from handfast.proofs.fields import Array
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.newton import Box, NotShown, System, rounding
 from handfast.proofs.states import (
@@ -259,11 +260,11 @@ def _within_slack(p: Problem, box: Box, v: Array) -> None:
     wide = off[:3] + 4 * ULP * np.abs(missing[:3])
     moment_off = off[3:6] + arm[0] * wide[[2, 0, 1]] + arm[1] * wide[[1, 2, 0]]
     parts = {
-        "(1), forces": np.linalg.norm(np.abs(missing[:3]) + off[:3]),
-        "(1), torques": np.linalg.norm(np.abs(moment) + moment_off) / g.size,
+        "(1), forces": float(np.linalg.norm(np.abs(missing[:3]) + off[:3])),
+        "(1), torques": float(np.linalg.norm(np.abs(moment) + moment_off)) / g.size,
     }
     torques = (np.abs(missing[6:]) + off[6:]) / g.joint_units
-    parts |= {f"(2) of joint '{name}'": x for name, x in zip(g.joints, torques, strict=True)}
+    parts |= {f"(2) of joint '{name}'": float(x) for name, x in zip(g.joints, torques, strict=True)}
     joints, contacts = g.parts[4], g.parts[0]
     q_off = box.d_off[joints] + 4 * ULP * np.abs(v[6:])
     r_off = 2 * np.abs(np.linalg.pinv(g.G.T)) @ (box.d_off[contacts] + np.abs(g.J) @ q_off)

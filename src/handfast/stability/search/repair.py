@@ -46,10 +46,10 @@ def repaired(certificate: Certificate, leaves: Sequence[int]) -> Certificate:
 def _ray(c: Certificate, leaf: int, case: Integers, equations: Equations, side: RightSide) -> Rays | None:
     """Kind, index, a, b, multiplier of the rows of a better ray; None if there is none."""
     q = c.question
-    candidates = _candidates(c, leaf, case)
-    some = LeafRows(*candidates, np.zeros(len(candidates[0]), np.int64), c.references)
-    allowed = rows.legal(q, c.scalar, some, case[None])
-    some = LeafRows(*(x[allowed] for x in candidates), np.zeros(int(allowed.sum()), np.int64), c.references)
+    kind, index, a, b = _candidates(c, leaf, case)
+    some = LeafRows(kind, index, a, b, np.zeros(len(kind), np.int64), c.references)
+    k = rows.legal(q, c.scalar, some, case[None])
+    some = LeafRows(kind[k], index[k], a[k], b[k], np.zeros(int(k.sum()), np.int64), c.references)
     value, right = rows.row_values(q, c.scalar, some)
     n, scale = equations.columns.n, equations.scale
     F = (value[:, :n] + value[:, n:] @ equations.Z) * scale
