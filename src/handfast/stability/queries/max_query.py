@@ -79,7 +79,9 @@ class MaxAnswer(Answer):
     def settled(self) -> MaxAnswer:
         """With a lower bound that is proved to be reached; UNDECIDED where none is."""
         out, known = super().settled(), self._of_found
-        if out is not self or known is None or known.magnitude is None or known.magnitude[0] >= self.lower:
+        if out is not self:
+            return replace(out, lower=0.0, unbounded=False, point=None)
+        if known is None or known.magnitude is None or known.magnitude[0] >= self.lower:
             return out
         return replace(self, lower=max(known.magnitude[0], 0.0))
 
