@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from benchmarks.grasps import random_case
+from handfast import verify
 from handfast.cli import main
 from handfast.cli.map import csv
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.model.grasp_file import save_grasp
+from handfast.model.grasp_file import load_grasp, save_grasp
 from handfast.report import words
 from handfast.report.plot import draw_map
 from handfast.stability.maps import MapAnswer, force_map
@@ -22,6 +23,7 @@ from handfast.stability.queries import MaxAnswer, check, maximum
 from handfast.stability.search.interval_search import _Magnitudes, resisted
 from handfast.stability.search.outcome import Outcome
 from handfast.stability.settings import Settings
+from handfast.stability.witness import VALID
 from tests.support.interruptions import interrupt
 from tests.support.problems import pinch, table
 
@@ -283,3 +285,24 @@ def test_check_does_not_call_too_much_what_is_too_little(
         assert "SLIPS" in out
         assert says in out
         assert not_this not in out
+
+
+def test_a_saved_answer_is_proved(holed: tuple[Grasp, np.ndarray, MaxAnswer], tmp_path: Path) -> None:
+    answer = holed[2]
+    answer.save(tmp_path / "holed.json")
+    done = verify(tmp_path / "holed.json")
+    assert done.ok, done.reason
+    part = done.part("interval")
+    assert part is not None
+    assert part.figures["arcs"] == len(answer.interval.arcs)
+    assert part.figures["slips"] == len(answer.interval.slips) == 1
+    assert part.figures["residual"] <= VALID
+
+
+def test_no_hole_where_the_cap_on_motions_made_one() -> None:
+    """fig1 along +z: up to motions of 10^4 it slipped from 1.59 to 2.149; with larger ones it resists all of that."""
+    grasp = load_grasp("fig1")
+    for magnitude in (1.6, 1.8, 2.1):  # all of them at once: `handfast max fig1 --direction 0 0 1 --interval`
+        witness = check(grasp, [0, 0, magnitude, 0, 0, 0]).witness
+        assert witness.valid
+        assert np.abs(witness.state.r[:3]).max() > 1e3

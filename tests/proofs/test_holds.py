@@ -1,0 +1,238 @@
+"""What is refused of one preload for many loads: planted faults in `handfast/hold/1` files."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast.core.answer import Verdict
+from handfast.proofs.fields import BadFile
+from handfast.proofs.files import verify
+from handfast.stability.hold import hold
+from handfast.stability.loads import Loads
+from handfast.stability.queries import check, torques
+from tests.support.problems import nest, pinch
+
+UP, SIDE = np.array([0, 1.0, 0, 0, 0, 0]), np.array([0.2, 0, 0, 0, 0, 0])
+LOADS = Loads(("up", "side"), np.array([UP, SIDE]))
+PULL = Loads(("pull",), np.array([[0, 0, 1.0, 0, 0, 0]]))
+TURN = Loads(("up", "turn"), np.array([UP, [0, 0, 0, 0.01, 0, 0]]))  # about the line between the tips of the pinch
+HOLDS = {
+    "held": lambda: hold(pinch(), LOADS),
+    "locked": lambda: hold(pinch(), Loads(("side",), SIDE[None])),
+    "impossible": lambda: hold(nest(), PULL),
+    "unbalanced": lambda: hold(pinch(), TURN),
+    "too weak": lambda: hold(pinch(), LOADS, command_limit=0.04),
+}
+
+
+@cache
+def text(name: str) -> str:
+    return json.dumps(HOLDS[name]().to_file())
+
+
+def saved(name: str = "held") -> dict[str, Any]:
+    return json.loads(text(name))
+
+
+def reason(data: dict[str, Any]) -> str:
+    """Why a file is refused, in one line."""
+    try:
+        done = verify(data)
+    except BadFile as fault:
+        return f"{fault.field}: {fault.problem}"
+    assert not done.ok
+    assert "\n" not in done.reason
+    return done.reason
+
+
+@pytest.mark.parametrize("name", HOLDS)
+def test_what_is_saved_is_proved(name: str) -> None:
+    done = verify(saved(name))
+    assert done.ok, done.reason
+    names = {
+        "held": ["up", "side", "up, least commands"],
+        "locked": ["side"],
+        "impossible": ["pull, no commands"],
+        "unbalanced": ["turn, no forces"],
+        "too weak": ["up, no commands"],
+    }
+    assert [part.name for part in done.parts] == names[name]
+    assert any("hardest" in line for line in done.not_replayed)
+    assert (saved(name)["answer"]["verdict"] == "holds") == (name in ("held", "locked"))
+
+
+# --- the loads and the preload -----------------------------------------------------------------------
+
+
+def renamed(data: dict[str, Any]) -> None:
+    data["answer"]["loads"] = {f"{name}?": load for name, load in data["answer"]["loads"].items()}
+
+
+def swapped(data: dict[str, Any]) -> None:
+    data["checks"] = {"up": data["checks"]["side"], "side": data["checks"]["up"]}
+
+
+def other_load(data: dict[str, Any]) -> None:
+    for loads in (data["question"]["loads"], data["answer"]["loads"]):
+        loads["up"] = (2 * UP).tolist()
+
+
+def more_of_it(data: dict[str, Any]) -> None:
+    data["answer"]["preload"] = {name: 2 * x for name, x in data["answer"]["preload"].items()}
+    data["answer"]["upper"] *= 2
+
+
+def bounded_above(data: dict[str, Any]) -> None:
+    """Of a larger load: true of that, but not of these."""
+    other = torques(pinch(), 1.5 * UP)
+    data["answer"]["lower"], data["bounding"]["result"] = other.lower, other.to_file()
+
+
+FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
+    (lambda d: d["checks"].clear(), "answer: up has no answer"),
+    (lambda d: d["checks"].pop("side"), "answer: side has no answer"),
+    (lambda d: d["checks"].update(more=d["checks"]["up"]), "checks.more: is not a known field"),
+    (lambda d: d["answer"].update(preload=None), "answer: its preload is not of the actuators"),
+    (lambda d: d["answer"]["preload"].update(thumb=0.0), "answer: its preload is not of the actuators"),
+    (lambda d: d["answer"]["preload"].pop("left"), "answer: its preload is not of the actuators"),
+    (more_of_it, "answer: up: the answer is about another preload"),
+    (renamed, "answer: loads are not those of the question"),
+    (swapped, "answer: up: the answer is about another load"),
+    (other_load, "answer: up: the answer is about another load"),
+    (bounded_above, "answer: up: the answer is about another load"),
+    (lambda d: d["answer"].update(upper=9.0), r"answer: its largest command is 0\.1\d*, not 9"),
+    (lambda d: d["answer"].update(lower=1e-6), "answer: the bound 1e-06 is not that of up"),
+    (lambda d: d.update(bounding=None), "answer: nothing is there that shows the bound"),
+    (lambda d: d["bounding"].update(load="side"), "answer: side: the answer is about another load"),
+    (lambda d: d["bounding"].update(load="nobody"), "answer: nobody: the answer is about another load"),
+    (lambda d: d["bounding"].update(result=d["checks"]["up"]), "answer: the bound .* is not that of up"),
+    (lambda d: d["question"].update(command_limit=0.09), r"answer: its largest command is 0\.1\d*; the limit is 0\.09"),
+    (
+        lambda d: d["question"].update(actuators=["left"]),
+        "answer: up: the answer is not about all commands|its preload",
+    ),
+    (lambda d: d["question"].update(actuators=["left", "thumb"]), "question"),
+    (lambda d: d["question"].update(eta=0.05), "answer: up: the answer is within other limits"),
+    (lambda d: d["question"].update(force_limit=50.0), "answer: up: the answer is within other limits"),
+    (lambda d: d["question"].update(torque_limits={"left": 9.0}), "answer: up: the answer is within other limits"),
+    (
+        lambda d: d["question"]["grasp"]["contacts"][0].update(friction=0.4),
+        "answer: up: the answer is about another grasp",
+    ),
+    (lambda d: d["answer"].update(verdict="slips"), "answer: SLIPS without a load that no preload resists"),
+    (lambda d: d["answer"].update(verdict="undecided"), "answer: undecided with a preload"),
+    (lambda d: d["answer"].update(verdict="maybe"), "answer: maybe with a preload"),
+    (lambda d: d["answer"].update(colour="red"), "answer: has other keys than"),
+    (lambda d: d["answer"].pop("hardest"), "answer: has other keys than"),
+    (lambda d: d["answer"].update(exact=None), "answer: exact is not what"),
+    (lambda d: d["answer"].update(residuals=[0.0, 0.0]), "answer: residuals is not what"),
+    (lambda d: d["checks"]["up"]["witness"]["r"].__setitem__(1, 9.0), "up: witness: "),
+    (lambda d: d.update(colour="red"), "colour: is not a known field"),
+    (lambda d: d.update(schema="handfast/hold/2"), "schema: is 'handfast/hold/2'"),
+    (lambda d: d["question"].update(loads={}), "question.loads: is empty"),
+]
+
+
+@pytest.mark.parametrize(("change", "why"), FAULTS, ids=range(len(FAULTS)))
+def test_planted_faults_are_refused(change: Callable[[dict[str, Any]], Any], why: str) -> None:
+    data = saved()
+    change(data)
+    said = reason(data)
+    assert re.match(why, said) or ("|" in why and re.search(why, said)), said
+
+
+# --- answers that say less than what they stand for -----------------------------------------------------
+
+
+def test_a_check_without_the_dissipation_principle() -> None:
+    data, preload = saved(), saved()["answer"]["preload"]
+    data["checks"]["up"] = check(pinch().with_commands(preload), UP, mdp=False).to_file()
+    data["answer"]["exact"] = all(part["answer"]["exact"] for part in data["checks"].values())
+    assert data["checks"]["up"]["answer"]["verdict"] == "holds"
+    assert reason(data) == "answer: up: the answer is within other limits, or of another law of friction"
+
+
+@pytest.mark.parametrize("limits", [{"eta": 0.02}, {"force_limit": 50.0}, {"torque_limits": {"left": 9.0}}])
+@pytest.mark.parametrize("part", ["checks", "bounding"])
+def test_parts_of_other_limits(part: str, limits: dict[str, Any]) -> None:
+    data, preload = saved(), saved()["answer"]["preload"]
+    if part == "checks":
+        held = check(pinch().with_commands({name: 1.5 * x for name, x in preload.items()}), UP, **limits)
+        data["checks"]["up"] = held.to_file()
+    else:
+        bound = torques(pinch(), UP, **limits)
+        data["bounding"]["result"], data["answer"]["lower"] = bound.to_file(), bound.lower
+    assert reason(data) == "answer: up: the answer is within other limits, or of another law of friction"
+
+
+def test_a_bound_of_the_sum_of_commands() -> None:
+    """0.2 N m in all are no bound of 0.2 N m for the largest, which is 0.1."""
+    data, summed = saved(), torques(pinch(), UP, objective="sum")
+    assert summed.lower > data["answer"]["lower"]
+    data["bounding"]["result"], data["answer"]["lower"] = summed.to_file(), summed.lower
+    assert re.fullmatch(r"answer: the bound \S+ is not that of up", reason(data))
+
+
+def test_a_bound_above_the_command() -> None:
+    data = saved()
+    data["bounding"]["result"]["answer"]["lower"] = data["answer"]["lower"] = 0.2
+    assert re.fullmatch(r"answer: the bound 0\.2 is above the command 0\.1\d*", reason(data)) or re.match(
+        "up, least commands: ", reason(data)
+    )
+
+
+def test_a_preload_of_more_than_one_grasp() -> None:
+    data, preload = saved(), saved()["answer"]["preload"]
+    rough = check(pinch(mu=0.9).with_commands(preload), UP)
+    assert rough.verdict is Verdict.HOLDS
+    data["checks"]["up"] = rough.to_file()
+    assert "up: the answer is about another grasp" in reason(data)
+
+
+# --- loads that no preload holds ------------------------------------------------------------------------
+
+
+def test_locked_motors_do_not_show_that_no_commands_hold() -> None:
+    """Of two jaws that can squeeze: locked, of one jaw, or within limits that nobody asked for, they drop it."""
+    bare = pinch().with_preload(None)
+    data = json.loads(json.dumps(hold(bare, Loads(("up",), UP[None])).to_file()))
+    assert verify(data).ok
+    data |= {"checks": {}, "bounding": None}
+    data["answer"] |= {"verdict": "slips", "preload": None, "lower": None, "upper": None} | {
+        "exact": None,
+        "residuals": [],
+    }
+    for answer, why in (
+        (check(bare, UP), "answer: up: the answer is not about all commands that were sought"),
+        (torques(bare, UP, force_limit=1e-3), "answer: up: the answer is within other limits"),
+        (torques(bare, 2 * UP, force_limit=1e-3), "answer: up: the answer is about another load"),
+        (torques(bare, UP), "answer: up: the answer does not say that it slips"),
+    ):
+        data["refuted"] = {"load": "up", "result": answer.to_file()}
+        assert reason(data).startswith(why)
+    data["refuted"] = {"load": "up", "result": None}
+    assert reason(data) == "up, no forces: forces at the contacts may balance it"
+    data["refuted"] = {"load": "nobody", "result": None}
+    assert reason(data) == "answer: 'nobody' is none of its loads"
+
+
+def test_a_load_that_slips_beside_a_preload() -> None:
+    data = saved("impossible")
+    data["answer"] |= {"preload": {}}
+    assert reason(data) == "answer: SLIPS with a preload"
+    data = saved("impossible")
+    data["bounding"] = data["refuted"]
+    assert "SLIPS without a load that no preload resists, or with a preload" in reason(data)
+
+
+def test_a_command_limit_that_more_is_needed_than() -> None:
+    data = saved("too weak")
+    data["question"]["command_limit"] = 0.2
+    assert reason(data) == "answer: up: the answer does not say that it slips"
