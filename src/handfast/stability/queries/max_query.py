@@ -79,7 +79,6 @@ class MaxAnswer(Answer):
 
     def settled(self) -> MaxAnswer:
         """With a lower bound that is proved to be reached; UNDECIDED where none is."""
-<<<<<<< HEAD
         out = self._exactly()
         known = out._of_found
         if known is not None and known.magnitude is not None and known.magnitude[0] < out.lower:
@@ -100,14 +99,6 @@ class MaxAnswer(Answer):
         if shown is None or not shown.exact:
             return self
         return replace(better, lower=min(self.lower, p.magnitude * (1 - NEAR)), point=None)
-=======
-        out, known = super().settled(), self._of_found
-        if out is not self:
-            return replace(out, lower=0.0, unbounded=False, point=None)
-        if known is None or known.magnitude is None or known.magnitude[0] >= self.lower:
-            return out
-        return replace(self, lower=max(known.magnitude[0], 0.0))
->>>>>>> tests-a
 
     def _reaches(self, proved: Proved) -> bool:
         return proved.magnitude is None or proved.magnitude[0] >= self.lower
