@@ -56,7 +56,10 @@ def test_round_trip():
     back = read_certificate(json.loads(json.dumps(proof_to_dict(c))), "proof", c.question)
     for name in (*NODES, "start", *ROWS, "multiplier", "references"):
         assert np.array_equal(getattr(back, name), getattr(c, name)), name
-    assert back.multiplier.dtype == np.float32
+    assert back.multiplier.dtype == c.multiplier.dtype
+    short = read_certificate(json.loads(json.dumps(proof_to_dict(c.rounded()))), "proof", c.question)
+    assert short.multiplier.dtype == np.float32
+    assert np.array_equal(short.multiplier, c.rounded().multiplier)
     assert back.scalar is None
     assert back.question is c.question
 
@@ -105,11 +108,11 @@ BAD = {
     "no base64": (lambda: proof_to_dict(proof()) | {"proof": "*"}, "c.proof: is no zlib stream in base64"),
     "no stream": (lambda: packed(lambda raw: raw), "c.proof: is no zlib stream in base64"),
     "cut off": (lambda: packed(lambda raw: zlib.compress(raw)[:-3]), "c.proof: is not of the .* bytes"),
-    "a byte short": (lambda: compressed(lambda raw: raw[:-1]), "c.proof: is not of the 232 bytes"),
-    "a byte more": (lambda: compressed(lambda raw: raw + b"0"), "c.proof: is not of the 232 bytes"),
-    "something after it": (lambda: packed(lambda raw: zlib.compress(raw) + b"0"), "c.proof: is not of the 232 bytes"),
-    "a bomb": (lambda: compressed(lambda raw: bytes(10**7)), "c.proof: is not of the 232 bytes"),
-    "another count": (lambda: proof_to_dict(proof()) | {"rows": 7}, "c.proof: is not of the 252 bytes"),
+    "a byte short": (lambda: compressed(lambda raw: raw[:-1]), "c.proof: is not of the 256 bytes"),
+    "a byte more": (lambda: compressed(lambda raw: raw + b"0"), "c.proof: is not of the 256 bytes"),
+    "something after it": (lambda: packed(lambda raw: zlib.compress(raw) + b"0"), "c.proof: is not of the 256 bytes"),
+    "a bomb": (lambda: compressed(lambda raw: bytes(10**7)), "c.proof: is not of the 256 bytes"),
+    "another count": (lambda: proof_to_dict(proof()) | {"rows": 7}, "c.proof: is not of the 280 bytes"),
     "a huge count": (lambda: proof_to_dict(proof()) | {"rows": 10**12}, "at most 268435456 are possible"),
     "a negative count": (lambda: proof_to_dict(proof()) | {"nodes": -1}, "c.nodes: is -1; a whole number of 0 or more"),
     "half a count": (lambda: proof_to_dict(proof()) | {"leaves": 2.5}, "c.leaves: is 2.5; a whole number"),
@@ -143,7 +146,7 @@ def test_no_more_is_unpacked_than_the_counts_say(monkeypatch):
     original = zlib.decompressobj
     monkeypatch.setattr(certificate.zlib, "decompressobj", Stream)
     read_certificate(proof_to_dict(proof()), "", walls())
-    assert asked == [233]  # 4 (5 x 5 + 4 x 6 + 3 + 6) and one more
+    assert asked == [257]  # 4 (5 x 5 + 4 x 6 + 3 + 6) and one more
 
 
 SHAPES = {
@@ -172,7 +175,8 @@ def test_bad_arrays(name):
 
 def test_multipliers_are_divided_by_the_largest_of_their_leaf():
     many = Certificate(walls(), None, **(arrays() | {"multiplier": [1e60, 3e-60, 4.0, 2.0, 1.0, 0.0]}))
-    assert many.multiplier.tolist() == [1, 1, 1, 0.5, 0.25, 0]
+    assert many.multiplier.tolist() == [1e60, 3e-60, 4.0, 2.0, 1.0, 0.0]
+    assert many.rounded().multiplier.tolist() == [1, 1, 1, 0.5, 0.25, 0]
     given = np.array([0.5, 2, 4, 2, 1, 0], dtype=np.float32)
     assert Certificate(walls(), None, **(arrays() | {"multiplier": given})).multiplier.tolist() == given.tolist()
     assert many.leaves.tolist() == [1, 3, 4]

@@ -51,16 +51,16 @@ def first(data: Data) -> Data:
 
 def reason(data: Data) -> str:
     try:
-        return replay(data).fault
+        return replay(data).reason
     except BadFile as fault:
         return str(fault)
 
 
 def test_what_is_proved_of_configurations() -> None:
     done = replay(changed("found", same))
-    assert done.ok, done.fault
+    assert done.ok, done.reason
     assert [part.name for part in done.parts] == ["configuration 0", "configuration 1", "spread"]
-    assert list(done.proved) == ["an exact one exists in its box"] * 2
+    assert list(done.replayed) == ["an exact one exists in its box"] * 2
     assert done.not_replayed == (COURSE, NAMES)
     figures = done.parts[0].figures
     assert 0 < figures["gap"] < 1e-12
@@ -70,8 +70,8 @@ def test_what_is_proved_of_configurations() -> None:
 def test_what_is_proved_of_none() -> None:
     done = replay(changed("none", same))
     assert (done.ok, done.not_replayed) == (True, (COURSE, NAMES))
-    assert list(done.proved) == ["contacts 0 and 1 exclude each other, by 1 box of the checker's own"]
-    assert done.parts == (Replay("none", *done.proved, "", {"boxes": 1}),)
+    assert list(done.replayed) == ["contacts 0 and 1 exclude each other, by 1 box of the checker's own"]
+    assert done.parts == (Replay("none", *done.replayed, "", {"boxes": 1}),)
 
 
 def test_nothing_is_claimed_of_an_undecided_answer() -> None:
@@ -260,7 +260,7 @@ class Closed:
 sys.meta_path.insert(0, Closed())
 from handfast.proofs.synthesis import replay
 for path in sys.argv[1:]:
-    print(replay(json.loads(open(path).read())).fault or "proved")
+    print(replay(json.loads(open(path).read())).reason or "proved")
 """
 
 

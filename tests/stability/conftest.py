@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.grasps import random_case
 from handfast.model.grasp import Grasp
-from handfast.stability.queries import MaxAnswer, maximum
+from handfast.stability.queries import MaxAnswer
+from tests.support.saved_answers import HOLED, answer
 
 GAP = 1e-3
 
@@ -15,5 +15,6 @@ GAP = 1e-3
 @pytest.fixture(scope="module")
 def holed() -> tuple[Grasp, np.ndarray, MaxAnswer]:
     """A grasp that resists 4.7 N, but slips at 2 to 3 N: the paper's warning in section VII-B."""
-    case = random_case(3, 510)
-    return case.grasp, case.direction, maximum(case.grasp, case.direction, interval=True)
+    found = answer("max with a hole")
+    assert isinstance(found, MaxAnswer)
+    return HOLED.grasp, HOLED.direction, found

@@ -1,5 +1,6 @@
 """Laws of joints against numbers that are derived by hand, see docs/joint-laws.md."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -23,9 +24,9 @@ from handfast import (
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import from_dict, to_dict
 from handfast.model.mechanism import Mechanism
-from handfast.stability import answer_file, model
+from handfast.proofs.answers import read_answer, replay
+from handfast.stability import model
 from handfast.stability.loads import Loads
-from handfast.stability.query import SavedAnswer
 from tests.support.law_grasps import BACKDRIVABLE, DOWN, OPENS, curled, jaw
 
 MOTOR = Mechanism.direct(["hinge"])
@@ -215,11 +216,10 @@ def test_smaller_loads_are_resisted_as_well() -> None:
 def test_an_answer_with_reactions_comes_back_from_its_file(tmp_path: Path) -> None:
     found = check(jaw(friction=0.2), [1.5, 0, 0])
     found.save(tmp_path / "answer.json")
-    saved = answer_file.load(tmp_path / "answer.json")
-    assert isinstance(saved, SavedAnswer)
+    saved = read_answer(json.loads((tmp_path / "answer.json").read_text()))
     assert saved.witness is not None
     assert saved.witness.state.reaction == pytest.approx([0.15])
-    assert saved.verify().ok
+    assert replay(saved).ok
     assert found.to_json()["joint_reactions"] == {"hinge": pytest.approx(0.15)}
     assert "joint_reactions" not in check(jaw(MOTOR), [1.5, 0, 0]).to_json()
 

@@ -11,8 +11,8 @@ from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool
 from handfast.model.grasp_file import load_grasp
+from handfast.proofs.checker import verify
 from handfast.stability import many
-from handfast.stability.certify.checker import verify
 from handfast.stability.many import max_answers
 from handfast.stability.queries import MaxAnswer, maximum
 from handfast.stability.settings import Settings

@@ -15,7 +15,7 @@ from handfast.model.configuration import load_configuration
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import load_grasp
 from handfast.model.hand import load_hand
-from handfast.stability.certify import checker
+from handfast.proofs import checker
 from handfast.stability.maps import force_map
 from handfast.stability.queries import MaxAnswer, check, maximum, torques
 from handfast.stability.settings import Settings

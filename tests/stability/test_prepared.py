@@ -11,7 +11,7 @@ import pytest
 from benchmarks.grasps import random_case
 from handfast import InputError, check, maximum, prepare
 from handfast.model.grasp import Grasp
-from handfast.stability.certify import checker
+from handfast.proofs import checker
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, solved
 

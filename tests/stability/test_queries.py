@@ -14,9 +14,9 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
+from handfast.proofs import checker
 from handfast.stability import model, queries
 from handfast.stability.answers import Answer
-from handfast.stability.certify import checker
 from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.search import search
 from handfast.stability.settings import Settings

@@ -26,11 +26,9 @@ def expected(g: Grasp, w: np.ndarray, s: State, f_c: np.ndarray, eta: float) -> 
     """Contact by contact and joint by joint, as `Residuals` says."""
     c, mu = s.c.reshape(-1, 3), g.mu
     forces = [contact.frame @ c[i] for i, contact in enumerate(g.contacts)]
-    F = max([float(np.linalg.norm(w[:3])), *(float(np.linalg.norm(f)) for f in forces)])
-    sizes = np.array([np.linalg.norm(f) for f in forces])
-    middle = sum(n * p for n, p in zip(sizes, g.positions, strict=True)) / sizes.sum()
-    d, dt, torque, arms, loaded = [], [], np.zeros(3), np.zeros(3), np.zeros(3)
-    terms = np.abs(g.mechanism.R.T) @ np.abs(f_c)
+    middle = sum(g.positions) / g.m
+    F = max(float(np.linalg.norm(w[:3])), float(np.linalg.norm(w[3:] - np.cross(middle, w[:3]))) / g.size)
+    d, dt, torque, arms = [], [], np.zeros(3), np.zeros(3)
     for i, contact in enumerate(g.contacts):
         moving = s.r[:3] + np.cross(s.r[3:], contact.position)
         for j, joint in enumerate(g.joints):
@@ -39,20 +37,11 @@ def expected(g: Grasp, w: np.ndarray, s: State, f_c: np.ndarray, eta: float) -> 
                 moving = moving - s.q[j] * joint.velocity_at(contact.position)
                 torque[j] += column @ c[i]
                 arms[j] += column @ column
-                terms[j] += np.abs(column) @ np.abs(c[i])
-                loaded[j] += column @ column if c[i].any() else 0.0
         d.append(contact.frame.T @ moving)
         dt.append(float(np.linalg.norm(d[-1][1:])))
-    arms, loaded = np.sqrt(arms), np.sqrt(loaded)
+    arms = np.sqrt(arms)
     wrench = np.r_[sum(forces), sum(np.cross(p, f) for p, f in zip(g.positions, forces, strict=True))] + w
-    about = [np.cross(p - middle, f) for p, f in zip(g.positions, forces, strict=True)]
-    moments = max(
-        *(float(np.linalg.norm(m)) for m in about),
-        float(np.linalg.norm(w[3:] - np.cross(middle, w[:3]))),
-        F * g.spacing,
-    )
-    turns = np.array([joint.type == "revolute" for joint in g.joints])
-    idle = np.where(turns, np.minimum(F * arms, moments), F)
+    units = [g.size if joint.type == "revolute" else 1.0 for joint in g.joints]
     missing = np.abs(torque - g.mechanism.R.T @ s.f - g.mechanism.A.T @ s.coupling)
     lever = np.array([min(arms[j] / abs(x) for j, x in enumerate(row) if x) for row in g.mechanism.R])
     actuators = []
@@ -66,10 +55,10 @@ def expected(g: Grasp, w: np.ndarray, s: State, f_c: np.ndarray, eta: float) -> 
     friction = [c[i, 1:] * dt[i] + mu[i] * c[i, 0] * d[i][1:] for i in range(3)]
     return {
         "object_balance": max(
-            float(np.linalg.norm(wrench[:3])) / F,
-            float(np.linalg.norm(wrench[3:] - np.cross(middle, wrench[:3]))) / moments,
-        ),
-        "joint_balance": max(missing / np.maximum.reduce([terms, F * loaded, idle])),
+            float(np.linalg.norm(wrench[:3])),
+            float(np.linalg.norm(wrench[3:] - np.cross(middle, wrench[:3]))) / g.size,
+        ) / F,
+        "joint_balance": max(missing / units) / F,
         "couplings": max(
             abs(row @ s.q) * arms[j] / abs(x) for row in g.mechanism.A for j, x in enumerate(row) if x
         ) / F,
@@ -95,25 +84,17 @@ def test_every_residual(seed: int, still: tuple[int, ...], eta: float) -> None:
         assert getattr(found, name) == pytest.approx(0.0 if name == "dissipation" else value, rel=1e-9), name
 
 
-@pytest.mark.parametrize("place", [0, 1, 2])
 @pytest.mark.parametrize("turn", [1e-3, 10.0])
-def test_moments_about_the_middle_of_the_forces(place: int, turn: float) -> None:
-    """Of each contact, and of the load, where two contacts are so near each other that their spacing says nothing."""
-    g = hand()
-    points = g.positions + np.array([0.3, -0.2, 0.7])
-    points = np.vstack([points, points[place] + [0.0, 1e-6, 0.0]])
-    contacts = [Contact(p, g.contacts[i % 3].normal, 0.5) for i, p in enumerate(points)]
-    near = Grasp(contacts)
-    for axis in range(3):
-        c = 0.1 * np.random.default_rng(place).normal(size=(4, 3))
-        c[place] = near.contacts[place].frame.T @ (5 * np.eye(3)[axis] + 3 * np.eye(3)[axis - 1])
-        for middle in (np.array([0.1, 0.2, -0.3]), np.zeros(3)):
-            w = np.r_[0.4, -0.3, 0.2, turn * np.array([0.2, 0.9, -0.4])]
-            moments = [np.cross(p - middle, k.frame @ x) for p, k, x in zip(points, contacts, c, strict=True)]
-            load = w[3:] - np.cross(middle, w[:3])
-            most = max(float(np.linalg.norm(m)) for m in [*moments, load])
-            assert most > 5.0 * near.spacing
-            assert model._moment_scale(near, c.reshape(-1), w, 5.0, middle) == pytest.approx(most, rel=1e-9)
+@pytest.mark.parametrize("far", [0.0, 50.0])
+def test_a_torque_counts_about_the_middle_of_the_contacts(turn: float, far: float) -> None:
+    """Over the grasp's size, wherever the object's origin is."""
+    at = far * np.array([0.3, -0.2, 0.7])
+    g = Grasp([Contact(c.position + at, c.normal, c.friction) for c in hand().contacts])
+    for force in (np.zeros(3), np.array([0.4, -0.3, 0.2])):
+        torque = turn * np.array([0.2, 0.9, -0.4])
+        w = np.r_[force, torque + np.cross(g.positions.mean(axis=0), force)]
+        expected = max(float(np.linalg.norm(force)), float(np.linalg.norm(torque)) / hand().size)
+        assert model.load_scale(g, w) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -129,41 +110,37 @@ def test_numbers_whose_squares_vanish(power: int, seed: int) -> None:
             assert getattr(part, name) == pytest.approx(getattr(whole, name), rel=1e-6), name
 
 
-def test_without_loads_the_smallest_command_is_the_scale() -> None:
-    """0.1 and 0.3 N m at arms of 0.1 m: 1 N. Without commands, 1."""
+def test_without_loads_the_largest_command_is_the_scale() -> None:
+    """Of 0.1 and 0.3 N m at hinges: 0.3 over the grasp's size. Without commands, 1."""
     g = pinch().with_preload({"right": 0.1, "left": 0.3})
-    none = State(np.zeros(6), np.array([0.5, 0.0]), np.zeros(6), np.array([0.1, 0.3]), np.zeros(0))
-    assert model.residuals(g, np.zeros(6), none).normal == pytest.approx(0.05)
     idle = State(np.zeros(6), np.array([0.5, 0.0]), np.zeros(6), np.zeros(2), np.zeros(0))
+    assert model.residuals(g, np.zeros(6), idle).normal == pytest.approx(0.05 * g.size / 0.3)  # 0.5 turns 0.1 m away
+    assert model.residuals(g.with_preload({"left": 0.2}), np.zeros(6), idle).normal == pytest.approx(
+        0.05 * g.size / 0.2
+    )
     assert model.residuals(g.with_preload(None), np.zeros(6), idle).normal == pytest.approx(0.05)
-    assert model.residuals(g.with_preload({"left": 0.3}), np.zeros(6), idle).normal == pytest.approx(0.05 / 3)
+    loaded = np.array([0, 0, 1e-6, 0, 0, 0])  # however small it is
+    assert model.residuals(g, loaded, idle).normal == pytest.approx(0.05 / 1e-6)
 
 
-def test_a_joint_that_carries_nothing_is_measured_by_what_acts_elsewhere() -> None:
-    """0.5 N m at a joint 10 m from its open contact, where 2 N act 0.06 m apart: by 0.12 N m, not 20."""
-    contacts = [Contact([0.03, 0, 0], -X, 0.5), Contact([-0.03, 0, 0], X, 0.5), Contact([10.0, 0, 0], -X, 0.5)]
-    far = GraspJoint("far", Z, [0.0, 0.0, 0.0], (2,))
+@pytest.mark.parametrize("times", [1.0, 1e6])
+def test_contact_forces_are_no_scale(times: float) -> None:
+    """0.5 N m that nothing carries at a hinge count over the size of the grasp, 0.5 N at a slide as they are."""
+    contacts = [Contact([0.03, 0, 0], -X, 0.5), Contact([-0.03, 0, 0], X, 0.5), Contact([0.0, 0.08, 0], -X, 0.5)]
+    turns = GraspJoint("turns", Z, [0.0, 0.0, 0.0], (2,))
     slide = GraspJoint("slide", X, [0.0, 0.0, 0.0], (2,), "prismatic")
-    c = np.array([2.0, 0, 0, 2.0, 0, 0, 0, 0, 0])
-    for joint, size in ((far, 0.12), (slide, 2.0)):
+    c = times * np.array([2.0, 0, 0, 2.0, 0, 0, 0, 0, 0])
+    for joint, size in ((turns, Grasp(contacts).size), (slide, 1.0)):
         g = Grasp(contacts, [joint])
         state = State(np.zeros(6), np.zeros(1), c, np.array([0.5]), np.zeros(0))
-        found = model.residuals(g, np.zeros(6), state).joint_balance
-        assert found == pytest.approx(0.5 / size)
-    assert model.idle_torque(hand(), np.array([0.5, 3.0, 0.2]), 2.0, 4.0).tolist() == [1.0, 4.0, 2.0]
-
-
-def test_the_middle_of_the_forces() -> None:
-    p = np.array([[0.0, 0, 0], [4.0, 0, 0], [0, 8.0, 0]])
-    c = np.array([3.0, 0, 0, 0, 1.0, 0, 0, 0, 0])
-    np.testing.assert_allclose(model._middle(p, c), [1.0, 0, 0])
-    np.testing.assert_allclose(model._middle(p, np.zeros(9)), [4 / 3, 8 / 3, 0])
-    np.testing.assert_allclose(model._middle(p, 1e-3 * c), [1.0, 0, 0])
+        for load in (0.1, 3.0):
+            w = np.r_[0, 0, 0, load * g.size, 0, 0]
+            assert model.residuals(g, w, state).joint_balance == pytest.approx(0.5 / size / load)
 
 
 # --- where rounding may matter -----------------------------------------------------------------------------------
 
-FIELDS = ("r", "q", "f", "coupling")
+FIELDS = ("r", "q", "c", "f", "coupling")
 
 
 def sizes(g: Grasp, field: str) -> list[float]:
@@ -174,6 +151,7 @@ def sizes(g: Grasp, field: str) -> list[float]:
     return {
         "r": [1.0] * 3 + [reach] * 3,
         "q": arms.tolist(),
+        "c": [1.0] * 9,
         "f": (1 / lever).tolist(),
         "coupling": [float((np.abs(g.mechanism.A) / arms).max())],
     }[field]
@@ -189,8 +167,9 @@ def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.
         for factor, exact in ((1 - 1e-9, False), (1 + 1e-9, True)):
             for sign in (1.0, -1.0):
                 parts: dict[str, Any] = {"r": np.zeros(6), "q": np.zeros(3), "f": np.zeros(3), "coupling": np.zeros(1)}
+                parts["c"] = np.arange(9.0)
                 parts[field][k] = sign * factor * LARGE * 2.5 / unit
-                state = State(parts["r"], parts["q"], np.arange(9.0), parts["f"], parts["coupling"])
+                state = State(**parts)
                 calls.clear()
                 sums = model.linear_sums(g, W, state, 2.5, arms, lever)
                 assert bool(calls) == exact == (sums is None), (field, k, factor)

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from handfast.stability.answer_file import verify
+from handfast.stability.certify.certificate_file import save_certificate
 
 import handfast
 from handfast.cli import main
 from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
 from handfast.stability import answer_file, saved_answer
-from handfast.stability.answer_file import verify
-from handfast.stability.certify.certificate_file import save_certificate
 from handfast.stability.queries import CheckAnswer, check, maximum
 from tests.support.problems import bell, nest
 from tests.support.saved_answers import (

@@ -9,11 +9,6 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import linprog
-
-from handfast.core.arrays import Array
-from handfast.model.grasp import Grasp, GraspJoint
-from handfast.model.mechanism import Mechanism
 from handfast.stability.certify import leaf_rows
 from handfast.stability.certify.certificate import (
     TURN,
@@ -27,6 +22,11 @@ from handfast.stability.certify.certificate import (
 )
 from handfast.stability.certify.certificate import directions as float_directions
 from handfast.stability.certify.claim import Claim
+from scipy.optimize import linprog
+
+from handfast.core.arrays import Array
+from handfast.model.grasp import Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
 from handfast.stability.goal import (
     ANY_STATE,
     LARGEST,

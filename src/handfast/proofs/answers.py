@@ -109,7 +109,9 @@ def _read_witness(f: Fields, q: Question) -> Witness:
     if set(by_name) != set(q.grasp.actuators):
         raise BadFile(f"are not those of the actuators {', '.join(q.grasp.actuators)}", f.at("command"))
     command = q.grasp.commands(by_name, f.at("command"))
-    return Witness(wrench, command, read_state(f, q.grasp))
+    witness = Witness(wrench, command, read_state(f, q.grasp))
+    f.done()
+    return witness
 
 
 def replay(saved: SavedAnswer) -> Replay:

@@ -101,7 +101,7 @@ def residuals(q: Question, arc: Arc) -> dict[str, float]:
     F = least_scale(g, w)
     if not F > 0:
         return {"load": np.inf}
-    M, size = g.rows
+    M, size = (table[:-1] for table in g.rows)
     motion = np.concatenate([x["r"], x["q"]], axis=1)
     soft = np.zeros((k + 1, g.m))
     soft[:, g.soft] = x["torsion"][:, g.soft] / g.lever[g.soft]

@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from benchmarks.grasps import random_case
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp
+from handfast.proofs import checker
+from handfast.proofs.certificate import Certificate
+from handfast.proofs.kinds import ContactState
 from handfast.stability import scaled_problem
-from handfast.stability.certify import checker
-from handfast.stability.certify.certificate import Certificate, ContactState
 from handfast.stability.goal import INF, SMALLEST_PRELOAD, Goal
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.search import front
@@ -270,14 +271,14 @@ def tampered(c: Certificate) -> list[Certificate]:
         replace(c, multiplier=-c.multiplier),
     ]
     if len(c.leaves) > 1:  # one is forgotten, its rows stand with the one before
-        out.append(replace(c, leaves=c.leaves[:-1], start=np.append(c.start[:-2], c.start[-1])))
+        out.append(replace(c, start=np.append(c.start[:-2], c.start[-1])))
     sector = np.flatnonzero(c.state == ContactState.SLIDE)
     if len(sector):
         out.append(replace(c, right=put(c.right, sector[0], c.right[sector[0]] - 1)))
     if c.scalar:
         lo, hi = c.scalar
         wider = {"largest": (0.9 * lo, hi), "smallest preload": (lo, np.inf)}
-        out.append(replace(c, scalar=wider.get(c.question.goal.word, (lo, 1.1 * hi))))
+        out.append(replace(c, scalar=wider.get(c.question.goal, (lo, 1.1 * hi))))
     return out
 
 

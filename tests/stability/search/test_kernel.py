@@ -1,4 +1,4 @@
-"""The engine's programs against HiGHS: random nodes of random grasps, rows written out again from `certificate.Row`.
+"""The engine's programs against HiGHS: random nodes of random grasps, rows written out again from `kinds.Row`.
 
 Both minimise the same objective over the same node: HiGHS over all unknowns of the scaled model, with every
 equation, motions without bounds, and cones as polygons that are refined where a solution leaves them; the engine over
@@ -17,8 +17,9 @@ import pytest
 from numba import njit
 
 from handfast.core.groups import Block
+from handfast.proofs.kinds import TURN, ActuatorState, ContactState
+from handfast.proofs.rows import HALF, directions
 from handfast.stability import scaled_problem
-from handfast.stability.certify.certificate import HALF, TURN, ActuatorState, ContactState, directions
 from handfast.stability.goal import (
     ANY_STATE,
     GOALS,

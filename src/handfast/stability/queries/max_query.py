@@ -83,8 +83,8 @@ class MaxAnswer(Answer):
         known = out._of_found
         if known is not None and known.magnitude is not None and known.magnitude[0] < out.lower:
             out = replace(out, lower=max(known.magnitude[0], 0.0))
-        done = Answer.settled(out)
-        return done if done is out else replace(done, lower=0.0, unbounded=False)
+        settled = Answer.settled(out)
+        return settled if settled is out else replace(settled, lower=0.0, unbounded=False, point=None)
 
     def _exactly(self) -> MaxAnswer:
         """With a state that exists exactly, where one is near: at most a tenth of the gap lower."""

@@ -1,0 +1,386 @@
+"""What is refused of answers about one disturbance: planted faults in files of every query."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast.core.answer import Verdict
+from handfast.proofs import answers
+from handfast.proofs.fields import BadFile
+from handfast.proofs.files import verify
+from handfast.proofs.replay import Replay
+from handfast.stability.queries import check, maximum, torques
+from tests.support.problems import bell, nest, pinch
+from tests.support.refused import refused
+from tests.support.saved_answers import (
+    ANSWERS,
+    FAULTS,
+    certificate_of,
+    deep,
+    far_contact,
+    hardly_loaded,
+    idle_actuators,
+    idle_and_slack,
+    overload,
+    proof,
+    put,
+    text,
+    times,
+    unbounded,
+    w,
+)
+
+ONE_LINE = re.compile(r"[^\n]+\Z")
+
+
+def saved(name: str) -> dict[str, Any]:
+    """An answer as it stands in a file."""
+    return json.loads(text(name))
+
+
+def reason(data: dict[str, Any]) -> str:
+    """Why a file is refused, in one line."""
+    try:
+        done = verify(data)
+    except BadFile as fault:  # not even a question
+        said = f"{fault.field}: {fault.problem}"
+    else:
+        assert not done.ok
+        said = done.reason
+    assert ONE_LINE.match(said), said
+    return said
+
+
+@pytest.mark.parametrize(("name", "change", "why"), FAULTS, ids=range(len(FAULTS)))
+def test_planted_faults_are_refused(name: str, change: Any, why: str) -> None:
+    data = saved(name)
+    assert verify(data).ok
+    change(data)
+    said = reason(data)
+    assert re.search(why, said), said
+
+
+# --- what an answer says, key by key ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+@pytest.mark.parametrize("place", [(), ("answer",), ("witness",), ("certificate",), ("question",)])
+def test_keys_that_nobody_knows(name: str, place: tuple[str, ...]) -> None:
+    data = saved(name)
+    if deep(data, *place) is not None:
+        deep(data, *place)["colour"] = "red"
+        assert "colour" in reason(data)
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+@pytest.mark.parametrize("place", ["answer", "witness", "certificate", "question"])
+def test_keys_that_are_missing(name: str, place: str) -> None:
+    """Whatever an answer says has to be said; of witness and question some have a default, which shows the same."""
+    data = saved(name)
+    if data[place] is None:
+        return
+    for key in list(data[place]):
+        less = saved(name)
+        del less[place][key]
+        try:
+            done = verify(less)
+        except BadFile as fault:
+            assert re.search(rf"{place}.*missing|{place}.*needed", f"{fault.field}: {fault.problem}"), fault
+        else:
+            by_default = place == "question" and key in DEFAULTS
+            assert done.ok == (by_default and done.ok), key
+            if not by_default:
+                assert not done.ok
+                assert ONE_LINE.match(done.reason)
+
+
+DEFAULTS = {"objective", "wrench", "direction", "eta", "mdp", "torque_limits", "force_limit", "driven"}
+
+
+@pytest.mark.parametrize("name", ["check holds", "check slips", "max", "torques", "undecided"])
+@pytest.mark.parametrize("verdict", list(Verdict))
+@pytest.mark.parametrize("query", ["check", "max", "torques"])
+def test_verdicts_and_queries_that_contradict(name: str, verdict: Verdict, query: str) -> None:
+    data = saved(name)
+    right = data["answer"]["verdict"], data["answer"]["query"]
+    data["answer"] |= {"verdict": str(verdict), "query": query}
+    if (str(verdict), query) == right:
+        assert verify(data).ok
+    else:
+        reason(data)
+
+
+def test_the_course_of_the_search_is_recorded_and_not_proved() -> None:
+    """Another one shows the same. Nor does the replay say so."""
+    data = saved("check slips")
+    data["answer"] |= {"seconds": 1e3, "nodes": 7, "stop": "time", "verified": False}
+    done = verify(data)
+    assert done.ok
+    assert answers.NOT_REPLAYED in done.not_replayed
+    said = json.dumps(done.to_json() | {"not_replayed": []})
+    assert not any(word in said for word in ("1000", "nodes", "time", "stop"))
+
+
+# --- forged answers ----------------------------------------------------------------------------------
+
+
+def test_the_first_schema_is_refused() -> None:
+    data = saved("torques") | {"schema": "handfast/result/1"}
+    with refused("is 'handfast/result/1'; 'handfast/result/2' is needed", "schema"):
+        answers.read_answer(data)
+    assert re.match(r"schema: is 'handfast/result/1'; 'handfast/result/2' or ", reason(data))
+
+
+@pytest.mark.parametrize("shown", ["least", "above", "by nothing"])
+def test_larger_commands_are_not_the_least(shown: str) -> None:
+    """3.3 times the least commands of 0.045 N m hold as well. That they were the least is not proved."""
+    data, more = saved("torques"), 3.3
+    upper, preload = (
+        more * data["answer"][key] if key == "upper" else data["answer"][key] for key in ("upper", "preload")
+    )
+    preload = {name: more * x for name, x in preload.items()}
+    held = check(bell().with_commands(preload), w(0, 1, 0)).to_file()
+    assert held["answer"]["verdict"] == "holds"
+    data["witness"] = held["witness"]
+    data["answer"] |= {name: held["answer"][name] for name in ("exact",)} | {"upper": upper, "preload": preload}
+    assert verify(data).ok  # its lower bound is the true one still
+    data["answer"]["lower"] *= more
+    if shown == "by nothing":
+        put("answer", "certified", to=False)(data)
+        data["certificate"] = None
+        assert "no certificate" in reason(data)
+    elif shown == "least":
+        assert re.match("certificate: it covers 0 to 0.0449.* the answer needs 0 to 0.148", reason(data))
+    else:
+        data["certificate"]["scalar"][1] *= more
+        assert re.match(r"certificate: leaf \d+", reason(data))
+
+
+def capped() -> dict[str, Any]:
+    """A bound that is proved for motions up to 10^4 N only: endless ones across the plane of the bell."""
+    data = maximum(bell(), w(0, 0, 1)).to_file()
+    assert verify(data).ok
+    assert data["answer"]["motion_cap"] is not None
+    return json.loads(json.dumps(data))
+
+
+def test_a_cap_on_motions_is_told() -> None:
+    for cap in (None, 1e9, 1.0):
+        data = capped()
+        data["answer"]["motion_cap"] = cap
+        assert reason(data) == "answer: motion_cap is not what the rest of the file shows"
+
+
+def test_a_force_that_is_held_does_not_slip() -> None:
+    """The table slips at 4 N; it is said that it slips at any."""
+    data = saved("max")
+    data["answer"] |= {"verdict": "slips", "lower": 0.0, "upper": 0.0, "gap": 0.0} | {"attained": True, "limit": None}
+    data["answer"] |= {"exact": None}
+    data["witness"] = None
+    assert re.match("certificate: it covers .* to 0.4495.*; the answer needs .* to inf", reason(data))
+    data["certificate"]["scalar"] = [data["certificate"]["scalar"][0], None]
+    assert re.match(r"certificate: leaf \d+", reason(data))
+    slips = saved("check slips")
+    slips["question"]["wrench"] = [0, 0.000654, 0, 0, 0, 0]
+    assert re.match(r"certificate: leaf \d+", reason(slips))
+
+
+def test_commands_that_suffice_are_some() -> None:
+    data = saved("torques")
+    data["answer"] |= {"verdict": "slips", "lower": None, "upper": None, "preload": None, "exact": None}
+    data["witness"] = None
+    assert re.match("certificate: it covers 0 to 0.0449.* the answer needs 0 to inf", reason(data))
+    data["certificate"]["scalar"] = [0.0, None]
+    assert re.match(r"certificate: leaf \d+", reason(data))
+
+
+def test_unbounded_means_as_far_as_the_search_goes() -> None:
+    """A witness at less than the search's end does not show it, nor does none."""
+    data = saved("max")
+    unbounded(data)
+    assert re.match(r"answer: unbounded, but shown up to 2\.22\d* only; 942\.4\d* is needed", reason(data))
+    data["answer"]["lower"] = 1e3
+    assert reason(data) == "answer: witness: it is a state under another disturbance"
+    data = saved("max unbounded")
+    data["witness"] = None
+    assert reason(data) == "answer: HOLDS without a witness"
+
+
+# --- certificates ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["check slips", "max", "torques", "max with base"])
+def test_a_certificate_of_another_answer(name: str) -> None:
+    for other in {"check slips", "max", "torques", "max with base"} - {name}:
+        data = saved(name)
+        data["certificate"] = saved(other)["certificate"]
+        assert re.search("certificate", reason(data))
+
+
+@pytest.mark.parametrize("name", ["check slips", "max", "torques", "max slips", "torques do not exist"])
+def test_every_multiplier_counts(name: str) -> None:
+    """Without those of a leaf nothing is proved of it."""
+    data = saved(name)
+    c = certificate_of(data, "certificate")
+    for leaf in (0, len(c.start) - 2):
+        less = saved(name)
+        rows = slice(c.start[leaf], c.start[leaf + 1])
+        y = c.multiplier.copy()
+        y[rows] = 0.0
+        proof(lambda _, y=y: {"multiplier": y})(less)
+        assert re.match(rf"certificate: leaf {leaf} ", reason(less))
+
+
+def test_a_capped_bound_is_far_above_the_forces_in_play() -> None:
+    data = capped()
+    q = answers.read_answer(data).question
+    assert answers.cap_fault(q, 1e9, data["answer"]["upper"], None) == ""
+    assert re.match("it is proved for motions up to 1 N only", answers.cap_fault(q, 1.0, data["answer"]["upper"], None))
+
+
+# --- smaller magnitudes --------------------------------------------------------------------------------
+
+
+def forged(name: str) -> dict[str, Any]:
+    """A result file in which something is claimed of smaller magnitudes that is not shown."""
+    out = saved("max with a hole")
+    said, arcs = out["answer"], out["arcs"]
+    first, last = said["holes"][0]
+    if name == "no hole":
+        said["holes"] = []
+    elif name == "hole one step longer":
+        said["holes"] = [[first, last * 1.001]]
+    elif name == "hole one step shorter":
+        said["holes"] = [[first * 1.001, last]]
+    elif name == "holds up to the hole's end":
+        said["holds_from_zero_to"] = last
+    elif name == "slips earlier":
+        said["holds_from_zero_upper"] = said["holds_from_zero_to"]
+    elif name == "finer than it is":
+        said["resolution"] = 1e-6
+    elif name == "no resolution":
+        del said["resolution"]
+    elif name == "no step at all":
+        said["resolution"] = 0.0
+    elif name == "a range is missing":
+        del arcs[1]
+    elif name == "a range is there twice":
+        arcs.append(arcs[0])
+    elif name == "a range is longer":
+        arcs[-1]["last"] *= 1.01
+    elif name == "a state is off":
+        arcs[0]["controls"][-1]["c"][0] *= 1 + 1e-6
+    elif name == "a state across the hole":
+        ends = sorted(arcs, key=lambda a: a["first"])
+        left = max((a for a in ends if a["last"] <= first), key=lambda a: a["last"])
+        right = min((a for a in ends if a["first"] >= last), key=lambda a: a["first"])
+        middle = [left["controls"][-1], right["controls"][0]]
+        arcs.append({"first": left["last"], "last": right["first"], "controls": middle})
+    elif name == "no certificate":
+        out["slips"] = []
+    elif name == "a wider certificate":
+        lo, hi = out["slips"][0]["scalar"]
+        out["slips"][0]["scalar"] = [0.9 * lo, hi * 1.1]
+    elif name == "a certificate of another range":
+        out["slips"][0] = out["certificate"]
+    elif name == "nothing asked":
+        said["holds_from_zero_to"] = None
+    return out
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("no hole", "it says"),
+        ("hole one step longer", "it says"),
+        ("hole one step shorter", "it says"),
+        ("holds up to the hole's end", "it says"),
+        ("slips earlier", "it says"),
+        ("finer than it is", "it says"),
+        ("no resolution", "its resolution is None"),
+        ("no step at all", "its resolution is 0.0; a positive number is needed"),
+        ("a range is missing", "it says"),
+        ("a range is there twice", "an arc is there twice"),
+        ("a range is longer", "off by"),
+        ("a state is off", "off by"),
+        ("a state across the hole", "off by"),
+        ("no certificate", "it says"),
+        ("a wider certificate", "is not resisted with"),
+        ("a certificate of another range", "it says"),
+        ("nothing asked", "claims nothing of them"),
+    ],
+)
+def test_forged_ranges_are_refused(name: str, why: str) -> None:
+    assert why in reason(forged(name))
+
+
+def test_states_of_the_wrong_size_are_one_clear_line() -> None:
+    data = saved("max with a hole")
+    data["arcs"][2]["controls"][1]["c"].append(0.0)
+    with refused("has shape (10,); (9,) numbers are needed", "arcs[2].controls[1].c"):
+        verify(data)
+
+
+# --- nothing hides a load ------------------------------------------------------------------------------
+
+
+def residual(done: Replay) -> float:
+    part = done.part("witness")
+    assert part is not None
+    found = part.figures["residual"]
+    assert isinstance(found, float)
+    return found
+
+
+@pytest.mark.parametrize("grow", [far_contact, hardly_loaded, idle_actuators, idle_and_slack])
+def test_nothing_idle_hides_an_imbalance(grow: Callable[[dict], None]) -> None:
+    """However large the numbers of what takes no part, what is missing is judged by what acts."""
+    data = saved("check holds")
+    grow(data)
+    if grow is far_contact:  # of the others some torque goes nowhere
+        assert residual(verify(data)) < 1e-9
+    overload(data)
+    assert residual(verify(data)) > 0.1
+    assert re.match("witness: ", reason(data))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-12, 1e-170, 1e-200, 1e-310])
+def test_no_load_is_too_small_to_slip(size: float) -> None:
+    """A fixture cannot pull: a state without forces is none under any load."""
+    data = check(nest(), w(0, 0, -1)).to_file()
+    for wrench in (data["question"]["wrench"], data["witness"]["wrench"]):
+        wrench[2] = size
+    for name in ("r", "c"):
+        data["witness"][name] = [0.0] * len(data["witness"][name])
+    assert re.match("witness: ", reason(data))
+
+
+def test_the_sense_of_a_command_is_that_of_the_question() -> None:
+    """Pulled by commands of the other sense: what holds is no answer."""
+    data = torques(pinch(), w(0, 1, 0)).to_file()
+    assert verify(data).ok
+    preload = data["question"]["grasp"]["preload"]
+    put("question", "grasp", "preload", to={name: -x for name, x in preload.items()})(data)
+    assert "a command has the wrong sense" in reason(data)
+
+
+def test_what_is_shown_may_differ_by_rounding_only() -> None:
+    data = saved("check holds")
+    put("answer", "contacts", 0, "normal_force", to=times(1 + 1e-14))(data)
+    assert verify(data).ok
+    put("answer", "contacts", 0, "normal_force", to=times(1 + 1e-5))(data)
+    assert reason(data) == "answer: contacts is not what the rest of the file shows"
+
+
+def test_numbers_are_numbers() -> None:
+    for value in (True, "2.2", [2.2], {}):
+        data = saved("max")
+        data["answer"]["lower"] = value
+        reason(data)
+    assert np.isfinite(saved("max")["answer"]["lower"])
