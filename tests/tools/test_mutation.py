@@ -41,7 +41,7 @@ def test_every_module_of_a_package_but_kernels_is_mutated(mutation: ModuleType) 
 def test_a_package_is_judged_by_the_tests_beside_it(mutation: ModuleType) -> None:
     parts = mutation.packages()
     assert "measures/test_measure.py" in parts["measures"].tests
-    assert {Path(test).parent for test in parts["stability/certify"].tests} == {Path("stability/certify")}
+    assert {Path(test).parent for test in parts["proofs"].tests} == {Path("proofs")}
     assert parts["planning/filters"].tests == parts["planning"].tests  # it has no folder of its own
     assert all((ROOT / "tests" / test).is_file() for part in parts.values() for test in part.tests)
     one = mutation.part_named("model/hand/coupling.py")

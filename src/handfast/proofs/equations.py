@@ -17,7 +17,7 @@ from handfast.proofs.fields import Array, Mask
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import TORQUES, Question, Range
 from handfast.proofs.rows import UNIT, Columns
-from handfast.proofs.tolerance import EPS, load_scale
+from handfast.proofs.tolerance import EPS, WORK, load_scale
 
 ROUNDED = 64 * UNIT  # relative error of an entry of G and J, of its sum of absolute values
 
@@ -195,7 +195,7 @@ class RightSide:
         The slack is that of `tolerance`, in all of (1) and (2) and in nothing else: couplings, (8) and the added
         sliders behind joints with friction are there exactly. A state whose joint torques are off by as much is one of
         the equivalent whose joints are, while the two forces on a slider add up to 2 F by what they are. What is
-        missed does work, too: `tolerance` allows EPS F^2 of it.
+        missed does work, too: `tolerance` allows WORK F^2 of it.
         """
         g, load = q.grasp, q.load
         h = np.zeros(p)
@@ -211,7 +211,7 @@ class RightSide:
             R = np.abs(g.R[q.sought]) / g.joint_units
             grows = float(R.max(initial=0.0))
         ends = scalar or (0.0, 0.0)
-        return cls(h, EPS * of_load * units, EPS * grows * units, EPS * of_load**2, max(of_load, grows), ends)
+        return cls(h, EPS * of_load * units, EPS * grows * units, WORK * of_load**2, max(of_load, grows), ends)
 
     def costs(self, about: Array, v: Array, change: Array) -> tuple[Array, Array]:
         """(L,) upper bounds on |v| slack and |v| growth for all v (L, p) that differ from these by change at most."""

@@ -2,7 +2,7 @@
 
 A state holds so if it solves the model exactly under a load w' and with joint torques tau' that differ from the given
 ones by at most this: |dw_force| <= EPS F, |dw_torque| <= EPS F size about the contacts' centroid, |dtau_j| <= EPS F
-times `GraspData.joint_units`; and the work of these differences along its motions is at most EPS F^2. F is the scale
+times `GraspData.joint_units`; and the work of these differences along its motions is at most WORK F^2. F is the scale
 of the load alone. Contact forces, however large, grant nothing. Proofs that no state exists give way in (1), (2) and
 the balance of energy by at least as much, so that there is no question of which both can be proved.
 """
@@ -15,6 +15,7 @@ from handfast.proofs.fields import Array
 from handfast.proofs.grasp import GraspData
 
 EPS = 1e-9
+WORK = 1e-6
 
 
 def about_centroid(g: GraspData, w: Array) -> Array:
