@@ -222,9 +222,9 @@ def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float
     for key, value in shown.items():
         if key not in said:
             raise Refused(f"{key} is missing")
-        if key == "residual" and isinstance(said[key], float) and isinstance(value, float):
-            if abs(said[key] - value) <= ROUNDING:
-                continue
+        two = isinstance(said[key], float) and isinstance(value, float)
+        if key == "residual" and two and abs(said[key] - value) <= ROUNDING:
+            continue
         if not matches(said[key], value):
             raise Refused(f"{key} is not what the rest of the file shows")
 

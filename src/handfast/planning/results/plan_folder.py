@@ -1,7 +1,8 @@
 """The folder that `handfast plan` fills as it finds grasps, and from which it can go on.
 
 Three files a grasp, numbered in the order in which they were found: its configuration, the grasp, and what backs that
-it holds. `plan.json` names them and says how far the search has come. Each is written at once or not at all, `plan.json` last: what it names is there.
+it holds. `plan.json` names them and says how far the search has come. Each is written at once or not at all,
+`plan.json` last: what it names is there.
 """
 
 from __future__ import annotations
