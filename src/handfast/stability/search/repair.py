@@ -49,7 +49,8 @@ def _ray(c: Certificate, leaf: int, case: Integers, equations: Equations, side: 
     candidates = _candidates(c, leaf, case)
     some = LeafRows(*candidates, np.zeros(len(candidates[0]), np.int64), c.references)
     allowed = rows.legal(q, c.scalar, some, case[None])
-    some = LeafRows(*(x[allowed] for x in candidates), np.zeros(int(allowed.sum()), np.int64), c.references)
+    kind, index, a, b = (x[allowed] for x in candidates)
+    some = LeafRows(kind, index, a, b, np.zeros(int(allowed.sum()), np.int64), c.references)
     value, right = rows.row_values(q, c.scalar, some)
     n, scale = equations.columns.n, equations.scale
     F = (value[:, :n] + value[:, n:] @ equations.Z) * scale
