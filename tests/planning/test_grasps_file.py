@@ -170,7 +170,7 @@ def test_verify_prints_what_it_has_proved(saved: Data, tmp_path: Path, capsys: p
     assert main(["verify", str(path)]) == 1
     text = capsys.readouterr().out
     assert text.startswith("REFUSED")
-    assert "grasp 2: grasp.contacts[0].friction is 0.7" in text
+    assert "grasp 2: friction at its contacts is not 0.5" in text
     assert "Proved:" not in text
 
 

@@ -47,7 +47,7 @@ def test_what_was_changed_is_refused(planned: Plan) -> None:
     forged = replace(first, found=replace(first.found, state=forces))
     assert "grasp 0: loads: gravity" in reason(planned, answer=replace(answer, checks=(forged, *others)))
     assert "grasp 0: loads: answer: gravity +x has no answer" in reason(planned, answer=replace(answer, checks=()))
-    assert "not held" in reason(planned, answer=replace(answer, verdict=Verdict.UNDECIDED))
+    assert "undecided with a preload" in reason(planned, answer=replace(answer, verdict=Verdict.UNDECIDED))
     half = {n: f / 2 for n, f in one.grasp.preload.items()}
     assert "another preload" in reason(planned, grasp=one.grasp.with_preload(half))
     assert "another grasp" in reason(planned, grasp=one.grasp.with_friction(0.6))
