@@ -410,7 +410,8 @@ QUERIES: dict[str, Query] = {"check": Query(), "max": Maximum(), "torques": Torq
 # --- parts of them --------------------------------------------------------------------------------
 
 
-WORDS = {"open": "open", "touches": "open", "sticks": "stick", "slides": "slide", "rubs": "slide"}  # of contacts
+WORDS = dict.fromkeys(("open", "touches"), "open") | dict.fromkeys(("slides", "rubs", "leans"), "slide")  # of contacts
+WORDS |= {"sticks": "stick"}
 NOTHING = dict.fromkeys(("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"))
 
 
