@@ -8,14 +8,15 @@ import sys
 from pathlib import Path
 
 import pytest
-from handfast.stability.answer_file import verify
 
 import handfast
 from handfast import verify
 from handfast.cli import main
 from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
+from handfast.proofs.certificate import file_to_dict
 from handfast.stability.queries import CheckAnswer
+from handfast.stability.witness import VALID
 from tests.support.problems import bell
 from tests.support.saved_answers import ANSWERS, answer, text
 
@@ -147,5 +148,5 @@ def test_on_the_command_line(tmp_path: Path, monkeypatch, capsys: pytest.Capture
     assert "certificate: it covers" in out
     assert main(["verify", "wrong.json", "--json"]) == 1
     said = json.loads(capsys.readouterr().out)
-    assert (said["schema"], said["ok"]) == ("handfast/verification/2", False)
+    assert (said["schema"], said["ok"]) == ("handfast/verification/1", False)
     assert {part["name"]: part["ok"] for part in said["parts"]} == {"witness": True, "certificate": False}
