@@ -313,7 +313,7 @@ def test_forged_ranges_are_refused(name: str, why: str) -> None:
 def test_states_of_the_wrong_size_are_one_clear_line() -> None:
     data = saved("max with a hole")
     data["arcs"][2]["controls"][1]["c"].append(0.0)
-    with refused("has shape (10,); (9,) numbers are needed", "arcs[2].controls[1].c"):
+    with refused("has 10 numbers; 9 are needed", "arcs[2].controls[1].c"):
         verify(data)
 
 
