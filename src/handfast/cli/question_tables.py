@@ -29,7 +29,8 @@ LAW = {True: "maximum dissipation", False: "friction without maximum dissipation
 def head(data: Mapping[str, Any]) -> str:
     """What a saved file is about, in a line."""
     answer = data.get("answer", data)
-    said = f": {answer['verdict'].upper()}" + (f", stop {answer['stop']}" if "stop" in answer else "")
+    said = f": {answer['verdict'].upper()}" if "verdict" in answer else ""  # a certificate by itself has none
+    said += f", stop {answer['stop']}" if "stop" in answer else ""
     if data.get("query") == "plan":
         return f"plan: {words.count(len(data['grasps']), 'grasp')}"
     if "task" in data:

@@ -419,6 +419,7 @@ WORDS = {  # of contacts
     Contact.STICKS: "stick",
     Contact.SLIDES: "slide",
     Contact.RUBS: "slide",
+    Contact.LEANS: "slide",
 }
 NOTHING = dict.fromkeys(("residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"))
 

@@ -133,8 +133,8 @@ class Answer(ABC):
         return None
 
     def state_json(self) -> dict[str, Any]:
-        """The witness by key, as `check` prints it; null without one."""
-        if self.witness is None or self.posed is None or self.proved is None:
+        """The witness by key, as `check` prints it; null without one that is proved."""
+        if self.witness is None or self.posed is None or self.proved is None or not self.proved.modes:
             return dict(answers.NOTHING)
         return answers.described(_grasp(self.posed, self.witness), stated(self.witness.state), self.proved)
 
