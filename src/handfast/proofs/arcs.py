@@ -9,6 +9,7 @@ each of its magnitudes is not claimed. With two controls an arc is all convex co
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache
 from math import comb
@@ -91,13 +92,18 @@ def residuals(q: Question, arc: Arc) -> dict[str, float]:
     its last state, whose relative residuals are the same.
     """
     g, k = q.grasp, len(arc.controls) - 1
-    f_c = g.command
     x = {f.name: arc.table(f.name) for f in fields(State)}
     s = arc.first + (arc.last - arc.first) * np.arange(k + 1)[:, None] / k
     w = q.wrench + s * q.direction
-    none = [w[0], f_c, g.torque, g.friction, *(table[0] for table in x.values())]
+    none = [w[0], g.command, g.torque, g.friction, *(table[0] for table in x.values())]
     if k == 1 and not any(part.any() for part in none):
         x, w = {name: table[1:].repeat(2, axis=0) for name, table in x.items()}, w[1:].repeat(2, axis=0)
+    return missed(g, w, x, q.eta, q.mdp)
+
+
+def missed(g: GraspData, w: Array, x: Mapping[str, Array], eta: float, mdp: bool) -> dict[str, float]:
+    """The same for controls: loads w (k+1, 6), and the unknowns of `State` by name, (k+1, ...) each."""
+    k, f_c = len(w) - 1, g.command
     F = least_scale(g, w)
     if not F > 0:
         return {"load": np.inf}
@@ -120,7 +126,7 @@ def residuals(q: Question, arc: Arc) -> dict[str, float]:
     noise = ROUNDING * (size @ np.abs(motion).max(axis=0))  # of motions
 
     # (4), (17): closed, or open
-    cos, sin = float(np.cos(q.eta)), float(np.sin(q.eta))
+    cos, sin = float(np.cos(eta)), float(np.sin(eta))
     gap, gap_off = cos * d_n + sin * speed, sin * speed_off
     closed = np.maximum(np.abs(c_n + gap).max(axis=0) + gap_off, -least_n)
     opened = np.abs(c_n).max(axis=0) + np.maximum(0.0, gap_off - gap.min(axis=0))
@@ -164,7 +170,7 @@ def residuals(q: Question, arc: Arc) -> dict[str, float]:
         "couplings": np.abs(d[:, parts[3]]).max(initial=0.0) + noise[parts[3]].max(initial=0.0),
         "normal": normal.max(),
         "cone": cone.max(),
-        "dissipation": defect.max() if q.mdp else 0.0,
+        "dissipation": defect.max() if mdp else 0.0,
         "actuators": actuators.max(initial=0.0),
         "reactions": _reactions(g, x["q"] * g.joint_arms, x["reaction"] / g.joint_arms).max(initial=0.0),
         "torsion": np.inf if point > 0 else 0.0,

@@ -119,9 +119,10 @@ def _attempts(p: Problem, x: State, balanced: bool = True, free: bool = False) -
                 return _shown(system, x, refined(system), residual)
         except NotShown as fault:
             reason = reason or str(fault)
-            if fault.part not in options or chosen[fault.part] + 1 >= len(options[fault.part]):
+            left = [name for name, kinds in options.items() if chosen[name] + 1 < len(kinds)]
+            if not left:
                 break
-            chosen[fault.part] += 1
+            chosen[fault.part if fault.part in left else left[-1]] += 1
     return Proved(False, False, reason, residual)
 
 

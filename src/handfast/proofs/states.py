@@ -270,7 +270,7 @@ def _contact(
     gap = p.cos * d[0] + p.sin * slides
     if phi[0] <= none_f:
         shut = [Contact.TOUCHES, Contact.OPEN] if abs(gap) <= none_d else [Contact.OPEN, Contact.TOUCHES]
-        if abs(gap) > none_d or phi[0] <= 0:
+        if abs(gap) > none_d or phi[0] < 0:
             return [(int(k), False) for k in shut]
         return [(int(k), False) for k in (*shut, Contact.STICKS, Contact.SLIDES)]
     still = slides <= none_d

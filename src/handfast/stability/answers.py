@@ -17,7 +17,7 @@ from handfast.core.errors import InputError
 from handfast.core.files import write_text
 from handfast.proofs import answers
 from handfast.proofs.certificate import Certificate, proof_to_dict
-from handfast.proofs.existence import Proved, prove
+from handfast.proofs.existence import Proved
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
@@ -102,7 +102,8 @@ class Answer(ABC):
 
     def _proved(self, w: Witness) -> Proved:
         """What is proved of a state."""
-        return prove(self._problem(w), stated(w.state))
+        assert self.posed is not None
+        return answers.proved(self.posed.question, self._problem(w), stated(w.state))
 
     def _problem(self, w: Witness) -> Problem:
         """What a state has to solve."""
