@@ -126,7 +126,9 @@ def test_uncertain_normals_are_asked_about_throughout(eta: float) -> None:
     assert answer.witness is not None
     assert answer.question.eta == answer.witness.eta == a.limits["eta"] == eta
     assert a.verify().ok
-    assert replace(a, limits={"eta": 0.05}).verify().reason == "load 0: the answer is about another load"
+    assert replace(a, limits={"eta": 0.05}).verify().reason == (
+        "answer: load 0: the answer is within other limits, or of another law of friction"
+    )
 
 
 def test_a_limit_that_is_hit_is_undecided() -> None:

@@ -208,7 +208,7 @@ def test_a_hole_that_is_left_out_is_found() -> None:
         ({"proof": None}, "refused"),
         ({"found": None}, "refused"),
         ({"upper": 1.0}, "refused"),
-        ({"lower": 0.5}, "refused"),
+        ({"lower": 1.0001}, "refused"),
     ],
 )
 def test_the_law_of_proofs_finds_what_is_not_proved(fault: dict[str, Any], says: str) -> None:

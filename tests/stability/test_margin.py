@@ -175,7 +175,8 @@ def test_a_strong_squeeze_alone_is_not_fragile() -> None:
     assert m.motion > FRAGILE_MOTION
     assert m.why == ()
     r = model.State(10 * m.witness.state.r, *(getattr(m.witness.state, n) for n in ("q", "c", "f", "coupling")))
-    assert replace(m, witness=replace(m.witness, state=r)).why == ("motion",)
+    found = replace(m.witness, state=r)
+    assert replace(m, held=replace(m.held, found=found, posed=None)).why == ("motion",)  # shown as it was found
 
 
 # --- laws ---------------------------------------------------------------------------------------

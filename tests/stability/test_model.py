@@ -265,9 +265,9 @@ def test_a_moment_out_of_balance_is_measured_by_load_and_size(axis: int, k: floa
     ("edits", "named", "value"),
     [
         ([("c", 1, 0.12)], "object_balance", 0.1),  # 0.12 N of 1.2 N
-        ([("f", 0, 0.012)], "joint_balance", 0.012 / 0.2),  # beside 0.1 N m of the contact and 0.1 N m of the command
-        ([("c", 0, 0.12)], "normal", 0.12 / np.hypot(1.12, 0.6)),  # by the contact force that it makes
-        ([("r", 1, 0.5)], "dissipation", 0.2 / 1.2**2),  # 0.6 N * 0.5 - 1 N * 0.5, slower than the force scale
+        ([("f", 0, 0.012)], "joint_balance", 0.012 / 0.03 / 1.2),  # of a joint that turns: over the size, 0.03 m
+        ([("c", 0, 0.12)], "normal", 0.1),  # 0.12 N of 1.2 N, whatever contact force it makes
+        ([("r", 1, 0.5)], "dissipation", 0.2 / 1.2**2),  # 0.6 N * 0.5 - 1 N * 0.5, slower than the load
         ([("r", 2, 3.0)], "dissipation", 3 / 3 / 1.2),  # faster: 1 N is missing, and 0.6 N is across
         ([("q", 1, -20.0)], "actuators", 1 / 1.2),  # back by 10 rad at an arm of 0.1 m
         ([("f", 0, -0.012)], "actuators", 0.1),  # short of the command
@@ -279,7 +279,7 @@ def test_a_moment_out_of_balance_is_measured_by_load_and_size(axis: int, k: floa
 def test_faults_have_the_size_that_they_have_by_hand(
     edits: list[tuple[str, int, float]], named: str, value: float, sense: float
 ) -> None:
-    """At a force scale of 1.2 N; joints and commands the other way round give the same numbers."""
+    """With a load of 1.2 N; joints and commands the other way round give the same numbers."""
     g, w, state = holding_pinch()
     for edit in edits:
         state = edited(state, *edit)
@@ -339,23 +339,25 @@ def two_fingers(mechanism: Mechanism | None = None) -> Grasp:
 
 
 def test_arms_of_joints_and_actuators() -> None:
+    """A joint that turns nothing has the grasp's size for an arm: the contacts are 0.1 m from their middle."""
     g = two_fingers()
-    arms = [np.hypot(0.1, 0.3), 0.04, 1.0]
+    arms = [np.hypot(0.1, 0.3), 0.04, 0.1]
     np.testing.assert_allclose(model.joint_arms(g), arms, rtol=1e-12)
     np.testing.assert_allclose(model.actuator_arms(g), arms, rtol=1e-12)
     R = np.array([[0.0, 2.0, 0.0], [-4.0, 0.25, 0.0], [0.0, 0.0, 5.0]])
     geared = two_fingers(Mechanism(("a", "b", "c"), R, np.zeros((0, 3)), (False,) * 3))
-    np.testing.assert_allclose(model.actuator_arms(geared), [0.02, arms[0] / 4, 0.2], rtol=1e-12)
+    np.testing.assert_allclose(model.actuator_arms(geared), [0.02, arms[0] / 4, 0.02], rtol=1e-12)
 
 
 def test_couplings_are_measured_by_what_they_move() -> None:
     """A q as the motion of one joint alone, at that joint's arm: of the joint where that is most."""
-    # arms over |A|: 0.04 and 1; 1 / 1.5 and 1 / 0.3
+    # arms, the size 0.1 m of the last, over |A|: 0.04 and 0.1; 1 / 1.5 and 1 / 3
     A = np.array([[0.0, 1.0, -1.0], [-1.5 / np.sqrt(10), 0.0, 0.3]])
     g = two_fingers(Mechanism((), np.zeros((0, 3)), A, ()))
     none = State(np.zeros(6), np.zeros(3), np.zeros(6), np.zeros(0), np.zeros(2))
-    w = np.array([2.0, 0, 0, 0, 0, 0])  # the scale
-    for q, value in (([0, 0.5, 0], 0.5), ([0.2, 0, 0], 0.2 * 1.5 / np.sqrt(10) / 0.3), ([0, 0, 1.0], 1.0)):
+    w = np.array([2.0, 0, 0, 0, 0, 0])  # the scale: 0.1 m off the middle, its torque over the size is 2 N too
+    # A q is (0.5, 0), (0, -0.3 / sqrt(10)), (-1, 0.3): the last is 1 * 0.1 and 0.3 / 1.5
+    for q, value in (([0, 0.5, 0], 0.5 * 0.1), ([0.2, 0, 0], 0.2 / np.sqrt(10)), ([0, 0, 1.0], 0.3 / 1.5)):
         res = model.residuals(g, w, replace(none, q=np.array(q)))
         assert res.couplings == pytest.approx(value / 2, rel=1e-12)
 

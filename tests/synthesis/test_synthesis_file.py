@@ -32,7 +32,7 @@ def test_what_is_saved_is_proved(count: int, tmp_path: Path) -> None:
     answer.save(path)
     done = handfast.verify(path)
     assert done.ok, done.reason
-    assert len(done.reports) == count
+    assert [part.name for part in done.parts] == [*(f"configuration {i}" for i in range(count)), "spread"]
     assert handfast.verify(answer).ok
     back = synthesis_file.load_synthesis(path)
     assert (back.verdict, back.seed, back.spread) == (answer.verdict, answer.seed, answer.spread)
@@ -58,12 +58,16 @@ def test_an_undecided_answer_claims_nothing(undecided: Synthesis, tmp_path: Path
     undecided.save(tmp_path / "s.json")
     done = handfast.verify(tmp_path / "s.json")
     assert done.ok
-    assert done.reports == ()
+    assert done.parts == ()
+    assert done.replayed == ()
 
 
 def test_what_was_replayed_is_said(found: Synthesis, undecided: Synthesis) -> None:
     done = found.verify()
-    assert done.replayed == ("configuration 0: an exact one exists in its box",)
+    assert done.replayed == ("an exact one exists in its box",)
+    named = done.part("configuration 0")
+    assert named is not None
+    assert named.replayed == done.replayed
     assert done.not_replayed == (COURSE, NAMES)
     done = undecided.verify()
     assert done.replayed == ()
@@ -115,18 +119,20 @@ def test_none_that_the_checker_does_not_show_is_refused(by: str, why: str) -> No
     assert answer.searched is not None
     done = replace(answer, searched=replace(answer.searched, by=by)).verify()
     assert not done.ok
-    assert re.fullmatch(f"NONE rests on the search itself, ask it again: {why}", done.reason)
-    assert done.not_replayed == (done.reason, COURSE, NAMES)
+    assert re.fullmatch(f"none: NONE rests on the search itself, ask it again: {why}", done.reason)
+    assert done.not_replayed == (done.reason.removeprefix("none: "), COURSE, NAMES)
     assert done.replayed == ()
 
 
 def test_none_of_a_task_that_can_be_met_is_refused(found: Synthesis) -> None:
     searched = Searched("contacts 0 and 1", 1, 1.0, 1, 0, 0.0, 0.0)
     none = replace(found, verdict=Reach.NONE, solutions=(), searched=searched)
-    assert re.match("NONE rests on the search itself, .* contacts 0 and 1 the checker by itself", none.verify().reason)
-    words = "synthesis: NONE of a search that discarded less than all or did not end"
+    assert re.match(
+        "none: NONE rests on the search itself, .* contacts 0 and 1 the checker by itself", none.verify().reason
+    )
+    words = "NONE of a search that discarded less than all or did not end"
     for change in (None, replace(searched, discarded=0.5), replace(searched, pending=1)):
-        assert words.endswith(replace(none, searched=change).verify().reason)
+        assert replace(none, searched=change).verify().reason == words
 
 
 def changed(answer: Synthesis, change: Callable[[dict[str, Any]], Any], *, seal: bool) -> dict[str, Any]:
@@ -214,10 +220,13 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_no_fault_passes(name: str, pinched: Synthesis, tmp_path: Path) -> None:
+    """Without its checksum a changed file is refused as a whole; with it, for what is wrong."""
     change, reason = FAULTS[name]
     path = tmp_path / "s.json"
     path.write_text(json.dumps(changed(pinched, change, seal=False)))
     with pytest.raises(InputError, match="checksum: does not fit: the file was changed after it was written"):
+        synthesis_file.load(path)
+    with pytest.raises(InputError):
         handfast.verify(path)
     path.write_text(json.dumps(changed(pinched, change, seal=True)))
     try:
@@ -246,12 +255,19 @@ def test_another_task_with_a_right_seal_is_not_resumed(undecided: Synthesis, tmp
         synthesize(pinch(LARGE), resume=path)
 
 
+def test_a_file_without_its_checksum_is_refused(pinched: Synthesis, tmp_path: Path) -> None:
+    path = tmp_path / "s.json"
+    path.write_text(json.dumps(changed(pinched, lambda d: d.pop("checksum"), seal=False)))
+    with pytest.raises(InputError, match="checksum: is missing"):
+        handfast.verify(path)
+
+
 @pytest.mark.parametrize(
     "text, line",
     [
-        ("{}", "schema: is missing; handfast/result/1, .* or handfast/grasps/2 is needed"),
-        ('{"schema": "handfast/task/1"}', r"schema: is 'handfast/task/1'; handfast/result/1, "),
-        ('{"schema": "handfast/synthesis/1"}', "checksum: is missing"),
+        ("{}", "schema: is missing; 'handfast/result/2' or .* or 'handfast/grasps/2' is needed"),
+        ('{"schema": "handfast/task/1"}', r"schema: is 'handfast/task/1'; 'handfast/result/2' or "),
+        ('{"schema": "handfast/synthesis/1"}', "task: is missing"),
         ("[1]", "schema: is missing"),
     ],
 )

@@ -163,7 +163,8 @@ def proved(q: Question, p: Problem, x: State) -> Proved:
         return found
     rows = {f.name: np.repeat(getattr(x, f.name)[None], 2, axis=0) for f in fields(State)}
     with np.errstate(all="ignore"):
-        worst = max(arcs.missed(p.grasp, np.repeat(p.load[None], 2, axis=0), rows, q.eta, q.mdp).values())
+        loads = np.repeat(p.load[None], 2, axis=0)
+        worst = max(arcs.missed(p.grasp, loads, rows, q.eta, q.mdp, exact=True).values())
     f, c_n, slack = np.abs(x.f), x.c[0::3], EPS * load_scale(p.grasp, p.load)
     kept = (f <= p.limit + slack * p.grasp.actuator_arms).all() and c_n.max() <= p.force_limit + slack
     return replace(found, tolerant=bool(worst <= EPS and kept), residual=worst, magnitude=None)

@@ -19,11 +19,13 @@ import numpy as np
 from handfast.proofs.fields import Array, BadFile, Fields
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import LARGEST, SMALLEST_PRELOAD, Question
+from handfast.proofs.rational import dot, rationals, rounded
 from handfast.proofs.states import State, reaction_ends, read_state
 from handfast.proofs.tolerance import EPS, load_scale
 
 DEGREE = 12  # at most
-ROUNDING = 1e-13  # relative to the largest terms: more than rounding takes from a sum
+ULP = 2.0**-53
+ROUNDED = 16  # ulp of an entry of G and J, relative to the sum of absolute values behind it, and of what comes after
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +103,13 @@ def residuals(q: Question, arc: Arc) -> dict[str, float]:
     return missed(g, w, x, q.eta, q.mdp)
 
 
-def missed(g: GraspData, w: Array, x: Mapping[str, Array], eta: float, mdp: bool) -> dict[str, float]:
-    """The same for controls: loads w (k+1, 6), and the unknowns of `State` by name, (k+1, ...) each."""
+def missed(
+    g: GraspData, w: Array, x: Mapping[str, Array], eta: float, mdp: bool, exact: bool = False
+) -> dict[str, float]:
+    """The same for controls: loads w (k+1, 6), and the unknowns of `State` by name, (k+1, ...) each.
+
+    exact: with motions at the contacts in rational numbers, for large ones beside small forces.
+    """
     k, f_c = len(w) - 1, g.command
     F = least_scale(g, w)
     if not F > 0:
@@ -112,7 +119,10 @@ def missed(g: GraspData, w: Array, x: Mapping[str, Array], eta: float, mdp: bool
     soft = np.zeros((k + 1, g.m))
     soft[:, g.soft] = x["torsion"][:, g.soft] / g.lever[g.soft]
     phi = np.concatenate([x["c"], soft[:, g.soft], x["f"], x["coupling"], x["reaction"]], axis=1)
-    d = motion @ M.T
+    d, noise = motion @ M.T, (ROUNDED + M.shape[1]) * ULP * (size @ np.abs(motion).max(axis=0))
+    if exact:
+        d = np.array([[rounded(dot(row, rationals(v))) for row in g.exact_rows[:-1]] for v in motion])
+        noise = 4 * ULP * np.abs(d).max(axis=0)
     parts = g.parts
     D, C = d[:, parts[0]].reshape(k + 1, -1, 3), x["c"].reshape(k + 1, -1, 3)
     turned = np.zeros((k + 1, g.m))
@@ -123,7 +133,6 @@ def missed(g: GraspData, w: Array, x: Mapping[str, Array], eta: float, mdp: bool
     least_n, slow = c_n.min(axis=0), least_norm(d_t)
     fast = np.sqrt((d_t**2).sum(axis=2)).max(axis=0)
     speed, speed_off = _norm(d_t, slow)
-    noise = ROUNDING * (size @ np.abs(motion).max(axis=0))  # of motions
 
     # (4), (17): closed, or open
     cos, sin = float(np.cos(eta)), float(np.sin(eta))
@@ -160,7 +169,7 @@ def missed(g: GraspData, w: Array, x: Mapping[str, Array], eta: float, mdp: bool
 
     missed = phi @ M + np.concatenate([w, np.broadcast_to(g.torque, (k + 1, g.l))], axis=1)  # (1), (2)
     moment = missed[:, 3:6] - np.cross(g.centroid, missed[:, :3])
-    rounding = ROUNDING * (np.abs(phi).max(axis=0) @ size)
+    rounding = (ROUNDED + len(M)) * ULP * (np.abs(phi).max(axis=0) @ size)
     joints = np.abs(missed[:, 6:]).max(axis=0) + rounding[6:]
     point = np.abs(np.delete(x["torsion"], g.soft, axis=1)).max(initial=0.0)  # point contacts carry no torsion
     out = {
