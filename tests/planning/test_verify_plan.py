@@ -45,7 +45,11 @@ def test_what_was_changed_is_refused(planned: Plan) -> None:
     assert first.witness is not None
     forces = replace(first.witness.state, c=1.01 * first.witness.state.c)
     forged = replace(first, found=replace(first.found, state=forces))
-    assert "grasp 0: loads: gravity" in reason(planned, answer=replace(answer, checks=(forged, *others)))
+    changed = replace(one, answer=replace(answer, checks=(forged, *others)))
+    loads = replace(planned, grasps=(changed,)).verify().parts[0].part("loads")
+    assert loads is not None
+    assert [part.name for part in loads.parts if not part.ok] == ["gravity +x"]
+    assert "of the state that is proved is" in loads.parts[0].reason
     assert "grasp 0: loads: answer: gravity +x has no answer" in reason(planned, answer=replace(answer, checks=()))
     assert "undecided with a preload" in reason(planned, answer=replace(answer, verdict=Verdict.UNDECIDED))
     half = {n: f / 2 for n, f in one.grasp.preload.items()}

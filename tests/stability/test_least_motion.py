@@ -300,10 +300,17 @@ def test_it_is_sought_when_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     assert asked == [answer.found]
 
 
-def test_a_state_that_was_read_is_judged_as_it_stands() -> None:
+def test_what_is_proved_less_well_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A state of less motion that is none: the one that was found stays, with its proof."""
+
+    def wrong(found: Witness, *limits: object) -> Witness:
+        return replace(found, state=replace(found.state, c=1.01 * found.state.c))
+
+    monkeypatch.setattr(module, "least_motion", wrong)
     answer = check(load_grasp("fig1"), PULL)
-    assert answer.found is not None
-    assert replace(answer, as_found=True).witness is answer.found
+    assert answer.verdict is Verdict.HOLDS
+    assert answer.witness is answer.found
+    assert answer.verify().ok
 
 
 def test_a_slipping_contact_has_none() -> None:

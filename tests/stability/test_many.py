@@ -33,7 +33,7 @@ def test_neighbours_help_but_do_not_change_the_answer(make, jobs: int) -> None:
         assert alone.lower <= answer.upper * (1 + 1e-9)
         if answer.witness:
             assert answer.witness.valid
-            np.testing.assert_allclose(answer.witness.wrench, answer.lower * np.array(direction), rtol=1e-9, atol=1e-12)
+            np.testing.assert_allclose(answer.witness.wrench, answer.lower * np.array(direction), rtol=3e-9, atol=1e-12)
 
 
 def test_every_bound_is_certified() -> None:
@@ -120,7 +120,7 @@ def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
     assert answer.lower * length == pytest.approx(0.2 / 0.09, rel=1e-3)
     assert answer.upper * length == pytest.approx(0.2 / 0.09, rel=1.1e-3)
     assert verify(answer.certificate).ok
-    np.testing.assert_allclose(answer.witness.wrench[1], answer.lower * length, rtol=1e-9)
+    np.testing.assert_allclose(answer.witness.wrench[1], answer.lower * length, rtol=3e-9)
     loaded = maximum(table(), [length, 0, 0, 0, 0, 0], base=[0, 0, -10, 0, 0, 0])
     assert loaded.lower * length == pytest.approx(4.0, rel=1e-3)
     assert verify(loaded.certificate).ok

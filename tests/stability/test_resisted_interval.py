@@ -185,7 +185,9 @@ def test_ctrl_c_leaves_an_answer(
     assert i.unproved
     if searches == 1:
         assert (i.unproved, i.holds_from_zero_to, i.arcs, i.slips) == (((0.0, answer.lower),), 0.0, (), ())
-    parts = sorted([(a.first, a.last) for a in i.arcs] + [c.question.magnitudes(c.scalar) for c in i.slips] + list(i.unproved))
+    parts = sorted(
+        [(a.first, a.last) for a in i.arcs] + [c.question.magnitudes(c.scalar) for c in i.slips] + list(i.unproved)
+    )
     assert (parts[0][0], max(last for _, last in parts)) == (0.0, pytest.approx(answer.lower, rel=1e-12))
     assert all(first - last <= GAP * max(first, 1.0) for (_, last), (first, _) in pairwise(parts))
     assert answer.verify().ok
@@ -211,7 +213,9 @@ def test_laws_over_fresh_grasps(seed: int) -> None:
     for first, last in i.holes:
         for s in rng.uniform(first, last, 3):
             assert check(case.grasp, s * case.direction).verdict is Verdict.SLIPS
-    parts = sorted([(a.first, a.last) for a in i.arcs] + [c.question.magnitudes(c.scalar) for c in i.slips] + list(i.unproved))
+    parts = sorted(
+        [(a.first, a.last) for a in i.arcs] + [c.question.magnitudes(c.scalar) for c in i.slips] + list(i.unproved)
+    )
     assert parts[0][0] == 0.0
     assert max(last for _, last in parts) == pytest.approx(answer.lower, rel=1e-12)
     for (_, last), (first, _) in pairwise(parts):

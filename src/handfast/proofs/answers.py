@@ -198,8 +198,8 @@ def _certificate(saved: SavedAnswer, query: Query) -> tuple[list[Replay], float 
         claim += f", up to {q.magnitudes(c.scalar)[1]:.6g} times the direction" if c.scalar is not None else ""
     if found.cap is not None and not reason:
         claim += f", up to virtual motions of {found.cap:.6g} N"
-        if saved.said["stop"] == "complete":
-            reason = cap_fault(q, found.cap, magnitude, saved.witness)
+        if saved.said["stop"] == "complete" or saved.said["verdict"] == "slips":
+            reason = cap_fault(q, found.cap, magnitude, saved.witness.state if saved.witness else None)
     figures = {"motion_cap": found.cap, "leaves": found.leaves, "margin": found.margin}
     return [Replay("certificate", claim, reason, figures)], found.cap
 
@@ -210,21 +210,17 @@ def largest_motion(g: GraspData, x: State) -> float:
     return float(max(np.linalg.norm(motion.reshape(-1, 3), axis=1).max() for motion in both))
 
 
-def cap_fault(q: Question, cap: float, magnitude: float, witness: Witness | None) -> str:
+def cap_fault(q: Question, cap: float, magnitude: float, witness: State | None) -> str:
     """Why a bound that is proved for motions inside a cap [N] does not count as complete; "" if it does.
 
     The cap has to be far above every force in play at the bound, and beyond what the answer's own witness moves by.
     """
-    g = q.grasp
-    load = load_scale(g, q.wrench + magnitude * q.direction)
-    most, what = max(load, drives(q)), "the forces in play"
-    if witness is not None:
-        moved = largest_motion(g, witness.state)
-        if moved > most:
-            most, what = moved, "what its own witness moves by"
-    if cap >= FAR * most:
-        return ""
-    return f"it is proved for motions up to {cap:.3g} N only, not {FAR:g} times {what}, {most:.3g} N"
+    most = max(load_scale(q.grasp, q.wrench + magnitude * q.direction), drives(q))
+    moved = 0.0 if witness is None else largest_motion(q.grasp, witness)
+    said = f"it is proved for motions up to {cap:.3g} N only, "
+    if cap < FAR * most:
+        return f"{said}not {FAR:g} times the forces in play, {most:.3g} N"
+    return f"{said}and its own witness moves by {moved:.3g} N" if cap < moved else ""
 
 
 def _compare(saved: SavedAnswer, query: Query, proved: Proved | None, cap: float | None) -> None:

@@ -117,10 +117,34 @@ class Answer(ABC):
         return answers.problem(question, command, base, along, magnitude)
 
     def settled(self) -> Self:
-        """UNDECIDED if its witness cannot be proved to be one; else as it is."""
-        if self.verdict is not Verdict.HOLDS or self.certain:
-            return self
-        return replace(self, verdict=Verdict.UNDECIDED, stop=Stop.NUMERICAL, found=None)
+        """UNDECIDED if its witness cannot be proved to be one, or if it slips up to motions that are too small only.
+
+        A bound that is proved for motions inside a small cap is none that is complete: `proofs.answers.cap_fault`.
+        """
+        out = self
+        cap = self.proof.cap if self.proof else None
+        # what is shown may move far less than what was found
+        if (
+            cap is not None
+            and self._too_small(cap, self.found)
+            and (not self.found or self._too_small(cap, self.witness))
+        ):
+            out = replace(out, stop=Stop.NUMERICAL if self.stop is Stop.COMPLETE else self.stop)
+            if self.verdict is Verdict.SLIPS:
+                out = replace(out, verdict=Verdict.UNDECIDED, proof=None)
+        if out.verdict is not Verdict.HOLDS or out.certain:
+            return out
+        return replace(out, verdict=Verdict.UNDECIDED, stop=Stop.NUMERICAL, found=None)
+
+    def _too_small(self, cap: float, shown: Witness | None) -> bool:
+        """Is a bound for motions up to a cap [N] not complete beside this witness?"""
+        state = None if shown is None else stated(shown.state)
+        return self.question is not None and bool(answers.cap_fault(self.question, cap, self._bound, state))
+
+    @property
+    def _bound(self) -> float:
+        """The magnitude of the direction that the proof bounds."""
+        return 0.0
 
     @property
     def certain(self) -> bool:

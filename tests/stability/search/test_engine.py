@@ -123,15 +123,19 @@ def by_hand_across_the_plane() -> float:
 
 
 def test_a_limit_that_nothing_comes_near_is_left_out() -> None:
-    """Endless motions across the plane would let 2 * 0.1 / 0.093 N be held, but none that ends comes near it."""
+    """Endless motions across the plane would let 2 * 0.1 / 0.093 N be held, but none that ends comes near it.
+
+    Its cap is not ten thousand times the load at the bound: not complete.
+    """
     answer = maximum(bell(), w(0, 0, 1))
-    assert (answer.verdict, answer.stop, answer.verified) == (Verdict.HOLDS, Stop.COMPLETE, True)
+    assert (answer.verdict, answer.stop, answer.verified) == (Verdict.HOLDS, Stop.NUMERICAL, True)
     assert answer.nodes < 40_000
     assert answer.lower == pytest.approx(by_hand_across_the_plane(), rel=1e-5)
     assert answer.upper == pytest.approx(answer.lower, rel=1.001e-3)
     found = checker.verify(answer.certificate)
     assert found.ok
-    assert found.cap == answer.to_json()["motion_cap"] == pytest.approx(1e4)
+    assert found.cap == answer.to_json()["motion_cap"]
+    assert 1e3 * answer.upper < found.cap < 1e4 * answer.upper
     assert found.unproved
 
 

@@ -16,6 +16,7 @@ EDGES = 8  # of the pyramid in each friction cone
 BALANCED = 1e-6  # share of a wrench below which it counts as balanced
 SEPARATED = 1e-9  # of what is missing: a force along an edge that helps more than this shows that it was not all tried
 CIRCUMSCRIBED = 1 / np.cos(np.pi / EDGES)  # factor on the friction with which the pyramids hold the cones
+POINT = 1e-9  # [m] contacts that are no further apart, or a single one from the origin, give torques no unit
 LEAST_PUSH = 0.08  # of the squeezing force: a point that would carry less is left out of the first look
 
 # --- loads ------------------------------------------------------------------------------------------
@@ -24,8 +25,9 @@ LEAST_PUSH = 0.08  # of the squeezing force: a point that would carry less is le
 def imbalance(grasp: Grasp, wrenches: Array, friction: float = 1.0) -> Array:
     """(k,) share of each wrench (k, 6) that no forces within the friction cones balance: 0 none, 1 all of it.
 
-    Torques are divided by the grasp's size. The cones are inscribed pyramids of 8 edges. Where it is not 0, what
-    is missing separates the wrench from all that such forces make (Farkas), which is checked.
+    Torques are divided by the grasp's size, by 1 m if that is below `POINT`. The cones are inscribed pyramids of 8
+    edges. Where it is not 0, what is missing separates the wrench from all that such forces make (Farkas), which is
+    checked.
 
     Args:
         friction: factor on every coefficient: what is left with half the friction is a margin; with `CIRCUMSCRIBED`
@@ -71,7 +73,7 @@ def friction_margin(grasp: Grasp, wrenches: Array) -> float:
 
 def _edges(grasp: Grasp, friction: float) -> tuple[Array, Array]:
     """(6, 8 m) unit wrenches of forces along the edges of the pyramids; (6,) the scale that they are in."""
-    scale = np.array([1.0] * 3 + [1 / grasp.size] * 3)
+    scale = np.array([1.0] * 3 + [1 / grasp.size if grasp.size > POINT else 1.0] * 3)
     angle = 2 * np.pi * np.arange(EDGES) / EDGES
     rays = np.array([np.ones(EDGES), np.cos(angle), np.sin(angle)])
     scaled = rays[None] * (np.array([0.0, 1.0, 1.0])[:, None] * friction * grasp.mu[:, None, None])

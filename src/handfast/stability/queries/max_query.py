@@ -12,8 +12,12 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
+from handfast.proofs.balls import solution
 from handfast.proofs.certificate import proof_to_dict
 from handfast.proofs.existence import Proved, nearby
+from handfast.proofs.newton import NotShown, System
+from handfast.proofs.states import Modes, Problem
+from handfast.proofs.states import State as StateData
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer, finite, state_json
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Goal
@@ -84,7 +88,14 @@ class MaxAnswer(Answer):
         if known is not None and known.magnitude is not None and known.magnitude[0] < out.lower:
             out = replace(out, lower=max(known.magnitude[0], 0.0))
         settled = Answer.settled(out)
-        return settled if settled is out else replace(settled, lower=0.0, unbounded=False, point=None)
+        if settled.verdict is out.verdict:
+            return settled
+        upper = settled.upper if settled.proof else INF
+        return replace(settled, lower=0.0, upper=upper, unbounded=False, point=None)
+
+    @property
+    def _bound(self) -> float:
+        return self.upper if np.isfinite(self.upper) else 0.0
 
     def _exactly(self) -> MaxAnswer:
         """With a state that exists exactly, where one is near: at most a tenth of the gap lower."""
@@ -93,11 +104,14 @@ class MaxAnswer(Answer):
             return self
         room = self.upper - self.lower if np.isfinite(self.upper) else 0.0
         p, x = nearby(self._problem(w), stated(w.state), room)
-        state = State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
-        better = replace(self, found=Witness(w.grasp, p.load, state, w.eta, w.mdp))
-        shown = better._of_found
-        if shown is None or not shown.exact:
+        at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
+        shown = self._proved(at)
+        if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
+            at = replace(at, state=_state(_in_modes(p, x, shown.modes)))
+            shown = self._proved(at)
+        if not shown.exact:
             return self
+        better = replace(self, found=at)
         return replace(better, lower=min(self.lower, p.magnitude * (1 - NEAR)), point=None)
 
     def _reaches(self, proved: Proved) -> bool:
@@ -167,6 +181,20 @@ def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
 
     shown = resisted(*answer.posed, answer.lower, answer.upper, answer.found.state, settings)
     return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
+
+
+def _state(x: StateData) -> State:
+    """The same state, as the engine has it."""
+    return State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+
+
+def _in_modes(p: Problem, x: StateData, modes: Modes) -> StateData:
+    """The state of a magnitude in given modes, by Newton's method; x where it fails."""
+    try:
+        v, forces, _ = solution(System.of(replace(p, wrench=p.load, along=None), modes, x, True, True))
+    except NotShown:
+        return x
+    return StateData.of(p.grasp, v, forces)
 
 
 def max_goal(p: ScaledProblem) -> Goal:

@@ -43,9 +43,11 @@ class TorquesAnswer(Answer):
     upper: float
 
     def settled(self) -> TorquesAnswer:
-        """UNDECIDED, without commands, if its witness cannot be proved to be one; else as it is."""
+        """UNDECIDED, without commands, if its witness or its bound cannot be proved; else as it is."""
         out = super().settled()
-        return out if out is self else replace(out, preload=None, upper=INF)
+        if out.verdict is self.verdict:
+            return out
+        return replace(out, preload=None, lower=self.lower if np.isfinite(self.lower) else 0.0, upper=INF)
 
     def said(self) -> dict[str, Any]:
         return {"preload": self.preload, "lower": finite(self.lower), "upper": finite(self.upper)}
