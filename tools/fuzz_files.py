@@ -347,7 +347,7 @@ def use_grasp(path: Path) -> str:
 
 def use_configuration(path: Path) -> str:
     placed = load_configuration(path)
-    hand, q = placed.applied(load_hand("barrett-bh8-280"))
+    hand, q = placed.applied(load_hand(placed.hand or "barrett-bh8-280"))
     hand.link_poses(q)
     return "loaded"
 
@@ -479,7 +479,7 @@ def sample_and_file(seed: int, index: int, files: dict[str, list[Path]], folder:
 
 def work(channel: Any, seed: int, indices: range, files: dict[str, list[Path]], folder: Path) -> None:
     """Send (index, kind, outcome, more) of each file."""
-    decompose.PATIENCE = 10.0
+    decompose.SECONDS = 10
     for mesh in files.get("mesh", []):
         (folder / mesh.name).write_bytes(mesh.read_bytes())  # what other files name
     for file in bundled.folder("objects").iterdir():

@@ -15,7 +15,7 @@ import pytest
 from handfast.core import machine_code
 from handfast.core.groups import table
 from handfast.core.machine_code import Library, sealed
-from handfast.core.trusted import trusted
+from handfast.core.trusted import exposed, trusted
 
 DECLARED = """
 from pathlib import Path
@@ -215,6 +215,95 @@ def test_only_the_user_and_root_are_trusted() -> None:
     assert not trusted(status(0o100644, me + 1))
     assert not trusted(status(0o100664, me))
     assert not trusted(status(0o40757, 0))
+
+
+@pytest.fixture
+def private(tmp_path: Path) -> Path:
+    """A folder of a way on which nobody else can write, which holds for the folders of a test."""
+    assert exposed(tmp_path) is None, "the folder of the tests is open to others: these tests show nothing"
+    return tmp_path
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes of folders are POSIX's")
+@pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])
+def test_a_folder_below_one_that_others_may_write_to_is_exposed(private: Path, mode: int) -> None:
+    open_, inner = private / "open", private / "open" / "below" / "inner"
+    inner.mkdir(parents=True)
+    assert exposed(inner) is None
+    open_.chmod(mode)
+    assert exposed(inner) == exposed(open_) == open_
+    open_.chmod(mode | 0o1000)  # nobody may rename what is another's
+    assert exposed(inner) is None
+    assert exposed(open_) == open_  # but anybody add files
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes of folders are POSIX's")
+@pytest.mark.parametrize("relative", [False, True])
+def test_every_link_on_the_way_is_followed(private: Path, relative: bool) -> None:
+    open_, safe = private / "open", private / "safe"
+    (open_ / "below").mkdir(parents=True)
+    (safe / "below").mkdir(parents=True)
+    way = Path("..") / "open" if relative else open_
+    (safe / "link").symlink_to(way)  # a safe folder with a link into an open one
+    (open_ / "link").symlink_to(Path("..") / "safe" if relative else safe)  # an open folder with a link into a safe one
+    for through in (safe / "link" / "below", open_ / "link" / "below", safe / "link" / "link" / "below"):
+        open_.chmod(0o755)
+        assert exposed(through) is None
+        open_.chmod(0o777)
+        assert exposed(through) == open_
+    (safe / "turns").symlink_to(safe / "turns")
+    with pytest.raises(OSError, match="more than 40 links"):
+        exposed(safe / "turns" / "below")
+    with pytest.raises(FileNotFoundError):
+        exposed(safe / "none")
+
+
+@pytest.mark.skipif(sys.platform == "win32" or os.geteuid() != 0, reason="only root can give files away")
+def test_what_belongs_to_another_is_exposed(private: Path) -> None:
+    theirs, inner = private / "theirs", private / "theirs" / "inner"
+    inner.mkdir(parents=True)
+    os.chown(theirs, 12345, -1)
+    assert exposed(inner) == theirs
+    theirs.chmod(0o1777)  # the owner of a folder may rename what is in it, sticky or not
+    assert exposed(inner) == theirs
+    shared = private / "shared"
+    (shared / "mine").mkdir(parents=True)
+    (shared / "link").symlink_to(private)
+    shared.chmod(0o1777)
+    assert exposed(shared / "mine") is None
+    assert exposed(shared / "link") is None
+    os.chown(shared / "link", 12345, -1, follow_symlinks=False)
+    assert exposed(shared / "link") == shared
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes of folders are POSIX's")
+@pytest.mark.parametrize("how", ["above", "link", "file"])
+def test_code_below_a_folder_that_others_may_write_to_is_not_loaded(
+    elsewhere: Elsewhere, private: Path, caplog: pytest.LogCaptureFixture, how: str
+) -> None:
+    library, folders, made = elsewhere
+    open_ = private / "open"
+    kept = open_ / "kept"
+    kept.mkdir(parents=True)
+    (kept / library.file_name()).write_bytes(sealed(b"theirs"))
+    if how == "above":
+        folders[0] = kept
+    elif how == "link":
+        folders[0].symlink_to(kept)
+    else:
+        folders[0].mkdir()
+        (folders[0] / library.file_name()).symlink_to(kept / library.file_name())
+    folders[1] = folders[0]
+    assert library.machine_code() == b"theirs"  # else this test shows nothing
+    open_.chmod(0o777)
+    assert library.machine_code() == b"code"
+    assert made == [1]
+    if how != "file":  # a link is replaced by a file of one's own
+        assert (
+            f"not kept: no folder that only you can write to at {folders[0]} (others can write to {open_})"
+            in caplog.text
+        )
+        assert (kept / library.file_name()).read_bytes() == sealed(b"theirs")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the variable is another")

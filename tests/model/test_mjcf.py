@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import logging
+import sys
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -11,7 +13,9 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
+from handfast.core.limited import limited
 from handfast.model.hand import Hand, load_hand
+from handfast.report.hand_masses import stated_masses
 
 
 def write(folder: Path, rest: str = "", *, ref: tuple[float, float] = (0.0, 0.0), kind: str = "hinge") -> Path:
@@ -309,3 +313,57 @@ def test_the_link_of_a_missing_mesh_is_named(tmp_path: Path) -> None:
         load_hand(world(tmp_path, body.replace("mesh='n'", "mesh='gone'").replace(" name='tip'", ""), unnamed))
     with pytest.raises(InputError, match=r"file.xml: Error opening file '.*gone.stl'"):
         load_hand(world(tmp_path, f"<body name='palm'>{GEOM}</body>", head))
+
+
+# --- files that ask for more than there is ------------------------------------------------------------------
+
+SMALL = '<body><joint range="0 1"/><geom size=".1"/></body>'
+GREEDY = {
+    "replicated": f'<replicate count="1000"><replicate count="1000"><replicate count="1000">{SMALL}</replicate>'
+    "</replicate></replicate>",
+    "flexible": '<flexcomp name="f" type="grid" count="1000 1000 1000" spacing=".1 .1 .1" radius=".01" dim="3"/>',
+    "a field": '<body><joint/><geom type="hfield" hfield="h"/></body></worldbody>'
+    '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/></asset><worldbody>',
+    "a picture": f'{SMALL}</worldbody><asset><texture name="t" type="2d" builtin="flat" width="60000" height="60000"/>'
+    "</asset><worldbody>",
+}
+
+
+@pytest.fixture
+def poor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Little memory and time for foreign files, as these want all of it."""
+    for module in ("model.hand.mjcf", "report.hand_masses"):
+        monkeypatch.setattr(f"handfast.{module}.limited", partial(limited, memory=1 << 28, seconds=2))
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="others have no limit of memory")
+@pytest.mark.usefixtures("poor")
+@pytest.mark.parametrize("name", GREEDY)
+def test_a_small_file_that_asks_for_everything_is_one_line(tmp_path: Path, name: str) -> None:
+    file = tmp_path / "hand.xml"
+    file.write_text(f"<mujoco><worldbody>{GREEDY[name]}</worldbody></mujoco>")
+    with pytest.raises(InputError, match=r"hand\.xml: .*(memory|processor time)") as caught:
+        load_hand(file)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.usefixtures("poor")
+def test_masses_of_such_a_file_are_not_stated(tmp_path: Path) -> None:
+    file = tmp_path / "hand.xml"
+    file.write_text(f"<mujoco><worldbody>{SMALL}</worldbody></mujoco>")
+    hand = load_hand(file)
+    file.write_text(f"<mujoco><worldbody>{GREEDY['replicated']}</worldbody></mujoco>")
+    assert stated_masses(hand) == {}
+
+
+def test_no_hand_has_so_many_parts(tmp_path: Path) -> None:
+    file = tmp_path / "hand.xml"
+    most = "<mujoco><worldbody><body><joint/>{}</body></worldbody></mujoco>"
+    # the world and the body that carries them are links, too
+    for part, count, what in ((SMALL, 299, "301 links"), ('<geom size=".1"/>', 3001, "3001 collision shapes")):
+        repeated = f'<replicate count="{count}" offset="1 0 0">{part}</replicate>'
+        file.write_text(most.format('<geom size=".1"/>' + repeated if "link" in what else repeated))
+        with pytest.raises(InputError, match=rf"hand\.xml: has {what}; a hand has at most 300"):
+            load_hand(file)
+    file.write_text(most.format('<replicate count="3000" offset="1 0 0"><geom size=".1"/></replicate>'))
+    assert sum(len(link.shapes) for link in load_hand(file).links) == 3000

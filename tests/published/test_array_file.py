@@ -94,6 +94,31 @@ def test_torch_files_that_lie(name: str, change: Any, says: str, tmp_path: Path)
         read_array_file(altered(file, name, change))
 
 
+def packed_file(path: Path, **files: bytes) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, data in files.items():
+            packed.writestr(name, data)
+    return path
+
+
+def test_a_pickle_that_is_packed_too_well_is_not_unpacked(tmp_path: Path) -> None:
+    bomb = packed_file(tmp_path / "x.pt", **{"archive/data.pkl": b"\x80\x02" + b"]" * 19_000_000 + b"."})
+    assert bomb.stat().st_size < 20_000
+    with pytest.raises(InputError, match=r"x\.pt: has a data\.pkl that is packed more than 20 to 1"):
+        read_array_file(bomb)
+    names = [f"grasp {k}" for k in range(1000)]
+    fair = packed_file(tmp_path / "y.pt", **{"archive/data.pkl": pickle.dumps(names, 2)})
+    assert read_array_file(fair) == names  # packed, but no bomb
+
+
+def test_arrays_that_are_packed_too_well_are_not_unpacked(tmp_path: Path) -> None:
+    bomb = packed_file(tmp_path / "x.npz", **{f"{k}.npy": npy(np.zeros(2**22)) for k in range(3)})  # 96 MiB
+    with pytest.raises(InputError, match=r"x\.npz: unpacks to \d+ bytes; at most 100 times its size"):
+        read_array_file(bomb)
+    fair = packed_file(tmp_path / "y.npz", **{"a.npy": npy(np.zeros(2**22))})  # 32 MiB of zeros
+    assert read_array_file(fair)["a"].shape == (2**22,)
+
+
 def test_other_zips_and_legacy_torch(tmp_path: Path) -> None:
     file = tmp_path / "x.npz"
     np.savez_compressed(file, a=np.eye(2), b=np.array([1]))

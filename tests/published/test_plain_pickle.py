@@ -7,6 +7,7 @@ import os
 import pickle
 import random
 from collections import OrderedDict
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -104,8 +105,11 @@ def test_memo_bombs_take_no_memory_and_shared_lists_no_time() -> None:
     laughs: list[Any] = []
     for _ in range(60):
         laughs = [laughs] * 10
-    found, _ = read_pickle(pickle.dumps(laughs))
-    assert found[0] is found[9]
+    with pytest.raises(InputError, match="has more than 268435456 values"):  # whoever walks through it has no end
+        read_pickle(pickle.dumps(laughs))
+    few = [0] * 10
+    found, _ = read_pickle(pickle.dumps([few] * 10))
+    assert found[0] is found[9]  # what is shared stays shared
     text = b"\x80\x02c_codecs\nencode\nq\x000X\x00\x00\x10\x00" + b"a" * 2**20 + b"q\x01X\x06\x00\x00\x00latin1q\x020"
     with pytest.raises(InputError, match="makes more than"):
         read_pickle(text + b"](" + b"h\x00h\x01h\x02\x86R0" * 2100 + b"e.")
@@ -113,6 +117,45 @@ def test_memo_bombs_take_no_memory_and_shared_lists_no_time() -> None:
     own.append(own)
     with pytest.raises(InputError, match="contains itself"):
         read_pickle(pickle.dumps(own))
+
+
+COUNTED = {  # seven million instructions of one byte: each makes something, which has to be counted
+    "lists": b"(" + b"]" * 7_000_000 + b"l.",
+    "dictionaries": b"(" + b"}" * 7_000_000 + b"l.",
+    "tuples": b"(" + b")" * 7_000_000 + b"t.",
+    "tuples of one": b"N" + b"\x85" * 7_000_000 + b".",
+    "lists that are left": b"]0" * 7_000_000 + b"N.",
+}
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_containers_are_counted_as_they_are_made(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("handfast.published.plain_pickle.MADE", 2**24)  # [bytes] after 76,000 of them
+    with pytest.raises(InputError, match="makes more than 16777216 bytes"):
+        read_pickle(b"\x80\x04" + COUNTED[name])
+
+
+@pytest.mark.parametrize("instruction", [b"N", b"K\x01", b"h\x00", b"2", b"\x94", b"(0"])
+def test_every_instruction_counts(instruction: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("handfast.published.plain_pickle.MADE", 2**24)
+    few, many = (b"\x80\x04]q\x00" + instruction * count + b"." for count in (100, 900_000))
+    with nullcontext() if instruction in (b"\x94", b"(0") else pytest.raises(InputError, match="values are left"):
+        read_pickle(few)
+    with pytest.raises(InputError, match="makes more than"):
+        read_pickle(many)
+
+
+def test_shared_parts_count_as_often_as_they_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("handfast.published.plain_pickle.VALUES", 1000)
+    shared: list[Any] = [0.0] * 30  # 31 values
+    assert len(read_pickle(pickle.dumps([shared] * 32))[0]) == 32  # 32 x 31 and the list itself: 993
+    for doubled in ([shared] * 33, dict.fromkeys(range(32), (shared,))):
+        with pytest.raises(InputError, match="has more than 1000 values"):
+            read_pickle(pickle.dumps(doubled))
+    numbers = np.zeros(99)  # 100 with itself
+    assert len(read_pickle(pickle.dumps([numbers] * 9))[0]) == 9
+    with pytest.raises(InputError, match="has more than 1000 values"):
+        read_pickle(pickle.dumps([numbers] * 10))
 
 
 def test_shapes_that_lie() -> None:

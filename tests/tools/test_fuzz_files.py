@@ -46,6 +46,12 @@ def test_mutated_files_are_read_or_refused(fuzz: ModuleType, tmp_path: Path) -> 
     assert min(counts.values()) > 10
 
 
+@pytest.mark.parametrize("kind", ["configuration", "task", "regions", "urdf"])
+def test_its_own_samples_are_loaded(fuzz: ModuleType, kind: str) -> None:
+    """Bundled files of every hand: the tool begins with them, and shows nothing where one is refused."""
+    assert {fuzz.outcome(kind, file) for file in files()[kind]} == {("loaded", "")}
+
+
 def test_a_number_always_gives_the_same_file(fuzz: ModuleType, tmp_path: Path) -> None:
     some = [fuzz.sample_and_file(1, k, files(), tmp_path) for k in range(20)]
     data = [path.read_bytes() for *_, path in some]

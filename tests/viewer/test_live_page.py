@@ -57,6 +57,86 @@ def test_page_and_socket_are_served(page: LivePage) -> None:
     assert sent
 
 
+def answered(page: LivePage, *headers: str, upgrade: bool) -> int:
+    """The status with which the running server answers a request of just these headers, byte by byte as given."""
+    asked = ["GET / HTTP/1.1", *headers]
+    if upgrade:
+        key, protocol = (
+            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+            f"Sec-WebSocket-Protocol: viser-v{viser.__version__}",
+        )
+        asked += ["Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13", key, protocol]
+    with socket.create_connection(("127.0.0.1", page.port), timeout=30) as line:
+        line.sendall(("\r\n".join(asked) + "\r\n\r\n").encode())
+        first, got = line.makefile("rb"), b""
+        got = first.readline()
+    return int(got.split()[1])
+
+
+@pytest.mark.parametrize("upgrade", [False, True])
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "LocalHost", "[::1]"])
+def test_its_own_page_and_programs_that_are_no_browsers_are_answered(page: LivePage, name: str, upgrade: bool) -> None:
+    good = 101 if upgrade else 200
+    host = f"{name}:{page.port}"
+    assert answered(page, f"Host: {host}", upgrade=upgrade) == good  # no browser: no origin
+    assert answered(page, f"Host: {host}", f"Origin: http://{host}", upgrade=upgrade) == good
+
+
+@pytest.mark.parametrize("upgrade", [False, True])
+def test_the_pages_of_others_are_refused(page: LivePage, upgrade: bool) -> None:
+    p = page.port
+    own = f"Host: 127.0.0.1:{p}"
+    for host in (
+        "evil.example",
+        f"evil.example:{p}",
+        "127.0.0.1",
+        f"127.0.0.1:{p + 1}",
+        f"127.0.0.1.evil.example:{p}",
+        "",
+    ):
+        assert answered(page, f"Host: {host}", upgrade=upgrade) == 403
+        assert (
+            answered(page, f"Host: {host}", f"Origin: http://{host}", upgrade=upgrade) == 403
+        )  # rebound to this machine
+    for origin in (
+        *("http://evil.example", f"http://evil.example:{p}", "null", "", f"https://127.0.0.1:{p}", "http://127.0.0.1"),
+        *(f"http://127.0.0.1:{p + 1}", f"http://localhost:{p}", f"http://127.0.0.1:{p}.evil.example", "file://"),
+    ):
+        assert answered(page, own, f"Origin: {origin}", upgrade=upgrade) == 403
+    assert answered(page, upgrade=upgrade) == 403  # no host
+    assert answered(page, own, "Host: evil.example", upgrade=upgrade) == 403
+    assert answered(page, own, f"Origin: http://127.0.0.1:{p}", "Origin: http://evil.example", upgrade=upgrade) == 403
+
+
+def test_another_page_reads_no_scene_and_sets_no_load(page: LivePage) -> None:
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    address, protocols = page.url.replace("http", "ws"), [f"viser-v{viser.__version__}"]
+    before = page._server.session.state
+    with pytest.raises(InvalidStatus, match="HTTP 403"):
+        connect(address, subprotocols=protocols, origin="http://evil.example")
+    with connect(address, subprotocols=protocols, origin=page.url, max_size=None) as ws:
+        assert ws.recv(timeout=30)
+    assert page._server.session.state == before
+
+
+def test_a_server_that_cannot_be_guarded_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    import websockets.asyncio.server as library
+    from viser.infra import _infra
+
+    usual, ended = library.serve, []
+    monkeypatch.setattr(
+        _infra, "websockets", SimpleNamespace(asyncio=SimpleNamespace(server=SimpleNamespace(serve=usual)))
+    )
+    stop = viser.ViserServer.stop
+    monkeypatch.setattr(viser.ViserServer, "stop", lambda self: ended.append(1) or stop(self))
+    with pytest.raises(InputError, match="cannot be kept from the pages of others"):
+        handfast.view(jaws(), port=0, browser=False)
+    assert ended == [1]
+    assert library.serve is usual
+
+
 def test_the_mouse_changes_the_load(page: LivePage) -> None:
     server = page._server
     session, stage = server.session, server.session.stage

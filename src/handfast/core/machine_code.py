@@ -3,8 +3,8 @@
 A `Library` names its functions, what they take, and the files that they are made of. `compiler.py` makes one object
 file of them. The file's name says for which processor, by which compiler and of which sources it was made, so that a
 stale one is never found; its end is the digest of the rest, so that a damaged one is made anew; and none is loaded
-that another user could have put there. To load it takes some hundredths of a second; to import numba, and to let it
-find what it compiled before, takes more than one.
+that another user could have put there, in its folder or in one above (`trusted.py`). To load it takes some hundredths
+of a second; to import numba, and to let it find what it compiled before, takes more than one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 
-from handfast.core.trusted import trusted
+from handfast.core.trusted import exposed, trusted
 
 CORE = Path(__file__).parent
 OWN_SOURCES = tuple(CORE / name for name in ("compiled.py", "compiler.py", "groups.py", "machine_code.py"))
@@ -89,7 +89,7 @@ class Library:
             with suppress(OSError):  # not ours to write to
                 if _keep(code, folder / self.file_name()):
                     return code
-        where = " or ".join(str(folder) for folder in self.folders())
+        where = " or ".join(map(_described, self.folders()))
         log.warning(f"its code is not kept: no folder that only you can write to at {where}")
         return code
 
@@ -162,8 +162,10 @@ def sealed(code: bytes) -> bytes:
 def _kept(path: Path) -> bytes | None:
     """The machine code in a file; None if there is none, it is damaged, or others could have written it."""
     try:
+        if any(map(exposed, (path, path.parent, path.resolve().parent))):
+            return None
         with path.open("rb") as file:
-            if not (trusted(os.fstat(file.fileno())) and trusted(path.parent.stat())):
+            if not trusted(os.fstat(file.fileno())):
                 return None
             whole = file.read()
     except OSError:
@@ -172,10 +174,19 @@ def _kept(path: Path) -> bytes | None:
     return code if sealed(code) == whole else None
 
 
+def _described(folder: Path) -> str:
+    """A folder, and another one because of which nothing is kept in it."""
+    with suppress(OSError):
+        open_ = exposed(folder)
+        if open_ not in (None, folder):
+            return f"{folder} (others can write to {open_})"
+    return str(folder)
+
+
 def _keep(code: bytes, path: Path) -> bool:
     """Write a file at once, whoever else may be writing it; False in a folder from which it would not be loaded."""
     path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
-    if not trusted(path.parent.stat()):
+    if exposed(path.parent):
         return False
     draft = path.with_suffix(f".{os.getpid()}")
     with suppress(FileNotFoundError):

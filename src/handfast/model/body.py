@@ -14,8 +14,9 @@ from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.model.body_models import MODEL_FILES, read_body_model, read_folder
 from handfast.model.graspit_body import GraspitBody
-from handfast.model.mesh_pieces import checked_scale, joined, mesh_pieces, pieces_of
-from handfast.model.shape import MESH_FILES, Faces, Shape, checked_mesh, read_mesh
+from handfast.model.mesh_file import MESH_FILES, checked_mesh, read_mesh
+from handfast.model.mesh_pieces import checked_scale, joined, pieces_of
+from handfast.model.shape import Faces, Shape
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -120,7 +121,7 @@ class Body:
             raise InputError("has faces that are no whole numbers; three vertices by number are needed", source=name)
         group = checked_mesh(points, corners.astype(np.int64), name)
         try:
-            pieces = pieces_of([group], name, scale, np.eye(4))
+            pieces = pieces_of([group], name, scale)
             drawn = group[0] * scale, group[1]
             about = {"mass": mass, "friction": friction, "center_of_mass": center_of_mass}
             return cls.of(pieces, name=name, mesh=drawn, **about)  # type: ignore[arg-type]
@@ -197,8 +198,10 @@ def load_body(
         drawn: tuple[Array, Faces] | None = None
         stored: tuple[object, ...] = (None, None, None)
         if path.suffix.lower() in MESH_FILES:
-            name, pieces = path.stem, mesh_pieces(path, scale)
-            vertices, faces = joined(read_mesh(path))
+            checked_scale(scale)
+            groups = read_mesh(path)
+            name, pieces = path.stem, pieces_of(groups, path.name, scale)
+            vertices, faces = joined(groups)
             drawn = (vertices * scale, faces)
         elif path.is_dir() or path.suffix.lower() in MODEL_FILES:
             parts = read_folder(path, scale) if path.is_dir() else read_body_model(path, scale)

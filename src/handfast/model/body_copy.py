@@ -10,7 +10,7 @@ from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
 from handfast.model.body_file import BodyFile, MeshFile, ShapeFile, read_body_file
-from handfast.model.shape import MESH_FILES
+from handfast.model.mesh_file import MESH_FILES
 
 
 def save_body_copy(

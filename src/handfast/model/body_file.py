@@ -20,7 +20,8 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Positive, Strict, Vector, read_json, validate
 from handfast.core.transforms import quaternion_matrix, transform
-from handfast.model.mesh_pieces import mesh_pieces
+from handfast.model.mesh_file import read_meshes
+from handfast.model.mesh_pieces import pieces_of
 from handfast.model.shape import Shape
 
 Sizes = tuple[Positive, Positive, Positive]
@@ -121,7 +122,14 @@ class BodyFile(Strict):
     def shapes_in(self, folder: Path) -> list[Shape]:
         """The convex pieces, mesh files relative to `folder`."""
         pieces: list[Shape] = []
-        for i, s in enumerate(self.shapes or [ShapeFile(mesh=MeshFile(file=self.mesh or ""))]):
+        shapes = self.shapes or [ShapeFile(mesh=MeshFile(file=self.mesh or ""))]
+        named = {i: s.mesh.file for i, s in enumerate(shapes) if s.mesh}
+        files = {i: folder / name for i, name in named.items()}
+        for i, file in files.items():
+            if not os.path.isfile(file):  # False, too, for what can be no name
+                raise InputError(f"mesh '{named[i]}' was not found in {folder}", field=f"shapes.{i}")
+        meshes = read_meshes(files.values())
+        for i, s in enumerate(shapes):
             pose = s.pose.matrix
             if s.box:
                 pieces.append(Shape("box", s.box.size, pose, name=f"box_{i}"))
@@ -134,10 +142,7 @@ class BodyFile(Strict):
             elif s.ellipsoid:
                 pieces.append(Shape("ellipsoid", s.ellipsoid.semi_axes, pose, name=f"ellipsoid_{i}"))
             elif s.mesh:
-                file = folder / s.mesh.file
-                if not os.path.isfile(file):  # False, too, for what can be no name
-                    raise InputError(f"mesh '{s.mesh.file}' was not found in {folder}", field=f"shapes.{i}")
-                pieces += mesh_pieces(file, s.mesh.scale, pose)
+                pieces += pieces_of(meshes[files[i]], files[i].name, s.mesh.scale, pose)
         return pieces
 
 

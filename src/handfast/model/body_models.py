@@ -17,8 +17,9 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.hand.urdf import find_mesh, numbers, origin, parse_xml, roll_pitch_yaw
-from handfast.model.mesh_pieces import components, is_convex, mesh_pieces
-from handfast.model.shape import MESH_FILES, Kind, Shape, read_mesh
+from handfast.model.mesh_file import MESH_FILES, read_meshes
+from handfast.model.mesh_pieces import checked_scale, components, is_convex, pieces_of
+from handfast.model.shape import Kind, Shape
 
 MODEL_FILES = (".urdf", ".sdf")
 FRICTIONS = ("ode/mu", "ode/mu2", "bullet/friction", "bullet/friction2")  # coefficients in an SDF file's surface
@@ -62,11 +63,13 @@ def read_folder(folder: Path, scale: float = 1.0) -> BodyParts:
     files = sorted(f for f in folder.iterdir() if f.suffix.lower() in MESH_FILES and f.is_file())
     if not files:
         raise InputError(f"is a folder without meshes; files of convex pieces are needed ({', '.join(MESH_FILES)})")
+    checked_scale(scale)
+    meshes = read_meshes(files)
     for file in files:
-        if not all(is_convex(*part) for group in read_mesh(file) for part in components(*group)):
+        if not all(is_convex(*part) for group in meshes[file] for part in components(*group)):
             right = "a folder is taken for the convex pieces of one object; name the mesh itself"
             raise InputError(f"is not convex; {right}", source=str(file))
-    return BodyParts(folder.name, [piece for file in files for piece in mesh_pieces(file, scale)])
+    return BodyParts(folder.name, [piece for file in files for piece in pieces_of(meshes[file], file.name, scale)])
 
 
 def read_body_model(path: Path, scale: float = 1.0) -> BodyParts:
@@ -163,6 +166,8 @@ def _parts(
     """The solids and masses of all links, `pose` of each, and `place` of what is in one."""
     out = BodyParts(name)
     kind = "collision" if any(e.find("collision") is not None for e in links.values()) else "visual"
+    named = ((link, g) for link, e in links.items() for g in e.iterfind(f"{kind}/geometry/mesh"))
+    meshes = read_meshes(_mesh(g, path, f"link {link}")[0] for link, g in named)
     for link, e in links.items():
         where = f"link {link}"
         base = pose(link)
@@ -171,7 +176,11 @@ def _parts(
             if geometry is None or not len(geometry):
                 raise InputError(f"has a {kind} without geometry", field=where)
             at = _scaled(base @ place(solid, where), scale)
-            out.pieces += _solids(geometry[0], at, f"{link}/{len(out.pieces)}", where, path, scale)
+            if geometry[0].tag == "mesh":
+                file, larger = _mesh(geometry[0], path, where)
+                out.pieces += pieces_of(meshes[file], file.name, larger * scale, at)
+            else:
+                out.pieces.append(_solid(geometry[0], at, f"{link}/{len(out.pieces)}", where, scale))
             given = (solid.find(f"surface/friction/{key}") for key in FRICTIONS)
             out.frictions += [_values(mu, 1, where)[0] for mu in given if mu is not None]
         inertial = e.find("inertial")
@@ -190,36 +199,37 @@ def _scaled(T: Array, scale: float) -> Array:
     return transform(scale * T[:3, 3], T[:3, :3])
 
 
-def _solids(g: Element, at: Array, name: str, where: str, path: Path, scale: float) -> list[Shape]:
-    """The convex pieces of one geometry. URDF has its numbers in attributes, SDF in elements."""
+def _mesh(g: Element, path: Path, where: str) -> tuple[Path, float]:
+    """The file of a <mesh>, and by which it is larger than that."""
+    along = _sizes(g, "scale", 3, where, "1 1 1")
+    if g.find("submesh") is not None or max(along) - min(along) > 1e-9 * max(along) or min(along) <= 0:
+        raise InputError("has a mesh of which a part is taken, or whose scales differ or are no lengths", field=where)
+    return find_mesh(g.findtext("uri", g.get("filename", "")).strip(), path, where), along[0]
 
-    def get(key: str, n: int, default: str | None = None) -> list[float]:
-        inner = g.find(key)
-        return numbers(g, key, n, where, default) if inner is None else _values(inner, n, where)
 
+def _solid(g: Element, at: Array, name: str, where: str, scale: float) -> Shape:
+    """A geometry that is no mesh."""
     size: list[float]
     match g.tag:
         case "box":
-            size = get("size", 3)
+            size = _sizes(g, "size", 3, where)
         case "sphere":
-            size = get("radius", 1)
+            size = _sizes(g, "radius", 1, where)
         case "cylinder" | "capsule":
-            size = get("radius", 1) + get("length", 1)
+            size = _sizes(g, "radius", 1, where) + _sizes(g, "length", 1, where)
         case "ellipsoid":
-            size = get("radii", 3)
-        case "mesh":
-            along = get("scale", 3, "1 1 1")
-            if g.find("submesh") is not None or max(along) - min(along) > 1e-9 * max(along) or min(along) <= 0:
-                raise InputError(
-                    "has a mesh of which a part is taken, or whose scales differ or are no lengths", field=where
-                )
-            uri = g.findtext("uri", g.get("filename", "")).strip()
-            return mesh_pieces(find_mesh(uri, path, where), along[0] * scale, at)
+            size = _sizes(g, "radii", 3, where)
         case _:
             right = "box, sphere, cylinder, capsule, ellipsoid and mesh are understood"
             raise InputError(f"has a {g.tag}; {right}", field=where)
     kind: Kind = g.tag
-    return [Shape(kind, [scale * x for x in size], at, name=name)]
+    return Shape(kind, [scale * x for x in size], at, name=name)
+
+
+def _sizes(g: Element, key: str, n: int, where: str, default: str | None = None) -> list[float]:
+    """The n numbers of a geometry. URDF has them in attributes, SDF in elements."""
+    inner = g.find(key)
+    return numbers(g, key, n, where, default) if inner is None else _values(inner, n, where)
 
 
 def _sdf_pose(e: Element, where: str) -> Array:

@@ -14,8 +14,9 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.graspit_xml import MILLI, numbers_in, parse, pose_of, text_of
 from handfast.model.inventor import read_surfaces
+from handfast.model.mesh_file import INVENTOR_FILES, MESH_FILES, read_mesh
 from handfast.model.mesh_pieces import joined, mesh_pieces
-from handfast.model.shape import INVENTOR_FILES, MESH_FILES, Faces, Shape, read_mesh
+from handfast.model.shape import Faces, Shape
 
 LOG = logging.getLogger("handfast")
 

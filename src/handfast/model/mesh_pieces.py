@@ -10,7 +10,8 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import rigid
 from handfast.model.decompose import decompose
-from handfast.model.shape import Faces, Shape, read_mesh, refuse_far, volume_and_centroid
+from handfast.model.mesh_file import read_mesh
+from handfast.model.shape import Faces, Shape, refuse_far, volume_and_centroid
 
 CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
 
@@ -18,7 +19,6 @@ CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volu
 def mesh_pieces(path: Path, scale: float = 1.0, pose: object = None) -> list[Shape]:
     """Convex pieces of a mesh file, scaled to metres and placed at `pose` (4, 4)."""
     checked_scale(scale)
-    pose = rigid(np.eye(4) if pose is None else pose)
     return pieces_of(read_mesh(path), path.name, scale, pose)
 
 
@@ -28,8 +28,9 @@ def checked_scale(scale: float) -> None:
         raise InputError(f"is {scale}; metres per unit of the mesh are needed, more than 0", field="scale")
 
 
-def pieces_of(meshes: list[tuple[Array, Faces]], name: str, scale: float, pose: Array) -> list[Shape]:
+def pieces_of(meshes: list[tuple[Array, Faces]], name: str, scale: float = 1.0, pose: object = None) -> list[Shape]:
     """Convex pieces of triangle meshes (n, 3), (k, 3) of one object, see `mesh_pieces`."""
+    pose = rigid(np.eye(4) if pose is None else pose)
     groups = [(v * scale, f) for v, f in meshes]
     for vertices, _ in groups:
         refuse_far(vertices, name)

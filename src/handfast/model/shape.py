@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import logging
-import os
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.core.interrupts import deferred_interrupt
 from handfast.core.transforms import FARTHEST, rigid
-from handfast.model.inventor import read_inventor
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
 Faces = NDArray[np.int64]
 
 SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
-INVENTOR_FILES = (".iv", ".wrl")
-MESH_FILES = (".obj", ".stl", ".ply", ".off", *INVENTOR_FILES)
 RIM = 16  # points that stand for the rim of a cylinder
 SMALLEST = 1e-9  # [m] a solid smaller than this, or reaching further than `FARTHEST`, is in another unit
 
@@ -246,54 +239,3 @@ def volume_and_centroid(vertices: Array, faces: Faces) -> tuple[float, Array]:
     if abs(volume) < 1e-18:
         return 0.0, middle
     return volume, middle + (parts[:, None] * (a + b + c)).sum(axis=0) / 4 / volume
-
-
-def read_mesh(path: Path) -> list[tuple[Array, Faces]]:
-    """The groups of a mesh file as (vertices (n, 3), faces (k, 3)), file units, duplicates merged.
-
-    An OBJ file has one group per `o` or `g`, an Inventor or VRML file one per shape; other formats have one.
-
-    Raises:
-        InputError: no such file, a format that is not in `MESH_FILES`, unreadable, no triangles,
-            corners that are no vertices, NaN vertices.
-    """
-    if path.suffix.lower() not in MESH_FILES:
-        raise InputError(f"is not a mesh file; known: {', '.join(MESH_FILES)}", source=str(path))
-    if not os.path.isfile(path):
-        raise InputError("no such file", source=str(path))
-    if path.suffix.lower() in INVENTOR_FILES:
-        return read_inventor(path)
-    with deferred_interrupt():
-        import trimesh  # slow to import
-
-    obj = path.suffix.lower() == ".obj"
-    split = ("split_object", "split_objects", "split_groups")  # trimesh 4 and 5 name them differently
-    options: dict[str, Any] = dict.fromkeys(split, True) | {"group_material": False} if obj else {}
-    log = logging.getLogger("trimesh")
-    heard = log.level
-    log.setLevel(logging.CRITICAL)  # it tells of faults at length, and then raises them
-    try:
-        with np.errstate(all="ignore"):
-            scene: Any = trimesh.load(path, force="scene", process=False, skip_materials=True, **options)
-        meshes = [g for g in scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
-        found = [(np.asarray(m.vertices, dtype=float), np.asarray(m.faces, dtype=np.int64)) for m in meshes]
-    except Exception as fault:  # whatever a library makes of bytes that are no mesh
-        reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
-        raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
-    finally:
-        log.setLevel(heard)
-    if not found:
-        raise InputError("has no triangles", source=str(path))
-    return [checked_mesh(v, f, str(path)) for v, f in found]
-
-
-def checked_mesh(v: Array, f: Faces, source: str) -> tuple[Array, Faces]:
-    """Vertices (n, 3) and faces (k, 3) with duplicates merged; `InputError` if they are no triangle mesh."""
-    if v.ndim != 2 or v.shape[1] != 3:
-        raise InputError(f"has vertices of {v.shape[-1]} coordinates; three are needed", source=source)
-    if f.ndim != 2 or f.shape[1] != 3 or f.min() < 0 or f.max() >= len(v):
-        raise InputError(f"has a triangle with a corner that is none of its {len(v)} vertices", source=source)
-    if not np.isfinite(v).all():
-        raise InputError("has a vertex that is NaN or infinite", source=source)
-    unique, inverse = np.unique(v, axis=0, return_inverse=True)
-    return unique, inverse.reshape(-1)[f]

@@ -17,6 +17,8 @@ from handfast.published.plain_parts import STORAGES, StorageName, checked_shape,
 from handfast.published.plain_pickle import read_pickle
 
 LARGEST = 2**31  # [bytes] of a file, and of what is packed in one
+PACKED, SMALL = 100, 2**26  # times as much may be in a zip file as it has bytes, beyond [bytes] what is small
+PROGRAM, SHORT = 20, 2**20  # the same of a pickle in it, whose bytes make objects; torch does not pack it at all
 HEADER = 10_000  # characters of an .npy header
 LEGACY = 0x1950A86A20F9469CFC6C  # with this number the torch files of the time before zip begin
 
@@ -69,8 +71,11 @@ def _read_zip(data: bytes) -> Any:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             names = packed.namelist()
-            if sum(packed.getinfo(name).file_size for name in names) > LARGEST:
-                raise InputError(f"unpacks to more than {LARGEST} bytes")
+            unpacked = sum(packed.getinfo(name).file_size for name in names)
+            if unpacked > min(LARGEST, SMALL + PACKED * len(data)):
+                raise InputError(
+                    f"unpacks to {unpacked} bytes; at most {PACKED} times its size, and {LARGEST}, are read"
+                )
             pickles = [name for name in names if name.rpartition("/")[2] == "data.pkl"]
             if len(pickles) == 1:
                 return _read_torch(packed, pickles[0])
@@ -114,6 +119,11 @@ def _read_torch(packed: zipfile.ZipFile, pickled: str) -> Any:
             raise InputError(f"has a storage of {count} numbers in a file of {len(seen[name])}")
         return seen[name][:count]
 
+    program = packed.getinfo(pickled)
+    if program.file_size > SHORT + PROGRAM * program.compress_size:
+        raise InputError(
+            f"has a data.pkl that is packed more than {PROGRAM} to 1; save it with torch, which packs none"
+        )
     return read_pickle(packed.read(pickled), storage)[0]
 
 

@@ -25,7 +25,9 @@ from handfast.published.plain_parts import (
 )
 
 DEPTH = 100  # of containers in each other
-MADE = 2**30  # [bytes] of arrays and texts made from one file, which may ask for the same ones again and again
+MADE = 2**30  # [bytes] made from one file, which may ask for the same arrays and texts again and again
+PLACE, CONTAINER = 20, 200  # [bytes] about what an instruction leaves on stack or memo, and an empty container takes
+VALUES = 2**28  # in all containers, and [8 bytes] in arrays, each counted as often as it is found from the top
 SINGLE = (int, float, complex, str, bytes, type(None))
 Storage = Callable[[tuple[Any, ...]], Any]
 
@@ -41,7 +43,8 @@ def read_pickle(data: bytes, storage: Storage | None = None) -> tuple[Any, int]:
 
     Raises:
         InputError: no pickle, cut short, a name that is not admitted, an instruction that is not known, containers
-            that contain themselves or are more than `DEPTH` deep.
+            that contain themselves or are more than `DEPTH` deep, more than `MADE` bytes, or than `VALUES` numbers and
+            texts when each shared part is counted as often as it is there.
     """
     machine = _Machine(storage)
     end = 0
@@ -79,6 +82,7 @@ class _Machine:
         return self.stack[0]
 
     def step(self, name: str, argument: Any) -> None:
+        self.made = _within(self.made + (PLACE + CONTAINER if name in CONTAINERS else PLACE))
         if name in PUSHED:
             self.stack.append(argument)
         elif name in CONSTANT:
@@ -233,6 +237,12 @@ CONSTANT: dict[str, Any] = {
 }
 
 
+CONTAINERS = {
+    *("EMPTY_LIST", "EMPTY_DICT", "EMPTY_SET", "EMPTY_TUPLE", "LIST", "DICT", "FROZENSET", "REDUCE"),
+    *("TUPLE", "TUPLE1", "TUPLE2", "TUPLE3"),
+}
+
+
 def _admitted(module: str, name: str) -> Any:
     for known, prefixes in ADMITTED.items():
         if name == known and module in prefixes:
@@ -264,24 +274,37 @@ def _finished(value: Any, made: int) -> Any:
     done: dict[int, Any] = {}
     kept: list[Any] = []  # so that no address is used twice
     open_: set[int] = set()
+    values = 0  # found so far
+    inside: dict[int, int] = {}  # how many values are in each that is done
+
+    def found(count: int) -> None:
+        nonlocal values
+        values += count
+        if values > VALUES:
+            raise InputError(f"has more than {VALUES} values, where each shared part counts as often as it is there")
 
     def whole(x: Any, depth: int) -> Any:
         nonlocal made
         if isinstance(x, SINGLE):
+            found(1)
             return x
         if depth > DEPTH:
             raise RecursionError
         key = id(x)
         if key in done:
+            found(inside[key])
             return done[key]
         if key in open_:
             raise InputError("has a container that contains itself")
         open_.add(key)
         kept.append(x)
+        before = values
         done[key] = _one(x, lambda y: whole(y, depth + 1))
         open_.discard(key)
         if isinstance(x, ArrayInTheMaking):
             made = _within(made + _size(done[key]))
+        found(1 + (done[key].nbytes // 8 if isinstance(done[key], np.ndarray) else 0))
+        inside[key] = values - before
         return done[key]
 
     return whole(value, 0)

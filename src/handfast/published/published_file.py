@@ -64,6 +64,8 @@ def read_published(path: str | Path, layout: str | None = None) -> tuple[Publish
         return chosen, chosen.read(data, _stem(file))
     except InputError as fault:
         raise fault.at(str(path)) from None
+    except MemoryError:
+        raise InputError("takes more memory than there is", source=str(path)) from None
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
         name = chosen.name if chosen else "any"
         raise InputError(

@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from handfast.core.errors import InputError
+from handfast.core.limited import limited
 from handfast.core.quiet import quiet
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.urdf import parse_xml
@@ -24,7 +25,7 @@ def stated_masses(hand: Hand) -> dict[str, float]:
         return {}
     try:
         root = parse_xml(Path(hand.source))
-        found = _of_mjcf(hand.source) if root.tag == "mujoco" else _of_urdf(root)
+        found = limited(_of_mjcf, hand.source) if root.tag == "mujoco" else _of_urdf(root)
     except (InputError, ValueError):  # a hand that was read by other means: there is nothing to add
         return {}
     return {name: m for name, m in found.items() if name in hand.link_names and np.isfinite(m) and m >= 0}
@@ -38,8 +39,11 @@ def _of_urdf(root: Element) -> dict[str, float]:
 def _of_mjcf(path: str) -> dict[str, float]:
     import mujoco  # slow to import
 
-    with quiet():
-        spec = mujoco.MjSpec.from_file(path)
+    try:
+        with quiet():
+            spec = mujoco.MjSpec.from_file(path)
+    except (RuntimeError, mujoco.FatalError):  # as where there is no more memory
+        return {}
     found = {}
     for body in spec.bodies:
         of_geoms = [g.mass for g in body.geoms]

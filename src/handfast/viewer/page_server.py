@@ -16,6 +16,7 @@ from handfast.viewer.answering import Reply
 from handfast.viewer.first_hit import first_hit
 from handfast.viewer.live_session import LiveSession
 from handfast.viewer.page_text import map_svg, verdict_html
+from handfast.viewer.same_origin import Doorkeeper
 from handfast.viewer.shown_state import CURVE, FORCE, GREY, Shown, ShownMap
 from handfast.viewer.slip_motion import SlipMotion
 from handfast.viewer.stage import ARROW, Stage
@@ -37,7 +38,7 @@ class PageServer:
         host, port: where it listens; the port has to be free.
 
     Raises:
-        InputError: viser is not installed.
+        InputError: viser is not installed, or a version of it that cannot be guarded.
     """
 
     def __init__(self, session: LiveSession, host: str, port: int) -> None:
@@ -337,7 +338,11 @@ class PageServer:
 
 
 def _listening(host: str, port: int) -> Any:
-    """viser's server, without what would leave this machine."""
+    """viser's server, without what would leave this machine, and deaf to the pages of others.
+
+    Raises:
+        InputError: viser is not installed, or begins a server in a way that leaves its door open.
+    """
     try:
         import viser
     except ImportError:
@@ -348,7 +353,12 @@ def _listening(host: str, port: int) -> Any:
             """There is no link through a stranger's machine."""
 
     with _quiet():
-        return LoopbackServer(host=host, port=port, verbose=False)
+        with Doorkeeper(host).at_the_door() as guarded:
+            server = LoopbackServer(host=host, port=port, verbose=False)
+        if not guarded:
+            server.stop()
+            raise InputError(f"viser {viser.__version__} cannot be kept from the pages of others; 1.1 can")
+        return server
 
 
 @contextmanager

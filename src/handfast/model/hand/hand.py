@@ -19,6 +19,7 @@ from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 
 LIMIT_TOLERANCE = 1e-6  # [rad or m] rounding of a limit in a file is not a violation
+MOST_LINKS, MOST_JOINTS, MOST_SHAPES = 300, 300, 3000  # robots have about a hundred links
 LOOP_TOLERANCE = 0.01  # [rad or m] by which a simulated joint may be off, as simulators let the ends of a loop part
 
 
@@ -473,6 +474,17 @@ class Hand:
 
     def __repr__(self) -> str:
         return f"Hand({self.name!r}, {len(self.links)} links, {self.l} joints, {self.mechanism.a} actuators)"
+
+
+def refuse_large(links: int, joints: int, shapes: int) -> None:
+    """`InputError` for numbers that no hand has: what is asked of pairs of links or shapes would come to no end."""
+    for count, most, what in (
+        (links, MOST_LINKS, "links"),
+        (joints, MOST_JOINTS, "joints"),
+        (shapes, MOST_SHAPES, "collision shapes"),
+    ):
+        if count > most:
+            raise InputError(f"has {count} {what}; a hand has at most {most}")
 
 
 def guess_closing(joints: tuple[Joint, ...], couplings: tuple[Coupling, ...]) -> Array:

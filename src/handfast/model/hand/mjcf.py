@@ -11,9 +11,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from handfast.core.errors import InputError, unknown_name
+from handfast.core.limited import limited
 from handfast.core.quiet import quiet
 from handfast.core.transforms import quaternion_matrix, transform
-from handfast.model.hand.hand import Hand, Joint, Link, coupling_rows, guess_closing
+from handfast.model.hand.hand import Hand, Joint, Link, coupling_rows, guess_closing, refuse_large
 from handfast.model.hand.mjcf_laws import joint_law, passive_tendons, say_what_is_left_out
 from handfast.model.hand.mjcf_ties import ModelPart, mechanism, non_colliding, ties
 from handfast.model.mechanism import Mechanism
@@ -26,23 +27,32 @@ UNMOVED = 1e-12  # of the pose of a body that stands in the world's frame
 
 
 def read_mjcf(root: Element, path: Path, base: str | None = None) -> Hand:
-    """A hand from an MJCF file: see `hand_of_model`.
+    """A hand from an MJCF file: see `hand_of_model`. It is compiled within the limits of `limited`.
 
     Raises:
-        InputError: what mujoco says about an unreadable file, and as `hand_of_model`.
+        InputError: what mujoco says about an unreadable file, more memory or time than it may take, and as
+            `hand_of_model`.
     """
-    import mujoco  # slow to import
+    import mujoco  # noqa: F401, slow to import: once, here, and not in each process that compiles
 
-    try:
-        with quiet():
-            m = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as fault:
-        message = " ".join(str(fault).split()).removeprefix("Error: ")
-        raise InputError(message, field=_user_of_file(root, message)) from None
-    hand = hand_of_model(m, base, name=path.stem, source=str(path))
+    hand = hand_of_model(limited(_compiled, root, path), base, name=path.stem, source=str(path))
     if not any(compiler.get("angle") for compiler in root.iter("compiler")):
         _doubt_degrees(hand, path)
     return hand
+
+
+def _compiled(root: Element, path: Path) -> Any:
+    """The `mujoco.MjModel` of a file."""
+    import mujoco
+
+    try:
+        with quiet():
+            return mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError) as fault:
+        message = " ".join(str(fault).split()).removeprefix("Error: ")
+        raise InputError(message, field=_user_of_file(root, message)) from None
+    except RuntimeError:  # an exception of its own that it does not know, as where there is no more memory
+        raise InputError("is not compiled by mujoco, which gives no reason; it may take too much memory") from None
 
 
 def _doubt_degrees(hand: Hand, path: Path) -> None:
@@ -97,6 +107,7 @@ def hand_of_model(m: Any, base: str | None = None, *, name: str = "hand", source
             that is read, loops that cannot be closed, planes and height fields, an unknown base.
     """
     part = _part(m, base)
+    refuse_large(len(part.bodies), len(part.joints), int(m.body_geomnum[list(part.bodies)].sum()))
     joints = tuple(_joint(m, j) for j in part.joints)
     say_what_is_left_out(part, source or name)
     links = []

@@ -14,10 +14,11 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
 from handfast.core.transforms import transform
 from handfast.core.xml_tree import read_tree
-from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing
+from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows, guess_closing, refuse_large
 from handfast.model.hand.joint_law import NO_LAW, JointLaw
 from handfast.model.mechanism import Mechanism
-from handfast.model.shape import Shape, read_mesh
+from handfast.model.mesh_file import Group, read_meshes
+from handfast.model.shape import Shape
 
 TURN = 2 * np.pi  # limits of a continuous joint: a finger joint never needs more
 
@@ -39,6 +40,7 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
     """
     elements = {_attribute(e, "name", "link"): e for e in root.findall("link")}
     joints_xml = root.findall("joint")
+    refuse_large(len(elements), len(joints_xml), len(root.findall("link/collision")))
     children: dict[str, list[Element]] = {name: [] for name in elements}
     orphans = dict.fromkeys(elements)
     for e in joints_xml:
@@ -57,7 +59,7 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
     if base is not None and base not in elements:
         raise unknown_name("link", base, elements, field="root")
 
-    links: list[Link] = []
+    frames: list[tuple[str, int, Array, tuple[int, ...]]] = []
     joints: list[Joint] = []
     order: dict[str, int] = {}
     todo: list[tuple[str, int, Element | None]] = [(base or next(iter(orphans)), -1, None)]
@@ -69,12 +71,18 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
             own = (len(joints),)
             order[above.get("name", "")] = len(joints)
             joints.append(_joint(above))
-        shapes = tuple(_shape(c, name, i, path) for i, c in enumerate(elements[name].findall("collision")))
-        links.append(Link(name, parent, pose, own, shapes))
+        frames.append((name, parent, pose, own))
         for child in reversed(children[name]):
-            todo.append((child.find("child").get("link", ""), len(links) - 1, child))  # type: ignore[union-attr]
-    if base is None and len(links) != len(elements):
+            todo.append((child.find("child").get("link", ""), len(frames) - 1, child))  # type: ignore[union-attr]
+    if base is None and len(frames) != len(elements):
         raise InputError("has a loop of links; a tree is needed")
+    named = ((name, g) for name, *_ in frames for g in elements[name].iterfind("collision/geometry/mesh"))
+    meshes = read_meshes(_mesh(g, path, name)[0] for name, g in named)
+    links = tuple(
+        Link(name, parent, pose, own, tuple(_shape(e, name, i, path, meshes) for i, e in enumerate(solids)))
+        for name, parent, pose, own in frames
+        for solids in [elements[name].findall("collision")]
+    )
 
     couplings = tuple(c for e in joints_xml if (c := _mimic(e, order)) is not None)
     tied = {c.joint for c in couplings}
@@ -87,7 +95,7 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
     )
     closing = guess_closing(tuple(joints), couplings)
     name = root.get("name", path.stem)
-    return Hand(name, tuple(links), tuple(joints), mechanism, couplings, closing, source=str(path))
+    return Hand(name, links, tuple(joints), mechanism, couplings, closing, source=str(path))
 
 
 def _joint(e: Element) -> Joint:
@@ -127,7 +135,13 @@ def _mimic(e: Element, order: dict[str, int]) -> Coupling | None:
     return Coupling(order[name], order[driver], ratio, offset)
 
 
-def _shape(e: Element, link: str, number: int, path: Path) -> Shape:
+def _mesh(g: Element, path: Path, link: str) -> tuple[Path, Array]:
+    """The file of a <mesh>, and by which it is larger than that."""
+    scale = np.array(numbers(g, "scale", 3, f"link {link}", "1 1 1"))
+    return find_mesh(g.get("filename", ""), path, f"link {link}"), scale
+
+
+def _shape(e: Element, link: str, number: int, path: Path, meshes: dict[Path, list[Group]]) -> Shape:
     where = f"link {link}"
     pose, geometry = origin(e, where), e.find("geometry")
     name = e.get("name") or f"{link}/{number}"
@@ -141,9 +155,8 @@ def _shape(e: Element, link: str, number: int, path: Path) -> Shape:
                 size = [numbers(g, key, 1, where)[0] for key in ("radius", "length")]
                 return Shape(g.tag, size, pose, name=name)
             case "mesh":
-                scale = np.array(numbers(g, "scale", 3, where, "1 1 1"))
-                file = find_mesh(g.get("filename", ""), path, where)
-                points = np.vstack([v for v, _ in read_mesh(file)])
+                file, scale = _mesh(g, path, link)
+                points = np.vstack([v for v, _ in meshes[file]])
                 return Shape.hull(points * scale, pose, name)
     raise InputError("has a collision without box, sphere, cylinder, capsule or mesh", field=where)
 
