@@ -1,20 +1,27 @@
-"""Plant small faults in the code on which every proof rests, and see which of them no test notices.
+"""Plant small faults in the code, package by package, and see which of them the package's own tests do not notice.
 
-    python tools/mutation.py                     # all parts, one after the other
-    python tools/mutation.py model contacts      # some
-    python tools/mutation.py model --survivors   # show what is alive, run nothing
-    python tools/mutation.py model --fresh       # forget what is known about it
-    python tools/mutation.py model --sample 300  # no more than these, drawn at random, the same ones each time
-    python tools/mutation.py model --sample 300 --seed 1  # others
+    python tools/mutation.py                         # all packages, one after the other, and the kernels
+    python tools/mutation.py measures planning       # some
+    python tools/mutation.py stability/model.py      # one module, by the tests of its package
+    python tools/mutation.py measures --survivors    # show what is alive, run nothing
+    python tools/mutation.py measures --fresh        # forget what is known about it
+    python tools/mutation.py measures --sample 300   # no more than these, drawn at random, the same ones each time
+    python tools/mutation.py measures --sample 300 --seed 1  # others
+    python tools/mutation.py planning --quick 2      # by tests that take 2 s at most: the others could only kill more
+    python tools/mutation.py kernels                 # faults in the compiled functions, see kernel_faults.py
 
 mutmut plants the faults (mutants) and runs, for each, the tests that reach the function. A part has a folder of its
 own in build/mutation, where mutmut keeps what it found: a run that was stopped goes on from there, a changed function
 is mutated anew, and whenever a test of the part has changed all that was alive is tried again. Scores and survivors
 go to benchmarks/results/mutation.json; docs/testing.md says which of them are equivalent to the original.
 
+A package is a folder of src/handfast with the modules that are in it, not below it. Its tests are the files in the
+folder of the same name in tests/, or in the next folder above that has some.
+
 Not counted, alive or dead: mutants that change nothing but words of a message, and `strict` of zip, which only
 guards against lists of unequal lengths. Not planted: faults outside functions, in properties and in functions
-with other decorators, compiled ones among them (a mutmut mutant is chosen while Python runs).
+with other decorators, compiled ones among them (a mutmut mutant is chosen while Python runs): those of the kernels are
+in `kernel_faults.py`.
 """
 
 from __future__ import annotations
@@ -35,104 +42,111 @@ from difflib import unified_diff
 from pathlib import Path
 from typing import Any
 
+import kernel_faults
 from mutmut.mutation.data import SourceFileMutationData
 from mutmut.stats import status_by_exit_code
+from quick_first import LONGEST
 
 ROOT = Path(__file__).parents[1]
+SOURCES = ROOT / "src" / "handfast"
 WORK = ROOT / "build" / "mutation"
 RESULTS = ROOT / "benchmarks" / "results" / "mutation.json"
-COPIED = ("src", "tests", "benchmarks", "tools", "pyproject.toml", "README.md")
+COPIED = ("src", "tests", "benchmarks", "docs", "tools", "pyproject.toml", "README.md", "CHANGELOG.md", "mkdocs.yml")
 DEAD = {"killed", "timeout", "segfault", "suspicious"}
 UNKNOWN = "not checked"
+TOLD = ("InputError", "BadCertificate", "ClaimRefused", "NotMeasured", "frozen")  # their texts are words of messages
+
+
+# mutated files import mutmut: left out are tests that ask what a fresh Python imports
+WITHOUT = ("synthesis/certify/test_existence.py::test_the_checker_needs_nothing_of_the_search",)
+# what compiles the kernels: it would be compiled with its mutants
+NOT_MUTATED = ("core/compiled.py", "core/compiler.py")
+KERNELS = "kernels"
 
 
 @dataclass(frozen=True)
 class Part:
-    """Files of src/handfast whose mutants are tried together, and the files of tests/ that concern them.
-
-    `without` names tests among these that ask what a fresh Python imports: mutated files import mutmut.
-    """
+    """Files of src/handfast whose mutants are tried together, and the files of tests/ that judge them."""
 
     sources: tuple[str, ...]
     tests: tuple[str, ...]
-    without: tuple[str, ...] = ()
 
 
-CHECKER = ("checker", "claim", "farkas", "leaf_systems", "exact_rows", "leaf_rows", "certificate")
-PARTS = {
-    "model": Part(("stability/model.py",), ("stability/test_model.py", "stability/test_residual_scales.py")),
-    "contacts": Part(("geometry/contacts.py",), ("geometry/test_contacts.py",)),
-    "synthesis-interval": Part(
-        ("synthesis/certify/interval_arithmetic.py",), ("synthesis/certify/test_interval_arithmetic.py",)
-    ),
-    "synthesis-checker": Part(
-        tuple(f"synthesis/certify/{name}.py" for name in ("chains", "equations", "regions")),
-        (
-            "synthesis/certify/test_chains.py",
-            "synthesis/certify/test_interval_arithmetic.py",
-            "synthesis/certify/test_existence.py",
-        ),
-        ("synthesis/certify/test_existence.py::test_the_checker_needs_nothing_of_the_search",),
-    ),
-    "synthesis-verify": Part(
-        ("synthesis/certify/verify_existence.py",),
-        ("synthesis/certify/test_verify_existence.py", "synthesis/certify/test_existence.py"),
-        ("synthesis/certify/test_existence.py::test_the_checker_needs_nothing_of_the_search",),
-    ),
-    "grasp-file": Part(("model/grasp_file.py",), ("model/test_grasp_file.py",)),
-    "urdf": Part(("model/hand/urdf.py",), ("model/test_urdf.py", "model/test_hand.py")),
-    "mjcf": Part(("model/hand/mjcf.py",), ("model/test_mjcf.py", "model/test_hand.py")),
-    # others of its tests take a minute for each mutant that is alive: the score is what those without them kill
-    "stability-checker": Part(
-        tuple(f"stability/certify/{name}.py" for name in CHECKER),
-        (
-            "stability/certify/test_claim.py",
-            "stability/certify/test_leaf_margins.py",
-            "stability/certify/test_leaf_rows.py",
-            "stability/certify/test_leaf_systems.py",
-            "stability/certify/test_systems_of_certificates.py",
-            "stability/certify/test_proved_margins.py",
-            "stability/certify/test_exact_rows.py",
-            "stability/certify/test_legal_rows.py",
-            "stability/certify/test_certificate.py",
-            "stability/certify/test_checker_faults.py",
-            "stability/certify/test_certificate_file.py",
-            "stability/test_first_version.py",
-        ),
-    ),
-}
+def packages() -> dict[str, Part]:
+    """Each package by its path, but for kernels and the modules beside all packages, which have no tests alone."""
+    found = {}
+    for folder in sorted(p for p in SOURCES.rglob("*") if p.is_dir() and p.name != "kernel"):
+        name = folder.relative_to(SOURCES)
+        files = sorted(str(name / file.name) for file in folder.glob("*.py"))
+        sources = tuple(f for f in files if f not in NOT_MUTATED and not f.endswith("__init__.py"))
+        if sources:
+            found[str(name)] = Part(sources, tests_of(name))
+    return found
+
+
+def tests_of(package: Path) -> tuple[str, ...]:
+    """The files with tests of a package, in tests/."""
+    for folder in (package, *package.parents):
+        files = sorted((ROOT / "tests" / folder).glob("test_*.py"))
+        if files:
+            return tuple(str(file.relative_to(ROOT / "tests")) for file in files)
+    raise SystemExit(f"{package} has no tests")
+
+
+def part_named(name: str) -> Part | None:
+    """A package, or a single module of one."""
+    known = packages()
+    if name in known:
+        return known[name]
+    part = known.get(str(Path(name).parent))
+    return Part((name,), part.tests) if part and name in part.sources else None
 
 
 def main() -> int:
     words = (__doc__ or "").splitlines()[0]
     parser = argparse.ArgumentParser(description=words)
-    parser.add_argument("parts", nargs="*", default=list(PARTS), metavar="part", help=", ".join(PARTS))
+    known = [*packages(), KERNELS]
+    parser.add_argument("parts", nargs="*", default=known, metavar="part", help=", ".join(known))
     parser.add_argument("--survivors", action="store_true", help="show what is alive, run nothing")
     parser.add_argument("--fresh", action="store_true", help="forget what is known")
     parser.add_argument("--sample", type=int, metavar="N", help="try only N mutants, drawn at random")
     parser.add_argument("--seed", type=int, default=0, metavar="K", help="of the sample (default: 0)")
+    parser.add_argument("--quick", type=float, metavar="S", help="leave out tests that take longer than S seconds")
     args = parser.parse_args()
     for name in args.parts:
-        if name not in PARTS:
-            parser.error(f"there is no part '{name}'; there are {', '.join(PARTS)}")
+        if name != KERNELS and part_named(name) is None:
+            parser.error(f"there is no package or module '{name}'; there are {', '.join(known)}")
     for name in args.parts:
-        part, folder = PARTS[name], WORK / name
+        folder = WORK / name.replace("/", ".")
+        if args.fresh and not args.survivors and folder.is_dir():
+            shutil.rmtree(folder)
+        if name == KERNELS:
+            found = kernel_faults.run(folder, args.sample, args.seed, only_known=args.survivors)
+            alive = [f"{f.name}\n-{f.old}\n+{f.new}" for f, killed in found if not killed]
+            entry = {"killed": len(found) - len(alive), "faults": len(found), "known": len(kernel_faults.FAULTS)}
+            if args.survivors:
+                print(*alive, sep="\n")
+            else:
+                write(name, entry | {"survivors": [text.splitlines() for text in alive]})
+                print(f"{name}: {entry['killed']} of {entry['faults']} killed", flush=True)
+            continue
+        part = part_named(name)
+        assert part
         if args.survivors:
             if not (folder / "mutants").is_dir():
                 parser.error(f"{name} was not run yet")
             print(*(m.diff for m in mutants(part, folder) if m.counts and not m.dead and m.status != UNKNOWN), sep="\n")
             continue
-        if args.fresh and folder.is_dir():
-            shutil.rmtree(folder)
         prepare(part, folder)
-        chosen = sample(part, folder, args.sample, args.seed) if args.sample else None
+        chosen = sample(part, folder, args.sample, args.seed, args.quick) if args.sample else None
         # mutmut runs all that it is told by name, what it knows already too
         waiting = [m.name for m in mutants(part, folder) if m.name in (chosen or ()) and m.status == UNKNOWN]
         if waiting or chosen is None:
-            run(folder, waiting or None)
+            run(folder, waiting or None, quick=args.quick)
         found = [m for m in mutants(part, folder) if chosen is None or m.name in chosen]
-        write(name, part, found)
         counted = [m for m in found if m.counts]
+        how = {"sample": args.sample, "seed": args.seed if args.sample else None, "longest_test": args.quick}
+        write(name, described(part, found) | how)
         print(f"{name}: {sum(m.dead for m in counted)} of {len(counted)} killed", flush=True)
     return 0
 
@@ -155,12 +169,12 @@ def prepare(part: Part, folder: Path) -> None:
     shared = folder / "shared"
     if not shared.exists() and (ROOT.parent / "shared").is_dir():
         shared.symlink_to(ROOT.parent / "shared")
-    tests = [f"tests/{name}" for name in part.tests if (ROOT / "tests" / name).exists()]
+    tests = [f"tests/{name}" for name in part.tests]
     lists = {
         "source_paths": ["src"],
         "only_mutate": sorted(mutated),
         "pytest_add_cli_args": ["-n", "0", "-p", "no:cacheprovider", "-p", "quick_first"]
-        + [word for test in part.without for word in ("--deselect", f"tests/{test}")],
+        + [word for test in WITHOUT for word in ("--deselect", f"tests/{test}")],
         "pytest_add_cli_args_test_selection": tests,
     }
     text = "".join(f"{key} =\n" + "".join(f"    {v}\n" for v in values) for key, values in lists.items())
@@ -188,19 +202,21 @@ def prepare(part: Part, folder: Path) -> None:
         known.write_text(digest)
 
 
-def sample(part: Part, folder: Path, size: int, seed: int) -> list[str]:
+def sample(part: Part, folder: Path, size: int, seed: int, quick: float | None) -> list[str]:
     """Some mutants that count. mutmut plants them all before it finds that there is none of this name."""
-    run(folder, ["none"], check=False)
+    run(folder, ["none"], check=False, quick=quick)
     names = sorted(m.name for m in mutants(part, folder) if m.counts)
     return random.Random(seed).sample(names, min(size, len(names)))
 
 
-def run(folder: Path, names: Sequence[str] | None = None, check: bool = True) -> None:
+def run(folder: Path, names: Sequence[str] | None = None, check: bool = True, quick: float | None = None) -> None:
     """mutmut on what is not known yet, or on these, in one process: others may be at work."""
     inherited = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     ours = [str(folder / "mutants" / name) for name in ("src", "tools")]
     paths = [*ours, *(p for p in inherited if p and Path(p).resolve() != ROOT / "src")]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
+    if quick is not None:
+        environment[LONGEST] = str(quick)
     command = [sys.executable, "-m", "mutmut", "run", "--max-children", "1", *(names or ())]
     with (folder / "log.txt").open("w") as log:
         failed = subprocess.run(command, cwd=folder, env=environment, stdout=log, stderr=log).returncode
@@ -269,7 +285,7 @@ class Silent(ast.NodeTransformer):
         return Words().visit(node)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        if isinstance(node.func, ast.Name) and node.func.id in ("InputError", "BadCertificate", "ClaimRefused"):
+        if isinstance(node.func, ast.Name) and node.func.id in TOLD:
             node = Words().visit(node)
         if isinstance(node.func, ast.Name) and node.func.id == "zip":
             node.keywords = []
@@ -283,12 +299,11 @@ class Words(ast.NodeTransformer):
         return ast.Constant("") if isinstance(node.value, str) else node
 
 
-def write(name: str, part: Part, found: list[Mutant]) -> None:
-    """Score and survivors of a part, beside those of the others."""
-    data: dict[str, Any] = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+def described(part: Part, found: list[Mutant]) -> dict[str, Any]:
+    """Score and survivors of a part."""
     counted = [m for m in found if m.counts]
     dead = sum(m.dead for m in counted)
-    data[name] = {
+    return {
         "sources": list(part.sources),
         "tests": list(part.tests),
         "mutants": len(counted),
@@ -298,7 +313,12 @@ def write(name: str, part: Part, found: list[Mutant]) -> None:
         "words_only": len(found) - len(counted),
         "survivors": [m.diff.splitlines() for m in counted if not m.dead],
     }
-    RESULTS.write_text(json.dumps({k: data[k] for k in PARTS if k in data}, indent=1) + "\n", encoding="utf-8")
+
+
+def write(name: str, entry: dict[str, Any]) -> None:
+    """What came of a part, beside the others."""
+    data: dict[str, Any] = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+    RESULTS.write_text(json.dumps(dict(sorted((data | {name: entry}).items())), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""Output that goes nowhere: a full disk, a reader that has left, an encoding of few letters."""
+"""Output that goes nowhere: a full disk, a reader that has left, an encoding of few letters; numbers in tables."""
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
@@ -9,9 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from handfast.cli.tables import show_witness
 from handfast.model.grasp import Contact, Grasp
+from handfast.stability.model import State
 from handfast.stability.queries import check
+from handfast.stability.witness import Witness
+from tests.support.soft_fingers import TORSION, coin
 
 CHECK = [sys.executable, "-m", "handfast.cli", "check", "fig1", "--wrench", "0", "1", "0"]
 
@@ -52,3 +58,18 @@ def test_no_output_at_all() -> None:
 
 def test_the_smallest_question_is_still_answered() -> None:
     assert check(Grasp([Contact(np.zeros(3), np.array([0, 0, 1.0]), 0.5)]), [0, 0, -1, 0, 0, 0]).verdict == "holds"
+
+
+@pytest.mark.parametrize(("torsion", "shares"), [(TORSION, ["100 %", "20 %"]), (0.0, ["60 %", "20 %"])])
+def test_the_share_of_the_limit_is_that_of_friction_and_torsion_together(torsion: float, shares: list[str]) -> None:
+    """3 N of friction and 0.032 N m of torsion, 4 N over the lever of 8 mm, are 5 N: all that mu times 10 N allows."""
+    c, twist = np.array([10.0, 3, 0, 10, 0, -1]), np.array([0.032, 0.0]) if torsion else np.zeros(2)
+    state = State([0, 0, -10, 0, 0, 0], [20], c, [10], [], torsion=twist)
+    grasp = coin(torsion, half=1e-2)
+    to = Console(file=io.StringIO(), width=160)
+    show_witness(to, Witness(grasp, np.zeros(6), state, 0.0, True))
+    rows = [[cell.strip() for cell in line.split("  ") if cell.strip()] for line in to.file.getvalue().splitlines()]
+    contacts = [row for row in rows if row[1:2] in (["above"], ["below"])]
+    heads = next(row for row in rows if "of limit" in row)
+    assert [row[heads.index("of limit")] for row in contacts] == shares
+    assert [row[heads.index("friction [N]")] for row in contacts] == ["3", "1"]

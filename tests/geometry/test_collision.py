@@ -97,6 +97,24 @@ def test_a_contact_does_not_hide_what_is_pressed_in_beside_it() -> None:
     np.testing.assert_allclose(push.point_a - push.point_b, push.distance * push.direction, atol=1e-8)
 
 
+@pytest.mark.parametrize("height", [-0.06, 0.0, 0.06])
+@pytest.mark.parametrize("pressed", ["hand", "object"])
+def test_only_what_overlaps_is_looked_through_wherever_it_is(pressed: str, height: float) -> None:
+    """A blade of 1 mm whose lower edge is 2 mm deep at the contact and rises by 1 in 10, with the floor at a height.
+
+    Beside the disc it is 1.5 mm deep, at the next sample a third of a radius on. No point of the floor is deeper in the
+    blade than half of its width.
+    """
+    R = turned(np.arctan(SLOPE))
+    blade = Shape("box", (0.04, 0.001, 0.01), transform(np.array([0, 0, height - 2e-3]) + R @ [0.02, 0, 0.005], R))
+    floor = Shape("box", (0.2, 0.2, 0.1), transform([0, 0, height - 0.05]))
+    mine, its = (blade, floor) if pressed == "hand" else (floor, blade)
+    down = -1.0 if pressed == "hand" else 1.0
+    found = over(fixture(mine), its).clearances(NONE, HERE, [asked(0, 0, height - 1e-3, down=down)])
+    assert found.at_contacts[0] == pytest.approx(-2e-3, abs=1e-6)
+    assert -1.51e-3 <= found.least_to_object <= -1.5e-3 + SLOPE * 2e-3
+
+
 def test_a_disc_that_holds_the_whole_overlap_leaves_nothing() -> None:
     check = over(fixture(tilted(2e-3)), radius=0.025)
     found = check.clearances(NONE, HERE, [asked(0, 0, -1e-3)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from handfast.model.hand.hand import Coupling, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 from handfast.planning.closing import close
+from tests.support.four_bar import FourBar
 
 L1, L2 = 0.05, 0.03
 
@@ -99,6 +101,19 @@ def test_other_fingers_do_not_count() -> None:
     at = np.array([0.3, 0.8, 0.3])
     expected = finger_manipulability(hand, 2, end(hand, q), q)
     assert finger_manipulability(more, 2, end(more, at), at) == pytest.approx(expected)
+
+
+def test_a_finger_on_a_linkage_moves_as_its_pins_let_it(tmp_path: Path) -> None:
+    """One motor: the end moves as the closed form says while crank, coupler and rocker turn together."""
+    bars, step, crank = FourBar(), 1e-6, 1.0
+    hand = load_hand(bars.write(tmp_path))
+    q = hand.configuration({"crank": crank - np.pi / 2})
+    ends = [bars.pins(at)[1] for at in (crank - step, crank + step)]  # of the coupler
+    turned = [np.array(list(bars.joints(at).values())) for at in (crank - step, crank + step)]
+    rate = (turned[1] - turned[0])[:2] / (2 * step)  # of those between the base and the coupler
+    expected = np.linalg.norm(ends[1] - ends[0]) / (2 * step) / np.linalg.norm(rate)
+    point = np.r_[bars.pins(crank)[1], 0.0]
+    assert finger_manipulability(hand, hand.link("coupler"), point, q) == pytest.approx(expected, rel=1e-6)
 
 
 # --- the object -------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.joint_law import JointLaw
 from handfast.model.shape import Shape
+from tests.support.sprung_jaws import sprung_jaws
 from tests.support.tendon_hand import tendon_hand
 
 BALL = Body.of([Shape("sphere", [0.0235])], friction=0.8)
@@ -84,6 +86,25 @@ def test_a_follower_at_its_limit_stops_its_driver() -> None:
         q = hand.configuration({"finger_3_prox": 1.0, "finger_3_dist": end})
         made = grasp_of(replace(hand, breakaway=clutch), q, [contact], np.eye(4))
         assert [(j.name, j.stop) for j in made.joints] == [("finger_3_prox", ""), ("finger_3_dist", stop)]
+
+
+def test_a_joint_between_two_stops_has_both_whichever_way_it_closes() -> None:
+    hand = tendon_hand()
+    first = replace(hand.joints[0], law=JointLaw(stops=(0.0, 1e-4)))
+    hand = replace(hand, joints=(first, *hand.joints[1:]))
+    contact = Contact([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.5, "left_proximal")
+    for sign in (1, -1):
+        turned = hand.with_closing({"left_proximal": sign})
+        assert grasp_of(turned, np.zeros(6), [contact], np.eye(4)).joints[0].stop == "both"
+
+
+def test_a_slide_stands_at_its_stop_within_a_tenth_of_a_millimetre(tmp_path: Path) -> None:
+    contact = Contact([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 0.5, "left")
+    sprung_jaws(tmp_path)
+    hand = load_hand(str(tmp_path / "jaws.xml"))
+    for value, stop in ((0.05 - 0.9e-4, "upper"), (0.05 - 1.1e-4, ""), (-0.02 + 0.9e-4, "lower"), (-0.02 + 5e-4, "")):
+        made = grasp_of(hand, hand.configuration({"left": value}), [contact], np.eye(4))
+        assert made.joints[0].stop == stop
 
 
 def test_a_stop_is_one_within_a_milliradian() -> None:

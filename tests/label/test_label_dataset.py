@@ -93,6 +93,15 @@ def test_a_run_that_was_ended_goes_on_with_what_is_missing(lines: Path, tmp_path
     assert rows(torn) == rows(whole)
 
 
+def test_progress_counts_the_broken_rows_so_far(tmp_path: Path) -> None:
+    good = json.dumps(fixture())
+    lines = write_lines(tmp_path / "a.jsonl", good, "{", "{", good, good, good)
+    told: list[LabelProgress] = []
+    out = tmp_path / "b.jsonl"
+    label_dataset(lines, out, labelling=LITTLE, part=2, jobs=1, keep_parts=True, on_progress=told.append)
+    assert [(p.done, p.total, p.fresh, p.broken) for p in told] == [(2, 6, 2, 1), (4, 6, 4, 2), (6, 6, 6, 2)]
+
+
 def test_a_part_that_was_damaged_is_made_again(lines: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.jsonl"
     label_dataset(lines, out, labelling=LITTLE, part=3, keep_parts=True)

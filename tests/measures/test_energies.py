@@ -40,6 +40,11 @@ def test_tdg_of_one_contact_without_friction():
     assert tdg(ONE, scaled(ONE)) == pytest.approx(1.0, abs=1e-3)
 
 
+def test_tdg_where_contacts_answer_with_nothing():
+    """Without friction two that face each other cancel in every direction, which is a right angle to it: 1 - 0."""
+    assert tdg(pair(0.0), scaled(pair(0.0))) == 1.0
+
+
 def test_tdg_of_two_contacts_is_an_integral_over_the_angle():
     """Contacts at both ends of a line: the one faced answers 1 + min(tan, mu) across, the other fades out."""
 

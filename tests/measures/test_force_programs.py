@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -10,7 +13,15 @@ from handfast.measures import map_conditioning
 from handfast.measures.chosen_forces import largest_wrench, smallest_forces
 from handfast.measures.cone_edges import edge_wrenches
 from handfast.measures.internal_forces import internal_forces
-from handfast.measures.robustness import LOST, STICKS, contact_robustness, grasp_robustness
+from handfast.measures.robustness import (
+    LOST,
+    SLIDES,
+    STICKS,
+    _robustness,
+    _StateForces,
+    contact_robustness,
+    grasp_robustness,
+)
 from handfast.measures.wrench_scale import WrenchScale
 from handfast.measures.wrench_space import linf_epsilon
 from tests.support.round_grasps import four, pair, three
@@ -140,18 +151,40 @@ def test_no_robustness_without_joints():
     assert grasp_robustness(four(MU), G)[0] == 0.0
 
 
+@pytest.mark.parametrize("force", [1.0, 4.0])
+@pytest.mark.parametrize("states", [(STICKS,) * 4, (STICKS, STICKS, STICKS, SLIDES)])
+@pytest.mark.parametrize("mu", [0.2, 0.5, 1e3])
+def test_what_a_state_can_reach_at_best_is_reached_by_an_even_squeeze(mu, states, force):
+    """All normal forces alike: sine / (1 + sine) of the limit where contacts stick, half of it where all slide.
+
+    Above mu = 0.35, where the first is above 1/4, a bound of 1/4 would be too small; with 1000 it is nearly the half.
+    """
+    grasp = four(mu, fingers=True)
+    part = _StateForces(grasp, SCALE.grasp_map(grasp), states, force)
+    assert part.bound > 0
+    assert _robustness(grasp, part) == pytest.approx(part.bound, rel=1e-5)
+    assert part.bound * part.gain == pytest.approx(best_squeeze(mu, force))
+
+
+def test_a_contact_that_slides_has_no_cone_to_keep():
+    """One of four slips at once, but as it slides and is pressed alone, the cones of the others are the bound."""
+    contacts, joints = four(0.5, fingers=True).contacts, four(0.5, fingers=True).joints
+    grasp = Grasp([*contacts[:3], replace(contacts[3], friction=0.01)], joints)
+    part = _StateForces(grasp, SCALE.grasp_map(grasp), (STICKS, STICKS, STICKS, SLIDES), 1.0)
+    assert part.bound * part.gain == pytest.approx(best_squeeze(0.5))
+    assert _robustness(grasp, part) == pytest.approx(part.bound, rel=1e-5)
+
+
 def test_grasp_robustness_is_the_best_of_all_states():
     """The order of programs leaves none out that would be better: all of them, one by one."""
-    from itertools import product
-
-    from handfast.measures.robustness import _robustness, _StateForces
-
     contacts, joints = three(MU, fingers=True).contacts, three(MU, fingers=True).joints
     tilted = [Contact(c.position + np.array([0, 0, 0.1 * k]), c.normal, 0.3 + 0.1 * k) for k, c in enumerate(contacts)]
     grasp = Grasp([*tilted, Contact([0, 0.2, -1], [0, 0, 1], 0.5)],
                   [*joints, GraspJoint("palm", [0, 0, 1], [0, 0, -1], (3,), "prismatic")])  # fmt: skip
     G = SCALE.grasp_map(grasp)
-    every = [_robustness(grasp, _StateForces(grasp, G, states, 1.0)) for states in product(range(3), repeat=4)]
+    parts = [_StateForces(grasp, G, states, 1.0) for states in product(range(3), repeat=4)]
+    every = [_robustness(grasp, part) for part in parts]
+    assert all(value <= part.bound * (1 + 1e-6) for value, part in zip(every, parts, strict=True))
     assert grasp_robustness(grasp, G)[0] == pytest.approx(max(every), rel=1e-6)
     assert max(every) > 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,15 @@ import pytest
 
 import handfast
 from handfast import InputError, Settings, load_grasp, measure, measure_columns
-from handfast.measures.catalogue import CATALOGUE, KEYS
-from handfast.measures.passive import passive_maxima
+from handfast.measures.catalogue import CATALOGUE, KEYS, RIGID
+from handfast.measures.passive import PassiveMaxima, passive_maxima
+from handfast.model.grasp import Grasp
 from handfast.report.measures_drawing import draw_measures
 from tests.support.program import ask, complains, run
 from tests.support.round_grasps import pair, three
 
 QUICK = ("epsilon_l1", "isotropy", "dfc")
+FEW = Settings(gap=1e-2, node_limit=200, verify=False)
 
 
 def test_passive_maxima_of_a_pinch():
@@ -26,7 +29,7 @@ def test_passive_maxima_of_a_pinch():
     gearings hold any force.
     """
     grasp = pair(0.5, fingers=True, radius=0.03).with_preload({"finger_0": 1.0, "finger_1": 1.0})
-    found = passive_maxima(grasp, settings=Settings(gap=1e-2, node_limit=200, verify=False))
+    found = passive_maxima(grasp, settings=FEW)
     expected = np.array([np.inf, np.inf, 1, 1, 1, 1, 0, 0, 1, 1, 1, 1])
     np.testing.assert_allclose(found.lower, expected, rtol=1e-2)
     np.testing.assert_allclose(found.upper, expected, rtol=1.1e-2)
@@ -48,6 +51,57 @@ def test_all_measures_of_a_bundled_grasp():
         found["epsilon"]
 
 
+@pytest.mark.parametrize(
+    ("lower", "upper", "note"),
+    [
+        ((1.0, 3.0), (1.01, 3.0), "first"),
+        ((3.0, 2.0), (3.0, 2.5), "second, at most 2.5"),
+        ((1.0, 3.0), (np.inf, np.inf), "first, or more"),
+        ((np.inf, np.inf), (np.inf, np.inf), "any wrench is resisted"),
+    ],
+)
+def test_what_is_said_beside_a_passive_maximum(lower, upper, note, monkeypatch):
+    """Both bounds where they are 2 % apart."""
+    known = PassiveMaxima(("first", "second"), np.array(lower), np.array(upper))
+    monkeypatch.setattr("handfast.measures.catalogue.passive_maxima", lambda *args, **options: known)
+    (value,) = measure(pair(0.5), only=["passive_worst"]).values
+    assert value.note == note
+
+
+def test_what_is_said_beside_a_measure_that_leaves_the_laws_of_joints_out():
+    bare = three(0.4, fingers=True)
+    rubs = Grasp(bare.contacts, [replace(j, friction=0.1) for j in bare.joints])
+    keys = ["epsilon_l1", next(m.key for m in CATALOGUE if m.assumes == RIGID)]
+    left_out = "friction, springs and stops of its joints are left out"
+    assert [v.note for v in measure(rubs, only=keys).values] == ["", left_out]
+    assert [v.note for v in measure(bare, only=keys).values] == ["", ""]
+
+
+def test_all_that_a_file_of_measures_has():
+    grasp = pair(0.5, fingers=True, radius=0.03).with_preload({"finger_0": 1.0, "finger_1": 1.0})
+    found = measure(grasp, only=["dfc", "passive_worst"], force_limit=2.0, edges=6, settings=FEW)
+    data = found.to_json()
+    assert data["preload"] == {"finger_0": 1.0, "finger_1": 1.0}
+    assert {k: data[k] for k in ("schema", "grasp", "edges", "force_limit")} == {
+        "schema": "handfast/measures/1",
+        "grasp": "round",
+        "edges": 6,
+        "force_limit": 2.0,
+    }
+    assert data["scale"] == data["energy_scale"] == {"about": found.scale.about.tolist(), "length": found.scale.length}
+    (dfc,) = (m for m in CATALOGUE if m.key == "dfc")
+    about = {"name": dfc.name, "unit": dfc.unit, "better": dfc.better, "hand": dfc.assumes, "source": dfc.source}
+    assert data["measures"]["dfc"] == about | {"value": found["dfc"], "note": ""}
+    assert found.scale.length == pytest.approx(0.03)
+    rows = data["passive"]
+    assert rows[0] == {"direction": "force +x", "lower": None, "upper": None}  # any force along the line
+    assert rows[6] == {"direction": "torque +x", "lower": 0.0, "upper": 0.0}
+    assert len(rows) == 12
+    assert set(data) == {
+        "schema", "grasp", "preload", "scale", "energy_scale", "edges", "force_limit", "measures", "passive",
+    }  # fmt: skip
+
+
 def test_columns_are_flat():
     row = measure_columns(three(0.4, fingers=True).with_preload(dict.fromkeys(["finger_0"], 0.0)), only=QUICK)
     assert list(row) == list(QUICK)
@@ -56,7 +110,7 @@ def test_columns_are_flat():
 
 def test_columns_with_the_passive_maximum():
     grasp = pair(0.5, fingers=True).with_preload({"finger_0": 1.0, "finger_1": 1.0})
-    row = measure_columns(grasp, only=["passive_worst"], settings=Settings(gap=1e-2, node_limit=200, verify=False))
+    row = measure_columns(grasp, only=["passive_worst"], settings=FEW)
     assert row["passive_worst"] == 0.0
     assert row["passive_worst_upper"] >= 0.0
 

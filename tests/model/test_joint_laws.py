@@ -45,6 +45,16 @@ def test_mjcf_joints() -> None:
     assert b == NO_LAW
 
 
+def test_mjcf_joints_behind_a_free_one() -> None:
+    """An object that floats comes first: it takes 7 numbers of the position and 6 of the velocity."""
+    text = """<mujoco><compiler angle="radian"/><worldbody><body name="ball"><freejoint/><geom size="0.01"/></body>
+    <body name="palm"><geom size="0.01"/><body><joint name="a" frictionloss="0.1" stiffness="2" springref="0.4"/>
+    <geom size="0.01"/><body><joint name="b" frictionloss="0.3" stiffness="5" springref="-0.2"/><geom size="0.01"/>
+    </body></body></body></worldbody></mujoco>"""
+    hand = load_hand(mujoco.MjModel.from_xml_string(text), root="palm")
+    assert [j.law for j in hand.joints] == [JointLaw(0.1, 2.0, (0.4, 0.4)), JointLaw(0.3, 5.0, (-0.2, -0.2))]
+
+
 def test_mjcf_tendons() -> None:
     runs = '<joint joint="a" coef="2"/><joint joint="b" coef="-1"/>'
     said = 'frictionloss="0.4" stiffness="3" springlength="0.1 0.2" range="-1 1" limited="true"'
@@ -107,6 +117,7 @@ def test_a_limit_of_a_task_is_no_stop() -> None:
     law = JointLaw(stops=(0.0, 1.0))
     assert law.within(0.2, 0.8) == law  # the joint may not go there, and nothing holds it
     assert law.within(-0.5, 1.0).stops == (-np.inf, 1.0)
+    assert law.within(0.0, 1.5).stops == (0.0, np.inf)
     assert law.within(-0.5, 2.0).stops == FREE
 
 

@@ -74,6 +74,30 @@ def test_an_equality_of_one_joint_holds_it_beside_its_reference(tmp_path: Path, 
     assert (hand.couplings[0].driver, hand.couplings[0].ratio) == (-1, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("more", "tied", "ratio", "offset"),
+    [
+        ("", 'tendon1="s" tendon2="t" polycoef="0.06 0.5 0 0 0"', 4 / 3, -0.04),  # 2 a = 0.06 + 0.5 (3 b)
+        ("", 'tendon1="t" tendon2="s" polycoef="0.06 -0.5 0 0 0"', -3.0, 0.06),  # 3 b = 0.06 - 0.5 (2 a)
+        ('<joint joint="b" coef="-1"/>', 'tendon1="s" polycoef="0.06 0 0 0 0"', 2.0, -0.06),  # 2 a - b = 0.06
+    ],
+)
+def test_an_equality_of_tendons_ties_the_joints_they_run_over(
+    tmp_path: Path, more: str, tied: str, ratio: float, offset: float
+) -> None:
+    runs = f"""<fixed name="s"><joint joint="a" coef="2"/>{more}</fixed>
+      <fixed name="t"><joint joint="b" coef="3"/></fixed>"""
+    path = write(tmp_path, f"<tendon>{runs}</tendon><equality><tendon {tied}/></equality>")
+    hand = load_hand(path)
+    (coupling,) = hand.couplings
+    leads = hand.joint_names[coupling.driver]
+    assert (coupling.ratio, coupling.offset) == pytest.approx((ratio, offset))
+    for value in (-0.7, 0.4):
+        q = hand.configuration({leads: value})
+        assert q[coupling.joint] == pytest.approx(ratio * value + offset)
+        assert violation(path, hand, q) < 1e-9
+
+
 def test_an_equality_that_is_switched_off_couples_nothing(tmp_path: Path) -> None:
     off = '<equality><joint joint1="b" joint2="a" polycoef="0 1 0 0 0" active="false"/></equality>'
     assert load_hand(write(tmp_path, off)).couplings == ()

@@ -13,6 +13,7 @@ from scipy.optimize import linprog
 from handfast import InputError, Verdict, check, load_grasp
 from handfast.core.rational import rational, rounded
 from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
 from handfast.planar.arrangement import faces
 from handfast.planar.planar_grasp import PlanarContact, PlanarGrasp
 from handfast.planar.planar_oracle import PlanarState, planar_check, planar_least_motion, planar_ranges
@@ -308,6 +309,10 @@ def test_simplex_by_hand() -> None:
     assert program.maximise([fmpq(3), fmpq(5), zero, zero])
     assert program.x == [3, 1, 0, 0]
     assert not RationalProgram.of([[one, one]], [fmpq(-1)]).feasible
+    half = RationalProgram.of([[one, one]], [fmpq(1, 2)])
+    assert half.feasible
+    assert half.maximise([one, zero])
+    assert half.x == [fmpq(1, 2), 0]
     endless = RationalProgram.of([[one, -one], [fmpq(2), fmpq(-2)]], [zero, zero])  # a row that says nothing new
     assert endless.feasible
     assert not endless.maximise([one, zero])
@@ -334,8 +339,20 @@ def test_what_is_not_planar_or_may_move_is_refused() -> None:
     assert len(PlanarGrasp.of(Grasp(flat, [joint])).contacts) == 1  # locked
     with pytest.raises(InputError, match=r"joints.*may move"):
         PlanarGrasp.of(Grasp(flat, [joint], preload={"lift": 1.0}))
+    one, two, no = np.eye(1), np.eye(2), np.zeros((0, 1))
+    turns = Mechanism(("lift",), one, no, (False,), (True,))
+    pulls = Mechanism(("lift",), one, no, (True,))
+    for mechanism in (turns, pulls, Mechanism((), no, no, ())):  # one that turns back, one that may go slack, none
+        with pytest.raises(InputError, match=r"joints.*may move"):
+            PlanarGrasp.of(Grasp(flat, [joint], mechanism))
+    tied = Mechanism(("lift",), two[:1], np.array([[1.0, -1.0]]), (False,))
+    also = GraspJoint("lift too", [0, 1, 0], [0, 0, 0], (0,), "prismatic")
+    assert len(PlanarGrasp.of(Grasp(flat, [joint, also], tied)).contacts) == 1  # locked by its coupling
     with pytest.raises(InputError, match=r"contacts\[0\].*not in the plane"):
         PlanarGrasp.of(load_grasp("fig1"))
+    for position, normal in (([0, -1, 1e-3], [0, 1, 0]), ([0, -1, 0], [0, 0.6, 0.8])):
+        with pytest.raises(InputError, match=r"contacts\[1\].*not in the plane"):
+            PlanarGrasp.of(Grasp([*flat, Contact(position, normal, 0.5)]))
     with pytest.raises(InputError, match="unit vector"):
         PlanarContact([0, 0], [1, 1], 0.5)
     with pytest.raises(InputError, match="friction"):

@@ -20,6 +20,7 @@ from handfast.stability.loads import Loads
 
 BODY = Body.of([Shape("box", [0.06] * 3)], mass=0.1, friction=0.5)
 TURNED = np.radians([-3, 3])
+SIZE = np.hypot(0.03, 0.01)  # [m] of the pads: from the middle of the contacts to each
 
 
 def jaws(turned: Sequence[float]) -> list[Contact]:
@@ -116,3 +117,31 @@ def test_a_preload_is_raised_within_limits_until_all_contacts_hold() -> None:
     assert of_part(0.8) is Verdict.HOLDS
     assert of_part(0.8, command_limit=0.9) is Verdict.UNDECIDED
     assert of_part(0.5) is Verdict.UNDECIDED
+
+
+@pytest.mark.parametrize(
+    ("command", "strength"),
+    [
+        ({"slide": 13.0}, 0.1),  # a force as it is
+        ({"turn": 13.0 * SIZE}, 0.1),  # a torque as a force at the grasp's size
+        ({"pull": 13.0}, 0.1),  # of a tendon, whatever it turns
+        ({"slide": 13.0, "turn": 26.0 * SIZE, "pull": 39.0}, 0.3),
+        ({"slide": -52.0}, 0.4),
+        ({}, 0.0),
+    ],
+)
+def test_the_strength_of_commands(command: dict[str, float], strength: float) -> None:
+    """Allowed are 10 times the largest load: 10 N and a torque of 3 N at the grasp's size, 130 N in all."""
+    joints = [
+        GraspJoint("slide", np.array([-1.0, 0, 0]), np.array([0.05, 0, 0]), (4, 5), "prismatic"),
+        GraspJoint("turn", np.array([0, 1.0, 0]), np.array([0.03, 0, -0.1]), (6, 7)),
+    ]
+    R = np.array([[1.0, 0], [0, 1], [0, 2]])
+    mechanism = Mechanism(("slide", "turn", "pull"), R, np.zeros((0, 2)), (False, False, True))
+    grasp = Grasp(jaws(TURNED), joints, mechanism, command)
+    assert grasp.size == pytest.approx(SIZE)
+    wrenches = np.array([[6.0, 0, 0, 0, 0, 0], [0, 0, -10, 3 * SIZE, 0, 0]])
+    asked = PreloadSearch(BODY, Loads(("push", "tip"), wrenches), Limits())
+    assert asked.strength(grasp) == pytest.approx(strength)
+    limited = PreloadSearch(BODY, Loads(("push", "tip"), wrenches), Limits(command_limit=26.0))
+    assert limited.strength(grasp) == pytest.approx(max(map(abs, command.values()), default=0.0) / 26.0)

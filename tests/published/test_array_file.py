@@ -65,6 +65,22 @@ def test_torch_without_torch(tmp_path: Path) -> None:
     assert found["names"] == ["a", "b"]
 
 
+@pytest.mark.parametrize(
+    ("kind", "raw", "values"),
+    [
+        (b"BFloat16Storage", b"\x80\x3f\x20\xc0\x40\x3e", [1.0, -2.5, 0.1875]),  # the upper halves of 4 bytes each
+        (b"HalfStorage", b"\x00\x3c\x00\xc1\x00\x32", [1.0, -2.5, 0.1875]),
+        (b"DoubleStorage", np.array([1.0, -2.5, 0.1]).tobytes(), [1.0, -2.5, 0.1]),
+        (b"ShortStorage", b"\x01\x00\xff\xff\x00\x01", [1, -1, 256]),
+    ],
+)
+def test_numbers_of_torch_storages(kind: bytes, raw: bytes, values: list[float], tmp_path: Path) -> None:
+    file = torch_file(tmp_path / "x.pt", [np.arange(3)])
+    altered(file, "archive/data.pkl", lambda text: text.replace(b"FloatStorage", kind))
+    (found,) = read_array_file(altered(file, "archive/data/0", lambda _: raw))
+    assert found.tolist() == values
+
+
 def altered(path: Path, name: str, change: Any) -> Path:
     """The zip with one of its files changed, or left out."""
     with zipfile.ZipFile(path) as packed:

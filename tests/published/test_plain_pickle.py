@@ -158,6 +158,17 @@ def test_shared_parts_count_as_often_as_they_are_there(monkeypatch: pytest.Monke
         read_pickle(pickle.dumps([numbers] * 10))
 
 
+def test_bytes_and_ordered_dictionaries_as_older_versions_wrote_them() -> None:
+    """Texts with their encoding for bytes, a list of pairs for a dictionary."""
+    array = b"c__builtin__\nbytearray\n(X\x02\x00\x00\x00\xc3\xa9X\x07\x00\x00\x00latin-1tR."
+    assert read_pickle(b"\x80\x02" + array)[0] == b"\xe9"
+    ordered = b"\x80\x02ccollections\nOrderedDict\n]"
+    assert read_pickle(ordered + b"](K\x01K\x02ea\x85R.")[0] == {1: 2}
+    for pair in (b"](K\x01K\x02K\x03ea", b"]K\x01aa", b"X\x02\x00\x00\x00aba", b"K\x01a"):
+        with pytest.raises(InputError):
+            read_pickle(ordered + pair + b"\x85R.")
+
+
 def test_shapes_that_lie() -> None:
     told = pickle.dumps(np.arange(4.0), 2)
     for shape in (b"K\x05\x85", b"\x8a\x08" + (2**60).to_bytes(8, "little") + b"\x85", b"J\xff\xff\xff\xff\x85"):

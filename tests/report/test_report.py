@@ -211,6 +211,8 @@ def test_a_map_says_where_its_forces_act_and_what_the_weight_meets(grasp: Grasp,
         ([0, 0, -1, 0, 0, 0], "1 N along −z"),
         ([0, 0, 0, 0.1, 0, 0], "0.1 N·m about +x"),
         ([3, 4, 0, 0, 0, -1], "5 N along (0.6, 0.8, 0) with 1 N·m about −z"),
+        ([5, 0, 0, 0, 0, 1e-6], "5 N along +x with 1.00e−06 N·m about +z"),  # 0.2 µm off the axis
+        ([5, 0, 0, 0, 0, 4e-12], "5 N along +x"),  # less than 1e-12 m off it is rounding
         ([0] * 6, "no load"),
     ],
 )

@@ -14,6 +14,7 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import transform
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
+from handfast.model.grasp import Grasp
 from handfast.model.shape import Shape
 from handfast.simulation.drag_step import STICK, StepProblem, drag_step
 from handfast.simulation.settled import Rest, Settled, verdict_of
@@ -129,6 +130,19 @@ def test_a_block_slides_to_its_stop() -> None:
     # with friction at full strength on both: wall = 0.447 - 0.3 table, table = 0.894 - 0.3 wall
     assert found.path[-1].forces.sum() == pytest.approx(0.197 + 0.835, abs=0.03)
     assert found.to_json()["rest"] == "settles"
+
+
+@pytest.mark.parametrize("least", [0, 2, 3])
+def test_a_link_has_the_least_friction_of_its_contacts(least: int) -> None:
+    """One corner of the block with 0.3, the others with 0.9: on a slope of 0.5 it slides to the wall, where it rests on
+    contacts of 0.3 all."""
+    placed = block_and_stop(1e-3, 0.9)
+    g = placed.grasp
+    mixed = [replace(c, friction=0.3 if i == least else 0.9) for i, c in enumerate(g.contacts)]
+    found = settle(replace(placed, grasp=Grasp(mixed, g.joints, g.mechanism)), slope(0.5), follow=True, **QUICK)
+    assert shift(found)[0] == pytest.approx(1e-3, abs=1e-5)
+    assert found.last is not None
+    assert found.last.mu.tolist() == [0.3] * 8
 
 
 def test_a_block_on_a_slope_that_it_sticks_to_is_not_followed_unless_asked() -> None:

@@ -121,6 +121,27 @@ def test_a_bound_of_fewer_commands_or_other_limits_is_none() -> None:
     assert crossed.reason == "up: the answer is about another load"  # HOLDS without the uncertainty
 
 
+def test_states_without_the_dissipation_principle_do_not_show_that_a_preload_holds() -> None:
+    """With (6) and (7) left out anything within the cones may balance a load."""
+    loaded = pinch().with_preload(held().preload)
+    loose = check(loaded, UP, mdp=False)
+    assert loose.verdict is Verdict.HOLDS
+    assert loose.verify().ok
+    forged = replace(held(), checks=(loose, held().checks[1])).verify()
+    assert forged.reason == "up: the answer is about another load"
+
+
+def test_a_bound_of_the_sum_of_commands_is_none_of_the_largest() -> None:
+    """The least sum is never below the least of the largest command: its bound proves nothing about that."""
+    bare = pinch().with_preload(None)
+    asked = hold(bare, Loads(("up",), np.array([UP])))
+    total = torques(bare, UP, objective="sum")
+    assert total.verify().ok
+    assert 0 < total.lower <= asked.upper
+    forged = replace(asked, lower=total.lower, bounding=("up", total)).verify()
+    assert forged.reason == f"the bound {total.lower:.6g} is not that of up"
+
+
 def test_a_load_beyond_all_forces_is_replayed() -> None:
     flat = bell()
     beyond = HoldAnswer(

@@ -150,6 +150,7 @@ def test_a_grasp_without_laws_is_its_own_equivalent() -> None:
         (jaw(Mechanism.direct(["hinge"]), {"hinge": 0.1}, friction=0.2), ("hinge",), 0, 1),
         (jaw(friction=0.2, stop="upper"), (), 1, 0),
         (jaw(friction=0.2, stop="both"), (), 0, 0),
+        (jaw(Mechanism.direct(["hinge"]), stop="lower"), (), 0, 0),  # locked: a stop does nothing
         (jaw(BACKDRIVABLE, friction=0.2), (), 0, 1),
         (curled(knuckle={"friction": 0.1}, tip={"friction": 0.1}), (), 0, 2),
         (curled(0.1, knuckle={"friction": 0.1}, tip={"stop": "lower", "friction": 0.1}), (), 1, 1),
@@ -194,3 +195,16 @@ def test_torques_that_cancel_but_for_rounding_are_none() -> None:
     grasp = jaw(back, {"a": 0.1, "b": 0.2}, torque=-0.3)
     assert 0.1 + 0.2 - 0.3 != 0
     assert equivalent_of(grasp).plain.given_torques.tolist() == [0.0]
+
+
+@pytest.mark.parametrize(("stop", "torque"), [("lower", 0.1), ("upper", -0.1)])
+def test_a_stop_says_how_a_joint_that_is_tied_to_it_rubs(stop: str, torque: float) -> None:
+    """q_a = -q_b: where b stands at its lower stop it can only close, so a only opens, and its friction closes it."""
+    joints = [
+        GraspJoint("a", [0, -1, 0], [0.01, 0, -0.1], (1,), friction=0.1),
+        GraspJoint("b", [0, -1, 0], [0.01, 0, -0.1], (1,), stop=stop),  # type: ignore[arg-type]
+    ]
+    for A in ([[1.0, 1.0]], [[-2.0, -2.0]]):
+        same = equivalent_of(Grasp(jaw().contacts, joints, Mechanism((), np.zeros((0, 2)), np.array(A), ())))
+        assert same.constant.tolist() == [torque, 0.0]
+        assert (len(same.stops), len(same.pairs)) == (1, 0)

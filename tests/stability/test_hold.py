@@ -18,7 +18,7 @@ from handfast.stability.hold import hold, moderate
 from handfast.stability.loads import Loads
 from handfast.stability.loads_file import load_loads
 from handfast.stability.queries import maximum, torques
-from tests.support.problems import X, Y, Z, nest, pinch
+from tests.support.problems import X, Y, Z, bell, nest, pinch
 
 ZERO = np.zeros(3)
 
@@ -108,6 +108,25 @@ def test_torque_limits_hold_for_the_passive_reaction_too() -> None:
     less = hold(pinch(), loads, torque_limits={"left": 0.1, "right": 0.1})
     assert (less.verdict, less.stop, less.hardest) == (Verdict.SLIPS, Stop.COMPLETE, "load 0")
     assert hold(pinch(), loads, torque_limits={"left": 0.1, "right": 0.6}).verdict is Verdict.HOLDS
+
+
+@pytest.mark.parametrize("eta", [0.0, 0.1])
+def test_uncertain_normals_are_asked_about_throughout(eta: float) -> None:
+    """1 N along +y is held from the level on at which 0.1 N m hold the maximum: homogeneity.
+
+    With certain normals this is 0.045 N m, see `bell`; where they may be off by 0.1 rad the fingers' lower contacts
+    carry some of it, and it is 3 % less.
+    """
+    a = hold(bell(), forces(Y), eta=eta, least=False)
+    assert a.verdict is Verdict.HOLDS
+    assert a.upper == pytest.approx(0.1 / maximum(bell(), [0, 1, 0, 0, 0, 0], eta=eta).lower, rel=1e-4)
+    assert a.upper == pytest.approx(0.045 if eta == 0 else 0.0437, rel=1e-3)
+    (answer,) = a.checks
+    assert answer.question is not None
+    assert answer.witness is not None
+    assert answer.question.eta == answer.witness.eta == a.limits["eta"] == eta
+    assert a.verify().ok
+    assert replace(a, limits={"eta": 0.05}).verify().reason == "load 0: the answer is about another load"
 
 
 def test_a_limit_that_is_hit_is_undecided() -> None:

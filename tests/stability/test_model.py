@@ -396,3 +396,12 @@ def test_contact_forces_are_among_the_forces_in_play() -> None:
     g = pinch().with_preload(None)
     squeeze = State(np.zeros(6), np.zeros(2), np.array([5.0, 0, 0, 5.0, 0, 0]), np.zeros(2), np.zeros(0))
     assert model.residuals(g, np.zeros(6), squeeze).normal == pytest.approx(1.0)
+
+
+def test_what_stops_and_friction_of_a_joint_may_carry() -> None:
+    """Each stop carries any torque its own way, friction as much as it has the other way, two stops any torque."""
+    kinds = [("", 0.2), ("lower", 0.2), ("upper", 0.2), ("both", 0.2), ("both", 0.0)]
+    joints = [GraspJoint(f"{k}", -Z, np.zeros(3), (0,), friction=f, stop=stop) for k, (stop, f) in enumerate(kinds)]
+    lo, hi = model.reaction_range(Grasp([Contact(np.zeros(3), X, 0.5)], joints))
+    assert lo.tolist() == [-0.2, -0.2, -np.inf, -np.inf, -np.inf]
+    assert hi.tolist() == [0.2, np.inf, 0.2, np.inf, np.inf]

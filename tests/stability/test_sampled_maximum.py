@@ -133,3 +133,26 @@ def test_bad_counts() -> None:
         sampled_maximum(pinch(0.5), ACROSS, LOOSE, samples=0)
     with pytest.raises(InputError, match="seed: is -1"):
         sampled_maximum(pinch(0.5), ACROSS, LOOSE, seed=-1)
+
+
+def test_a_sample_is_below_where_its_own_bound_is() -> None:
+    """Of four that are decided 0.9 is surely below 1, and nothing below 0.5; what was not decided does not count."""
+    found = sampled_maximum(pinch(0.5), ACROSS, Perturbation(friction=0.1, normals=0.01), samples=1)
+    assert found.uncertain is not None
+    told = replace(
+        found,
+        nominal=replace(found.nominal, lower=1.0, upper=2.0),
+        uncertain=replace(found.uncertain, lower=0.5, upper=0.95),
+        lower=np.array([0.5, 0.45, 0.9, 1.5, 0.2]),
+        upper=np.array([0.9, 1.0, 1.1, np.inf, 0.3]),
+        decided=np.array([True, True, True, True, False]),
+    )
+    assert told.below_nominal == 1 / 4
+    assert told.below_uncertain == 0
+    assert told.conservative is True
+    assert told.values.tolist() == [0.45, 0.5, 0.9, 1.5]
+    worse = replace(told, uncertain=replace(found.uncertain, lower=0.95, upper=2.0))
+    assert worse.below_uncertain == 1 / 4
+    assert worse.conservative is False
+    none = replace(told, decided=np.zeros(5, dtype=bool))
+    assert (none.below_nominal, none.conservative) == (0.0, None)

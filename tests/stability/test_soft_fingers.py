@@ -14,7 +14,7 @@ from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact
 from handfast.model.grasp_file import from_dict, load_grasp, save_grasp, to_dict
-from handfast.stability import model
+from handfast.stability import answer_file, model, saved_answer
 from handfast.stability.answer_file import verify
 from handfast.stability.batch import check_many, max_many
 from handfast.stability.certify import checker
@@ -93,11 +93,19 @@ def test_energy() -> None:
     assert model.energy(g, -load, wrong).created > 0.1
 
 
-def test_point_contacts_carry_no_torsion() -> None:
+@pytest.mark.parametrize("torsion", [[1e-3, 0.0], [-1e-3, 0.0], [0.0, 1e-3], [0.0, -1e-3]])
+def test_point_contacts_carry_no_torsion_in_either_sense(torsion: list[float]) -> None:
+    """Nothing else acts about the normals: a torsion is measured by the squeeze at the contacts' spacing."""
     g = coin(torsion=0.0)
     c = np.array([SQUEEZE, 0, 0, SQUEEZE, 0, 0])
-    twisted = State(np.zeros(6), [0.0], c, [SQUEEZE], [], torsion=[1e-3, 0.0])
-    assert model.residuals(g, np.zeros(6), twisted).cone > 1e-3
+    twisted = State([0, 0, -SQUEEZE, 0, 0, 0], [2 * SQUEEZE], c, [SQUEEZE], [], torsion=torsion)
+    found = model.residuals(g, np.zeros(6), twisted)
+    assert found.cone == pytest.approx(1e-3 / (SQUEEZE * g.spacing))
+    assert found.worst == found.cone
+
+
+def test_what_point_contacts_cannot_balance_is_refused() -> None:
+    g = coin(torsion=0.0)
     with pytest.raises(InputError, match="cannot be balanced by any forces at these 2 contacts"):
         check(g, [0, 0, 0, 0, 0, 1e-3])
 
@@ -116,6 +124,21 @@ def test_a_joint_that_turns_about_the_normal(friction: float) -> None:
     answer = maximum(spindle(friction), [0, 0, 0, 0, 0, 1])
     assert answer.lower == pytest.approx(largest, rel=2e-3)
     assert answer.upper >= largest * (1 - 1e-9)
+
+
+def test_a_joint_that_turns_a_soft_finger_has_its_lever_for_an_arm() -> None:
+    """The contact is on the joint's axis: a turn q moves nothing but the finger's face, by mu_tau / mu = 8 mm.
+
+    Its dry friction takes 0.03 N m either way, 0.01 of it are taken: so it has to rest, and a turn of 0.5 is off by
+    0.5 * 8 mm beside the 10 N that act.
+    """
+    g = spindle(0.03)
+    lever = TORSION / MU
+    assert model.joint_arms(g) == pytest.approx([1.0, lever])
+    assert model.actuator_arms(g) == pytest.approx([1.0, lever])
+    c = np.array([SQUEEZE, 0, 0, SQUEEZE, 0, 0])
+    turned = State(np.zeros(6), [0.0, 0.5], c, [SQUEEZE, 0.0], [], reaction=[0.0, 0.01])
+    assert model.residuals(g, np.zeros(6), turned).reactions == pytest.approx(0.5 * lever / SQUEEZE)
 
 
 # --- all questions ------------------------------------------------------------------------------------
@@ -244,3 +267,17 @@ def _harder(data: dict) -> bool:
     for contact in data["question"]["grasp"]["contacts"]:
         del contact["torsion"]
     return True
+
+
+@pytest.mark.parametrize("sense", [-1.0, 1.0])
+def test_saved_states_of_point_contacts_have_no_torsion(sense: float) -> None:
+    """Neither the witness of a maximum nor the states of the magnitudes below it."""
+    right = saved_answer.to_dict(maximum(coin(0.0), [1, 0, 0, 0, 0, 0], interval=True).saved())
+    assert answer_file.from_dict(right).verify().ok
+    for place in (["witness"], ["arcs", 0, "controls", 0]):
+        forged = json.loads(json.dumps(right))
+        state = forged
+        for key in place:
+            state = state[key]
+        state["torsion"] = [0.0, sense * 1e-3]
+        assert not answer_file.from_dict(forged).verify().ok, place
