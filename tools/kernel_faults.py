@@ -157,7 +157,7 @@ def run(folder: Path, size: int | None, seed: int, *, only_known: bool = False) 
 def _judged(fault: Fault, folder: Path, known: dict[str, str]) -> str:
     """Whether the tests of its kernel find a fault; they have to pass without it, which is looked at once."""
     tree = folder / "tree"
-    _copy(tree)
+    copy(COPIED, tree)
     clean = f"{fault.half}, no fault: {_digest(fault.half)}"
     if clean not in known:
         if not _passes(fault, tree, folder):
@@ -206,17 +206,21 @@ def _ended(command: list[str], tree: Path, folder: Path) -> int:
                 running.wait()
 
 
-def _copy(tree: Path) -> None:
-    """Bring the copy of the sources and tests up to date."""
-    tree.mkdir(parents=True, exist_ok=True)
-    for name in COPIED:
+def copy(names: tuple[str, ...], target: Path, *, without: frozenset[str] = frozenset()) -> None:
+    """Bring a copy of the repository's files and folders of these names up to date.
+
+    without: paths in the repository that are left as they are.
+    """
+    for name in names:
         for file in sorted((ROOT / name).rglob("*")) if (ROOT / name).is_dir() else [ROOT / name]:
-            copy = tree / file.relative_to(ROOT)
-            if file.is_dir() or "__pycache__" in file.parts:
+            inside = file.relative_to(ROOT)
+            # numba's machine code belongs to one path
+            if file.is_dir() or "__pycache__" in file.parts or str(inside) in without:
                 continue
-            if not copy.exists() or copy.read_bytes() != file.read_bytes():
-                copy.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(file, copy)
+            there = target / inside
+            if not there.exists() or there.read_bytes() != file.read_bytes():
+                there.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(file, there)
 
 
 def _key(fault: Fault) -> str:

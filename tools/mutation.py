@@ -121,14 +121,7 @@ def main() -> int:
         if args.fresh and not args.survivors and folder.is_dir():
             shutil.rmtree(folder)
         if name == KERNELS:
-            found = kernel_faults.run(folder, args.sample, args.seed, only_known=args.survivors)
-            alive = [f"{f.name}\n-{f.old}\n+{f.new}" for f, killed in found if not killed]
-            entry = {"killed": len(found) - len(alive), "faults": len(found), "known": len(kernel_faults.FAULTS)}
-            if args.survivors:
-                print(*alive, sep="\n")
-            else:
-                write(name, entry | {"survivors": [text.splitlines() for text in alive]})
-                print(f"{name}: {entry['killed']} of {entry['faults']} killed", flush=True)
+            try_kernels(folder, args.sample, args.seed, args.survivors)
             continue
         part = part_named(name)
         assert part
@@ -151,21 +144,24 @@ def main() -> int:
     return 0
 
 
+def try_kernels(folder: Path, size: int | None, seed: int, survivors: bool) -> None:
+    """Try faults of kernels and write what came of them, or show those that are alive."""
+    found = kernel_faults.run(folder, size, seed, only_known=survivors)
+    alive = [f"{f.name}\n-{f.old}\n+{f.new}" for f, killed in found if not killed]
+    if survivors:
+        print(*alive, sep="\n")
+        return
+    entry = {"killed": len(found) - len(alive), "faults": len(found), "known": len(kernel_faults.FAULTS)}
+    write(KERNELS, entry | {"survivors": [text.splitlines() for text in alive]})
+    print(f"{KERNELS}: {entry['killed']} of {entry['faults']} killed", flush=True)
+
+
 def prepare(part: Part, folder: Path) -> None:
     """Bring a part's folder up to date with the repository, and let what tests might kill now be tried again."""
     folder.mkdir(parents=True, exist_ok=True)
     mutated = {str(Path("src") / "handfast" / source) for source in part.sources}
-    for target in (folder, folder / "mutants"):
-        for name in COPIED:
-            for file in sorted((ROOT / name).rglob("*")) if (ROOT / name).is_dir() else [ROOT / name]:
-                inside = str(file.relative_to(ROOT))
-                # mutmut makes the mutated files itself, and numba's machine code belongs to one path
-                if file.is_dir() or "__pycache__" in file.parts or (target != folder and inside in mutated):
-                    continue
-                copy = target / inside
-                if not copy.exists() or copy.read_bytes() != file.read_bytes():
-                    copy.parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copy2(file, copy)
+    kernel_faults.copy(COPIED, folder)
+    kernel_faults.copy(COPIED, folder / "mutants", without=frozenset(mutated))  # mutmut makes these itself
     shared = folder / "shared"
     if not shared.exists() and (ROOT.parent / "shared").is_dir():
         shared.symlink_to(ROOT.parent / "shared")

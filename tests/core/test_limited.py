@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -17,6 +16,7 @@ import pytest
 from handfast.core import limited as module
 from handfast.core.errors import InputError
 from handfast.core.limited import limited
+from tests.support.interruptions import python
 
 LOG = logging.getLogger("handfast")
 KINDS = [False, True]  # forked, a new interpreter
@@ -125,7 +125,7 @@ def test_no_process_is_left() -> None:
         "try: os.waitpid(-1, os.WNOHANG)\n"
         "except ChildProcessError: print('none')\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    done = python(code)
     assert done.stdout == "none\n"
 
 
@@ -152,7 +152,7 @@ def test_ctrl_c_ends_both() -> None:
         "try: limited(work)\n"
         "except KeyboardInterrupt: os.write(told, b'interrupted\\n')\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    done = python(code)
     process, said = done.stdout.split()
     assert (said, done.returncode) == ("interrupted", 0)
     with pytest.raises(ProcessLookupError):

@@ -15,7 +15,7 @@ from handfast.core.errors import InputError
 from handfast.model.graspit_xml import MILLI, numbers_in, parse, pose_of, text_of
 from handfast.model.inventor import read_surfaces
 from handfast.model.mesh_file import INVENTOR_FILES, MESH_FILES, read_mesh
-from handfast.model.mesh_pieces import joined, mesh_pieces
+from handfast.model.mesh_pieces import joined, pieces_of
 from handfast.model.shape import Faces, Shape
 
 LOG = logging.getLogger("handfast")
@@ -115,8 +115,9 @@ class GraspitBody:
         """Convex pieces, and the mesh as it is, [m] in the body's frame; `InputError` if the axes differ in scale."""
         if np.ptp(self.scale) > 0:
             raise InputError("differs along the axes; scale the mesh itself", field="geometryScaling")
-        pieces = mesh_pieces(self.geometry, float(self.scale[0]), self.offset)
-        vertices, faces = joined(self.groups())
+        meshes = read_mesh(self.geometry)
+        pieces = pieces_of(meshes, self.geometry.name, float(self.scale[0]), self.offset)
+        vertices, faces = joined([(v * self.scale, f) for v, f in meshes])
         return pieces, (vertices @ self.offset[:3, :3].T + self.offset[:3, 3], faces)
 
     def say_friction(self) -> None:

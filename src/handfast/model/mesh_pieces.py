@@ -1,4 +1,4 @@
-"""Convex pieces of a mesh file: its parts as they are where they are convex, decomposed where they are not."""
+"""Convex pieces of meshes: their parts as they are where they are convex, decomposed where they are not."""
 
 from __future__ import annotations
 
@@ -10,16 +10,9 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import rigid
 from handfast.model.decompose import decompose
-from handfast.model.mesh_file import read_mesh
 from handfast.model.shape import Faces, Shape, refuse_far, volume_and_centroid
 
 CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
-
-
-def mesh_pieces(path: Path, scale: float = 1.0, pose: object = None) -> list[Shape]:
-    """Convex pieces of a mesh file, scaled to metres and placed at `pose` (4, 4)."""
-    checked_scale(scale)
-    return pieces_of(read_mesh(path), path.name, scale, pose)
 
 
 def checked_scale(scale: float) -> None:
@@ -29,7 +22,7 @@ def checked_scale(scale: float) -> None:
 
 
 def pieces_of(meshes: list[tuple[Array, Faces]], name: str, scale: float = 1.0, pose: object = None) -> list[Shape]:
-    """Convex pieces of triangle meshes (n, 3), (k, 3) of one object, see `mesh_pieces`."""
+    """Convex pieces of triangle meshes (n, 3), (k, 3) of one object, scaled to metres and placed at `pose` (4, 4)."""
     pose = rigid(np.eye(4) if pose is None else pose)
     groups = [(v * scale, f) for v, f in meshes]
     for vertices, _ in groups:
