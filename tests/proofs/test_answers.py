@@ -16,6 +16,7 @@ from handfast.proofs import answers
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
 from handfast.proofs.replay import Replay
+from handfast.proofs.tolerance import TOO_SMALL
 from handfast.stability.queries import check, maximum, torques
 from tests.support.problems import bell, nest, pinch
 from tests.support.refused import refused
@@ -286,6 +287,9 @@ def forged(name: str) -> dict[str, Any]:
         out["slips"][0] = out["certificate"]
     elif name == "nothing asked":
         said["holds_from_zero_to"] = None
+    elif name == "nothing said":
+        for key in ("holds_from_zero_to", "holds_from_zero_upper", "holes", "unproved", "resolution"):
+            said.pop(key)
     return out
 
 
@@ -308,7 +312,8 @@ def forged(name: str) -> dict[str, Any]:
         ("no certificate", "it says"),
         ("a wider certificate", "is not resisted with"),
         ("a certificate of another range", "it says"),
-        ("nothing asked", "claims nothing of them"),
+        ("nothing asked", "has holes, but does not say up to where everything is resisted"),
+        ("nothing said", "claims nothing of them"),
     ],
 )
 def test_forged_ranges_are_refused(name: str, why: str) -> None:
@@ -354,6 +359,10 @@ def test_no_load_is_too_small_to_slip(size: float) -> None:
     for name in ("r", "c"):
         data["witness"][name] = [0.0] * len(data["witness"][name])
     assert re.match("witness: ", reason(data))
+    data = check(nest(), w(0, 0, 1)).to_file()
+    data["question"]["wrench"][2] = size
+    said = verify(data).reason
+    assert said == ("" if size > 1e-100 else f"certificate: {TOO_SMALL}")
 
 
 def test_the_sense_of_a_command_is_that_of_the_question() -> None:

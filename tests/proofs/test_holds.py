@@ -133,7 +133,7 @@ FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
     (lambda d: d["answer"].pop("hardest"), "answer: has other keys than"),
     (lambda d: d["answer"].update(exact=None), "answer: exact is not what"),
     (lambda d: d["answer"].update(residuals=[0.0, 0.0]), "answer: residuals is not what"),
-    (lambda d: d["checks"]["up"]["witness"]["r"].__setitem__(1, 9.0), "up: witness: "),
+    (lambda d: d["checks"]["up"]["witness"]["r"].__setitem__(1, -9.0), "up: witness: "),
     (lambda d: d.update(colour="red"), "colour: is not a known field"),
     (lambda d: d.update(schema="handfast/hold/2"), "schema: is 'handfast/hold/2'"),
     (lambda d: d["question"].update(loads={}), "question.loads: is empty"),

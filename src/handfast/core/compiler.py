@@ -166,7 +166,8 @@ def _check_sources(library: Library) -> None:
         if name in BEFORE or name.split(".")[0] != library.module.split(".")[0]:
             continue
         path = Path(str(module.__file__)).resolve()
-        if path not in named and ast.parse(path.read_bytes()).body[1:]:  # a docstring alone compiles to nothing
+        statements = ast.parse(path.read_bytes()).body  # of which a docstring compiles to nothing
+        if path not in named and any(not isinstance(x, ast.Expr) for x in statements):
             raise RuntimeError(f"{library.name}: {path} is compiled, too, but not among the library's sources")
 
 

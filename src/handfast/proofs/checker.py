@@ -17,6 +17,7 @@ from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Integers, Mask
 from handfast.proofs.leaves import CitedRows, Late, proved
 from handfast.proofs.rows import Columns, LeafRows, Row, zeros
+from handfast.proofs.tolerance import LEAST, TOO_SMALL
 from handfast.proofs.tree import BadCertificate, leaf_cases
 
 
@@ -53,7 +54,10 @@ def verify(certificate: Certificate, until: float = np.inf) -> Checked:
         with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which proves nothing
             cited = checked_rows(c, cases)
             equations = equations_of(q)
-            margins, caps = proved(equations, RightSide.of(q, c.scalar, len(equations.E)), cited, until)
+            right = RightSide.of(q, c.scalar, len(equations.E))
+            if 0 < right.scale < LEAST:
+                raise BadCertificate(TOO_SMALL)
+            margins, caps = proved(equations, right, cited, until)
     except BadCertificate as fault:
         return Checked(False, leaves, -np.inf, str(fault))
     except Late:

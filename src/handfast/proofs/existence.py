@@ -29,7 +29,7 @@ from handfast.proofs.states import (
     reaction_ends,
     sense,
 )
-from handfast.proofs.tolerance import EPS, WORK, about_centroid
+from handfast.proofs.tolerance import EPS, LEAST, TOO_SMALL, WORK, about_centroid
 
 NEAR = 1e-6  # relative to the forces that act: how far the forces that are proved may be from the printed ones
 TRIES = 16  # modes that are tried
@@ -61,6 +61,8 @@ class Proved:
 
 def prove(p: Problem, x: State) -> Proved:
     """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one."""
+    if not p.scale >= LEAST:
+        return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None or p.drive is not None
     done = _attempts(p, x, free=free)
     if free and not done.exact:

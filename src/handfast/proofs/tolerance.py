@@ -9,6 +9,8 @@ the balance of energy by at least as much, so that there is no question of which
 
 from __future__ import annotations
 
+from math import hypot
+
 import numpy as np
 
 from handfast.proofs.fields import Array
@@ -16,6 +18,8 @@ from handfast.proofs.grasp import GraspData
 
 EPS = 1e-9
 WORK = 1e-6
+LEAST = 1e-100  # [N] nothing is proved of smaller scales: roundings of their products are not in proportion
+TOO_SMALL = f"the load and the commands are below {LEAST:g} N, where rounding is not bounded"
 
 
 def about_centroid(g: GraspData, w: Array) -> Array:
@@ -31,7 +35,7 @@ def load_scale(g: GraspData, w: Array) -> float:
     As a norm of w it is at most the sum of the scales of the parts of w.
     """
     torque = about_centroid(g, w)
-    scale = max(float(np.linalg.norm(w[:3])), float(np.linalg.norm(torque)) / g.size)
+    scale = max(hypot(*w[:3].tolist()), hypot(*torque.tolist()) / g.size)
     if scale == 0 and g.l:
         drives = np.abs(g.R.T * g.command) / g.joint_units[:, None]
         scale = max(float(drives.max(initial=0.0)), float((np.abs(g.torque) / g.joint_units).max()))

@@ -136,7 +136,8 @@ def test_a_limit_that_nothing_comes_near_is_left_out() -> None:
     assert found.ok
     assert found.cap == answer.to_json()["motion_cap"]
     assert 1e3 * answer.upper < found.cap < 1e4 * answer.upper
-    assert found.unproved
+    assert answer.verify().ok
+    assert "not 10000 times the forces in play" in replace(answer, stop=Stop.COMPLETE).verify().reason
 
 
 # --- limits ---------------------------------------------------------------------------------------------
