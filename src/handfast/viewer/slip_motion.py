@@ -44,8 +44,8 @@ def slip_motion(grasp: Grasp, wrench: Array, most: MaxAnswer | None) -> SlipMoti
         wrench: (6,) the load that is not resisted.
         most: the largest load in its direction, if it is known.
     """
-    if most is not None and most.witness is not None and most.lower > 0:
-        found = _sized(grasp, most.witness.state.r)
+    if most is not None and most.found is not None and most.lower > 0:
+        found = _sized(grasp, most.found.state.r)  # that of least motion hardly goes where it slips
         if found is not None:
             return SlipMotion(found, "as it moves under the largest load that is resisted, enlarged")
     found = _sized(grasp, escape(grasp, wrench))
