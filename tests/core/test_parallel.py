@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -113,3 +114,29 @@ def test_nothing_is_waited_for_once_the_time_is_up(jobs: int, monkeypatch: pytes
         assert next(results) == 0
         now = 1.0
         assert list(results) == []
+
+
+def deadly(_: object, item: int) -> int:
+    if item == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return item
+
+
+@needs_fork
+def test_a_process_that_ends_is_an_error_and_not_waited_for() -> None:
+    with WorkerPool(None, 2) as pool:
+        results = pool.map(deadly, range(5))
+        assert [next(results), next(results)] == [0, 1]
+        with pytest.raises(RuntimeError, match="a worker is gone: its process was ended by SIGKILL"):
+            next(results)
+
+
+def bulky(_: object, item: int) -> bytes:
+    return bytes(100_000)  # more than a pipe holds
+
+
+@needs_fork
+def test_a_pool_ends_while_its_processes_send_results() -> None:
+    for _ in range(30):
+        with WorkerPool(None, 3) as pool:
+            assert len(next(pool.map(bulky, range(1000), ahead=40))) == 100_000

@@ -1,5 +1,7 @@
 """An ordered parallel map: items of work go to processes or threads, and their results come back in order.
 
+A process has a pipe of its own and shares no lock with others, so that it can be killed at any moment.
+
 Where processes can be forked they inherit what they share, so that nothing of it has to be sent, and a caller's script
 needs no guarded main module. Elsewhere, and with a single job, the caller does the work itself. Worker processes leave
 Ctrl-C to the process that they work for, and do not outlive it.
@@ -8,16 +10,23 @@ Ctrl-C to the process that they work for, and do not outlive it.
 from __future__ import annotations
 
 import os
+import queue
 import signal
 import sys
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.process import BaseProcess
 
 START = "fork" if sys.platform.startswith("linux") else "spawn"  # how multiprocessing begins a process here
 DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
@@ -52,23 +61,29 @@ class WorkerPool(Generic[Shared]):
         self.shared, self.threads = shared, threads
         self.jobs = jobs if threads or START == "fork" else 1
         self._pool: Any = None
+        self._processes: list[WorkerProcess[Any, Any]] = []
+        self._idle: queue.SimpleQueue[WorkerProcess[Any, Any]] = queue.SimpleQueue()
 
     def __enter__(self) -> WorkerPool[Shared]:
         if self.jobs <= 1:
             return self
         import multiprocessing.pool  # most commands need none of it
 
-        if self.threads:
-            self._pool = multiprocessing.pool.ThreadPool(self.jobs)
-        else:
-            context = multiprocessing.get_context(START)
-            self._pool = context.Pool(self.jobs, _begin, (os.getpid(), self.shared))  # inherited, not sent
+        if not self.threads:
+            self._processes = [WorkerProcess(partial(_call, self.shared)) for _ in range(self.jobs)]
+        for process in self._processes:
+            self._idle.put(process)
+        self._pool = multiprocessing.pool.ThreadPool(self.jobs)  # each process is waited for by a thread
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._pool is not None:
+            for process in self._processes:
+                process.kill()
             self._pool.terminate()
             self._pool.join()
+            for process in self._processes:
+                process.pipe.close()
 
     @property
     def alone(self) -> bool:
@@ -101,7 +116,7 @@ class WorkerPool(Generic[Shared]):
                     return
                 yield function(self.shared, item)
             return
-        call = partial(function, self.shared) if self.threads else partial(_call, function)
+        call = partial(function, self.shared) if self.threads else partial(self._sent, function)
         left, most = iter(items), AHEAD * self.jobs if ahead is None else ahead
         begun: deque[Any] = deque()
         while True:
@@ -113,6 +128,88 @@ class WorkerPool(Generic[Shared]):
             if time.monotonic() >= until:
                 return
             yield begun.popleft().get()
+
+    def _sent(self, function: Callable[[Shared, Item], Result], item: Item) -> Result:
+        """The result of an item that a process is given."""
+        process = self._idle.get()
+        try:
+            process.pipe.send((function, item))
+            result = process.result()
+        finally:
+            self._idle.put(process)
+        if isinstance(result, Died):
+            raise RuntimeError(f"a worker is gone: {result.reason}")
+        return result
+
+
+@dataclass(frozen=True)
+class Died:
+    """What a task left whose process ended before it did: why, one line."""
+
+    reason: str
+
+
+class WorkerProcess(Generic[Item, Result]):
+    """A process that does what is sent through `pipe`, one item after the other.
+
+    Args:
+        function: of an item, inherited.
+    """
+
+    pipe: Connection
+
+    def __init__(self, function: Callable[[Item], Result]) -> None:
+        self.function = function
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin it, or begin it again where it ended by itself."""
+        import multiprocessing
+
+        context = multiprocessing.get_context(START)
+        self.pipe, theirs = context.Pipe()
+        self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
+            target=_serve, args=(os.getpid(), theirs, self.function), daemon=True
+        )
+        self.process.start()
+        theirs.close()  # what is left of it is the process's own: the pipe ends with the process
+
+    def result(self) -> Result | Died:
+        """Of the item that was sent. Raises what the function raised."""
+        try:
+            good, result = self.pipe.recv()
+        except (EOFError, OSError):
+            self.process.join()
+            return Died(_ending(self.process.exitcode))
+        if not good:
+            raise result
+        return result
+
+    def kill(self) -> None:
+        """End it, whatever it does."""
+        self.process.kill()
+        self.process.join()
+
+
+def _serve(parent: int, pipe: Connection, function: Callable[[Any], Any]) -> None:
+    """What a process does: items in, results out, until its parent is gone."""
+    end_with(parent)
+    while True:
+        item = pipe.recv()
+        try:
+            answer = True, function(item)
+        except Exception as fault:
+            if not isinstance(fault, InputError):
+                fault.add_note(traceback.format_exc())
+            answer = False, fault
+        pipe.send(answer)
+
+
+def _ending(code: int | None) -> str:
+    """How a process ended, in words."""
+    if code is not None and code < 0:
+        return f"its process was ended by {signal.Signals(-code).name}"
+    return f"its process ended with status {code}"
 
 
 def end_with(parent: int) -> None:
@@ -129,14 +226,6 @@ def end_with(parent: int) -> None:
             os._exit(1)
 
 
-_shared: Any  # of the process that this is
-
-
-def _begin(parent: int, shared: Any) -> None:
-    global _shared
-    end_with(parent)
-    _shared = shared
-
-
-def _call(function: Callable[[Any, Any], Any], item: Any) -> Any:
-    return function(_shared, item)
+def _call(shared: Any, asked: tuple[Callable[[Any, Any], Any], Any]) -> Any:
+    function, item = asked
+    return function(shared, item)

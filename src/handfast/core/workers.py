@@ -10,16 +10,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from handfast.core import parallel
 from handfast.core.errors import InputError
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-    from multiprocessing.process import BaseProcess
+from handfast.core.parallel import Died, WorkerProcess
 
 WAIT = 0.1  # [s] between two looks, so that Ctrl-C is heard
 PATIENCE = 20.0  # [s] for a scheduler to answer
@@ -28,13 +24,6 @@ COMMAND = "handfast[cluster]"
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-
-
-@dataclass(frozen=True)
-class Died:
-    """What a task left whose process ended before it did: why, one line."""
-
-    reason: str
 
 
 class Workers(ABC):
@@ -76,7 +65,7 @@ class ProcessWorkers(Workers):
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs if parallel.START == "fork" else 1
-        self._crew: list[_Process[Any, Any]] = []
+        self._crew: list[_Hand[Any, Any]] = []
 
     @property
     def count(self) -> int:
@@ -89,7 +78,7 @@ class ProcessWorkers(Workers):
             return
         from multiprocessing.connection import wait
 
-        self._crew = [_Process(function) for _ in range(self.jobs)]
+        self._crew = [_Hand(function) for _ in range(self.jobs)]
         busy = {p.pipe: p for p in self._crew if p.take(left)}
         while busy:
             for pipe in wait(list(busy), WAIT):
@@ -104,31 +93,15 @@ class ProcessWorkers(Workers):
 
     def close(self) -> None:
         for process in self._crew:
-            process.end()
+            process.kill()
+            process.pipe.close()
         self._crew = []
 
 
-class _Process(Generic[Item, Result]):
-    """One process, begun again where it ended by itself; `item` is what it has in hand."""
+class _Hand(WorkerProcess[Item, Result]):
+    """A process and the `item` that it has in hand."""
 
     item: Item
-    pipe: Connection
-
-    def __init__(self, function: Callable[[Item], Result]) -> None:
-        self.function = function
-        self.begin()
-
-    def begin(self) -> None:
-        import multiprocessing
-        import os
-
-        context = multiprocessing.get_context(parallel.START)
-        self.pipe, theirs = context.Pipe()
-        self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
-            target=_serve, args=(os.getpid(), theirs, self.function), daemon=True
-        )
-        self.process.start()
-        theirs.close()  # what is left of it is the process's own: the pipe ends with the process
 
     def take(self, left: Iterator[Item]) -> bool:
         """Give it the next item; False if there is none."""
@@ -141,42 +114,6 @@ class _Process(Generic[Item, Result]):
                 self.pipe.send(item)
             return True
         return False
-
-    def result(self) -> Result | Died:
-        try:
-            good, result = self.pipe.recv()
-        except (EOFError, OSError):
-            self.process.join()
-            return Died(_ending(self.process.exitcode))
-        if not good:
-            raise result
-        return result
-
-    def end(self) -> None:
-        self.process.kill()
-        self.process.join()
-        self.pipe.close()
-
-
-def _serve(parent: int, pipe: Connection, function: Callable[[Any], Any]) -> None:
-    """What a process does: items in, results out, until its parent is gone."""
-    parallel.end_with(parent)
-    while True:
-        item = pipe.recv()
-        try:
-            answer = True, function(item)
-        except Exception as fault:
-            answer = False, fault
-        pipe.send(answer)
-
-
-def _ending(code: int | None) -> str:
-    """How a process ended, in words."""
-    import signal
-
-    if code is not None and code < 0:
-        return f"its process was ended by {signal.Signals(-code).name}"
-    return f"its process ended with status {code}"
 
 
 def _address_in(file: str) -> str:
