@@ -90,7 +90,14 @@ def runnable(page: Path) -> bool:
     return any(b.kind in ("python", "console", "json", "xml") and not b.skip for b in blocks(page))
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if runnable(p)], ids=lambda p: p.stem)
+SLOW = "command-line", "simulation", "robustness", "grasps", "answers", "index", "paper-grasps"
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=pytest.mark.slow if p.stem in SLOW else ()) for p in PAGES if runnable(p)],
+    ids=lambda p: p.stem,
+)
 def test_snippets(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {"__name__": "__main__"}

@@ -236,6 +236,7 @@ def each_mode(grasp: PlanarGrasp, along: np.ndarray, base: np.ndarray) -> list[t
     return joined
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("special", [False, True])
 def test_every_mode_one_by_one_says_the_same(special: bool) -> None:
     rng = np.random.default_rng(7)

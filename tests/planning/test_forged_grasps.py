@@ -181,6 +181,7 @@ def meaning(data: Data) -> Any:
     return task_to_dict(what.task), grasps_file.motors_to_dict(what.task.hand), data["question"]
 
 
+@pytest.mark.slow
 def test_accepted_mutants_claim_the_same(saved: Data) -> None:
     rng = np.random.default_rng(14)
     all_places = [p for p in places(saved) if p[0] != "checksum"]

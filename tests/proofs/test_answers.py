@@ -166,6 +166,7 @@ def capped() -> dict[str, Any]:
     return data
 
 
+@pytest.mark.slow
 def test_a_cap_on_motions_is_told() -> None:
     for cap in (None, 1e9, 1.0):
         data = capped()

@@ -230,6 +230,7 @@ def test_small_files_that_would_take_all_time_or_the_stack(name: str) -> None:
         read_pickle(b"\x80\x04" + BOMBS[name])
 
 
+@pytest.mark.slow
 def test_contents_that_are_shared_by_many_arrays_count_for_each() -> None:
     text = b"X" + (2**20).to_bytes(4, "little") + b"a" * 2**20
     assert len(read_pickle(_many_arrays(3, 2**20, "u1", text))[0]) == 3

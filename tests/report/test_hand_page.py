@@ -174,6 +174,7 @@ def test_nothing_is_fetched_and_no_name_breaks_out(tmp_path: Path) -> None:
         assert word not in text
 
 
+@pytest.mark.slow
 @needs_node
 def test_a_slider_moves_the_loop_that_its_joint_drives(tmp_path: Path) -> None:
     """A four-bar linkage in closed form; where the loop lets nobody pass, its joints stay."""

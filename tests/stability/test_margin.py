@@ -192,9 +192,10 @@ CASES = {
     "random 8": (solved(8).grasp, solved(8).wrench),
     "random 24": (solved(24).grasp, solved(24).wrench),
 }
+SLOW = "random 0", "random 24"
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [pytest.param(x, marks=pytest.mark.slow if x in SLOW else ()) for x in CASES])
 @pytest.mark.parametrize("change", ["rotation", "order", "length", "force"])
 def test_axes_units_and_order_change_nothing(case: str, change: str) -> None:
     grasp, wrench = CASES[case]

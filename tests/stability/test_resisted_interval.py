@@ -51,6 +51,14 @@ def test_not_asked_is_null() -> None:
     assert not {"holes", "unproved", "resolution", "holds_from_zero_upper"} & said.keys()
 
 
+def test_states_of_ranges_are_those_of_little_motion() -> None:
+    """What the search finds of fig1 turns by 1e8 N/m beside loads of 1 N: rounding would leave every range unproved."""
+    answer = maximum(load_grasp("fig1"), [0, 1, 0, 0, 0, 0], interval=True)
+    assert answer.interval is not None
+    assert answer.interval.holds_from_zero_to == answer.lower
+    assert max(np.abs(x.r).max() for arc in answer.interval.arcs for x in arc.controls) < 100
+
+
 def test_above_a_base_load() -> None:
     """A box of 10 N on a table, friction 0.4: pushed sideways it stays up to 4 N."""
     answer = maximum(table(), [1, 0, 0, 0, 0, 0], base=[0, 0, -10, 0, 0, 0], interval=True)

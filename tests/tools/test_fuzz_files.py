@@ -80,6 +80,7 @@ def test_what_is_no_input_error_is_a_fault(fuzz: ModuleType, monkeypatch: pytest
     assert fuzz.outcome("loads", tmp_path)[0] == "FAULT"
 
 
+@pytest.mark.slow
 def test_a_claim_that_is_not_so_is_seen(fuzz: ModuleType, tmp_path: Path) -> None:
     answer = maximum(load_grasp("fig1"), [0, 1, 0, 0, 0, 0])
     original, forged = tmp_path / "true.json", tmp_path / "forged.json"

@@ -36,7 +36,7 @@ from handfast.stability.settings import Settings
 STRONG = 10.0  # times the largest load: a moderate command
 NO_LIMITS: Mapping[str, Any] = {"eta": 0.0, "torque_limits": {}, "force_limit": None}
 NEGLIGIBLE = 1e-6  # share of the largest command below which one is rounding
-FACTORS = (1.0, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
+FACTORS = (1.00001, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
 
 
 @dataclass(frozen=True, eq=False)

@@ -116,6 +116,7 @@ def test_full_resolution_agrees_with_refinement() -> None:
     assert full.upper == pytest.approx(fine.upper, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_bounds_are_monotone_under_refinement() -> None:
     """A child's bound is never better than its parent's; coarse sectors resist more, never less."""
     answer = maximum(bell(), w(0.2, 1, 0), settings=settings(sectors=64, as_printed=True))

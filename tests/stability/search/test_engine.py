@@ -71,7 +71,8 @@ def resists(m: int, eta: float, stick: bool, seed: int, *, nodes: float) -> None
     np.testing.assert_allclose(answer.witness.wrench, s.wrench, rtol=1e-12, atol=1e-12)
 
 
-@hypothesis_settings(max_examples=120, deadline=None, derandomize=True)
+@pytest.mark.slow
+@hypothesis_settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.integers(2, 4), st.sampled_from([0.0, 0.05]))
 def test_bounds_of_random_grasps_are_proved(seed: int, m: int, eta: float) -> None:
     """The disturbance is resisted, so the maximum along it is at least 1, and commands exist; bounds are proved."""
@@ -122,6 +123,7 @@ def by_hand_across_the_plane() -> float:
     return float(2 * np.sqrt(tip**2 - (d_unit * share * tip) ** 2))
 
 
+@pytest.mark.slow
 def test_a_limit_that_nothing_comes_near_is_left_out() -> None:
     """Endless motions across the plane would let 2 * 0.1 / 0.093 N be held, but none that ends comes near it.
 

@@ -58,6 +58,7 @@ def answers() -> list[tuple[float, float, int]]:
     return [(a.lower, a.upper, a.nodes) for a in out]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", [0.0, np.nan, -1.0, 1e300])
 def test_the_kernel_reads_nothing_that_nobody_wrote(monkeypatch: pytest.MonkeyPatch, rest: float) -> None:
     usual, made = answers(), Block.__init__

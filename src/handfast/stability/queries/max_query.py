@@ -179,7 +179,8 @@ def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
         return answer
     from handfast.stability.search.interval_search import resisted
 
-    shown = resisted(*answer.posed, answer.lower, answer.upper, answer.found.state, settings)
+    assert answer.witness is not None
+    shown = resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
     return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
 
 

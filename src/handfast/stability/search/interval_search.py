@@ -20,6 +20,7 @@ from handfast.proofs.arcs import Arc
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.ranges import Known, known
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, Goal, Range
+from handfast.stability.least_motion import least_motion
 from handfast.stability.model import State
 from handfast.stability.posed import Posed, stated
 from handfast.stability.resisted_interval import ResistedInterval
@@ -29,6 +30,7 @@ from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import SearchWorker
 from handfast.stability.settings import Settings
+from handfast.stability.witness import Witness
 
 DEGREE = 6  # of arcs, where a straight line does not do
 FINEST = 1e-8  # of the resolution: narrower ranges are not halved
@@ -101,7 +103,11 @@ class _Magnitudes:
         if not self.p.w0.any() and not self.p.f_c.any():
             return np.zeros(len(self.r.cost))
         found = self._search(self.p, ANY_STATE, self._quick())
-        return None if found.witness is None else self._exact(0.0, found.witness.state)
+        return None if found.witness is None else self._exact(0.0, self._least(found.witness))
+
+    def _least(self, found: Witness) -> State:
+        """The state that moves least: large motions beside small forces leave too much rounding in an arc."""
+        return least_motion(found, self.p.torque_limits, self.p.force_limit).state
 
     # --- what is resisted
 
@@ -253,7 +259,7 @@ class _Magnitudes:
         if found.witness is None:
             return None
         s, high = self.goal.bounds(self.p, found.value, found.bound)
-        state = found.witness.state
+        state = self._least(found.witness)
         if self.goal.homogeneous:
             state = state.scaled(s / self.p.direction_scale)
         s = min(s, m)
@@ -267,7 +273,7 @@ class _Magnitudes:
         if found.witness is None:
             return None
         s, low = found.value * p.direction_scale, found.bound * p.direction_scale
-        return (max(low, m), s, self._exact(s, found.witness.state)) if s < b else None
+        return (max(low, m), s, self._exact(s, self._least(found.witness))) if s < b else None
 
     def _slip(self, a: float, b: float) -> None:
         """Certify that every magnitude from a to b slips."""
