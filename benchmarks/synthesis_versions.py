@@ -36,14 +36,12 @@ MANY = 20  # configurations
 NODES = 20_000
 AWAY = (0.05, 0.3)  # [m]
 CUT = (0.3, 0.9)  # [rad]
-NAMES = ("handfast", "holdfast")  # the package of today, and of versions before
 
 
 def questions(folder: Path) -> None:
     """Write the bundled tasks, and those that are impossible, where both versions can read them."""
     for file in sorted((HERE / "src" / "handfast" / "data" / "tasks").glob("*.json")):
         task = json.loads(file.read_text())
-        task["schema"] = "holdfast/task/1"
         (folder / file.name).write_text(json.dumps(task))
         limits = task["limits"]
         for angle in CUT:
@@ -60,13 +58,10 @@ class Answers:
     """What one version says, as JSON-able records; in a process of its own."""
 
     def __init__(self, folder: Path, seeds: int) -> None:
-        source = Path(os.environ["PYTHONPATH"])  # both names may be installed: only the checkout's counts
-        package = next(name for name in NAMES if (source / name).is_dir())
-        self.api = importlib.import_module(package)
+        source = Path(os.environ["PYTHONPATH"])  # another version may be installed: only the checkout's counts
+        self.api = importlib.import_module("handfast")
         assert Path(self.api.__file__).is_relative_to(source)
-        self.prover = importlib.import_module(
-            "handfast.synthesis.search.prover" if package == "handfast" else "holdfast.synthesis.prover"
-        )
+        self.prover = importlib.import_module("handfast.synthesis.search.prover")
         self.problem = getattr(self.prover, "TaskProblem", None) or self.prover.Problem
         self.tasks = {f.stem: self._load(f) for f in sorted(folder.glob("*.json"))}
         self.bundled = {name: t for name, t in self.tasks.items() if not name.startswith(("cut-", "away-"))}

@@ -49,7 +49,7 @@ def _measured(path: Path) -> Replay | None:
 
             return measured_plan(path)
         data = stated(path)
-        if data.get("schema") == "handfast/grasps/2":
+        if data.get("schema") == "handfast/grasps/1":
             from handfast.planning.results import grasps_file, verify_grasps
 
             return verify_grasps.measured(grasps_file.from_dict(data))

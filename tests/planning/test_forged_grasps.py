@@ -1,4 +1,4 @@
-"""Forged `handfast/grasps/2` files: what they say is computed again from what it rests on, and refused."""
+"""Forged `handfast/grasps/1` files: what they say is computed again from what it rests on, and refused."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ def test_a_question_is_not_changed_alone(saved: Data) -> None:
 
 
 def test_an_old_file_is_none(saved: Data) -> None:
-    with pytest.raises(InputError, match="schema: input should be 'handfast/grasps/2'"):
-        grasps_file.from_dict(saved | {"schema": "handfast/grasps/1"})
+    with pytest.raises(InputError, match="schema: input should be 'handfast/grasps/1'"):
+        grasps_file.from_dict(saved | {"schema": "handfast/grasps/0"})
 
 
 def test_differences_are_told_one_by_one() -> None:

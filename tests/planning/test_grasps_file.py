@@ -1,4 +1,4 @@
-"""The `handfast/grasps/2` file and the answer that it holds: what they say is computed again."""
+"""The `handfast/grasps/1` file and the answer that it holds: what they say is computed again."""
 
 from __future__ import annotations
 

@@ -123,10 +123,10 @@ def test_the_course_of_the_search_is_recorded_and_not_proved() -> None:
 
 
 def test_the_first_schema_is_refused() -> None:
-    data = saved("torques") | {"schema": "handfast/result/1"}
-    with refused("is 'handfast/result/1'; 'handfast/result/2' is needed", "schema"):
+    data = saved("torques") | {"schema": "handfast/result/0"}
+    with refused("is 'handfast/result/0'; 'handfast/result/1' is needed", "schema"):
         answers.read_answer(data)
-    assert re.match(r"schema: is 'handfast/result/1'; 'handfast/result/2' or ", reason(data))
+    assert re.match(r"schema: is 'handfast/result/0'; 'handfast/result/1' or ", reason(data))
 
 
 @pytest.mark.parametrize("shown", ["least", "above", "by nothing"])

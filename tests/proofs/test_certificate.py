@@ -66,10 +66,10 @@ def test_round_trip():
 
 def test_files_hold_question_and_proof():
     data = json.loads(json.dumps(file_to_dict(proof_certificates.proof(), QUESTION)))
-    assert data["schema"] == SCHEMA == "handfast/certificate/3"
+    assert data["schema"] == SCHEMA == "handfast/certificate/1"
     assert verify(read_certificate_file(data, "")).ok
-    with pytest.raises(BadFile, match=r"schema: is 'handfast/certificate/2'; 'handfast/certificate/3' is needed"):
-        read_certificate_file(data | {"schema": "handfast/certificate/2"}, "")
+    with pytest.raises(BadFile, match=r"schema: is 'handfast/certificate/0'; 'handfast/certificate/1' is needed"):
+        read_certificate_file(data | {"schema": "handfast/certificate/0"}, "")
     with pytest.raises(BadFile, match=r"question\.wrench: is missing"):
         read_certificate_file(data | {"question": {"grasp": QUESTION["grasp"], "goal": "check"}}, "")
 

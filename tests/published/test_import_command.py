@@ -293,7 +293,7 @@ def test_the_grasps_of_a_task(here: Path, monkeypatch: pytest.MonkeyPatch) -> No
     task = SimpleNamespace(hand=hand, object="scalpel")
     grasp = SimpleNamespace(solution=SimpleNamespace(task=task, pose=pose), q=hand.configuration())
     monkeypatch.setattr(grasps_file, "from_dict", lambda data: SimpleNamespace(grasps=[grasp]))
-    Path("grasps.json").write_text(json.dumps({"schema": "handfast/grasps/2"}))
+    Path("grasps.json").write_text(json.dumps({"schema": "handfast/grasps/1"}))
     (found,) = exported_from(Path("grasps.json"))
     assert found.object == "scalpel"
     assert found.configuration.hand == "schunk-sah"

@@ -21,7 +21,7 @@ class Verify(Command):
     """
 
     result: Annotated[Positional[str], arg(metavar="RESULT")]
-    """a file that --save wrote, a handfast/certificate/3 file, or the folder of a plan"""
+    """a file that --save wrote, a handfast/certificate/1 file, or the folder of a plan"""
     json: bool = False
     """print one JSON object instead of a table"""
 

@@ -18,7 +18,6 @@ SAME = 1e-9  # relative, or absolute below 1: two numbers that say the same
 DEPTH = 50  # of lists and objects in each other; our own files need ten
 LARGEST = 1e50  # nothing that is measured comes near, and no product of a few numbers overflows
 DIGITS = 50  # of a whole number
-NAME, FORMER = "handfast/", "holdfast/"  # what schemas begin with, and what they began with under the first name
 
 
 class Strict(BaseModel):
@@ -76,7 +75,7 @@ def write_bytes(path: str | Path, data: bytes, *, force: bool) -> None:
 
 
 def parse_json(text: str) -> Any:
-    """Parsed JSON, which any code may walk through and write again; files of the first name are read as today's.
+    """Parsed JSON, which any code may walk through and write again.
 
     Raises:
         InputError: no JSON; NaN, infinity or a number beyond `LARGEST`; a name twice in one object; half a
@@ -136,9 +135,6 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(out) < len(pairs):
         name, times = Counter(name for name, _ in pairs).most_common(1)[0]
         raise InputError(f"has '{name}' {times} times in one object; once is enough")
-    schema = out.get("schema")
-    if isinstance(schema, str) and schema.startswith(FORMER):
-        out["schema"] = NAME + schema.removeprefix(FORMER)
     return out
 
 

@@ -1,6 +1,6 @@
 """What an answer about one disturbance claims, and its replay: check (20), maximum (23), least commands (26).
 
-A `handfast/result/2` file holds the question, the answer, the state behind HOLDS (the *witness*) and the proof behind
+A `handfast/result/1` file holds the question, the answer, the state behind HOLDS (the *witness*) and the proof behind
 SLIPS or a bound (the *certificate*); of a maximum also arcs of states and certificates of smaller magnitudes. Every key
 of the answer is worked out again from these, but for `COURSE`, and none is there that its query does not have.
 
@@ -28,7 +28,7 @@ from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Contact, Problem, State, read_state
 from handfast.proofs.tolerance import EPS, load_scale
 
-SCHEMA = "handfast/result/2"
+SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
 STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "numerical"
 COURSE = "stop", "seconds", "nodes", "verified"  # the course of the search: recorded, and nothing rests on it
@@ -79,7 +79,7 @@ class SavedAnswer:
 
 
 def read_answer(data: Any, place: str = "") -> SavedAnswer:
-    """A parsed `handfast/result/2` object. Raises `BadFile`."""
+    """A parsed `handfast/result/1` object. Raises `BadFile`."""
     f = Fields(data, place)
     f.text("schema", among=[SCHEMA])
     question = read_question(f.take("question"), f.at("question"))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from handfast.proofs.fields import Array, BadFile, Fields, Integers, numbers
 from handfast.proofs.question import LARGEST, Question, Range, read_question
 
-SCHEMA = "handfast/certificate/3"
+SCHEMA = "handfast/certificate/1"
 NODES = ("parent", "part", "state", "left", "right")
 ROWS = ("kind", "index", "a", "b")
 MOST = 1 << 28  # bytes of a proof
@@ -156,12 +156,12 @@ def proof_to_dict(c: Certificate) -> dict[str, Any]:
 
 
 def file_to_dict(c: Certificate, question: Mapping[str, Any]) -> dict[str, Any]:
-    """The certificate as a `handfast/certificate/3` object, its question as `question.read_question` reads it."""
+    """The certificate as a `handfast/certificate/1` object, its question as `question.read_question` reads it."""
     return {"schema": SCHEMA, "question": dict(question), **proof_to_dict(c)}
 
 
 def read_certificate_file(data: Any, place: str = "") -> Certificate:
-    """A parsed `handfast/certificate/3` object. Raises `BadFile`: the field, and what is wrong."""
+    """A parsed `handfast/certificate/1` object. Raises `BadFile`: the field, and what is wrong."""
     f = Fields(data, place)
     f.text("schema", among=[SCHEMA])
     question = read_question(f.take("question"), f.at("question"))

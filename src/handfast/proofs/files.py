@@ -16,7 +16,6 @@ from handfast.proofs.replay import Replay
 LONGEST = 50  # digits of a whole number
 DEPTH = 50  # of lists and objects in each other
 TOO_DEEP = f"is nested too deeply; at most {DEPTH} lists and objects may be in each other"
-NAME, FORMER = "handfast/", "holdfast/"  # what schemas begin with, and what they began with under the first name
 PLAN = "plan.json"
 ASK = {  # answers that keep no proof, and what asks for one
     "check": "handfast check GRASP --save",
@@ -96,7 +95,7 @@ OF_PLAN = "that contacts and joints are those of the hand on the object, clearan
 
 
 def read_json(path: Path, place: str = "") -> Any:
-    """The parsed JSON of a file; schemas of the first name, Holdfast, are read as today's.
+    """The parsed JSON of a file.
 
     Raises:
         BadFile: what is wrong, at this place: no number that is finite and at most `LARGEST`, a name twice in an
@@ -159,7 +158,4 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(out) < len(pairs):
         name, times = Counter(name for name, _ in pairs).most_common(1)[0]
         raise BadFile(f"has {name!r} {times} times in one object; once is enough")
-    schema = out.get("schema")
-    if isinstance(schema, str) and schema.startswith(FORMER):
-        out["schema"] = NAME + schema.removeprefix(FORMER)
     return out

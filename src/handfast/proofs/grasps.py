@@ -1,4 +1,4 @@
-"""Grasps for a task: what a `handfast/grasps/2` file claims of each, put together from proofs of both halves.
+"""Grasps for a task: what a `handfast/grasps/1` file claims of each, put together from proofs of both halves.
 
 Of each grasp: an exact configuration exists in which hand and object touch as the task asks, and every load alone is
 held under its one preload. That contacts, joints and mechanism of the grasp are those of the hand at that configuration
@@ -23,7 +23,7 @@ from handfast.proofs.replay import Refused, Replay
 from handfast.proofs.states import read_state
 from handfast.proofs.tasks import read_task
 
-SCHEMA = "handfast/grasps/2"
+SCHEMA = "handfast/grasps/1"
 NOT_REPLAYED = "clearances, scores, lower bounds of commands and the course of the search"
 
 

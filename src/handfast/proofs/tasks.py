@@ -1,4 +1,4 @@
-"""A synthesis task as plain arrays, read from what a `handfast/synthesis/1` or `handfast/grasps/2` file embeds.
+"""A synthesis task as plain arrays, read from what a `handfast/synthesis/1` or `handfast/grasps/1` file embeds.
 
 The file holds every number that the equations need: where links and joints stand, couplings, limits, the regions to
 touch, bounds of the object's pose. That these are the numbers of a hand that the file names is not proved here.

@@ -183,7 +183,7 @@ class Answer(ABC):
         return header(self, self.query) | self.proof_json() | self.said()
 
     def to_file(self) -> dict[str, Any]:
-        """The `handfast/result/2` object: question, answer, witness, certificate. `InputError` without a question."""
+        """The `handfast/result/1` object: question, answer, witness, certificate. `InputError` without a question."""
         if self.posed is None:
             raise InputError("does not know its question; save what a query returned", field="answer")
         return {
@@ -195,7 +195,7 @@ class Answer(ABC):
         }
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write a `handfast/result/2` file. For `handfast.verify`.
+        """Write a `handfast/result/1` file. For `handfast.verify`.
 
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.

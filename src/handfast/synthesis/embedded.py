@@ -15,7 +15,7 @@ from pydantic import Field
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import FORMER, NAME, Finite, Strict, Vector, validate
+from handfast.core.files import Finite, Strict, Vector, validate
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region_file import RegionEntry, region_to_dict
@@ -192,9 +192,8 @@ def refuse_broken(data: dict[str, Any]) -> None:
 
 
 def digest(data: Any) -> str:
-    """SHA-256 of a JSON object, whatever its layout; files of the first name keep theirs."""
+    """SHA-256 of a JSON object, whatever its layout."""
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    text = text.replace(f'"schema":"{NAME}', f'"schema":"{FORMER}')
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 

@@ -181,7 +181,7 @@ class Grasps:
 
     @property
     def saved(self) -> SavedGrasps:
-        """As a `handfast/grasps/2` file holds it."""
+        """As a `handfast/grasps/1` file holds it."""
         mass, center = self.body.mass, np.asarray(self.body.center_of_mass, dtype=float).tolist()
         thing = ObjectEntry(name=self.body.name, mass=None if mass is None else float(mass), center_of_mass=center)
         record = {k: v for k, v in self.noted.items() if k not in ("schema", "query", "verdict")}
@@ -194,7 +194,7 @@ class Grasps:
         return verify(self.saved)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write a `handfast/grasps/2` file, for `handfast verify`.
+        """Write a `handfast/grasps/1` file, for `handfast verify`.
 
         Raises:
             InputError: the file exists and `force` is not set, or cannot be written.

@@ -1,4 +1,4 @@
-"""The `handfast/grasps/2` file: the grasps of a task with all their proofs, for `handfast verify`.
+"""The `handfast/grasps/1` file: the grasps of a task with all their proofs, for `handfast verify`.
 
 Primary are the task with its hand, the hand's motors, the question, and of each grasp the configuration with its
 proof of existence, all joints, the preload and a witness for each load. `grasp` and `answer` follow from these: a
@@ -33,7 +33,7 @@ from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task
 
-SCHEMA = "handfast/grasps/2"
+SCHEMA = "handfast/grasps/1"
 
 
 class WeightEntry(Strict):
@@ -103,7 +103,7 @@ class GraspsAnswerEntry(Strict):
 class GraspsFile(Strict):
     """The file as it stands on disk."""
 
-    format: Literal["handfast/grasps/2"] = Field(alias="schema")
+    format: Literal["handfast/grasps/1"] = Field(alias="schema")
     checksum: str
     task: dict[str, Any]
     motors: MotorsEntry
@@ -189,7 +189,7 @@ class SavedGrasps:
 
 
 def to_dict(saved: SavedGrasps) -> dict[str, Any]:
-    """A `handfast/grasps/2` object; numbers come back exactly."""
+    """A `handfast/grasps/1` object; numbers come back exactly."""
     data = {
         "schema": SCHEMA,
         "answer": saved.answer.model_dump(by_alias=True, mode="json"),
@@ -218,7 +218,7 @@ def _primary(task: Task, thing: ObjectEntry, loads: Loads, r: Requirements) -> d
 
 
 def asked_digest(data: dict[str, Any]) -> str:
-    """SHA-256 of what is asked in a `handfast/grasps/2` object: task, motors, question."""
+    """SHA-256 of what is asked in a `handfast/grasps/1` object: task, motors, question."""
     return digest({key: data[key] for key in ("task", "motors", "question")})
 
 

@@ -1,7 +1,7 @@
 """The `handfast/search/1` file: how far a search for the grasps of a task has come, so that it can go on.
 
 It holds what was found, with the proofs that the configurations exist and the preloads; `handfast verify` wants the
-`handfast/grasps/2` file that is written beside it.
+`handfast/grasps/1` file that is written beside it.
 """
 
 from __future__ import annotations
