@@ -96,6 +96,26 @@ def test_map_limit_is_the_callers_or_one(mapped: MapAnswer) -> None:
     assert draw_map(nothing).axes[0].get_xlim() == (-1, 1)
 
 
+def test_what_colour_at_the_edge_says(mapped: MapAnswer) -> None:
+    """Half a newton in every direction but one that is cut at 2 N, that diagonal included, or one without a bound."""
+    alone = replace(mapped, preloaded=None)
+    short, cut, both = [0.5] * 8, [0.5, 3, *[0.5] * 6], [0.5, 3, *[0.5] * 5, 1e4]
+    within = [0.5, 2.8, *[0.5] * 6]  # 2.8 N along the diagonal end in the corner
+    for lower, said in (
+        (short, ""),
+        (within, ""),
+        (cut, "Colour to the edge: more than fits is resisted"),
+        (both, "Colour to the edge: more than fits is resisted, in some directions any force"),
+        ([*short[:7], 1e4], "Colour to the edge: any force is resisted"),
+    ):
+        text = " ".join(
+            texts(draw_map(replace(alone, passive=curve(lower, unbounded=[7] * (1e4 in lower))), limit=2.0)).split()
+        )
+        assert ("Colour to the edge" in text) is bool(said)
+        assert said in text
+        assert ("any force" in text) is (1e4 in lower)
+
+
 def test_a_few_long_directions_do_not_shrink_the_map(mapped: MapAnswer) -> None:
     spiky = replace(mapped, preloaded=curve([2, 2, 2, 2, 2, 2, 2, 500]), passive=curve([0.0] * 8))
     assert draw_map(spiky).axes[0].get_xlim()[1] == 8

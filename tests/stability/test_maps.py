@@ -41,6 +41,9 @@ def test_map_of_the_pinch_by_hand() -> None:
     assert along.preloaded.unbounded.tolist() == [True, False, True, False]
     assert along.verdict is Verdict.HOLDS
     assert along.stop is Stop.COMPLETE
+    assert answer.verdict is Verdict.HOLDS  # with the preload
+    assert replace(answer, preloaded=None).verdict is Verdict.SLIPS
+    assert replace(along, preloaded=None).verdict is Verdict.SLIPS  # across the fingers
 
 
 def test_one_process_and_two_agree() -> None:
@@ -124,7 +127,7 @@ def test_a_load_beyond_the_edge_tips_the_box_by_hand() -> None:
     assert inside.passive.unbounded.tolist() == [False, False, False, True]  # down, along -z
     outside = force_map(table(), "xz", at=(0.06, 0.01, 0.2), steps=4, settings=QUICK, jobs=1)
     assert (outside.passive.upper == 0).all()
-    assert outside.verdict is Verdict.SLIPS
+    assert outside.verdict is inside.verdict is Verdict.SLIPS
 
 
 @given_settings(max_examples=5, deadline=None, derandomize=True)

@@ -93,7 +93,8 @@ def draw_map(
     figure = ax.get_figure(root=True)
     assert figure is not None
     if own:
-        bottom = _map_key(figure, answer, weight, hatched=open_ones > 0, holed=holed > 0)
+        beyond = _beyond(answer, d, radius)
+        bottom = _map_key(figure, answer, weight, hatched=open_ones > 0, holed=holed > 0, beyond=beyond)
         _inset(figure, answer, (i, j), min(0.34, bottom - 0.135))
     return figure
 
@@ -160,9 +161,20 @@ def _circle(ax: Any, d: Array, curve: Curve, weight: float) -> None:
         ax.add_patch(arc)
 
 
-def _map_key(figure: Figure, answer: MapAnswer, weight: float | None, *, hatched: bool, holed: bool) -> float:
+def _beyond(answer: MapAnswer, d: Array, radius: float) -> str:
+    """What colour at the edge of the picture stands for; "" if there is none."""
+    edge = radius / np.abs(d).max(axis=1)  # [N] along each direction
+    unbounded = any(c.unbounded.any() for c in answer.curves)
+    cut = any((~c.unbounded & (np.nan_to_num(c.lower) > edge)).any() for c in answer.curves)
+    if cut:
+        return "Colour to the edge: more than fits is resisted" + ", in some directions any force" * unbounded
+    return "Colour to the edge: any force is resisted" if unbounded else ""
+
+
+def _map_key(
+    figure: Figure, answer: MapAnswer, weight: float | None, *, hatched: bool, holed: bool, beyond: str
+) -> float:
     """What the colours mean and the facts of the map; returns where they end in the figure."""
-    states = [words.curve_states(c) for c in answer.curves]
     entries: list[Any] = [Patch(fc=FILL[BLUE], label="resisted with no preload")]
     if answer.preloaded is not None:
         entries.append(Patch(fc=MAROON, label="added by the preload"))
@@ -185,8 +197,8 @@ def _map_key(figure: Figure, answer: MapAnswer, weight: float | None, *, hatched
     facts = [f"Preload {words.preload_text(answer.grasp)}", words.grasp_text(answer.grasp)]
     eta = num(float(np.degrees(answer.eta)))
     facts.append(f"Normals off by up to {eta}°" if answer.eta else "Normals taken as exact")
-    if any("unbounded" in s for s in states):
-        facts.append("Colour to the edge: any force is resisted")
+    if beyond:
+        facts.append(beyond)
     if answer.at.any():
         facts.append(f"Forces act {words.place_text(answer.at)}")
     if weight:

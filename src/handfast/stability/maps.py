@@ -86,9 +86,17 @@ class _Curves:
 
     @property
     def verdict(self) -> Verdict:
-        """HOLDS if any case is resisted, SLIPS if none is, UNDECIDED if that is not known."""
-        verdicts = [v for c in self.curves for v in c.verdicts]
-        return next((v for v in (Verdict.HOLDS, Verdict.UNDECIDED) if v in verdicts), Verdict.SLIPS)
+        """HOLDS if something is resisted in every case, SLIPS if nothing is in some, UNDECIDED if that is not known.
+
+        Of a map, with the grasp's preload if it has one.
+        """
+        verdicts = [v for c in self.judged for v in c.verdicts]
+        return next((v for v in (Verdict.SLIPS, Verdict.UNDECIDED) if v in verdicts), Verdict.HOLDS)
+
+    @property
+    def judged(self) -> tuple[Curve, ...]:
+        """The curves of the grasp as it is."""
+        return self.curves
 
     @property
     def stop(self) -> Stop:
@@ -123,6 +131,10 @@ class MapAnswer(_Curves):
     @property
     def curves(self) -> tuple[Curve, ...]:  # type: ignore[override]
         return (self.passive, *([self.preloaded] if self.preloaded else []))
+
+    @property
+    def judged(self) -> tuple[Curve, ...]:
+        return self.curves[-1:]
 
     def to_json(self) -> dict[str, Any]:
         return header(self, "map") | {
