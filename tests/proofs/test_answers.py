@@ -366,6 +366,33 @@ def test_no_load_is_too_small_to_slip(size: float) -> None:
     assert said == ("" if size > 1e-100 else f"certificate: {TOO_SMALL}")
 
 
+@pytest.mark.parametrize("key", ["holes", "unproved"])
+@pytest.mark.parametrize("value", [0, [1.0], [[1.0]], [[1.0, "2"]], "none", {"a": 1}])
+def test_ranges_are_pairs_of_numbers(key: str, value: Any) -> None:
+    data = saved("max with a hole")
+    data["answer"][key] = value
+    assert f"{key} is no list of pairs of numbers" in reason(data)
+
+
+def test_certificates_of_smaller_magnitudes_are_a_list() -> None:
+    data = saved("max with a hole") | {"slips": 3}
+    assert reason(data) == "slips: is no list"
+
+
+def test_numbers_that_no_box_can_be_made_of() -> None:
+    data = saved("check holds")
+    data["question"]["grasp"]["contacts"][0]["position"] = [5e-324, 5e-324, 5e-324]
+    reason(data)
+
+
+def test_a_bound_beyond_the_end_of_the_search_is_none() -> None:
+    """What is claimed has to be shown up to twice the bound at least; else a range that is empty would do."""
+    data = saved("max")
+    far = 1e7 * data["answer"]["upper"]
+    data["answer"] |= {"upper": far, "gap": far / data["answer"]["lower"] - 1}
+    assert re.match(r"certificate: it covers .*; the answer needs ", reason(data))
+
+
 def test_the_sense_of_a_command_is_that_of_the_question() -> None:
     """Pulled by commands of the other sense: what holds is no answer."""
     data = torques(pinch(), w(0, 1, 0)).to_file()

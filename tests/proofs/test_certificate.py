@@ -113,7 +113,8 @@ BAD = {
     "something after it": (lambda: packed(lambda raw: zlib.compress(raw) + b"0"), "c.proof: is not of the 256 bytes"),
     "a bomb": (lambda: compressed(lambda raw: bytes(10**7)), "c.proof: is not of the 256 bytes"),
     "another count": (lambda: proof_to_dict(proof()) | {"rows": 7}, "c.proof: is not of the 280 bytes"),
-    "a huge count": (lambda: proof_to_dict(proof()) | {"rows": 10**12}, "at most 268435456 are possible"),
+    "a huge count": (lambda: proof_to_dict(proof()) | {"rows": 10**12}, "c.rows: has 5 nodes and 1000000000000 rows"),
+    "a huge table": (lambda: proof_to_dict(proof()) | {"references": 10**12}, "at most 268435456 are possible"),
     "a negative count": (lambda: proof_to_dict(proof()) | {"nodes": -1}, "c.nodes: is -1; a whole number of 0 or more"),
     "half a count": (lambda: proof_to_dict(proof()) | {"leaves": 2.5}, "c.leaves: is 2.5; a whole number"),
     "no text": (lambda: proof_to_dict(proof()) | {"proof": 5}, "c.proof: is 5; a text"),
@@ -183,3 +184,10 @@ def test_multipliers_are_divided_by_the_largest_of_their_leaf():
     assert many.claim == "the disturbance is not resisted"
     for name in (*NODES, *ROWS, "start", "multiplier", "references"):
         assert not getattr(many, name).flags.writeable
+
+
+def test_a_small_text_that_stands_for_very_much():
+    data = file_to_dict(proof_certificates.proof(), QUESTION)
+    for name in ("rows", "nodes"):
+        with pytest.raises(BadFile, match=r"rows: has .* numbers; at most 1e\+08 are possible"):
+            read_certificate_file(data | {name: 10**8}, "")

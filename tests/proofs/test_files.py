@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -248,3 +249,11 @@ def test_files_of_a_plan_that_are_none(name: str, text: str | None, problem: str
 def test_a_folder_without_a_plan(tmp_path: Path) -> None:
     with refused("no such file; one that --save wrote is needed", "plan.json"):
         files.verify_path(tmp_path)
+
+
+def test_what_is_no_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.json")
+    (tmp_path / "zeros.json").symlink_to("/dev/zero")
+    for name in ("pipe.json", "zeros.json"):
+        with refused("is no file"):
+            files.verify_path(tmp_path / name)

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from handfast.core.answer import Verdict
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
 from handfast.stability.hold import hold
@@ -146,6 +148,47 @@ def test_planted_faults_are_refused(change: Callable[[dict[str, Any]], Any], why
     change(data)
     said = reason(data)
     assert re.match(why, said) or ("|" in why and re.search(why, said)), said
+
+
+# --- senses, and commands that are given ------------------------------------------------------------------
+
+
+DOWN = Loads(("down",), [[0, 0, -1.0, 0, 0, 0]])
+BETWEEN = [Contact([-0.01, 0, 0], [1, 0, 0], 0.5), Contact([0.01, 0, 0], [-1, 0, 0], 0.5)]
+
+
+def pressed(command: float, backdrivable: bool) -> Grasp:
+    """A fixed contact and one that a slide presses: 1 N down is held from commands of 1 N on, and by no pull."""
+    joints = [GraspJoint("j", [-1, 0, 0], [0, 0, 0], (1,), "prismatic")]
+    mechanism = Mechanism.direct(["j"])
+    if backdrivable:  # beside one that is sought, and moves nothing
+        joints.append(GraspJoint("k", [0, 0, 1], [0.01, 0, 0], ()))
+        mechanism = Mechanism(("j", "k"), np.eye(2), np.zeros((0, 2)), (False, False), backdrivable=(True, False))
+    return Grasp(BETWEEN, joints, mechanism, {"j": command} if command else {})
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "backdrivable", "why"),
+    [
+        (5.0, 0.1, True, "answer: down: the answer is about other commands of backdrivable actuators"),
+        (0.0, -0.1, False, "answer: down: the answer seeks commands in another sense"),
+    ],
+)
+def test_a_proof_about_other_commands_is_none(good: float, bad: float, backdrivable: bool, why: str) -> None:
+    holds, slips = (hold(pressed(x, backdrivable), DOWN) for x in (good, bad))
+    assert (holds.verdict, slips.verdict) == (Verdict.HOLDS, Verdict.SLIPS)
+    assert holds.verify().ok
+    assert slips.verify().ok
+    assert reason(slips.to_file() | {"question": holds.to_file()["question"]}) == why
+
+
+def test_a_preload_of_another_sense_is_none() -> None:
+    held, asked = hold(pressed(0.0, False), DOWN).to_file(), hold(pressed(-0.1, False), DOWN).to_file()
+    held["bounding"], held["answer"]["lower"] = None, 0
+    assert (
+        reason(held | {"question": asked["question"]})
+        == "answer: its preload has another sense than the grasp's commands"
+    )
 
 
 # --- answers that say less than what they stand for -----------------------------------------------------

@@ -26,7 +26,7 @@ from handfast.proofs.question import CHECK, SMALLEST_PRELOAD, TORQUES, Question,
 from handfast.proofs.ranges import Known, known
 from handfast.proofs.replay import Figure, Refused, Replay
 from handfast.proofs.states import Contact, Problem, State, read_state
-from handfast.proofs.tolerance import EPS, load_scale
+from handfast.proofs.tolerance import EPS, LEAST, load_scale
 
 SCHEMA = "handfast/result/1"
 VERDICTS = "holds", "slips", "undecided"
@@ -34,6 +34,8 @@ STOPS = "complete", "time", "nodes", "interrupted", "resolution", "fruitless", "
 COURSE = "stop", "seconds", "nodes", "verified"  # the course of the search: recorded, and nothing rests on it
 NOT_REPLAYED = f"{', '.join(COURSE)}: the course of the search is recorded, and nothing rests on it"
 ROUNDING = 1e-12  # of residuals: they are made of it
+STILL = 1e-12  # of the largest motion: a joint that moves less is taken to rest, and judged so
+FARTHER = 2.0  # times an upper bound: up to there at least nothing is resisted
 NEAR_END = 1e-6  # relative: what is so near the end of a search is at it
 LIMIT = "that the largest magnitude is only approached, and by which motion; its limit lies between the bounds"
 OF_INTERVAL = "holds_from_zero_upper", "holes", "unproved", "resolution"  # keys beside `holds_from_zero_to`
@@ -96,8 +98,10 @@ def read_answer(data: Any, place: str = "") -> SavedAnswer:
     proof = f.take("certificate") if f.has("certificate") else None
     certificate = None if proof is None else read_certificate(proof, f.at("certificate"), question)
     of_arcs = tuple(arcs.read_arc(x, question) for x in f.objects("arcs", []))
-    slips = enumerate(f.take("slips", []))
-    of_slips = tuple(read_certificate(x, f"{f.at('slips')}[{i}]", question) for i, x in slips)
+    slips = f.take("slips", [])
+    if not isinstance(slips, list):
+        raise BadFile("is no list", f.at("slips"))
+    of_slips = tuple(read_certificate(x, f"{f.at('slips')}[{i}]", question) for i, x in enumerate(slips))
     for name in ("witness", "certificate"):
         f.take(name, None)
     f.done()
@@ -144,7 +148,7 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     claim, base, along, magnitude, command = query.held(saved, w)
     if not _close(w.command, command):
         return None, Replay("witness", claim, "it is a state with other commands")
-    found = proved(q, problem(q, command, base, along, magnitude), w.state)
+    found = proved(problem(q, command, base, along, magnitude), w.state, q.eta)
     reason = "" if found.exact or found.tolerant else found.reason
     reason = reason or query.held_fault(saved, w, found)
     to = "" if found.exact else ", to 1e-9 of load and commands"
@@ -152,22 +156,24 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     return found, Replay("witness", claim + to, reason, figures)
 
 
-def proved(q: Question, p: Problem, x: State) -> Proved:
-    """What is proved of a state. Where existence is not: is every equation missed by at most 1e-9 of the load?
+def proved(p: Problem, x: State, eta: float) -> Proved:
+    """What is proved of a state. Where existence is not: are all equations together missed by at most 1e-9 of the load?
 
     So it is with states between two modes by structure: a contact that touches, rows that depend on each other but for
-    rounding.
+    rounding. What hand and limits ask for is not missed at all, but for the rounding of a sum.
     """
     found = prove(p, x)
-    if found.exact or found.tolerant:
+    if found.exact or found.tolerant or not p.scale >= LEAST:
         return found
+    still = np.abs(x.q) * p.grasp.joint_arms <= STILL * max(p.scale, largest_motion(p.grasp, x))
+    x = replace(x, q=np.where(still, 0.0, x.q))
     rows = {f.name: np.repeat(getattr(x, f.name)[None], 2, axis=0) for f in fields(State)}
     with np.errstate(all="ignore"):
-        loads = np.repeat(p.load[None], 2, axis=0)
-        worst = max(arcs.missed(p.grasp, loads, rows, q.eta, q.mdp, exact=True).values())
-    f, c_n, slack = np.abs(x.f), x.c[0::3], EPS * load_scale(p.grasp, p.load)
-    kept = (f <= p.limit + slack * p.grasp.actuator_arms).all() and c_n.max() <= p.force_limit + slack
-    return replace(found, tolerant=bool(worst <= EPS and kept), residual=worst, magnitude=None)
+        off = arcs.missed(p.grasp, np.repeat(p.load[None], 2, axis=0), rows, eta, p.mdp, p.scale)
+        total = float(sum(np.sum(part) for part in off.values()))
+    kept = (np.abs(x.f) <= p.limit).all() and x.c[0::3].max() <= p.force_limit
+    residual = total if np.isfinite(total) else found.residual
+    return replace(found, tolerant=bool(total <= EPS and kept), residual=residual, magnitude=None)
 
 
 def problem(q: Question, command: Array, base: Array, along: Array | None = None, magnitude: float = 0.0) -> Problem:
@@ -304,6 +310,7 @@ class Maximum(Query):
         lower, upper = saved.number("lower") or 0.0, saved.number("upper")
         if upper is None:
             return None
+        end = max(end, FARTHER * upper)
         if lower > upper:
             raise Refused(f"its lower bound {lower:.9g} is above its upper bound {upper:.9g}")
         slips = saved.said["verdict"] == "slips"
@@ -344,7 +351,7 @@ class Maximum(Query):
             if any(saved.said.get(key) for key in OF_INTERVAL[:3]):
                 raise Refused("has holes, but does not say up to where everything is resisted")
             return super().smaller(saved)
-        holes = [(float(a), float(b)) for a, b in saved.said.get("holes", [])]
+        holes = _pairs(saved, "holes")
         claim = f"everything up to {to:.6g} times the direction is resisted"
         if holes:
             claim += f", nothing at {', '.join(f'{a:.6g} to {b:.6g}' for a, b in holes)}"
@@ -485,6 +492,16 @@ def _with_direction(q: Question) -> Question:
     return replace(q, goal=SMALLEST_PRELOAD, direction=q.wrench, wrench=np.zeros(6))
 
 
+def _pairs(saved: SavedAnswer, key: str) -> list[Range]:
+    """Ranges of the answer, none for null; `Refused` for what is none."""
+    said = saved.said.get(key)
+    said = [] if said is None else said
+    pairs = isinstance(said, list) and all(isinstance(x, list) and len(x) == 2 for x in said)
+    if not pairs or not all(_is_number(end) for x in said for end in x):
+        raise Refused(f"{key} is no list of pairs of numbers")
+    return [(float(a), float(b)) for a, b in said]
+
+
 def _slips_fault(saved: SavedAnswer) -> str:
     """What is wrong with the certificates of smaller magnitudes; "" if nothing."""
     for c in saved.slips:
@@ -516,7 +533,7 @@ def _ranges_fault(saved: SavedAnswer, holes: Sequence[Range]) -> str:
         except ValueError as fault:
             return str(fault)
     above = saved.number("holds_from_zero_upper")
-    unproved = tuple((float(a), float(b)) for a, b in saved.said.get("unproved", []))
+    unproved = tuple(_pairs(saved, "unproved"))
     to = saved.number("holds_from_zero_to") or 0.0
     said = Known(to, np.inf if above is None else above, tuple(holes), unproved)
     return "" if said == shown else f"it says {said}; what is shown is {shown}"

@@ -100,29 +100,35 @@ def residuals(q: Question, arc: Arc) -> dict[str, float]:
     none = [w[0], g.command, g.torque, g.friction, *(table[0] for table in x.values())]
     if k == 1 and not any(part.any() for part in none):
         x, w = {name: table[1:].repeat(2, axis=0) for name, table in x.items()}, w[1:].repeat(2, axis=0)
-    return missed(g, w, x, q.eta, q.mdp)
+    return {name: float(np.max(part, initial=0.0)) for name, part in missed(g, w, x, q.eta, q.mdp).items()}
 
 
 def missed(
-    g: GraspData, w: Array, x: Mapping[str, Array], eta: float, mdp: bool, exact: bool = False
-) -> dict[str, float]:
-    """The same for controls: loads w (k+1, 6), and the unknowns of `State` by name, (k+1, ...) each.
+    g: GraspData, w: Array, x: Mapping[str, Array], eta: float, mdp: bool, scale: float | None = None
+) -> dict[str, Array]:
+    """The same for controls, part by part: loads w (k+1, 6), and the unknowns of `State` by name, (k+1, ...) each.
 
-    exact: with motions at the contacts in rational numbers, for large ones beside small forces.
+    scale: [N] of the load, of a state alone; then its motions at the contacts are rational numbers, and what couplings,
+    actuators and stops hold does not move at all, but for the rounding of a sum.
     """
     k, f_c = len(w) - 1, g.command
-    F = least_scale(g, w)
+    F = least_scale(g, w) if scale is None else scale
     if not F > 0:
-        return {"load": np.inf}
+        return {"load": np.array([np.inf])}
     M, size = (table[:-1] for table in g.rows)
     motion = np.concatenate([x["r"], x["q"]], axis=1)
     soft = np.zeros((k + 1, g.m))
     soft[:, g.soft] = x["torsion"][:, g.soft] / g.lever[g.soft]
     phi = np.concatenate([x["c"], soft[:, g.soft], x["f"], x["coupling"], x["reaction"]], axis=1)
     d, noise = motion @ M.T, (ROUNDED + M.shape[1]) * ULP * (size @ np.abs(motion).max(axis=0))
-    if exact:
+    q = x["q"] * g.joint_arms
+    if scale is not None:
         d = np.array([[rounded(dot(row, rationals(v))) for row in g.exact_rows[:-1]] for v in motion])
         noise = 4 * ULP * np.abs(d).max(axis=0)
+        held = g.parts[2].start
+        rounds = np.abs(d[:, held:]) <= 64 * ULP * (np.abs(motion) @ size[held:].T)
+        d[:, held:], noise[held:] = np.where(rounds, 0.0, np.copysign(np.inf, d[:, held:])), 0.0
+        q = np.where(x["q"] == 0, 0.0, np.copysign(np.inf, x["q"]))
     parts = g.parts
     D, C = d[:, parts[0]].reshape(k + 1, -1, 3), x["c"].reshape(k + 1, -1, 3)
     turned = np.zeros((k + 1, g.m))
@@ -175,16 +181,16 @@ def missed(
     out = {
         "force": np.linalg.norm(missed[:, :3], axis=1).max() + rounding[:3].sum(),
         "torque": (np.linalg.norm(moment, axis=1).max() + rounding[3:6].sum()) / g.size + rounding[:3].sum(),
-        "joints": (joints / g.joint_units).max(initial=0.0),
-        "couplings": np.abs(d[:, parts[3]]).max(initial=0.0) + noise[parts[3]].max(initial=0.0),
-        "normal": normal.max(),
-        "cone": cone.max(),
-        "dissipation": defect.max() if mdp else 0.0,
-        "actuators": actuators.max(initial=0.0),
-        "reactions": _reactions(g, x["q"] * g.joint_arms, x["reaction"] / g.joint_arms).max(initial=0.0),
+        "joints": joints / g.joint_units,
+        "couplings": np.abs(d[:, parts[3]]).max(axis=0) + noise[parts[3]],
+        "normal": normal,
+        "cone": cone,
+        "dissipation": defect if mdp else 0.0,
+        "actuators": actuators,
+        "reactions": _reactions(g, q, x["reaction"] / g.joint_arms),
         "torsion": np.inf if point > 0 else 0.0,
     }
-    return {name: float(value) / F for name, value in out.items()}
+    return {name: np.atleast_1d(value) / F for name, value in out.items()}
 
 
 def least_scale(g: GraspData, w: Array) -> float:

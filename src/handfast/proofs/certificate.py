@@ -30,6 +30,7 @@ SCHEMA = "handfast/certificate/1"
 NODES = ("parent", "part", "state", "left", "right")
 ROWS = ("kind", "index", "a", "b")
 MOST = 1 << 28  # bytes of a proof
+NUMBERS = 10**8  # that a certificate stands for: what they take is in proportion
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +187,11 @@ def _read(f: Fields, question: Question) -> Certificate:
     bits = f.whole("bits")
     if bits not in (32, 64):
         raise BadFile(f"is {bits}; 32 or 64 is needed", f.at("bits"))
+    g = question.grasp
+    unpacked = R * (6 + g.l + 3 * g.m) + 3 * N * (g.m + g.a)
+    if unpacked > NUMBERS:
+        problem = f"has {N} nodes and {R} rows about {g.m} contacts, {unpacked:.2g} numbers; at most {NUMBERS:.2g}"
+        raise BadFile(f"{problem} are possible", f.at("rows"))
     long = bits // 8
     size = 4 * (len(NODES) * N + len(ROWS) * R + L) + long * R + 8 * K * width
     packed = _unpacked(f.text("proof"), size, f.at("proof"))

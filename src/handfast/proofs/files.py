@@ -9,6 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from handfast.proofs import answers, certificate, checker, grasps, holds, synthesis
 from handfast.proofs.fields import LARGEST, BadFile, Fields
 from handfast.proofs.replay import Replay
@@ -44,7 +46,10 @@ def verify(data: Any, place: str = "") -> Replay:
     if not isinstance(schema, str) or schema not in READERS:
         found = "is missing" if schema is None else f"is {schema!r}"
         raise BadFile(f"{found}; {' or '.join(map(repr, READERS))} is needed", field)
-    return READERS[schema](data, place)
+    try:
+        return READERS[schema](data, place)
+    except np.linalg.LinAlgError:
+        raise BadFile("has numbers too large or too small beside each other to be judged", place) from None
 
 
 def _certificate(data: Any, place: str) -> Replay:
@@ -102,6 +107,8 @@ def read_json(path: Path, place: str = "") -> Any:
             object, a text that is no line of characters, more than `DEPTH` lists and objects in each other.
     """
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe, or a device without an end
+            raise BadFile("is no file", place)
         data = json.loads(
             path.read_text("utf-8"),
             parse_constant=_refused,

@@ -118,6 +118,8 @@ def _held(saved: SavedHold) -> None:
     g = saved.question.grasp
     back = {name: f for name, f, b in zip(g.actuators, g.command.tolist(), g.backdrivable, strict=True) if b}
     command = g.commands(back | dict(preload), "answer.preload")
+    if (_senses(g) * command < 0)[saved.question.sought].any():
+        raise Refused("its preload has another sense than the grasp's commands")
     for name in saved.loads:
         if name not in saved.checks:
             raise Refused(f"{name} has no answer")
@@ -185,6 +187,9 @@ def _same_question(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
         raise Refused(f"{name}: the answer is within other limits, or of another law of friction")
     if not q.grasp.same_but_commands(asked.grasp):
         raise Refused(f"{name}: the answer is about another grasp")
+    back = asked.grasp.backdrivable
+    if (q.grasp.command[back] != asked.grasp.command[back]).any():
+        raise Refused(f"{name}: the answer is about other commands of backdrivable actuators")
 
 
 def _all_commands(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
@@ -194,10 +199,14 @@ def _all_commands(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
 
 
 def _same_senses(g: GraspData, q: Question, name: str) -> None:
-    """`Refused` if an answer seeks commands in another sense than the grasp's, where it has one."""
-    turned = q.sought & (g.command != 0) & (np.sign(g.command) != np.where(q.grasp.command < 0, -1.0, 1.0))
-    if turned.any():
+    """`Refused` if an answer seeks commands in another sense than that of the grasp's."""
+    if (_senses(g) != _senses(q.grasp))[q.sought].any():
         raise Refused(f"{name}: the answer seeks commands in another sense")
+
+
+def _senses(g: GraspData) -> Array:
+    """(a,) in which commands are sought: 1 unless the grasp's is negative."""
+    return np.where(g.command < 0, -1.0, 1.0)
 
 
 def _compare(saved: SavedHold) -> None:

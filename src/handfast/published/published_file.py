@@ -90,7 +90,7 @@ def _stem(path: Path) -> str:
 
 
 def _data(path: Path) -> Any:
-    if not path.exists():
+    if not path.is_file():
         raise InputError("no such file; a file of published grasps is needed")
     match path.suffix.lower():
         case ".json":

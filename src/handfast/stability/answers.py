@@ -103,7 +103,7 @@ class Answer(ABC):
     def _proved(self, w: Witness) -> Proved:
         """What is proved of a state."""
         assert self.posed is not None
-        return answers.proved(self.posed.question, self._problem(w), stated(w.state))
+        return answers.proved(self._problem(w), stated(w.state), self.posed.question.eta)
 
     def _problem(self, w: Witness) -> Problem:
         """What a state has to solve."""

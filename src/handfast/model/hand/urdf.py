@@ -38,7 +38,12 @@ def read_urdf(root: Element, path: Path, base: str | None = None) -> Hand:
         InputError: no single root link, unknown joint type, missing limits, missing mesh file, bad numbers, an unknown
             base, a joint of its part that mimics one outside.
     """
-    elements = {_attribute(e, "name", "link"): e for e in root.findall("link")}
+    elements: dict[str, Element] = {}
+    for e in root.findall("link"):
+        link = _attribute(e, "name", "link")
+        if link in elements:
+            raise InputError("is the name of two links", field=f"link {link}")
+        elements[link] = e
     joints_xml = root.findall("joint")
     refuse_large(len(elements), len(joints_xml), len(root.findall("link/collision")))
     children: dict[str, list[Element]] = {name: [] for name in elements}
@@ -224,6 +229,9 @@ def _attribute(e: Element, key: str, where: str) -> str:
     value = e.get(key)
     if not value:
         raise InputError(f"a <{where}> has no {key}")
+    if not value.isprintable():
+        problem = f"is {value[:40]!r}; one line without control characters is needed"
+        raise InputError(problem, field=f"{key} of a <{where}>")
     return value
 
 

@@ -1,0 +1,115 @@
+"""States that hold only to 1e-9 of the load: what must not pass for one, beside a proof that the load slips."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from handfast.core.arrays import Array
+from handfast.model.grasp import Contact, Grasp, GraspJoint
+from handfast.model.mechanism import Mechanism
+from handfast.proofs.answers import problem, proved
+from handfast.proofs.existence import Proved
+from handfast.proofs.grasp import GraspData
+from handfast.proofs.question import read_question
+from handfast.proofs.states import State
+from handfast.stability.goal import ANY_STATE
+from handfast.stability.posed import Posed
+from handfast.stability.scaled_problem import build
+
+FRICTION = 0.5
+
+
+def between(
+    mu: float, joints: list[GraspJoint], mechanism: Mechanism, preload: dict[str, float] | None = None
+) -> Grasp:
+    """Two opposite contacts on the x axis."""
+    contacts = [Contact([-0.01, 0, 0], [1, 0, 0], mu), Contact([0.01, 0, 0], [-1, 0, 0], mu)]
+    return Grasp(contacts, joints, mechanism, preload or {})
+
+
+def slide(name: str, axis: list[float], *contacts: int, **law: object) -> GraspJoint:
+    return GraspJoint(name, axis, [0, 0, 0], contacts, "prismatic", **law)  # type: ignore[arg-type]
+
+
+def judged(grasp: Grasp, load: list[float], state: dict[str, Array | list[float]], **limits: float) -> Proved:
+    """What is proved of a state; forces at contacts in the object frame as (m, 3)."""
+    q = read_question(Posed(build(grasp, np.array(load), **limits), ANY_STATE).to_json(), "")  # type: ignore[arg-type]
+    g = q.grasp
+    c = np.concatenate([g.frames[i].T @ f for i, f in enumerate(np.asarray(state["forces"], dtype=float))])
+    at = {name: np.asarray(state.get(name, np.zeros(n)), dtype=float) for name, n in sizes(g).items()}
+    return proved(problem(q, g.command, q.wrench), State(c=c, **at), q.eta)
+
+
+def sizes(g: GraspData) -> dict[str, int]:
+    return {"r": 6, "q": g.l, "f": g.a, "coupling": len(g.A), "reaction": g.l, "torsion": g.m}
+
+
+def test_a_load_is_not_small_beside_commands() -> None:
+    """No force of two contacts without friction acts along y; 2e9 N squeeze along x, and 1 N is missing."""
+    joints = [slide("a", [1, 0, 0], 0), slide("b", [-1, 0, 0], 1)]
+    P = 2e9
+    grasp = between(0.0, joints, Mechanism.direct(["a", "b"]), {"a": P, "b": P})
+    squeezed = {"q": [P, P], "forces": [[P, 0, 0], [-P, 0, 0]], "f": [P, P]}
+    found = judged(grasp, [0, 1, 0, 0, 0, 0], squeezed)
+    assert (found.exact, found.tolerant) == (False, False)
+    assert found.residual == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("coefficient", [1.0, 1e-12, 1e12])
+def test_a_coupling_holds_in_every_unit(coefficient: float) -> None:
+    """A coupling holds the finger, so that nothing squeezes: r = 2, q = 4 would press with 2 N on both sides."""
+    mechanism = Mechanism((), np.zeros((0, 1)), np.array([[coefficient]]), ())
+    grasp = between(FRICTION, [slide("b", [1, 0, 0], 0)], mechanism)
+    pressed = {
+        "r": [2, 0, 0, 0, 0, 0],
+        "q": [4],
+        "forces": [[2, -0.5, 0], [-2, -0.5, 0]],
+        "coupling": [2 / coefficient],
+    }
+    for sign in (1, -1):
+        found = judged(grasp, [0, 1, 0, 0, 0, 0], pressed | {"coupling": [sign * 2 / coefficient]})
+        assert (found.exact, found.tolerant) == (False, False)
+
+
+@pytest.mark.parametrize("arm", [1e-3, 1e-11, 1e-15])
+def test_a_locked_actuator_holds_all_that_it_drives(arm: float) -> None:
+    """One of its joints is at both of its stops, so the other cannot move, however short the arm of the first is."""
+    stuck = GraspJoint("j1", [0, 0, 1], [0.01, arm, 0], (1,), "revolute", stop="both")
+    grasp = between(
+        FRICTION,
+        [stuck, slide("j2", [1, 0, 0], 0)],
+        Mechanism(("m",), np.array([[1.0, 1.0]]), np.zeros((0, 2)), (False,)),
+    )
+    for force in (2.0, -2.0):
+        pressed = {"r": [2, 0, 0, 0, 0, 0], "q": [0, 4], "forces": [[2, -0.5, 0], [-2, -0.5, 0]], "f": [force]}
+        for reaction in (2 * arm - force, -2 * arm - force):
+            found = judged(grasp, [0, 1, 0, 0, 0, 0], pressed | {"reaction": [reaction, 0.0]})
+            assert (found.exact, found.tolerant) == (False, False)
+
+
+def test_what_is_missed_adds_up() -> None:
+    """A limit of 1 N under 1 N + 1.8e-9 N: 0.9e-9 above the limit, and as much missing, is none of both."""
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 0.0)], [])
+    for load, pressed, holds in (
+        (1 + 1.8e-9, 1 + 0.9e-9, False),
+        (1 + 0.9e-9, 1 + 0.9e-9, True),  # the state at the limit is near, and misses 0.9e-9
+        (1 + 0.9e-9, 1.0, True),
+        (1 + 1.8e-9, 1.0, False),
+        (1.0, 1.0, True),
+    ):
+        state = {"r": [-pressed, 0, 0, 0, 0, 0], "forces": [[pressed, 0, 0]]}
+        found = judged(grasp, [-load, 0, 0, 0, 0, 0], state, force_limit=1.0)
+        assert (found.exact or found.tolerant) is holds, (load, pressed)
+
+
+def test_a_direction_outside_the_cone_by_more_than_the_tolerance() -> None:
+    """One contact, 1.7e-9 of the load outside its cone: half of it in (5) and half in (1) is too much."""
+    grasp = Grasp([Contact([0, 0, 0], [0, 0, 1], FRICTION)], [])
+    for out, holds in ((1.7e-9, False), (0.4e-9, True)):
+        load = [FRICTION + out, 0, -1.0, 0, 0, 0]
+        n, t = 1.0, FRICTION + out / 2
+        state = {"r": [1e-6, 0, -n, 0, 0, 0], "forces": [[-t, 0, n]]}
+        found = judged(grasp, load, state)
+        assert found.exact is False
+        assert found.tolerant is holds
