@@ -1,4 +1,4 @@
-"""Wheels carry the engines' machine code for all processors of an architecture: whoever installs one need not compile."""
+"""Wheels carry the engines' machine code, for all processors of an architecture: whoever installs one never compiles."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+from packaging.tags import platform_tags
 
 LIBRARIES = ("handfast.stability.search.machine", "handfast.synthesis.search.library")  # modules that declare one
 
@@ -36,7 +37,8 @@ class MachineCode(BuildHookInterface):
                 file.write_bytes(sealed(code))
                 build_data["force_include"][str(file)] = (library.home.relative_to(sources) / file.name).as_posix()
         build_data["pure_python"] = False
-        build_data["infer_tag"] = True
+        platform = next(x for x in platform_tags() if not x.startswith(("manylinux", "musllinux")))
+        build_data["tag"] = f"py3-none-{platform}"  # any Python: llvmlite loads what is in it
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         if version != "editable":

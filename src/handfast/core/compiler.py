@@ -31,7 +31,7 @@ from numba.extending import intrinsic
 
 from handfast.core.compiled import OPTIONS
 from handfast.core.groups import LINE, FieldKind, kinds
-from handfast.core.machine_code import BASELINES, OWN_SOURCES, Library, target_machine
+from handfast.core.machine_code import BASELINES, OWN_SOURCES, Baseline, Library, target_machine
 
 WORD = ir.IntType(64)
 NUMBERS: dict[type, Any] = {int: types.int64, bool: types.boolean, float: types.float64}
@@ -41,15 +41,16 @@ KNOWN = {"acos", "asin", "atan", "atan2", "ceil", "cos", "exp", "fabs", "floor",
 KNOWN |= {"sin", "sqrt", "tan", "memset", "memcpy", "memmove"}
 
 
-def main(module: str, folder: str, *baselines: str) -> None:
-    """Write the object files of the library that a module declares: of each baseline one, with its name."""
+def main(module: str, folder: str, names: str) -> None:
+    """Write the object files of the library that a module declares: for each baseline one, with its name."""
     OPTIONS["pipeline_class"] = _Compiler  # of the functions that are declared from here on
     library: Library = import_module(module).LIBRARY
+    baselines = [x for x in BASELINES if x.name in names.split()]
     for baseline, code in zip(baselines, compiled(library, baselines), strict=True):
-        (Path(folder) / baseline).write_bytes(code)
+        (Path(folder) / baseline.name).write_bytes(code)
 
 
-def compiled(library: Library, baselines: Sequence[str]) -> list[bytes]:
+def compiled(library: Library, baselines: Sequence[Baseline]) -> list[bytes]:
     """The object file of each baseline.
 
     Raises:
@@ -58,10 +59,8 @@ def compiled(library: Library, baselines: Sequence[str]) -> list[bytes]:
     """
     whole = llvm.parse_assembly(_made_by())
     for name, entry in library.entries.items():
-        given = _given(entry.takes)
-        made = cfunc(types.int64(types.voidptr), error_model="numpy")(
-            _called(getattr(import_module(entry.module), name), given)
-        )
+        function = getattr(import_module(entry.module), name)
+        made = cfunc(types.int64(types.voidptr), error_model="numpy")(_called(function, entry.takes))
         whole.link_in(llvm.parse_assembly(made.inspect_llvm()))
         whole.link_in(llvm.parse_assembly(_front(name, entry.takes, made.native_name)))
     for part in _PARTS:
@@ -73,7 +72,7 @@ def compiled(library: Library, baselines: Sequence[str]) -> list[bytes]:
     _simplify(whole, target_machine(BASELINES[-1]))
     plain, out = whole.as_bitcode(), []
     for baseline in baselines:
-        target, copy = target_machine(next(x for x in BASELINES if x.name == baseline)), llvm.parse_bitcode(plain)
+        target, copy = target_machine(baseline), llvm.parse_bitcode(plain)
         _optimise(copy, target)
         if wanted := _wanted(copy):
             wants = ", ".join(sorted(wanted))
@@ -168,7 +167,10 @@ def _front(name: str, takes: tuple[type, ...], entry: str) -> str:
     return str(module)
 
 
-def _called(function: Any, given: Any) -> Any:
+def _called(function: Any, takes: tuple[type, ...]) -> Any:
+    """A function that calls another one with what the words at an address say."""
+    given = _given(takes)
+
     def entry(words: Any) -> Any:
         return function(*given(words))
 
@@ -188,13 +190,10 @@ def _given(takes: tuple[type, ...]) -> Any:
                 if kind in NUMBERS:
                     values.append(_number(builder, words, k, type_))
                     continue
-                lines = builder.inttoptr(_number(builder, words, k, types.int64), words.type)
+                table = builder.inttoptr(_number(builder, words, k, types.int64), words.type)
                 fields = enumerate(zip(kinds(kind).values(), type_, strict=True))
-                values.append(
-                    context.make_tuple(
-                        builder, type_, [_field(context, builder, lines, i * LINE, *x) for i, x in fields]
-                    )
-                )
+                group = [_field(context, builder, table, i * LINE, *x) for i, x in fields]
+                values.append(context.make_tuple(builder, type_, group))
             return context.make_tuple(builder, made, values)
 
         return made(address), code
@@ -220,11 +219,11 @@ def _number(builder: Any, words: Any, k: int, type_: Any) -> Any:
     return builder.icmp_signed("!=", word, WORD(0)) if type_ is types.boolean else word
 
 
-def _field(context: Any, builder: Any, lines: Any, k: int, kind: FieldKind, type_: Any) -> Any:
+def _field(context: Any, builder: Any, table: Any, k: int, kind: FieldKind, type_: Any) -> Any:
     """The field of a group whose line of the table begins at the k-th word: a number, or an array without an owner."""
     if kind.dimensions == 0:
-        return _number(builder, lines, k, type_)
-    address, *shape = (_number(builder, lines, k + i, types.int64) for i in range(1 + kind.dimensions))
+        return _number(builder, table, k, type_)
+    address, *shape = (_number(builder, table, k + i, types.int64) for i in range(1 + kind.dimensions))
     array = cgutils.create_struct_proxy(type_)(context, builder)
     array.itemsize = size = WORD(np.dtype(kind.dtype).itemsize)
     strides = []

@@ -36,7 +36,7 @@ CORE = Path(__file__).parent
 OWN_SOURCES = tuple(CORE / name for name in ("compiled.py", "compiler.py", "groups.py", "machine_code.py"))
 _TABLE = np.ctypeslib.ndpointer(np.int64, ndim=2, flags="C_CONTIGUOUS")
 _TYPES: dict[type, Any] = {int: ctypes.c_int64, bool: ctypes.c_int64, float: ctypes.c_double}
-_COMPILE = "import sys; sys.path[:] = PATH; from handfast.core.compiler import main; main(*sys.argv[1:])"
+_COMPILE = "import sys; sys.path[:] = sys.argv[4:]; from handfast.core.compiler import main; main(*sys.argv[1:4])"
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ class Baseline:
 
 
 ARCHITECTURE: str = llvm.get_process_triple().split("-")[0]
-X86_64_V3 = "avx avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse3 sse4.1 sse4.2 ssse3 xsave".split()
+_X86_64_V3 = "avx avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse3 sse4.1 sse4.2 ssse3 xsave"
 _ARMV8 = (Baseline("armv8-a", "generic"),)
-BASELINES = {  # the fastest first; the last is for every processor
-    "x86_64": (Baseline("v3", "x86-64-v3", frozenset(X86_64_V3)), Baseline("v1", "x86-64")),
+BASELINES = {  # of this architecture: the last is for every processor, those before it are preferred
+    "x86_64": (Baseline("v3", "x86-64-v3", frozenset(_X86_64_V3.split())), Baseline("v1", "x86-64")),
     "aarch64": _ARMV8,
     "arm64": _ARMV8,
 }.get(ARCHITECTURE, (Baseline("generic", "generic"),))
@@ -96,7 +96,7 @@ class Library:
 
     @cached_property
     def functions(self) -> Any:
-        """The entries as attributes, compiled if there is no machine code of these sources, which takes a while and says so.
+        """The entries as attributes, compiled if no code of these sources is kept, which takes a while and says so.
 
         They take numbers, and tables in place of groups (`groups.table`), and let other threads run meanwhile.
         """
@@ -127,10 +127,10 @@ class Library:
             names = [self.file_name(x) for x in missing]
             codes = self.compiled(missing)
             known |= codes
-            if names == [self.file_name(x) for x in missing]:  # else of sources that were changed meanwhile
-                if not all([self._put(code, self.file_name(x)) for x, code in codes.items()]):
-                    where = " or ".join(map(_described, self.folders()))
-                    log.warning(f"its code is not kept: no folder that only you can write to at {where}")
+            changed = names != [self.file_name(x) for x in missing]  # meanwhile: the code is not to be found again
+            if not changed and not all(self._put(code, self.file_name(x)) for x, code in codes.items()):
+                where = " or ".join(map(_described, self.folders()))
+                log.warning(f"its code is not kept: no folder that only you can write to at {where}")
         return [known[x] for x in baselines]
 
     def _found(self, baseline: Baseline) -> bytes | None:
@@ -157,9 +157,9 @@ class Library:
         environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
         environment |= {"NUMBA_OPT": "0", "NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1"}  # which takes seconds
         environment |= {"NUMBA_CPU_NAME": BASELINES[-1].processor, "NUMBA_CPU_FEATURES": ""}
-        code = _COMPILE.replace("PATH", repr([os.path.abspath(p) for p in sys.path]))
         with tempfile.TemporaryDirectory() as folder:
-            command = [sys.executable, "-c", code, self.module, folder, *(x.name for x in baselines)]
+            what = [self.module, folder, " ".join(x.name for x in baselines)]
+            command = [sys.executable, "-c", _COMPILE, *what, *(os.path.abspath(p) for p in sys.path)]
             subprocess.run(command, env=environment, cwd=CORE, check=True)
             return {x: (Path(folder) / x.name).read_bytes() for x in baselines}
 
