@@ -1,4 +1,4 @@
-"""Wheels carry the engines' machine code, for all processors of an architecture: whoever installs one never compiles."""
+"""Wheels carry the engines' machine code, for all processors of an architecture: who installs one never compiles."""
 
 from __future__ import annotations
 

@@ -155,6 +155,7 @@ def _optimise(whole: Any, target: Any) -> None:
 def _front(name: str, takes: tuple[type, ...], entry: str) -> str:
     """A function of plain C arguments that hands an entry the address of them all."""
     module = ir.Module()
+    module.triple = llvm.get_process_triple()
     arguments = [ir.DoubleType() if kind is float else WORD for kind in takes]
     front = ir.Function(module, ir.FunctionType(WORD, arguments), name)
     behind = ir.Function(module, ir.FunctionType(WORD, [cgutils.voidptr_t]), entry)
