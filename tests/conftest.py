@@ -12,15 +12,14 @@ import pytest
 for library in ("OPENBLAS", "MKL"):  # before numpy is imported, as the program does
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-ENGINES = (  # compiled in processes of their own, once, not once by each worker; what is there already is found at once
-    "from handfast.stability.search.machine import LIBRARY; LIBRARY.machine_code()",
-    "from handfast.synthesis.search.library import LIBRARY; LIBRARY.machine_code()",
-)
+# compiled in processes of their own, once, not once by each worker; what is there already is found at once
+COMPILE = "from handfast.core.machine_code import BASELINES; from {} import LIBRARY; LIBRARY.machine_codes(BASELINES)"
+ENGINES = ("handfast.stability.search.machine", "handfast.synthesis.search.library")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for what runs in the background
     if config.args_source is not pytest.Config.ArgsSource.TESTPATHS or hasattr(config, "workerinput"):
         return
-    for process in [subprocess.Popen([sys.executable, "-c", code]) for code in ENGINES]:
+    for process in [subprocess.Popen([sys.executable, "-c", COMPILE.format(name)]) for name in ENGINES]:
         process.wait()

@@ -1,4 +1,7 @@
-"""Machine code of a small library: made, found, kept, made anew; what may not be compiled, and what is not loaded."""
+"""Machine code of a small library: made, found, kept, made anew; what may not be compiled, and what is not loaded.
+
+And that of both engines, for every baseline that this processor can run.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +10,20 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from handfast import check, load_grasp, load_task, maximum, synthesize
 from handfast.core import machine_code
+from handfast.core.errors import InputError
 from handfast.core.groups import table
-from handfast.core.machine_code import Library, sealed
+from handfast.core.machine_code import BASELINES, Baseline, Library, loaded, own_baseline, sealed
 from handfast.core.trusted import exposed, trusted
+from handfast.stability.search.machine import LIBRARY as STABILITY
+from handfast.synthesis.search.library import LIBRARY as SYNTHESIS
 
 DECLARED = """
 from pathlib import Path
@@ -62,6 +70,11 @@ def turned(x):
 """
 ALL = '(HERE / "library.py", HERE / "kernel.py", HERE / "helper.py")'
 Toy = Callable[..., Library]
+RUN_HERE = BASELINES[BASELINES.index(own_baseline()) :]
+
+
+def own_name(library: Library) -> str:
+    return library.file_name(own_baseline())
 
 
 @pytest.fixture
@@ -92,11 +105,26 @@ def test_a_library_computes_what_its_functions_say(toy: Toy, monkeypatch: pytest
     sample = Sample(points, weights, places, used, 0.25, 3, True)
     lines = table(sample)
     expected = -np.arctan2(0.25 * 2 * (1 * 12.0 + 3 * 6.0), 1.0)
-    assert library.functions.weigh(lines, 2, 2.0, False) == 4
-    assert weights[0] == pytest.approx(expected, rel=1e-14)
-    weights[0] = 1.0
-    library.functions.weigh(lines, 2, 2.0, True)
-    assert weights[0] == pytest.approx(-expected, rel=1e-14)
+    for baseline, code in zip(BASELINES, library.machine_codes(BASELINES), strict=True):
+        assert code == library.machine_code(baseline)
+        if baseline not in RUN_HERE:
+            continue
+        functions = loaded(code, {"weigh": library.entries["weigh"].takes})
+        weights[0] = 1.0
+        assert functions.weigh(lines, 2, 2.0, False) == 4
+        assert weights[0] == pytest.approx(expected, rel=1e-14)
+        weights[0] = 1.0
+        functions.weigh(lines, 2, 2.0, True)
+        assert weights[0] == pytest.approx(-expected, rel=1e-14)
+
+
+def test_code_says_which_compiler_made_it_and_is_the_same_alone(toy: Toy) -> None:
+    library = toy()
+    together = library.compiled(BASELINES)
+    assert library.compiled(RUN_HERE[:1])[RUN_HERE[0]] == together[RUN_HERE[0]]
+    assert len(set(together.values())) == len(BASELINES)
+    for code in together.values():
+        assert f"numba {version('numba')}, llvmlite {version('llvmlite')}".encode() in code
 
 
 def test_its_answer_needs_no_numba(toy: Toy, tmp_path: Path) -> None:
@@ -120,7 +148,7 @@ def test_functions_neither_allocate_nor_raise(
 ) -> None:
     library = toy(KERNEL.replace("total = 0.0\n", f"{line}\n    total = 0.0\n"))
     with pytest.raises(subprocess.CalledProcessError, match="non-zero exit status 1"):
-        library.compiled()
+        library.compiled(BASELINES)
     said = capfd.readouterr().err
     assert "toy: kernels must not allocate or raise, but want" in said
     assert wanted in said
@@ -128,7 +156,7 @@ def test_functions_neither_allocate_nor_raise(
 
 def test_no_source_is_forgotten(toy: Toy, capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(subprocess.CalledProcessError):
-        toy(sources='(HERE / "library.py", HERE / "kernel.py")').compiled()
+        toy(sources='(HERE / "library.py", HERE / "kernel.py")').compiled(BASELINES)
     assert "helper.py is compiled, too, but not among the library's sources" in capfd.readouterr().err
 
 
@@ -137,7 +165,7 @@ def test_a_package_that_defines_something_is_a_source(toy: Toy, capfd: pytest.Ca
     package = library.sources[0].parent / "__init__.py"
     package.write_text("SPARE = 2.0\n")
     with pytest.raises(subprocess.CalledProcessError):
-        library.compiled()
+        library.compiled(BASELINES)
     assert "__init__.py is compiled, too, but not among the library's sources" in capfd.readouterr().err
 
 
@@ -148,7 +176,9 @@ def test_a_package_that_defines_something_is_a_source(toy: Toy, capfd: pytest.Ca
 def elsewhere(toy: Toy, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tuple[Library, list[Path], list[int]]:
     """A library as if it compiled, two empty folders in place of the usual ones, and how often it compiled."""
     library, folders, made = toy(), [tmp_path / "package", tmp_path / "own"], []
-    monkeypatch.setattr(Library, "compiled", lambda self: made.append(1) or b"code")
+    monkeypatch.setattr(
+        Library, "compiled", lambda self, baselines: made.append(1) or dict.fromkeys(baselines, b"code")
+    )
     monkeypatch.setattr(Library, "folders", lambda self: tuple(folders))
     return library, folders, made
 
@@ -160,7 +190,7 @@ def test_code_is_made_once_and_kept(elsewhere: Elsewhere) -> None:
     library, folders, made = elsewhere
     assert library.machine_code() == library.machine_code() == b"code"
     assert made == [1]
-    assert [f.name for f in folders[0].iterdir()] == [library.file_name()]  # and no draft
+    assert [f.name for f in folders[0].iterdir()] == [own_name(library)]  # and no draft
     assert not folders[1].exists()
 
 
@@ -169,14 +199,14 @@ def test_where_the_package_cannot_be_written_the_user_keeps_it(elsewhere: Elsewh
     folders[0].write_text("a file where a folder would be")
     assert library.machine_code() == library.machine_code() == b"code"
     assert made == [1]
-    assert (folders[1] / library.file_name()).exists()
+    assert (folders[1] / own_name(library)).exists()
 
 
 @pytest.mark.parametrize("how", ["cut short", "one bit", "empty"])
 def test_a_damaged_file_is_made_anew(elsewhere: Elsewhere, how: str) -> None:
     library, folders, made = elsewhere
     library.machine_code()
-    file = folders[0] / library.file_name()
+    file = folders[0] / own_name(library)
     whole = file.read_bytes()
     middle = len(whole) // 2
     flipped = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
@@ -192,7 +222,7 @@ def test_a_damaged_file_is_made_anew(elsewhere: Elsewhere, how: str) -> None:
 def test_what_others_may_write_is_not_loaded(elsewhere: Elsewhere, what: str, mode: int) -> None:
     library, folders, made = elsewhere
     folders[0].mkdir()
-    file = folders[0] / library.file_name()
+    file = folders[0] / own_name(library)
     file.write_bytes(sealed(b"theirs"))
     assert library.machine_code() == b"theirs"  # else this test shows nothing
     place = file if what == "file" else file.parent
@@ -200,8 +230,8 @@ def test_what_others_may_write_is_not_loaded(elsewhere: Elsewhere, what: str, mo
     assert library.machine_code() == b"code"
     assert made == [1]
     kept = folders[0] if what == "file" else folders[1]  # nothing is written where it would not be read
-    assert (kept / library.file_name()).read_bytes() == sealed(b"code")
-    assert not (kept / library.file_name()).stat().st_mode & 0o022
+    assert (kept / own_name(library)).read_bytes() == sealed(b"code")
+    assert not (kept / own_name(library)).stat().st_mode & 0o022
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="owners of files are POSIX's")
@@ -285,14 +315,14 @@ def test_code_below_a_folder_that_others_may_write_to_is_not_loaded(
     open_ = private / "open"
     kept = open_ / "kept"
     kept.mkdir(parents=True)
-    (kept / library.file_name()).write_bytes(sealed(b"theirs"))
+    (kept / own_name(library)).write_bytes(sealed(b"theirs"))
     if how == "above":
         folders[0] = kept
     elif how == "link":
         folders[0].symlink_to(kept)
     else:
         folders[0].mkdir()
-        (folders[0] / library.file_name()).symlink_to(kept / library.file_name())
+        (folders[0] / own_name(library)).symlink_to(kept / own_name(library))
     folders[1] = folders[0]
     assert library.machine_code() == b"theirs"  # else this test shows nothing
     open_.chmod(0o777)
@@ -303,7 +333,7 @@ def test_code_below_a_folder_that_others_may_write_to_is_not_loaded(
             f"not kept: no folder that only you can write to at {folders[0]} (others can write to {open_})"
             in caplog.text
         )
-        assert (kept / library.file_name()).read_bytes() == sealed(b"theirs")
+        assert (kept / own_name(library)).read_bytes() == sealed(b"theirs")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the variable is another")
@@ -325,24 +355,94 @@ def test_a_cache_that_is_no_absolute_path_is_ignored(
     assert library.folders()[1:] == ()
 
 
-@pytest.mark.parametrize("what", ["kernel", "helper", "library", "compiler", "numba", "llvmlite", "processor"])
-def test_what_is_made_otherwise_is_other_code(
-    toy: Toy, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, what: str
-) -> None:
+@pytest.mark.parametrize("what", ["kernel", "helper", "library", "compiler"])
+def test_other_sources_are_other_code(toy: Toy, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, what: str) -> None:
     library = toy()
-    before = library.file_name()
-    assert library.file_name() == before
-    if what in ("kernel", "helper", "library"):
-        source = tmp_path / "toy" / f"{what}.py"
-        source.write_text(source.read_text() + "\n")
-    elif what == "compiler":
+    before = own_name(library)
+    assert own_name(library) == before
+    if what == "compiler":
         changed = tmp_path / "compiler.py"
         changed.write_text("# another")
         others = (path for path in machine_code.OWN_SOURCES if path.name != "compiler.py")
         monkeypatch.setattr(machine_code, "OWN_SOURCES", (*others, changed))
-    elif what == "processor":
-        monkeypatch.setattr(machine_code, "_processor", lambda: ("another", ""))
     else:
-        usual = machine_code.version
-        monkeypatch.setattr(machine_code, "version", lambda name: "0.0" if name == what else usual(name))
-    assert library.file_name() != before
+        source = tmp_path / "toy" / f"{what}.py"
+        source.write_text(source.read_text() + "\n")
+    assert own_name(library) != before
+
+
+# --- baselines: code that travels -------------------------------------------------------------------------
+
+
+def test_names_hold_neither_the_processor_nor_versions(toy: Toy, monkeypatch: pytest.MonkeyPatch) -> None:
+    library = toy()
+    before = [library.file_name(x) for x in BASELINES]
+    assert len(set(before)) == len(BASELINES)
+    for name, baseline in zip(before, BASELINES, strict=True):
+        start, digest = name.rsplit("-", 1)
+        assert start == f"kernel-toy-{machine_code.ARCHITECTURE}-{baseline.name}-{sys.platform}"
+        assert len(digest) == len("0123456789abcdef.o")
+    monkeypatch.setattr(machine_code.llvm, "get_host_cpu_name", lambda: "another")
+    monkeypatch.setattr(machine_code.llvm, "get_host_cpu_features", dict)
+    monkeypatch.setattr("importlib.metadata.version", lambda name: "0.0")
+    assert [library.file_name(x) for x in BASELINES] == before
+
+
+@pytest.mark.parametrize(
+    ("features", "chosen"),
+    [
+        ({"wide": True, "fused": True, "other": True}, "new"),
+        ({"wide": True, "fused": False}, "old"),  # the processor has it, the system does not let it be used
+        ({"fused": True}, "old"),
+        ({}, "old"),
+    ],
+)
+def test_the_first_baseline_that_the_processor_can_run_is_taken(
+    monkeypatch: pytest.MonkeyPatch, features: dict[str, bool], chosen: str
+) -> None:
+    baselines = (Baseline("new", "second", frozenset({"wide", "fused"})), Baseline("old", "first"))
+    monkeypatch.setattr(machine_code, "BASELINES", baselines)
+    monkeypatch.setattr(machine_code.llvm, "get_host_cpu_features", lambda: features)
+    assert own_baseline().name == chosen
+
+
+def test_the_last_baseline_is_for_every_processor() -> None:
+    assert not BASELINES[-1].needs
+
+
+def test_without_numba_kept_code_is_loaded_and_other_code_is_not_made(
+    elsewhere: Elsewhere, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library, folders, made = elsewhere
+    monkeypatch.setattr(machine_code, "find_spec", lambda name: None)
+    with pytest.raises(
+        InputError, match=r"numba: is needed to compile the toy engine.*pip install 'handfast\[compiler\]'"
+    ):
+        library.machine_code()
+    folders[1].mkdir()
+    (folders[1] / own_name(library)).write_bytes(sealed(b"made elsewhere"))
+    assert library.machine_code() == b"made elsewhere"
+    assert made == []
+
+
+def test_only_what_is_missing_is_compiled(elsewhere: Elsewhere, monkeypatch: pytest.MonkeyPatch) -> None:
+    library, folders, made = elsewhere
+    baselines = [Baseline(name, "first") for name in ("new", "middle", "old")]
+    folders[0].mkdir()
+    (folders[0] / library.file_name(baselines[1])).write_bytes(sealed(b"kept"))
+    assert library.machine_codes(baselines) == [b"code", b"kept", b"code"]
+    assert library.machine_codes(baselines) == [b"code", b"kept", b"code"]
+    assert made == [1]
+
+
+@pytest.mark.parametrize("baseline", RUN_HERE, ids=lambda x: x.name)
+def test_every_baseline_answers_alike(monkeypatch: pytest.MonkeyPatch, baseline: Baseline) -> None:
+    for library in (STABILITY, SYNTHESIS):
+        takes = {name: entry.takes for name, entry in library.entries.items()}
+        monkeypatch.setitem(library.__dict__, "functions", loaded(library.machine_code(baseline), takes))
+    fig1, fig7 = load_grasp("fig1"), load_grasp("fig7")
+    assert [check(fig1, [0, y, 0, 0, 0, 0]).verdict for y in (2.2, 2.5)] == ["holds", "slips"]
+    assert check(fig7, [0, 0, -1, 0, 0, 0]).verdict == "holds"
+    answer = maximum(fig1, [0, 1, 0, 0, 0, 0])
+    assert 2.2 < answer.lower <= answer.upper < 2.5
+    assert len(synthesize(load_task("scalpel-handling"), count=2, workers=1).solutions) == 2

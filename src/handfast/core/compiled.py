@@ -7,17 +7,18 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-ONLY_FROM_COMPILED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+# compiled callers only; `compiler.py` adds to these
+OPTIONS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 
 
 def inner(function: Any) -> Any:
     """Compiled, for compiled callers only; nothing is checked, and division by zero gives infinity."""
-    return njit(**ONLY_FROM_COMPILED)(function)
+    return njit(**OPTIONS)(function)
 
 
 def quick(function: Any) -> Any:
     """The same, sums in any order: for what is checked afterwards."""
-    return njit(**ONLY_FROM_COMPILED, fastmath={"reassoc", "contract"})(function)
+    return njit(**OPTIONS, fastmath={"reassoc", "contract"})(function)
 
 
 @quick

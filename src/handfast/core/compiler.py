@@ -1,9 +1,8 @@
-"""From the functions of a `Library` to one object file: numba makes LLVM's representation of them, LLVM optimises it.
+"""From the functions of a `Library` to object files: numba makes LLVM's representation of them, LLVM optimises it.
 
-Public interfaces are used, `cfunc`, `carray` and `intrinsic` of numba, and of llvmlite modules and passes, but for
-what `_not_to_be_run` does. The environment variable NUMBA_OPT is 0 here, so that functions come as they were written,
-and one pass over all of them together does the work: it takes half as long, and arguments that are the same in every
-call vanish.
+Numba compiles each function by itself (`_Compiler`, a pipeline of its own as numba's manual has it), and one pass of
+LLVM over all of them together does the work, once to remove what is not needed and once for each baseline. The
+environment variable NUMBA_OPT is 0 here, so that functions come as they were written.
 
 Kernels neither allocate nor raise, and their arrays have no owners. Numba writes the counting of references and
 the handling of errors all the same; once LLVM sees that owners are always null and errors never occur, all of it
@@ -14,78 +13,113 @@ from __future__ import annotations
 
 import ast
 import sys
+from collections.abc import Sequence
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
-from numba import carray, cfunc, types
-from numba.core import codegen
+from llvmlite import ir
+from numba import cfunc, types
+from numba.core import cgutils
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
 
+from handfast.core.compiled import OPTIONS
 from handfast.core.groups import LINE, FieldKind, kinds
-from handfast.core.machine_code import OWN_SOURCES, EntryPoint, Library, target_machine
+from handfast.core.machine_code import BASELINES, OWN_SOURCES, Baseline, Library, target_machine
 
-NUMBERS: dict[type, Any] = {int: types.int64, bool: types.int64, float: types.float64}
+WORD = ir.IntType(64)
+NUMBERS: dict[type, Any] = {int: types.int64, bool: types.boolean, float: types.float64}
+DTYPES: dict[type, Any] = {np.int64: types.int64, np.bool_: types.boolean, np.float64: types.float64}
 # of C's library: what machine code may leave to be found in the process
 KNOWN = {"acos", "asin", "atan", "atan2", "ceil", "cos", "exp", "fabs", "floor", "fmod", "hypot", "log", "pow", "rint"}
 KNOWN |= {"sin", "sqrt", "tan", "memset", "memcpy", "memmove"}
 
 
-def main(module: str) -> None:
-    """Write the object file of the library that a module declares to standard output."""
-    _not_to_be_run()
+def main(module: str, folder: str, names: str) -> None:
+    """Write the object files of the library that a module declares: for each baseline one, with its name."""
+    OPTIONS["pipeline_class"] = _Compiler  # of the functions that are declared from here on
     library: Library = import_module(module).LIBRARY
-    code = compiled(library)
-    sys.stdout.buffer.write(code)
+    baselines = [x for x in BASELINES if x.name in names.split()]
+    for baseline, code in zip(baselines, compiled(library, baselines), strict=True):
+        (Path(folder) / baseline.name).write_bytes(code)
 
 
-def compiled(library: Library) -> bytes:
-    """The object file for this processor.
+def compiled(library: Library, baselines: Sequence[Baseline]) -> list[bytes]:
+    """The object file of each baseline.
 
     Raises:
         RuntimeError: the functions want something of numba's runtime, because they allocate or raise; or they are made
             of files that the library does not name, a change of which would go unseen.
     """
-    whole = llvm.parse_assembly("")
+    whole = llvm.parse_assembly(_made_by())
     for name, entry in library.entries.items():
-        signature = types.int64(*(NUMBERS.get(kind, types.voidptr) for kind in entry.takes))
-        made = cfunc(signature, error_model="numpy")(_wrapper(name, entry))
-        part = llvm.parse_assembly(made.inspect_llvm())
-        part.get_function(made.native_name).name = name
-        whole.link_in(part)
+        function = getattr(import_module(entry.module), name)
+        made = cfunc(types.int64(types.voidptr), error_model="numpy")(_called(function, entry.takes))
+        whole.link_in(llvm.parse_assembly(made.inspect_llvm()))
+        whole.link_in(llvm.parse_assembly(_front(name, entry.takes, made.native_name)))
+    for part in _PARTS:
+        whole.link_in(llvm.parse_assembly(part))
     _check_sources(library)
     for function in whole.functions:
         if not function.is_declaration and function.name not in library.entries:
             function.linkage = "internal"
-    target = target_machine()
-    _optimise(whole, target)
-    if wanted := _wanted(whole):
-        raise RuntimeError(f"{library.name}: kernels must not allocate or raise, but want {', '.join(sorted(wanted))}")
-    return bytes(target.emit_object(whole))
+    _simplify(whole, target_machine(BASELINES[-1]))
+    plain, out = whole.as_bitcode(), []
+    for baseline in baselines:
+        target, copy = target_machine(baseline), llvm.parse_bitcode(plain)
+        _optimise(copy, target)
+        if wanted := _wanted(copy):
+            wants = ", ".join(sorted(wanted))
+            raise RuntimeError(f"{library.name}: kernels must not allocate or raise, but want {wants}")
+        out.append(bytes(target.emit_object(copy)))
+    return out
 
 
-def _not_to_be_run() -> None:
-    """Nothing that numba compiles in this process is called here, only written: it makes no machine code then.
+def _made_by() -> str:
+    """Which compiler it was, for whoever looks at an object file: nothing else depends on it."""
+    text = ", ".join(f"{name} {version(name)}" for name in ("numba", "llvmlite"))
+    return f'!llvm.ident = !{{!0}}\n!0 = !{{!"{text}"}}\n'
 
-    It would for each function, and again for all that this one calls, which is half of all the time. Where a numba
-    has not these methods, it does as it always did.
+
+_PARTS: list[str] = []  # LLVM's representation of each function that is only called by others
+
+
+@register_pass(mutates_CFG=False, analysis_only=True)
+class _Part(LoweringPass):
+    """What calls a function is compiled without it.
+
+    Else numba would link and compile it again with each caller, and with each caller's callers, which is half of all
+    the time. Nothing of this is run here, so that an address which leads nowhere will do.
     """
-    methods: list[tuple[Any, str, Any]] = [
-        (getattr(codegen, "JITCodeLibrary", None), "_finalize_specific", lambda library: None),
-        (getattr(codegen, "JITCodeLibrary", None), "get_pointer_to_function", _no_address),
-        (getattr(codegen, "JITCPUCodegen", None), "set_env", lambda engine, name, environment: None),
-    ]
-    if all(hasattr(owner, name) for owner, name, _ in methods):
-        for owner, name, instead in methods:
-            setattr(owner, name, instead)
+
+    _name = "part"
+
+    def __init__(self) -> None:
+        LoweringPass.__init__(self)
+
+    def run_pass(self, state: Any) -> bool:
+        made = state.cr
+        _PARTS.append(state.library.get_llvm_str())
+        state.targetctx.remove_user_function(made.cfunc)
+        state.targetctx.insert_user_function(made.cfunc, made.fndesc)
+        llvm.add_symbol(made.fndesc.llvm_func_name, 1)
+        return True
 
 
-def _no_address(library: Any, name: str) -> int:
-    """Of a function that is linked with what it calls, and that is all."""
-    library._ensure_finalized()
-    return 0
+class _Compiler(CompilerBase):
+    """Numba's own, and `_Part` after it."""
+
+    def define_pipelines(self) -> list[Any]:
+        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        pipeline.add_pass_after(_Part, NativeLowering)
+        pipeline.finalize()
+        return [pipeline]
 
 
 def _wanted(whole: Any) -> set[str]:
@@ -94,69 +128,113 @@ def _wanted(whole: Any) -> set[str]:
     return {name for name in wanted if not name.startswith("llvm.")}
 
 
-def _optimise(whole: Any, target: Any) -> None:
-    """Twice: what the first time leaves of owners and errors is all known to be nothing, which the second removes.
-
-    Where functions are too large to become parts of their callers, that goes one level of calls deeper each time:
-    if anything is left, once more.
-    """
+def _simplify(whole: Any, target: Any) -> None:
+    """What this leaves of owners and errors is all known to be nothing, which `_optimise` removes."""
     plain = llvm.create_pipeline_tuning_options(speed_level=2)
     plain.loop_vectorization = plain.slp_vectorization = plain.loop_unrolling = False
-    final = llvm.create_pipeline_tuning_options(speed_level=3)
-    final.slp_vectorization = True
     references = llvm.create_new_module_pass_manager()
     references.add_refprune_pass()
-    first, last = (llvm.create_pass_builder(target, options) for options in (plain, final))
-    first.getModulePassManager().run(whole, first)
-    references.run(whole, first)
-    last.getModulePassManager().run(whole, last)
-    if _wanted(whole):
-        again = llvm.create_pass_builder(target, final)
-        again.getModulePassManager().run(whole, again)
+    passes = llvm.create_pass_builder(target, plain)
+    passes.getModulePassManager().run(whole, passes)
+    references.run(whole, passes)
 
 
-@intrinsic
-def _pointer(typing: Any, address: Any) -> Any:
-    """An address as a pointer, which `carray` takes."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-    return types.voidptr(address), code
-
-
-def _wrapper(name: str, entry: EntryPoint) -> Any:
-    """A function of plain C arguments that gives an entry its groups: its text has a line for each argument."""
-    known: dict[str, Any] = {"function": getattr(import_module(entry.module), name), "carray": carray}
-    known |= {"pointer": _pointer} | {x.__name__: x for x in (np.int64, np.float64, np.bool_)}
-    arguments = [f"argument{k}" for k in range(len(entry.takes))]
-    lines = [f"def wrapper({', '.join(arguments)}):"]
-    values = []
-    for argument, kind in zip(arguments, entry.takes, strict=True):
-        if kind in NUMBERS:
-            values.append(f"{argument} != 0" if kind is bool else argument)
-            continue
-        known[f"Group{argument}"] = kind
-        fields = kinds(kind)
-        lines += [
-            f"    whole{argument} = carray({argument}, ({len(fields)}, {LINE}), int64)",
-            f"    real{argument} = carray({argument}, ({len(fields)}, {LINE}), float64)",
-        ]
-        each = [_field(k, field, f"whole{argument}", f"real{argument}") for k, field in enumerate(fields.values())]
-        values.append(f"Group{argument}({', '.join(each)})")
-    lines.append(f"    return function({', '.join(values)})")
-    exec("\n".join(lines), known)
-    return known["wrapper"]
+def _optimise(whole: Any, target: Any) -> None:
+    """Where functions are too large to become parts of their callers, what is known goes one level of calls deeper each
+    time: if anything is left, once more.
+    """
+    final = llvm.create_pipeline_tuning_options(speed_level=3)
+    final.slp_vectorization = True
+    for _ in range(2):
+        passes = llvm.create_pass_builder(target, final)
+        passes.getModulePassManager().run(whole, passes)
+        if not _wanted(whole):
+            return
 
 
-def _field(k: int, kind: FieldKind, whole: str, real: str) -> str:
-    """The expression that reads the k-th field of a group from its table."""
-    if kind.dimensions == 0 and kind.dtype is np.float64:
-        return f"{real}[{k}, 0]"
+def _front(name: str, takes: tuple[type, ...], entry: str) -> str:
+    """A function of plain C arguments that hands an entry the address of them all."""
+    module = ir.Module()
+    module.triple = llvm.get_process_triple()
+    arguments = [ir.DoubleType() if kind is float else WORD for kind in takes]
+    front = ir.Function(module, ir.FunctionType(WORD, arguments), name)
+    behind = ir.Function(module, ir.FunctionType(WORD, [cgutils.voidptr_t]), entry)
+    builder = ir.IRBuilder(front.append_basic_block())
+    words = builder.alloca(WORD, len(takes))
+    for k, argument in enumerate(front.args):
+        place = builder.gep(words, [WORD(k)])
+        builder.store(argument, builder.bitcast(place, argument.type.as_pointer()))
+    builder.ret(builder.call(behind, [builder.bitcast(words, cgutils.voidptr_t)]))
+    return str(module)
+
+
+def _called(function: Any, takes: tuple[type, ...]) -> Any:
+    """A function that calls another one with what the words at an address say."""
+    given = _given(takes)
+
+    def entry(words: Any) -> Any:
+        return function(*given(words))
+
+    return entry
+
+
+def _given(takes: tuple[type, ...]) -> Any:
+    """The function that makes a call's arguments of its words."""
+    made = types.BaseTuple.from_types([NUMBERS.get(kind) or _group_type(kind) for kind in takes])
+
+    @intrinsic
+    def given(typing: Any, address: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            words = builder.bitcast(arguments[0], WORD.as_pointer())
+            values = []
+            for k, (kind, type_) in enumerate(zip(takes, made, strict=True)):
+                if kind in NUMBERS:
+                    values.append(_number(builder, words, k, type_))
+                    continue
+                table = builder.inttoptr(_number(builder, words, k, types.int64), words.type)
+                fields = enumerate(zip(kinds(kind).values(), type_, strict=True))
+                group = [_field(context, builder, table, i * LINE, *x) for i, x in fields]
+                values.append(context.make_tuple(builder, type_, group))
+            return context.make_tuple(builder, made, values)
+
+        return made(address), code
+
+    return given
+
+
+def _group_type(group: type) -> Any:
+    """Numba's type of a group."""
+    fields = [
+        types.Array(DTYPES[x.dtype], x.dimensions, "C") if x.dimensions else DTYPES[x.dtype]
+        for x in kinds(group).values()
+    ]
+    return types.BaseTuple.from_types(fields, group)
+
+
+def _number(builder: Any, words: Any, k: int, type_: Any) -> Any:
+    """The k-th word."""
+    place = builder.gep(words, [WORD(k)])
+    if type_ is types.float64:
+        return builder.load(builder.bitcast(place, ir.DoubleType().as_pointer()))
+    word = builder.load(place)
+    return builder.icmp_signed("!=", word, WORD(0)) if type_ is types.boolean else word
+
+
+def _field(context: Any, builder: Any, table: Any, k: int, kind: FieldKind, type_: Any) -> Any:
+    """The field of a group whose line of the table begins at the k-th word: a number, or an array without an owner."""
     if kind.dimensions == 0:
-        return f"{whole}[{k}, 0]" + (" != 0" if kind.dtype is np.bool_ else "")
-    lengths = "".join(f"{whole}[{k}, {1 + i}], " for i in range(kind.dimensions))
-    return f"carray(pointer({whole}[{k}, 0]), ({lengths}), {kind.dtype.__name__})"
+        return _number(builder, table, k, type_)
+    address, *shape = (_number(builder, table, k + i, types.int64) for i in range(1 + kind.dimensions))
+    array = cgutils.create_struct_proxy(type_)(context, builder)
+    array.itemsize = size = WORD(np.dtype(kind.dtype).itemsize)
+    strides = []
+    for length in reversed(shape):
+        strides.append(size)
+        size = builder.mul(size, length)
+    array.data = builder.inttoptr(address, array.data.type)
+    array.shape, array.strides = (cgutils.pack_array(builder, x) for x in (shape, strides[::-1]))
+    array.nitems = builder.sdiv(size, array.itemsize)
+    return array._getvalue()  # as numba's manual has it
 
 
 def _check_sources(library: Library) -> None:

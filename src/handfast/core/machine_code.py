@@ -1,10 +1,11 @@
-"""Machine code of compiled functions: made once for a processor, kept in a file, loaded without numba.
+"""Machine code of compiled functions: made for a baseline of processors, kept in a file, loaded without numba.
 
-A `Library` names its functions, what they take, and the files that they are made of. `compiler.py` makes one object
-file of them. The file's name says for which processor, by which compiler and of which sources it was made, so that a
-stale one is never found; its end is the digest of the rest, so that a damaged one is made anew; and none is loaded
-that another user could have put there, in its folder or in one above (`trusted.py`). To load it takes some hundredths
-of a second; to import numba, and to let it find what it compiled before, takes more than one.
+A `Library` names its functions, what they take, and the files that they are made of. `compiler.py` makes an object
+file of them for each `Baseline`, which any processor that has its features can run, so that files travel. The file's
+name says for which baseline and of which sources it was made, so that a stale one is never found; its end is the
+digest of the rest, so that a damaged one is made anew; and none is loaded that another user could have put there, in
+its folder or in one above (`trusted.py`). To load it takes some hundredths of a second; to import numba, and to let it
+find what it compiled before, takes more than one.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ import logging
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,13 +29,39 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 
+from handfast.core.errors import InputError
 from handfast.core.trusted import exposed, trusted
 
 CORE = Path(__file__).parent
 OWN_SOURCES = tuple(CORE / name for name in ("compiled.py", "compiler.py", "groups.py", "machine_code.py"))
 _TABLE = np.ctypeslib.ndpointer(np.int64, ndim=2, flags="C_CONTIGUOUS")
 _TYPES: dict[type, Any] = {int: ctypes.c_int64, bool: ctypes.c_int64, float: ctypes.c_double}
-_COMPILE = "import sys; sys.path[:] = sys.argv[2:]; from handfast.core.compiler import main; main(sys.argv[1])"
+_COMPILE = "import sys; sys.path[:] = sys.argv[4:]; from handfast.core.compiler import main; main(*sys.argv[1:4])"
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """Processors that the same machine code is for.
+
+    Attributes:
+        name: in the names of files, beside the architecture's.
+        processor: the least of them, as LLVM calls it.
+        needs: what it has that another one of this architecture may lack, as LLVM calls it.
+    """
+
+    name: str
+    processor: str
+    needs: frozenset[str] = frozenset()
+
+
+ARCHITECTURE: str = llvm.get_process_triple().split("-")[0]
+_X86_64_V3 = "avx avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse3 sse4.1 sse4.2 ssse3 xsave"
+_ARMV8 = (Baseline("armv8-a", "generic"),)
+BASELINES = {  # of this architecture: the last is for every processor, those before it are preferred
+    "x86_64": (Baseline("v3", "x86-64-v3", frozenset(_X86_64_V3.split())), Baseline("v1", "x86-64")),
+    "aarch64": _ARMV8,
+    "arm64": _ARMV8,
+}.get(ARCHITECTURE, (Baseline("generic", "generic"),))
 
 
 @dataclass(frozen=True)
@@ -68,33 +96,58 @@ class Library:
 
     @cached_property
     def functions(self) -> Any:
-        """The entries as attributes, compiled if this processor has not seen them yet, which takes a while and says so.
+        """The entries as attributes, compiled if no code of these sources is kept, which takes a while and says so.
 
         They take numbers, and tables in place of groups (`groups.table`), and let other threads run meanwhile.
         """
         return loaded(self.machine_code(), {name: entry.takes for name, entry in self.entries.items()})
 
-    def machine_code(self) -> bytes:
-        """The object file for this processor: as it is kept, or compiled and kept."""
-        for folder in self.folders():
-            code = _kept(folder / self.file_name())
-            if code is not None:
-                return code
-        log = logging.getLogger("handfast")
-        log.warning(f"compiling the {self.name} engine for this processor, once: about a minute")
-        name, code = self.file_name(), self.compiled()
-        if name != self.file_name():
-            return code  # of sources that were changed meanwhile: not to be found again
+    def machine_code(self, baseline: Baseline | None = None) -> bytes:
+        """The object file for a baseline, by default the one for this processor: as it is kept, or compiled and kept.
+
+        Raises:
+            InputError: it has to be compiled, and numba is not installed.
+        """
+        return self.machine_codes([baseline or own_baseline()])[0]
+
+    def machine_codes(self, baselines: Sequence[Baseline]) -> list[bytes]:
+        """The object files for baselines; those that are not kept are compiled together.
+
+        Raises:
+            InputError: they have to be compiled, and numba is not installed.
+        """
+        known = {x: code for x in baselines if (code := self._found(x)) is not None}
+        missing = [x for x in baselines if x not in known]
+        if missing:
+            if find_spec("numba") is None:
+                problem = f"is needed to compile the {self.name} engine, whose machine code is not kept here"
+                raise InputError(f"{problem}; pip install 'handfast[compiler]'", source="numba")
+            log = logging.getLogger("handfast")
+            log.warning(f"compiling the {self.name} engine, once: about a minute")
+            names = [self.file_name(x) for x in missing]
+            codes = self.compiled(missing)
+            known |= codes
+            changed = names != [self.file_name(x) for x in missing]  # meanwhile: the code is not to be found again
+            if not changed and not all(self._put(code, self.file_name(x)) for x, code in codes.items()):
+                where = " or ".join(map(_described, self.folders()))
+                log.warning(f"its code is not kept: no folder that only you can write to at {where}")
+        return [known[x] for x in baselines]
+
+    def _found(self, baseline: Baseline) -> bytes | None:
+        """The object file as it is kept; None if it is not."""
+        found = (_kept(folder / self.file_name(baseline)) for folder in self.folders())
+        return next((code for code in found if code is not None), None)
+
+    def _put(self, code: bytes, name: str) -> bool:
+        """Keep an object file in the first folder that will do; False if none will."""
         for folder in self.folders():
             with suppress(OSError):  # not ours to write to
-                if _keep(code, folder / self.file_name()):
-                    return code
-        where = " or ".join(map(_described, self.folders()))
-        log.warning(f"its code is not kept: no folder that only you can write to at {where}")
-        return code
+                if _keep(code, folder / name):
+                    return True
+        return False
 
-    def compiled(self) -> bytes:
-        """The object file, made in a process of its own, where numba is told to leave optimising to `compiler.py`.
+    def compiled(self, baselines: Sequence[Baseline]) -> dict[Baseline, bytes]:
+        """The object files, made in a process of its own, where numba is told to leave optimising to `compiler.py`.
 
         Settings of numba that stand in the environment or in the current folder do not count.
 
@@ -102,18 +155,21 @@ class Library:
             subprocess.CalledProcessError: the compiler failed; why is on standard error.
         """
         environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
-        command = [sys.executable, "-c", _COMPILE, self.module, *(os.path.abspath(p) for p in sys.path)]
-        environment["NUMBA_OPT"] = "0"
-        return subprocess.run(command, env=environment, cwd=CORE, stdout=subprocess.PIPE, check=True).stdout
+        environment |= {"NUMBA_OPT": "0", "NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1"}  # which takes seconds
+        environment |= {"NUMBA_CPU_NAME": BASELINES[-1].processor, "NUMBA_CPU_FEATURES": ""}
+        with tempfile.TemporaryDirectory() as folder:
+            what = [self.module, folder, " ".join(x.name for x in baselines)]
+            command = [sys.executable, "-c", _COMPILE, *what, *(os.path.abspath(p) for p in sys.path)]
+            subprocess.run(command, env=environment, cwd=CORE, check=True)
+            return {x: (Path(folder) / x.name).read_bytes() for x in baselines}
 
-    def file_name(self) -> str:
-        """Of the machine code that this processor wants."""
+    def file_name(self, baseline: Baseline) -> str:
+        """Of the machine code for a baseline."""
         out = hashlib.sha256()
-        for text in (version("numba"), version("llvmlite"), llvm.get_process_triple(), *_processor()):
-            out.update(text.encode() + b"\0")
         for path in sorted({*self.sources, *OWN_SOURCES}):
             out.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
-        return f"kernel-{self.name}-{out.hexdigest()[:16]}.o"
+        kind = f"{ARCHITECTURE}-{baseline.name}-{sys.platform}"
+        return f"kernel-{self.name}-{kind}-{out.hexdigest()[:16]}.o"
 
     @property
     def home(self) -> Path:
@@ -131,7 +187,7 @@ class Library:
 
 def loaded(code: bytes, entries: Mapping[str, tuple[type, ...]]) -> Any:
     """The functions of an object file as attributes; entries: what each of them takes."""
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine(BASELINES[-1]))
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     out = SimpleNamespace(_engine=engine)  # it owns the code
@@ -141,17 +197,20 @@ def loaded(code: bytes, entries: Mapping[str, tuple[type, ...]]) -> Any:
     return out
 
 
-def target_machine() -> Any:
-    """Of this processor; a new one each time, as an engine owns its own."""
+def target_machine(baseline: Baseline) -> Any:
+    """Of a baseline; a new one each time, as an engine owns its own."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     target = llvm.Target.from_triple(llvm.get_process_triple())
-    return target.create_target_machine(*_processor(), opt=3, jit=True)
+    return target.create_target_machine(baseline.processor, "", opt=3, jit=True)
 
 
-def _processor() -> tuple[str, str]:
-    """The processor's name and what it can do."""
-    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+def own_baseline() -> Baseline:
+    """The first one whose machine code this processor can run."""
+    if len(BASELINES) == 1:
+        return BASELINES[0]
+    has = {name for name, there in llvm.get_host_cpu_features().items() if there}
+    return next(x for x in BASELINES if x.needs <= has)
 
 
 def sealed(code: bytes) -> bytes:
