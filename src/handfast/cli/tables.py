@@ -110,6 +110,8 @@ def show_torques(
 def show_replay(out: Console, head: str, done: Replay) -> str:
     """What a saved answer claims and what of it was proved; returns the verdict: its first word."""
     word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
+    if done.open and not done.fault:
+        word, style = "UNDECIDED", "bold yellow"
     if done.ok and not done.replayed:
         word, style = "NOTHING CLAIMED", "bold yellow"
     out.print(Text.assemble((word, style), "  ", head))
@@ -140,8 +142,12 @@ def _claims(done: Replay, above: str) -> Iterator[tuple[str, str, str, str]]:
     for part in done.parts:
         name = f"{above}{part.name}"
         if part.claim:
-            yield name, part.claim, _figures(part), "proved" if part.ok else "refused"
+            yield name, part.claim, _figures(part), _word(part)
         yield from _claims(part, f"{name}, ")
+
+
+def _word(part: Replay) -> str:
+    return "proved" if part.ok else "refused" if part.fault else "undecided"
 
 
 def _figures(part: Replay) -> str:
