@@ -139,12 +139,15 @@ def _show_again(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
         return
     asked = data["question"]
     g, count = grasp_file.from_dict(asked["grasp"]), len(data["directions"])
-    what = f"forces in {words.count(count, 'direction')} of the {data['plane']} plane, {words.place_text(data['at'])}"
-    if data["query"] == "sweep":
+    if data["query"] == "map":
+        what = (
+            f"forces in {words.count(count, 'direction')} of the {data['plane']} plane, {words.place_text(data['at'])}"
+        )
+    else:
         what = f"{words.count(count, 'direction')} under {words.count(len(data['rows']), 'command')} of {data['joint']}"
     limits = asked["torque_limits"], asked["force_limit"]
     facts = [words.grasp_text(g), f"preload {words.preload_text(g)}", *_terms(asked["eta"], asked["mdp"], *limits)]
-    facts.append(f"lower bounds to {num(asked['gap'])}")
+    facts.append(f"lower bounds to within {num(100 * asked['gap'])} %")
     out.print(f"{_opening(proved)} {what}", soft_wrap=True)
     out.print("; ".join(facts), soft_wrap=True)
     _show_grasp(out, g)

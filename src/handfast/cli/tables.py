@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from handfast.stability.witness import Witness
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
+MOST_CLAIMS = 20  # that are not proved and shown
 Load = Sequence[float]
 
 
@@ -120,11 +121,15 @@ def show_replay(out: Console, head: str, done: Replay) -> str:
     grid = table("", "claims", "replayed", "")
     grid.columns[1].no_wrap, grid.columns[2].no_wrap = False, True
     rows = list(_claims(done, ""))
+    left = [row for row in rows if row[-1] != "proved"][MOST_CLAIMS:]
     for row in rows:
-        grid.add_row(*row)
+        if row not in left:
+            grid.add_row(*row)
     if rows:
         out.print()
         out.print(grid)
+    if left:
+        out.print(f"and {words.count(len(left), 'claim')} more that are not proved; --json lists all", style="dim")
     for line in dict.fromkeys(_not_shown(done)):
         out.print(f"Not shown: {line}.", style="dim", soft_wrap=True)
     return word

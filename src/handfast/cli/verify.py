@@ -59,10 +59,12 @@ class Verify(Command):
             out = console.out()
             word = tables.show_replay(out, question_tables.head(data), done)
             question_tables.show_question(out, data, proved=word == "PROVED")
-            how_proved = (
-                "every witness and certificate replayed" if again else "without any search and without any solver"
+            how = (
+                "asked again; witnesses and certificates replayed"
+                if again
+                else "without any search and without any solver"
             )
-            out.print(f"{tables.num(seconds, 2)} s, {'asked again, ' if again else ''}{how_proved}", style="dim")
+            out.print(f"{tables.num(seconds, 2)} s, {how}", style="dim")
         if done.fault:
             return console.REFUSED
         return console.UNDECIDED if done.open else console.ANSWERED

@@ -139,7 +139,7 @@ def _claims(said: Mapping[str, Any], row: DatasetRow, recipe: _Recipe, source: s
         grasp, posture = grasp_of_row(row, recipe.changes, recipe.scene)
     except InputError as fault:
         return [Replay("status", "the row is a grasp", f"is 'labelled'; in the dataset it is none: {fault}")], []
-    due = described_grasp(grasp) | posture
+    due = {"row": row.number} | described_grasp(grasp) | posture
     faults = [
         Replay(name, "it is that of the dataset", f"is {said.get(name)}; that of the dataset is {value}")
         for name, value in due.items()
@@ -200,7 +200,7 @@ class _Row:
             raise BadFile(f"is no list of {len(pulls)} verdicts", "verdicts")
         word = str(all_hold([Verdict(v) for v in verdicts]))
         if self.said.get("verdict") != word:
-            fault = f"is '{self.said.get('verdict')}'; they say '{word}'"
+            fault = f"is '{self.said.get('verdict')}'; the verdicts say '{word}'"
             faults.append(Replay("verdict", "it is what the verdicts say", fault))
         claims: list[Claim] = []
         for k, (verdict, pull) in enumerate(zip(verdicts, pulls, strict=True)):
@@ -258,9 +258,11 @@ class CommandsClaim(Claim):
             fault = f"is {self.upper:.9g}; the largest of the commands is {largest:.9g}"
             return Replay("largest_command", claim, fault)
         preload = dict(zip(self.grasp.mechanism.actuators, self.commands.tolist(), strict=True))
-        return VerdictClaim("commands", self.grasp.with_commands(preload), self.load, self.options, "holds").ask(clock)[
-            0
-        ]
+        grasp = self.grasp.with_commands(preload)
+        told = replace(VerdictClaim("commands", grasp, self.load, self.options, "holds").ask(clock)[0], claim=claim)
+        return (
+            replace(told, refused="asked again, the weight slips under them, which is proved") if told.refused else told
+        )
 
     def _least(self, clock: Clock) -> Replay | None:
         if self.lower == 0:

@@ -16,6 +16,7 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
+from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
 from handfast.proofs import checker
@@ -34,7 +35,7 @@ ROUNDING = 1e-9  # relative: an upper bound is proved to that
 APART = 1e-6  # relative: two bounds that contradict each other
 FEW = 3  # claims for which no process is made
 TIME_LIMIT = 60.0  # [s] for each question
-NO_TIME = "asked again, it is open: no time was left"
+NO_TIME = "no time was left to ask again"
 UNBALANCED = "no forces at the contacts balance it"
 
 
@@ -55,7 +56,8 @@ class Asking:
 
     def __post_init__(self) -> None:
         Settings(time_limit=self.time_limit)
-        Settings(time_limit=self.timeout)
+        if not self.timeout > 0:
+            raise InputError(f"is {self.timeout:g} s; a number above 0 is needed", field="timeout")
 
 
 @dataclass(frozen=True)
@@ -181,11 +183,17 @@ class BoundsClaim(Claim):
         """The claim in words; None if nothing is claimed."""
         if which == "lower":
             if self.unbounded:
-                return Replay(self.place, "it is resisted however large it is")
-            return Replay(self.place, f"{self.lower:.6g} of it is resisted, or more") if self.lower > 0 else None
+                return Replay(self.place, "the load is resisted however large it is")
+            return (
+                Replay(self.place, f"{self.lower:.6g} times the load is resisted, or more") if self.lower > 0 else None
+            )
         if not self.upper < INF:
             return None
-        claim = f"nothing above {self.upper:.6g} of it is resisted" if self.upper > 0 else "nothing of it is resisted"
+        claim = (
+            f"nothing above {self.upper:.6g} times the load is resisted"
+            if self.upper > 0
+            else "no load along it is resisted"
+        )
         return Replay(self.upper_place, claim)
 
     def _of_none(self, told: dict[str, Replay]) -> tuple[Replay, ...]:
@@ -247,7 +255,7 @@ class IntervalClaim(Claim):
     def ask(self, clock: Clock) -> tuple[Replay, ...]:
         answer = maximum(self.grasp, self.load, interval=True, settings=clock.settings(self.gap), **self.terms)
         proof, shown = answer.verify(), answer.interval
-        claim = f"everything up to {self.to:.6g} of it is resisted"
+        claim = f"everything up to {self.to:.6g} times the load is resisted"
         if self.holes:
             claim += f", nothing at {', '.join(f'{a:.6g} to {b:.6g}' for a, b in self.holes)}"
         told = Replay(self.place, claim, figures=leaves_of(proof))
@@ -293,7 +301,7 @@ def asked(claims: Sequence[Claim], how: Asking) -> list[tuple[Replay, ...]]:
             out.append(told)
             if how.on_item:
                 how.on_item(len(out), len(claims))
-    return out + [(Replay(c.place, "it is proved", undecided=NO_TIME),) for c in claims[len(out) :]]
+    return out + [(Replay(claim.place, undecided=NO_TIME),) for claim in claims[len(out) :]]
 
 
 def _ask(clock: Clock, claim: Claim) -> tuple[Replay, ...]:
@@ -301,10 +309,18 @@ def _ask(clock: Clock, claim: Claim) -> tuple[Replay, ...]:
 
 
 def together(name: str, what: str, told: Sequence[Replay]) -> Replay:
-    """Claims as one: their number, and each that is not proved; what: they are, in words."""
-    left = [part for part in told if not part.ok]
+    """Claims as one: how many, and each that is not proved, those that no time was left for as one; what: they are."""
+    late = [part for part in told if part.undecided == NO_TIME]
+    left = [part for part in told if not part.ok and part.undecided != NO_TIME]
+    done = len(told) - len(left) - len(late)
     figures: dict[str, Figure] = {"leaves": sum(int(part.figures.get("leaves") or 0) for part in told)}
-    if not left:
-        return Replay(name, f"{what}: {len(told)} claims, asked again" if told else "", figures=figures)
-    others = Replay("others", f"{what}: {len(told) - len(left)} of {len(told)} claims, asked again", figures=figures)
-    return Replay(name, parts=(*((others,) if len(left) < len(told) else ()), *left))
+    if done == len(told):
+        return Replay(name, f"{what}: {_claims(done)}" if told else "", figures=figures)
+    parts = [Replay("others", f"{what}: {done} of {_claims(len(told))}", figures=figures)] if done else []
+    parts += left
+    parts += [Replay("not asked", f"{what}: {len(late)} of {_claims(len(told))}", undecided=NO_TIME)] if late else []
+    return Replay(name, parts=tuple(parts))
+
+
+def _claims(n: int) -> str:
+    return "1 claim" if n == 1 else f"{n} claims"

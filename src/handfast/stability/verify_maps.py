@@ -61,7 +61,7 @@ class Cell:
             return Replay(self.at("lower"), "it is at most its upper bound", fault)
         if self.verdict is not None and self.verdict is not self.due:
             return Replay(
-                self.at("verdicts"), "it is what its bounds say", f"is '{self.verdict}'; they say '{self.due}'"
+                self.at("verdicts"), "it is what its bounds say", f"is '{self.verdict}'; its bounds say '{self.due}'"
             )
         return None
 
@@ -110,16 +110,15 @@ def replay_map(data: Any, how: Asking) -> Replay:
         raise BadFile("is for grasps with a preload, and for each of them", "with_preload")
     if not n:
         raise BadFile("is empty", "directions")
-    off = np.abs(directions - in_plane(plane, n)).max(axis=1) > SAME
-    if off.any():
-        k = int(np.argmax(off))
-        fault = f"is {directions[k].tolist()}; in the {plane} plane, {n} evenly spaced, it is another"
-        faults.append(Replay(f"directions[{k}]", "directions are those of the plane", fault))
+    due = in_plane(plane, n)
+    for k in np.flatnonzero(np.abs(directions - due).max(axis=1) > SAME).tolist():
+        fault = f"is {directions[k].tolist()}; of {n} in the {plane} plane it is {due[k].tolist()}"
+        faults.append(Replay(f"directions[{k}]", "it is a direction of the plane", fault))
     parts, cells = [], []
     for name, of, curve in curves:
         told = _curve(curve, n)
         loads = list(forces_at(point, directions))
-        parts.append((name, f"largest forces in {n} directions", told, [(of, load) for load in loads]))
+        parts.append((name, "largest forces by direction", told, [(of, load) for load in loads]))
         cells += told.cells
     faults += _of_all(verdict, cells)
     return _asked("map", parts, options, faults, how)
@@ -142,7 +141,7 @@ def replay_sweep(data: Any, how: Asking) -> Replay:
             cases[k].append((of, direction))
     f.done()
     parts = [
-        (f"direction {k}", f"largest magnitudes under {len(cases[k])} commands of {name}", columns[k], cases[k])
+        (f"direction {k}", f"largest magnitudes by command of {name}", columns[k], cases[k])
         for k in range(len(directions))
     ]
     faults = _of_all(verdict, [cell for told in columns for cell in told.cells])
@@ -173,9 +172,10 @@ def _header(data: Any, query: str) -> tuple[Fields, Verdict]:
 def _same_question(grasp: Grasp, options: Options, preload: dict[str, float], eta: float) -> list[Replay]:
     """What the answer says of its question beside it, where that is something else."""
     out = []
-    if preload != grasp.preload:
-        fault = f"is {preload}; the question's is {grasp.preload}"
-        out.append(Replay("preload", "it is that of the question", fault))
+    for name in {**grasp.preload, **preload}:
+        if preload.get(name) != grasp.preload.get(name):
+            fault = f"is {preload.get(name)}; the question's is {grasp.preload.get(name)}"
+            out.append(Replay(f"preload.{name}", "it is that of the question", fault))
     degrees = float(np.degrees(options.eta))
     if abs(eta - degrees) > SAME:
         fault = f"is {eta:g} degrees; the question's is {degrees:g}"
@@ -187,7 +187,7 @@ def _of_all(verdict: Verdict, cells: Sequence[Cell]) -> list[Replay]:
     due = of_all([cell.due for cell in cells])
     if verdict is due:
         return []
-    return [Replay("verdict", "it is what all bounds say", f"is '{verdict}'; they say '{due}'")]
+    return [Replay("verdict", "it is what all bounds say", f"is '{verdict}'; the bounds say '{due}'")]
 
 
 def _curve(f: Fields, n: int) -> _Told:
