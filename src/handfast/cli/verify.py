@@ -29,7 +29,7 @@ class Verify(Command):
     """ask again what keeps no proofs: each of its numbers and verdicts, with proofs that are replayed"""
     dataset: Annotated[Path | None, arg(metavar="DATASET")] = None
     """of a table of labels: what was labelled"""
-    row: UseAppendAction[tuple[int, ...]] = ()
+    row: Annotated[UseAppendAction[tuple[int, ...]], arg(metavar="N")] = ()
     """of a table of labels: the number of a row, from 0; once for each; all unless given"""
     time_limit: Annotated[float, arg(metavar="S")] = 60.0
     """seconds for each question that is asked again"""
