@@ -5,16 +5,23 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 
 from handfast import InputError, verify
+from handfast.core.answer import Stop
 from handfast.proofs.fields import BadFile
-from handfast.stability.ask_again import NO_TIME, Asking
+from handfast.proofs.replay import Replay
+from handfast.stability import ask_again
+from handfast.stability.ask_again import NO_TIME, Asking, BoundsClaim, Clock, VerdictClaim, figures_of, together
+from handfast.stability.many import Options
 from handfast.stability.maps import force_map, sweep
-from handfast.stability.settings import Settings
+from handfast.stability.queries import maximum
+from handfast.stability.settings import INF, Settings
 from handfast.stability.verify_maps import replay_map, replay_sweep
 from tests.support.problems import bell, pinch
 
@@ -56,7 +63,7 @@ def test_a_map_is_proved() -> None:
     claims = {part.name: part.claim for part in done.parts}
     assert claims == {  # along x any force both ways; along y nothing, or a lower and an upper bound
         "without_preload": "largest forces by direction: 4 claims",
-        "with_preload": "largest forces by direction: 6 claims",
+        "with_preload": "largest forces by direction: 6 claims, some states to 1e-9 of load and commands",
     }
 
 
@@ -149,6 +156,40 @@ def test_without_time_it_is_undecided() -> None:
     done = replay_map(json.loads(map_text()), Asking(jobs=1, timeout=1e-9))
     assert (done.fault, done.open) == ("", f"without_preload: not asked: {NO_TIME}")
     assert done.part("with_preload").replayed == ()  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("method", ["maximum", "check"])
+def test_a_proof_that_fails_proves_nothing(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the search says: what the replay refuses leaves the claim open."""
+    refused = Replay(method, parts=(Replay("witness", "it holds", "it is none"),))
+    asked = getattr(ask_again, method)
+
+    def unproved(*arguments: Any, **others: Any) -> Any:
+        answer = asked(*arguments, **others)
+        object.__setattr__(answer, "verify", lambda: refused)
+        return answer
+
+    monkeypatch.setattr(ask_again, method, unproved)
+    load, clock = np.array([0, 1.0, 0, 0, 0, 0]), Clock(INF, INF, 1)
+    verdict = VerdictClaim("verdict", pinch(), 0.5 * load, Options(), "holds")
+    bounds = BoundsClaim("lower", pinch(), load, Options(), 0.5, 1.5, upper_place="upper")
+    told = (verdict if method == "check" else bounds).ask(clock)
+    open_ones = [part for part in told if part.open]
+    assert "its proof is refused: witness: it is none" in open_ones[0].undecided
+    assert not any(part.fault for part in told)
+
+
+def test_a_bound_for_small_motions_counts_only_where_the_search_was_complete() -> None:
+    load = np.array([0, 1.0, 0, 0, 0, 0])
+    claim = BoundsClaim("lower", pinch(), load, Options(), 0.5, 1.5, upper_place="upper")
+    answer = maximum(pinch(), load)
+    capped = Replay("max", parts=(Replay("certificate", "it slips", figures={"leaves": 3, "motion_cap": 5.0}),))
+    for stop, good in ((Stop.COMPLETE, True), (Stop.NUMERICAL, False)):
+        done = claim._judged("upper", Replay("upper", "nothing above"), replace(answer, stop=stop), capped)
+        assert done.ok is good
+        assert done.figures == {"leaves": 3, "motion_cap": 5.0, "tolerant": False}
+    shown = together("curve", "maxima", [Replay("upper", "nothing above", figures=figures_of(capped))])
+    assert shown.claim == "maxima: 1 claim, some up to virtual motions of 5 N"
 
 
 def test_an_interval_is_asked_again() -> None:

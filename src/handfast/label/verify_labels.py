@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from handfast.core.answer import Verdict
+from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import same_json
@@ -35,7 +35,7 @@ from handfast.stability.ask_again import (
     Clock,
     VerdictClaim,
     asked,
-    leaves_of,
+    figures_of,
     together,
 )
 from handfast.stability.many import Options
@@ -277,10 +277,11 @@ class CommandsClaim(Claim):
         while clock.left > 0:
             answer = torques(self.grasp, self.load, settings=clock.settings(gap))
             proof = answer.verify()
-            told = replace(told, figures=leaves_of(proof))
+            told = replace(told, figures=figures_of(proof))
             if not proof.ok:
                 return replace(told, undecided=f"asked again, its proof is refused: {proof.reason}")
-            if answer.lower >= self.lower * (1 - ROUNDING):
+            small = answer.stop is not Stop.COMPLETE and told.figures["motion_cap"] is not None  # motions
+            if answer.lower >= self.lower * (1 - ROUNDING) and not small:
                 return told
             if answer.upper < self.lower * (1 - APART):
                 less = f"is {'null' if self.lower == INF else format(self.lower, '.9g')}"
@@ -288,7 +289,7 @@ class CommandsClaim(Claim):
                     told, refused=f"{less}; asked again, commands of {answer.upper:.9g} hold, which is proved"
                 )
             text = f"asked again, no commands below {answer.lower:.9g} hold, and {answer.upper:.9g} do"
-            if answer.stop != "complete":
+            if answer.stop is not Stop.COMPLETE:
                 return replace(told, undecided=f"{text}: it is open ({answer.stop})")
             if gap <= FINEST_GAP:
                 return replace(told, refused=f"is {self.lower:.9g}; {text}")

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from handfast.core.answer import Verdict
+from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool, default_jobs
@@ -116,7 +116,7 @@ class Claim(ABC):
         g, limits = grasp_data(self.grasp), dict(o.torque_limits or {})
         question = Question(g, CHECK, False, self.load, none, o.eta, o.mdp, limits, limit, ())
         done = checker.verify(Certificate.of_root(question, None))
-        return Replay(self.place, UNBALANCED, done.reason, {"leaves": done.leaves})
+        return Replay(self.place, UNBALANCED, done.reason, {"leaves": done.leaves, "motion_cap": done.cap})
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +134,10 @@ class VerdictClaim(Claim):
             done, found = answer.verify(), str(answer.verdict)
             if answer.verdict is Verdict.UNDECIDED:
                 return (Replay(self.place, claim, undecided=f"asked again, it is open ({answer.stop})"),)
-        fault = "" if done.ok else f"asked again, its proof is refused: {done.reason}"
-        if found != self.said:
-            fault = f"is '{self.said}'; asked again, it {found}{', which is proved' if done.ok else ''}"
-        return (Replay(self.place, claim, fault, leaves_of(done)),)
+        if not done.ok:
+            return (Replay(self.place, claim, undecided=f"asked again, its proof is refused: {done.reason}"),)
+        fault = f"is '{self.said}'; asked again, it {found}, which is proved" if found != self.said else ""
+        return (Replay(self.place, claim, fault, figures_of(done)),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,14 +213,16 @@ class BoundsClaim(Claim):
         if clock.left <= 0:
             return None
         answer = check(self.grasp, self.lower * self.load, settings=clock.settings(self.gap), **self.terms)
-        if answer.verdict is not Verdict.HOLDS or not answer.verify().ok:
-            return None
-        return claim
+        proof = answer.verify()
+        held = answer.verdict is Verdict.HOLDS and proof.ok
+        return replace(claim, figures=figures_of(proof)) if held else None
 
     def _judged(self, name: str, claim: Replay, answer: MaxAnswer, proof: Replay) -> Replay:
-        found = replace(claim, figures=leaves_of(proof))
+        found = replace(claim, figures=figures_of(proof))
         if not proof.ok:
             return replace(found, undecided=f"asked again, its proof is refused: {proof.reason}")
+        if answer.stop is not Stop.COMPLETE and found.figures["motion_cap"] is not None:
+            answer = replace(answer, upper=INF)  # of motions that may be too small to count
         if name == "lower":
             return self._judged_lower(found, answer)
         if answer.upper <= self.upper * (1 + ROUNDING):
@@ -258,11 +260,14 @@ class IntervalClaim(Claim):
         claim = f"everything up to {self.to:.6g} times the load is resisted"
         if self.holes:
             claim += f", nothing at {', '.join(f'{a:.6g} to {b:.6g}' for a, b in self.holes)}"
-        told = Replay(self.place, claim, figures=leaves_of(proof))
+        told = Replay(self.place, claim, figures=figures_of(proof))
         if not proof.ok:
             return (replace(told, refused=f"asked again, its proof is refused: {proof.reason}"),)
         if shown is None:
             return (replace(told, undecided=_open(answer)),)
+        if self.to > answer.upper * (1 + APART):
+            text = f"is {self.to:.9g}; asked again, nothing above {answer.upper:.9g} is resisted, which is proved"
+            return (replace(told, refused=text),)
         slack = shown.resolution * max(self.to, answer.lower)
         within = max(self.gap * self.to, slack)
         for a, b in shown.holes:
@@ -284,11 +289,17 @@ def _open(answer: MaxAnswer) -> str:
     return f"asked again, it is open ({answer.stop}): proved is {answer.lower:.9g} {upper}"
 
 
-def leaves_of(done: Replay) -> dict[str, Figure]:
-    """How many cases were refuted in a replay, its parts included."""
-    own = done.figures.get("leaves")
-    below = sum(int(leaves_of(part)["leaves"] or 0) for part in done.parts)
-    return {"leaves": below + (own if isinstance(own, int) else 0)}
+def figures_of(done: Replay) -> dict[str, Figure]:
+    """Of a replay with its parts: `leaves`, cases that were refuted; the least `motion_cap` [N], None for none;
+    `tolerant`: is some state proved to 1e-9 of load and commands only?"""
+    return _added([done.figures, *map(figures_of, done.parts)], exact=done.figures.get("exact"))
+
+
+def _added(every: Sequence[Mapping[str, Figure]], exact: Figure = None) -> dict[str, Figure]:
+    caps = [float(cap) for f in every if (cap := f.get("motion_cap")) is not None]
+    leaves = sum(int(f.get("leaves") or 0) for f in every)
+    tolerant = exact is False or any(bool(f.get("tolerant")) for f in every)
+    return {"leaves": leaves, "motion_cap": min(caps, default=None), "tolerant": tolerant}
 
 
 def asked(claims: Sequence[Claim], how: Asking) -> list[tuple[Replay, ...]]:
@@ -313,10 +324,13 @@ def together(name: str, what: str, told: Sequence[Replay]) -> Replay:
     late = [part for part in told if part.undecided == NO_TIME]
     left = [part for part in told if not part.ok and part.undecided != NO_TIME]
     done = len(told) - len(left) - len(late)
-    figures: dict[str, Figure] = {"leaves": sum(int(part.figures.get("leaves") or 0) for part in told)}
+    figures = _added([part.figures for part in told if part.ok])
+    beside = ", some states to 1e-9 of load and commands" if figures["tolerant"] else ""
+    if figures["motion_cap"] is not None:
+        beside += f", some up to virtual motions of {figures['motion_cap']:.6g} N"
     if done == len(told):
-        return Replay(name, f"{what}: {_claims(done)}" if told else "", figures=figures)
-    parts = [Replay("others", f"{what}: {done} of {_claims(len(told))}", figures=figures)] if done else []
+        return Replay(name, f"{what}: {_claims(done)}{beside}" if told else "", figures=figures)
+    parts = [Replay("others", f"{what}: {done} of {_claims(len(told))}{beside}", figures=figures)] if done else []
     parts += left
     parts += [Replay("not asked", f"{what}: {len(late)} of {_claims(len(told))}", undecided=NO_TIME)] if late else []
     return Replay(name, parts=tuple(parts))
