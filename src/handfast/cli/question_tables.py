@@ -76,7 +76,7 @@ def _about(g: Grasp) -> dict[str, Any]:
 def _again_json(data: Mapping[str, Any]) -> dict[str, Any]:
     """The same of what was asked again."""
     if data["schema"] == "handfast/labels/1":
-        return {key: data[key] for key in ("dataset", "questions", "changes", "scene")}
+        return {key: data.get(key) for key in ("dataset", "questions", "changes", "scene")}
     if data["schema"] == "handfast/settled/1":
         last = data["last"] and _about(grasp_file.from_dict(data["last"]))
         loads = {key: data[key] for key in ("wrench", "last_wrench")}
@@ -122,11 +122,12 @@ def _show_grasp(out: Console, g: Grasp) -> None:
 def _show_again(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
     """The question of what keeps no proofs."""
     if data["schema"] == "handfast/labels/1":
-        source = data["dataset"].get("sha256", "")
+        kind = data["dataset"].get("kind")
+        source = next((str(x) for key, x in data["dataset"].items() if key.startswith("sha256")), "")
         out.print(
             f"{_opening(proved)} what the grasps of the dataset hold, by how much, and with which commands".rstrip()
         )
-        out.print(f"relative to dataset sha256 {source[:DIGITS]}…", style="dim", soft_wrap=True)
+        out.print(f"relative to the dataset ({kind}) sha256 {source[:DIGITS]}…", style="dim", soft_wrap=True)
         return
     out.print()
     if data["schema"] == "handfast/settled/1":

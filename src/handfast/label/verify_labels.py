@@ -127,8 +127,12 @@ class _Recipe:
             raise InputError(fault.problem, source=source, field=fault.field) from None
         scene = about.get("scene")
         if scene is not None:
-            files = scene.pop("hand_sha256"), scene.pop("object_sha256")
-            scene = SceneSource(**scene | {"backdrivable": tuple(scene["backdrivable"]), "files": files})
+            try:
+                files = scene["hand_sha256"], scene["object_sha256"]
+                kept = {key: x for key, x in scene.items() if key not in ("hand_sha256", "object_sha256")}
+                scene = SceneSource(**kept | {"backdrivable": tuple(scene["backdrivable"]), "files": files})
+            except (KeyError, TypeError):
+                raise InputError("is not as label writes it", source=source, field="scene") from None
         options = Options(settings=Settings(gap=gap))
         return cls(gravity, directions, g, options, GraspChanges(mass, place, friction, preload), scene)
 
