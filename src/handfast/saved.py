@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
 from handfast.core.errors import InputError
 from handfast.core.files import read_json
+from handfast.proofs import files
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
+
+TABLES = ".jsonl", ".parquet"  # how names of tables of labels end
+How = dict[str, Any]  # arguments of `Asking`
+SEALED = "handfast/synthesis/1", "handfast/grasps/1"  # schemas of files with a checksum
 
 
 class Verifiable(Protocol):
@@ -18,51 +24,145 @@ class Verifiable(Protocol):
     def verify(self) -> Replay: ...
 
 
-def verify(what: str | Path | Verifiable) -> Replay:
+class Printed(Protocol):
+    """An answer that keeps no proofs: a map, a sweep, what `settle` found."""
+
+    def to_json(self) -> dict[str, Any]: ...
+
+
+def verify(
+    what: str | Path | Verifiable | Printed,
+    *,
+    replay: bool = False,
+    dataset: str | Path | None = None,
+    rows: Collection[int] = (),
+    time_limit: float = 60.0,
+    timeout: float | None = None,
+    jobs: int | None = None,
+    on_item: Callable[[int, int], None] | None = None,
+) -> Replay:
     """Is everything that an answer claims proved? Replayed without any search and without any solver.
 
     What is geometry, contacts and joints of a hand at a configuration, is measured anew, and said apart.
 
     Args:
-        what: a file that `--save` wrote, the folder of a plan; or an answer of any kind.
+        what: a file that `--save` wrote, the folder of a plan; or an answer of any kind. With `replay` also a map, a
+            sweep, a settled grasp, or the file of one, or a table of labels.
+        replay: what keeps no proofs is asked again, each of its numbers and verdicts, with proofs that are replayed.
+        dataset: of a table of labels: what was labelled.
+        rows: of a table of labels: numbers of rows, from 0; all unless given.
+        time_limit: [s] for each question that is asked again. timeout: [s] for all of them.
+        jobs: cores to use for these; by default all.
+        on_item: called with (done, total) of these.
 
     Raises:
-        InputError: the file cannot be read, or is none that can be verified.
+        InputError: the file cannot be read, or is none that can be verified; limits that are not positive.
     """
+    how: dict[str, Any] = {"time_limit": time_limit, "jobs": jobs, "on_item": on_item}
+    how |= {} if timeout is None else {"timeout": timeout}
     if not isinstance(what, str | Path):
-        return what.verify()
-    from handfast.proofs import files
-
+        asks = _asks_again(what.to_json()) if replay and hasattr(what, "to_json") else None
+        return asks(what.to_json(), how) if asks else what.verify()  # type: ignore[union-attr]
+    path = Path(what)
     try:
-        proved = files.verify_path(what)
+        if path.suffix.lower() in TABLES:
+            return _labels(path, replay, dataset, rows, how)
+        if dataset is not None or rows:
+            raise InputError("is for tables of labels, .jsonl or .parquet", field="--row" if rows else "--dataset")
+        return _of_path(path, replay, how)
     except BadFile as fault:
         raise InputError(fault.problem, source=str(what), field=fault.field or None) from None
-    geometry = _measured(Path(what))
+    except InputError as fault:
+        raise fault.at(str(what)) from None
+
+
+def _of_path(path: Path, replay: bool, how: How) -> Replay:
+    """What a file or a folder claims. Raises `BadFile` and `InputError`."""
+    if _is_folder(path):
+        from handfast.planning.results.verify_plan import measured_plan
+
+        proved = files.verify_path(path)
+        return replace(proved, parts=(*proved.parts, measured_plan(path)))
+    data = files.read_json(path)
+    asks = _asks_again(data) if replay else None
+    if asks:
+        return asks(data, how)
+    if isinstance(data, dict) and data.get("schema") in SEALED:  # before a proof that takes its time
+        from handfast.synthesis.embedded import refuse_broken
+
+        refuse_broken(data)
+    proved = files.verify(data)
+    geometry = _measured(data)
     return replace(proved, parts=(*proved.parts, geometry)) if geometry else proved
 
 
-def _measured(path: Path) -> Replay | None:
-    """What of a file is geometry and was measured anew; None if nothing is."""
+def _is_folder(path: Path) -> bool:
     try:
-        if path.is_dir():
-            from handfast.planning.results.verify_plan import measured_plan
+        return path.is_dir()
+    except (OSError, ValueError):  # no name of a file: said when it is read
+        return False
 
-            return measured_plan(path)
-        data = stated(path)
-        if data.get("schema") == "handfast/grasps/1":
-            from handfast.planning.results import grasps_file, verify_grasps
 
-            return verify_grasps.measured(grasps_file.from_dict(data))
-        if data.get("schema") == "handfast/synthesis/1":
-            from handfast.synthesis import synthesis_file
+def _measured(data: Any) -> Replay | None:
+    """What of a file is geometry and was measured anew; None if nothing is."""
+    if data["schema"] == "handfast/grasps/1":
+        from handfast.planning.results import grasps_file, verify_grasps
 
-            synthesis_file.from_dict(data)  # its checksum, and that it fits its task
-    except InputError as fault:
-        raise fault.at(str(path)) from None
+        return verify_grasps.measured(grasps_file.from_dict(data))
+    if data["schema"] == "handfast/synthesis/1":
+        from handfast.synthesis import synthesis_file
+
+        synthesis_file.from_dict(data)  # that it fits its task
     return None
 
 
+# --- answers that keep no proofs ------------------------------------------------------------------
+
+
+def _asks_again(data: Any) -> Callable[[Any, How], Replay] | None:
+    """What asks again what a parsed file says; None if it is none that keeps no proofs and says its question."""
+    schema, query = (data.get("schema"), data.get("query")) if isinstance(data, dict) else (None, None)
+    if schema == files.SETTLED:
+        return _settled
+    if schema == "handfast/answer/1" and query in ("map", "sweep"):
+        return _map_or_sweep
+    return None
+
+
+def _map_or_sweep(data: Any, how: How) -> Replay:
+    from handfast.stability import verify_maps
+    from handfast.stability.ask_again import Asking
+
+    replay = verify_maps.replay_map if data["query"] == "map" else verify_maps.replay_sweep
+    return replay(data, Asking(**how))
+
+
+def _settled(data: Any, how: How) -> Replay:
+    from handfast.simulation.verify_settled import replay_settled
+    from handfast.stability.ask_again import Asking
+
+    return replay_settled(data, Asking(**how))
+
+
+def _labels(path: Path, replay: bool, dataset: str | Path | None, rows: Collection[int], how: How) -> Replay:
+    from handfast.label.verify_labels import replay_labels
+    from handfast.stability.ask_again import Asking
+
+    if not replay:
+        ask = f"{files.AGAIN} --dataset DATASET"
+        raise InputError(f"is a table of labels, which keeps no proofs; ask again: {ask}")
+    return replay_labels(path, dataset, Asking(**how), rows)
+
+
 def stated(path: str | Path) -> Any:
-    """The parsed JSON of what `verify` was given: of a folder its `plan.json`. `InputError` if it cannot be read."""
+    """What `verify` was given, parsed: of a folder its `plan.json`, of a table of labels what it is about.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     path = Path(path)
-    return read_json(path / "plan.json" if path.is_dir() else path, "result")
+    if path.suffix.lower() in TABLES:
+        from handfast.label.verify_labels import about_labels
+
+        return about_labels(path)
+    return read_json(path / "plan.json" if _is_folder(path) else path, "result")

@@ -171,7 +171,7 @@ def test_sweep(grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     question = ["sweep", grasp, "--joint", "left", "--from", "0.1", "--to", "0.2", "--steps", "2"]
     question += ["--direction", "0", "1", "0", "--direction", "0", "-1", "0", "0", "0", "0", *QUICK]
     answer = ask(capsys, *question, "-o", "sweep.csv")
-    assert COMMON | {"joint", "directions", "rows"} == set(answer)
+    assert COMMON | {"question", "joint", "directions", "rows"} == set(answer)
     assert [r["preload"] for r in answer["rows"]] == [0.1, 0.2]
     assert answer["rows"][0]["lower"][0] == pytest.approx(2.2222, rel=1e-4)
     assert answer["rows"][0]["unbounded"] == [False, True]

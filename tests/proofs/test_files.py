@@ -154,9 +154,8 @@ def test_other_schemas(schema: Any) -> None:
         ("max", "handfast max GRASP --save"),
         ("torques", "handfast torques GRASP --save"),
         ("hold", "handfast hold GRASP --save"),
-        ("map", "handfast max GRASP --direction ... --save for each direction"),
-        ("sweep", "handfast max GRASP --preload ... --save for each preload"),
-        ("settle", "handfast check GRASP --save for the grasp where it comes to rest"),
+        ("map", "handfast verify FILE --replay"),
+        ("sweep", "handfast verify FILE --replay"),
         ("synthesize", "handfast synthesize TASK --save"),
         ("grasp", "handfast grasp TASK -o FOLDER"),
         ("plan", "handfast verify FOLDER, for the folder that it stands in"),
@@ -168,6 +167,11 @@ def test_other_schemas(schema: Any) -> None:
 def test_answers_without_a_proof_say_what_asks_for_one(query: Any, ask: str) -> None:
     with refused(f"is an answer without its proof; ask again: {ask}", "schema"):
         files.verify({"schema": "handfast/answer/1", "query": query})
+
+
+def test_a_settled_grasp_keeps_no_proof() -> None:
+    with refused("is an answer without its proof; ask again: handfast verify FILE --replay", "schema"):
+        files.verify({"schema": "handfast/settled/1", "rest": "settles"})
 
 
 # --- folders: which files are read, and what is made of them; what a file claims is said by a reader of this test

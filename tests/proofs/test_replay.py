@@ -71,3 +71,17 @@ def test_as_json() -> None:
         "parts": [{"name": "bad", "claim": "it slips", "ok": False, "reason": "a leaf is open"}],
         "not_replayed": ["what nobody sees"],
     }
+
+
+def test_what_is_neither_proved_nor_refused() -> None:
+    late, no = Replay("late", "it holds", undecided="no time"), Replay("no", "it slips", "it holds")
+    for done, fault, is_open in (
+        (late, "", "no time"),
+        (Replay("all", parts=(GOOD, late)), "", "late: no time"),
+        (Replay("all", parts=(late, no)), "no: it holds", "late: no time"),
+    ):
+        assert (done.fault, done.open, done.ok) == (fault, is_open, False)
+        assert done.reason == (fault or is_open)
+    assert late.replayed == ()
+    assert late.to_json()["undecided"] is True
+    assert "undecided" not in Replay("all", parts=(late, no)).to_json()

@@ -10,6 +10,7 @@ import numpy as np
 
 from handfast import verify
 from handfast.core.answer import Verdict
+from handfast.stability.hold import hold
 from handfast.stability.loads import Loads
 from handfast.stability.maps import force_map, sweep
 from handfast.stability.margin import Margin, rubbed
@@ -60,3 +61,13 @@ def test_maps_and_sweeps_say_that_nothing_is_replayed() -> None:
         assert done.reason.startswith("maps and sweeps keep no witnesses and certificates")
         assert done.replayed == ()
         assert any(line.startswith("lower, upper") for line in done.not_replayed)
+
+
+def test_a_hold_says_of_a_state_that_is_none_what_its_check_says() -> None:
+    """Twice the motions and forces of a state hold twice the load: that its proof fails is the fault that is told."""
+    answer = hold(pinch(), LOADS)
+    first = answer.checks[0]
+    assert first.found is not None
+    wrong = replace(first, found=replace(first.found, state=first.found.state.scaled(2.0)))
+    done = replace(answer, checks=(wrong, *answer.checks[1:])).verify()
+    assert done.reason.startswith("up: witness: "), done.reason

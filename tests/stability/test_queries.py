@@ -389,3 +389,11 @@ def test_without_dissipation_two_workers_answer(wrench: list[float]) -> None:
     answer = queries.check(load_grasp("fig11"), wrench, mdp=False, settings=quick)
     assert answer.verdict is not Verdict.UNDECIDED
     assert answer.verify().ok
+
+
+def test_a_state_between_two_modes_is_saved_and_replayed() -> None:
+    """The weight of 0.3 kg along x of fig11: proved to 1e-9 in no modes, so that nothing is said of its contacts."""
+    grasp = load_grasp("fig11")
+    answer = queries.check(grasp, [0.3 * 9.81, 0, 0, 0, 0, 0])
+    assert (answer.verdict, answer.exact, answer.to_json()["contacts"]) == (Verdict.HOLDS, False, None)
+    assert answer.verify().ok, answer.verify().reason

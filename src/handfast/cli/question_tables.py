@@ -26,11 +26,21 @@ RELATIVE = ("hand", "object", "task")
 LAW = {True: "maximum dissipation", False: "friction without maximum dissipation, which may create energy"}
 
 
+ASKED_AGAIN = "handfast/settled/1", "handfast/labels/1"  # schemas of what keeps no proofs, beside maps and sweeps
+
+
+def is_asked_again(data: Mapping[str, Any]) -> bool:
+    """Does it keep no proofs, so that it was asked again?"""
+    return data.get("schema") in ASKED_AGAIN or data.get("query") in ("map", "sweep")
+
+
 def head(data: Mapping[str, Any]) -> str:
     """What a saved file is about, in a line."""
     answer = data.get("answer", data)
     said = f": {answer['verdict'].upper()}" if "verdict" in answer else ""  # a certificate by itself has none
     said += f", stop {answer['stop']}" if "stop" in answer else ""
+    if is_asked_again(data):
+        return f"asked again: {_head_again(data)}{said}"
     if data.get("query") == "plan":
         return f"plan: {words.count(len(data['grasps']), 'grasp')}"
     if "task" in data:
@@ -40,15 +50,40 @@ def head(data: Mapping[str, Any]) -> str:
     return f"certificate of {name}: by itself" if "answer" not in data else f"{answer['query']} of {name}{said}"
 
 
+def _head_again(data: Mapping[str, Any]) -> str:
+    if data["schema"] == "handfast/labels/1":
+        return "labels"
+    if data["schema"] == "handfast/settled/1":
+        return f"{grasp_file.from_dict(data['first']).name} {data['rest']}"
+    return f"{data['query']} of {grasp_file.from_dict(data['question']['grasp']).name}"
+
+
 def question_json(data: Mapping[str, Any]) -> dict[str, Any]:
     """What was asked, with what tells its grasp, or its hand, object and task, from others."""
+    if is_asked_again(data):
+        return _again_json(data)
     if data.get("query") == "plan":
         return {"sha256": data["question"], "loads": data["loads"]}
     if "task" in data:
         return task_json(task_from_dict(data["task"])) if "motors" not in data else question_of(grasps_from_dict(data))
+    return dict(data["question"]) | {"grasp": _about(grasp_file.from_dict(data["question"]["grasp"]))}
+
+
+def _about(g: Grasp) -> dict[str, Any]:
+    return {"name": g.name, "sha256": grasp_digest(g), "friction": g.mu.tolist(), "preload": g.preload}
+
+
+def _again_json(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The same of what was asked again."""
+    if data["schema"] == "handfast/labels/1":
+        return {key: data.get(key) for key in ("dataset", "questions", "changes", "scene")}
+    if data["schema"] == "handfast/settled/1":
+        last = data["last"] and _about(grasp_file.from_dict(data["last"]))
+        loads = {key: data[key] for key in ("wrench", "last_wrench")}
+        return {"first": _about(grasp_file.from_dict(data["first"])), "last": last} | loads
     g = grasp_file.from_dict(data["question"]["grasp"])
-    about = {"name": g.name, "sha256": grasp_digest(g), "friction": g.mu.tolist(), "preload": g.preload}
-    return dict(data["question"]) | {"grasp": about}
+    beside = ("plane", "at", "directions") if data["query"] == "map" else ("joint", "directions")
+    return dict(data["question"]) | {"grasp": _about(g)} | {key: data[key] for key in beside}
 
 
 def grasp_digest(grasp: Grasp) -> str:
@@ -67,6 +102,9 @@ def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> Non
         else:
             show_task_question(out, task_from_dict(data["task"]), proved=proved)
         return
+    if is_asked_again(data):
+        _show_again(out, data, proved=proved)
+        return
     asked = data["question"]
     g = grasp_file.from_dict(asked["grasp"])
     sought = "loads" in asked or asked["goal"] == "torques"
@@ -74,7 +112,48 @@ def show_question(out: Console, data: Mapping[str, Any], *, proved: bool) -> Non
     facts = [words.grasp_text(g), "" if sought else f"preload {words.preload_text(g)}"]
     limits = asked["torque_limits"], asked["force_limit"]
     out.print("; ".join(filter(None, [*facts, *_terms(asked["eta"], asked.get("mdp", True), *limits)])), soft_wrap=True)
+    _show_grasp(out, g)
+
+
+def _show_grasp(out: Console, g: Grasp) -> None:
     out.print(f"relative to grasp '{g.name}' sha256 {grasp_digest(g)[:DIGITS]}…", style="dim", soft_wrap=True)
+
+
+def _show_again(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
+    """The question of what keeps no proofs."""
+    if data["schema"] == "handfast/labels/1":
+        kind = data["dataset"].get("kind")
+        source = next((str(x) for key, x in data["dataset"].items() if key.startswith("sha256")), "")
+        out.print(
+            f"{_opening(proved)} what the grasps of the dataset hold, by how much, and with which commands".rstrip()
+        )
+        out.print(f"relative to the dataset ({kind}) sha256 {source[:DIGITS]}…", style="dim", soft_wrap=True)
+        return
+    out.print()
+    if data["schema"] == "handfast/settled/1":
+        for name, key, wrench in (("as it stood", "first", "wrench"), ("at rest", "last", "last_wrench")):
+            if data[key]:
+                g = grasp_file.from_dict(data[key])
+                load = words.load_text(np.array(data[wrench]))
+                out.print(f"{_opening(proved)} {load}, {name}; {words.grasp_text(g)}; preload {words.preload_text(g)}")
+                _show_grasp(out, g)
+        return
+    asked = data["question"]
+    g, count = grasp_file.from_dict(asked["grasp"]), len(data["directions"])
+    if data["query"] == "map":
+        what = (
+            f"forces in {words.count(count, 'direction')} of the {data['plane']} plane, {words.place_text(data['at'])}"
+        )
+    else:
+        what = f"{words.count(count, 'direction')} under {words.count(len(data['rows']), 'command')} of {data['joint']}"
+    limits = asked["torque_limits"], asked["force_limit"]
+    facts = [words.grasp_text(g), f"preload {words.preload_text(g)}", *_terms(asked["eta"], asked["mdp"], *limits)]
+    from handfast.stability.ask_again import LARGEST_GAP
+
+    facts.append(f"lower bounds to within {num(100 * min(asked['gap'], LARGEST_GAP))} %")
+    out.print(f"{_opening(proved)} {what}", soft_wrap=True)
+    out.print("; ".join(facts), soft_wrap=True)
+    _show_grasp(out, g)
 
 
 def task_json(task: Task) -> dict[str, Any]:

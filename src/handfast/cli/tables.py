@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from handfast.stability.witness import Witness
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
+MOST_CLAIMS = 20  # that are not proved and shown
 Load = Sequence[float]
 
 
@@ -110,6 +111,8 @@ def show_torques(
 def show_replay(out: Console, head: str, done: Replay) -> str:
     """What a saved answer claims and what of it was proved; returns the verdict: its first word."""
     word, style = ("PROVED", "bold green") if done.ok else ("REFUSED", "bold red")
+    if done.open and not done.fault:
+        word, style = "UNDECIDED", "bold yellow"
     if done.ok and not done.replayed:
         word, style = "NOTHING CLAIMED", "bold yellow"
     out.print(Text.assemble((word, style), "  ", head))
@@ -118,11 +121,15 @@ def show_replay(out: Console, head: str, done: Replay) -> str:
     grid = table("", "claims", "replayed", "")
     grid.columns[1].no_wrap, grid.columns[2].no_wrap = False, True
     rows = list(_claims(done, ""))
+    left = [row for row in rows if row[-1] != "proved"][MOST_CLAIMS:]
     for row in rows:
-        grid.add_row(*row)
+        if row not in left:
+            grid.add_row(*row)
     if rows:
         out.print()
         out.print(grid)
+    if left:
+        out.print(f"and {words.count(len(left), 'claim')} more that are not proved; --json lists all", style="dim")
     for line in dict.fromkeys(_not_shown(done)):
         out.print(f"Not shown: {line}.", style="dim", soft_wrap=True)
     return word
@@ -140,8 +147,12 @@ def _claims(done: Replay, above: str) -> Iterator[tuple[str, str, str, str]]:
     for part in done.parts:
         name = f"{above}{part.name}"
         if part.claim:
-            yield name, part.claim, _figures(part), "proved" if part.ok else "refused"
+            yield name, part.claim, _figures(part), _word(part)
         yield from _claims(part, f"{name}, ")
+
+
+def _word(part: Replay) -> str:
+    return "proved" if part.ok else "refused" if part.fault else "undecided"
 
 
 def _figures(part: Replay) -> str:

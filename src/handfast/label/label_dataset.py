@@ -22,6 +22,7 @@ from handfast.label.labeller import Labelling, label
 from handfast.label.open_dataset import open_dataset
 from handfast.label.part_folder import PartFolder, folder_of
 from handfast.label.scene_source import SceneSource
+from handfast.model.grasp import Grasp
 
 PART = 64  # rows: what a run that is killed has to do again, for each worker
 LONG = 300  # characters of a reason
@@ -227,16 +228,11 @@ def labels_of(recipe: LabelRecipe, part: LabelPart) -> list[dict[str, Any]]:
 
 def _label_of(recipe: LabelRecipe, row: DatasetRow) -> dict[str, Any]:
     said: dict[str, Any] = {"row": row.number, "name": row.name}
+    if isinstance(row.content, FaultyRow):
+        return broken(row.number, row.name, row.content.reason)
     try:
-        match row.content:
-            case FaultyRow(reason):
-                return broken(row.number, row.name, reason)
-            case str(text):
-                grasp = grasp_of_text(text, row.name, recipe.changes)
-            case PosedRow() as posed:
-                assert recipe.scene
-                grasp = recipe.scene.grasp(posed, row.name, recipe.changes)
-                said |= _posture(recipe.scene, posed)
+        grasp, posture = grasp_of_row(row, recipe.changes, recipe.scene)
+        said |= posture
         if row.unnamed:
             said["name"] = grasp.name
         found = complete(said | label(grasp, recipe.labelling))
@@ -247,6 +243,18 @@ def _label_of(recipe: LabelRecipe, row: DatasetRow) -> dict[str, Any]:
     except Exception as fault:  # a row may be odd in ways that nobody thought of: that is no reason to lose the others
         reason = f"{type(fault).__name__}: {' '.join(str(fault).split())}"
     return broken(row.number, row.name, reason[:LONG])
+
+
+def grasp_of_row(row: DatasetRow, changes: GraspChanges, scene: SceneSource | None) -> tuple[Grasp, dict[str, Any]]:
+    """The grasp that a row is labelled as, and the columns of its posture; raises `InputError`."""
+    match row.content:
+        case FaultyRow(reason):
+            raise InputError(reason)
+        case str(text):
+            return grasp_of_text(text, row.name, changes), {}
+        case PosedRow() as posed:
+            assert scene
+            return scene.grasp(posed, row.name, changes), _posture(scene, posed)
 
 
 def _posture(scene: SceneSource, row: PosedRow) -> dict[str, Any]:

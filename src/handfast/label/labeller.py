@@ -95,18 +95,23 @@ def label(grasp: Grasp, labelling: Labelling) -> dict[str, Any]:
     start = time.perf_counter()
     settings = labelling.settings(grasp.m)
     ask = Questions(grasp, settings, labelling.time_limit, ALL * settings.node_limit)
-    center = np.zeros(3) if grasp.center_of_mass is None else grasp.center_of_mass
+    center = center_of(grasp)
     axes, forces = _axes(ask, center)
-    out = _described(grasp, center) | axes
+    out = described_grasp(grasp) | axes
     if grasp.mass:
         out |= _under_gravity(ask, labelling, grasp.mass * labelling.g, center, forces)
     out |= _worst(ask, spread(labelling.directions), center, forces)
-    out |= _measured(grasp)
+    out |= measured(grasp)
     out |= {"open": ask.open, "stop": str(ask.stop), "nodes": ask.nodes}
     return out | {"status": "labelled", "seconds": time.perf_counter() - start}
 
 
-def _described(grasp: Grasp, center: Array) -> dict[str, Any]:
+def center_of(grasp: Grasp) -> Array:
+    """(3,) [m] where disturbances act."""
+    return np.zeros(3) if grasp.center_of_mass is None else grasp.center_of_mass
+
+
+def described_grasp(grasp: Grasp) -> dict[str, Any]:
     """What was labelled."""
     return {
         "contacts": grasp.m,
@@ -117,16 +122,13 @@ def _described(grasp: Grasp, center: Array) -> dict[str, Any]:
         "motors": list(grasp.mechanism.actuators),
         "preload": grasp.command.tolist(),
         "mass": grasp.mass,
-        "center": center.tolist(),
+        "center": center_of(grasp).tolist(),
     }
 
 
 def _axes(ask: Questions, center: Array) -> tuple[dict[str, Any], dict[tuple[float, ...], LargestLoad]]:
     """The largest disturbances along the axes both ways: columns, and those of forces by direction."""
-    wrenches = []
-    for name in WRENCHES:
-        axis = (1.0 if name[0] == "+" else -1.0) * np.eye(3)["xyz".index(name[2])]
-        wrenches.append(_force(axis, center) if name[1] == "f" else np.r_[np.zeros(3), axis])
+    wrenches = [axis_wrench(name, center) for name in WRENCHES]
     found = ask.largest(wrenches)
     out: dict[str, Any] = {}
     for name, most in zip(WRENCHES, found, strict=True):
@@ -135,7 +137,13 @@ def _axes(ask: Questions, center: Array) -> tuple[dict[str, Any], dict[tuple[flo
     return out, forces
 
 
-def _measured(grasp: Grasp) -> dict[str, Any]:
+def axis_wrench(name: str, center: Array) -> Array:
+    """(6,) the unit disturbance of a name such as "+fx", at the origin."""
+    axis = (1.0 if name[0] == "+" else -1.0) * np.eye(3)["xyz".index(name[2])]
+    return force_at(axis, center) if name[1] == "f" else np.r_[np.zeros(3), axis]
+
+
+def measured(grasp: Grasp) -> dict[str, Any]:
     """The classical measures, torques about the centre of mass or, without one, the contacts' middle."""
     said = measure_columns(grasp, only=[c.name for c in MEASURES], passive=False)
     return {c.name: _counted(c, said[c.name]) for c in MEASURES}
@@ -153,22 +161,22 @@ def _under_gravity(
     """Verdicts, the least factor on the weight [N], and the smallest commands where that is least."""
     pulls = [np.array(v) / np.linalg.norm(v) for v in labelling.gravity]
     new = [v for v in pulls if _key(v) not in forces]
-    known = forces | dict(zip(map(_key, new), ask.largest([_force(v, center) for v in new]), strict=True))
+    known = forces | dict(zip(map(_key, new), ask.largest([force_at(v, center) for v in new]), strict=True))
     most = [known[_key(v)] for v in pulls]
     # beyond the largest that is resisted nothing is; what is below it may slip all the same
     maybe = [k for k, m in enumerate(most) if m.upper >= weight]
     verdicts = [Verdict.SLIPS] * len(pulls)
-    for k, verdict in zip(maybe, ask.held([weight * _force(pulls[k], center) for k in maybe]), strict=True):
+    for k, verdict in zip(maybe, ask.held([weight * force_at(pulls[k], center) for k in maybe]), strict=True):
         verdicts[k] = verdict
     most = [  # a weight that is held is a witness, too, where the search for the largest found less within its limits
         replace(m, lower=max(m.lower, weight)) if v is Verdict.HOLDS else m for m, v in zip(most, verdicts, strict=True)
     ]
     worst = min(range(len(pulls)), key=lambda k: (most[k].lower, most[k].upper, k))
-    preload, lower, upper = ask.commands(weight * _force(pulls[worst], center))
+    preload, lower, upper = ask.commands(weight * force_at(pulls[worst], center))
     motors = ask.grasp.mechanism.actuators
     scaled = LargestLoad(most[worst].lower / weight, most[worst].upper / weight, most[worst].unbounded)
     return _bounds("weight_factor", scaled) | {
-        "verdict": str(_all(verdicts)),
+        "verdict": str(all_hold(verdicts)),
         "verdicts": [str(v) for v in verdicts],
         "hardest": pulls[worst].tolist(),
         "commands": None if preload is None else [preload.get(name, 0.0) for name in motors],
@@ -177,7 +185,7 @@ def _under_gravity(
     }
 
 
-def _all(verdicts: list[Verdict]) -> Verdict:
+def all_hold(verdicts: list[Verdict]) -> Verdict:
     if Verdict.SLIPS in verdicts:
         return Verdict.SLIPS
     return Verdict.HOLDS if set(verdicts) == {Verdict.HOLDS} else Verdict.UNDECIDED
@@ -196,11 +204,11 @@ def _worst(
     worst, where = LargestLoad(np.inf, np.inf, False), left[0]
     while left and worst.upper > 0:
         k = left.pop(0)
-        most = ask.largest([_force(directions[k], center)])[0]
+        most = ask.largest([force_at(directions[k], center)])[0]
         if (most.lower, most.upper) < (worst.lower, worst.upper):
             worst, where = most, k
             if np.isfinite(worst.upper):
-                verdicts = ask.held([worst.upper * _force(directions[i], center) for i in left])
+                verdicts = ask.held([worst.upper * force_at(directions[i], center) for i in left])
                 left = [i for i, verdict in zip(left, verdicts, strict=True) if verdict is not Verdict.HOLDS]
     return _bounds("worst_force", worst) | {"worst_direction": directions[where].tolist()}
 
@@ -213,7 +221,7 @@ def _guesses(directions: Array, forces: dict[tuple[float, ...], LargestLoad]) ->
     return 1 / (np.maximum(directions, 0.0) / towards + np.maximum(-directions, 0.0) / away).sum(axis=1)
 
 
-def _force(direction: Array, at: Array) -> Array:
+def force_at(direction: Array, at: Array) -> Array:
     """(6,) the wrench of a force (3,) at a point (3,), at the origin."""
     (a, b, c), (x, y, z) = at.tolist(), direction.tolist()
     return np.array([x, y, z, b * z - c * y, c * x - a * z, a * y - b * x])

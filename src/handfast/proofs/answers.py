@@ -446,9 +446,11 @@ NOTHING = dict.fromkeys(("residual", "contacts", "joint_torques", "actuator_forc
 
 
 def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
-    """What `check` says of a state by key; `NOTHING` without one."""
+    """What `check` says of a state by key; `NOTHING` of one that is proved in no modes."""
+    if not proved.modes:
+        return dict(NOTHING)
     motions = g.rows[0] @ x.motion
-    states = [Contact(k) for k in proved.modes.contact] if proved.modes else [Contact.OPEN] * g.m
+    states = [Contact(k) for k in proved.modes.contact]
     c, d = x.c.reshape(-1, 3), motions[: 3 * g.m].reshape(-1, 3)
     contacts = [
         {

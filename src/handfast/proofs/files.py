@@ -19,14 +19,15 @@ LONGEST = 50  # digits of a whole number
 DEPTH = 50  # of lists and objects in each other
 TOO_DEEP = f"is nested too deeply; at most {DEPTH} lists and objects may be in each other"
 PLAN = "plan.json"
+AGAIN = "handfast verify FILE --replay"
+SETTLED = "handfast/settled/1"
 ASK = {  # answers that keep no proof, and what asks for one
     "check": "handfast check GRASP --save",
     "max": "handfast max GRASP --save",
     "torques": "handfast torques GRASP --save",
     "hold": "handfast hold GRASP --save",
-    "map": "handfast max GRASP --direction ... --save for each direction",
-    "sweep": "handfast max GRASP --preload ... --save for each preload",
-    "settle": "handfast check GRASP --save for the grasp where it comes to rest",
+    "map": AGAIN,
+    "sweep": AGAIN,
     "synthesize": "handfast synthesize TASK --save",
     "grasp": "handfast grasp TASK -o FOLDER",
     "plan": "handfast verify FOLDER, for the folder that it stands in",
@@ -40,9 +41,9 @@ def verify(data: Any, place: str = "") -> Replay:
         BadFile: it is none of the `READERS`, or a field of it is wrong.
     """
     schema, field = data.get("schema") if isinstance(data, dict) else None, f"{place}.schema" if place else "schema"
-    if schema == "handfast/answer/1":
-        query = data.get("query")
-        raise BadFile(f"is an answer without its proof; ask again: {ASK.get(str(query), 'with --save')}", field)
+    if schema in ("handfast/answer/1", SETTLED):
+        ask = AGAIN if schema == SETTLED else ASK.get(str(data.get("query")), "with --save")
+        raise BadFile(f"is an answer without its proof; ask again: {ask}", field)
     if not isinstance(schema, str) or schema not in READERS:
         found = "is missing" if schema is None else f"is {schema!r}"
         raise BadFile(f"{found}; {' or '.join(map(repr, READERS))} is needed", field)

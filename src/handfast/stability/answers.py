@@ -159,7 +159,7 @@ class Answer(ABC):
 
     def state_json(self) -> dict[str, Any]:
         """The witness by key, as `check` prints it; null without one that is proved."""
-        if self.witness is None or self.posed is None or self.proved is None or not self.proved.modes:
+        if self.witness is None or self.posed is None or self.proved is None:
             return dict(answers.NOTHING)
         return answers.described(_grasp(self.posed, self.witness), stated(self.witness.state), self.proved)
 

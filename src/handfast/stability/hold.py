@@ -119,7 +119,7 @@ class HoldAnswer:
             "upper": finite(self.upper),
             "hardest": self.hardest or None,
             "exact": self.exact,
-            "residuals": [a.proved.residual if a.proved else None for a in self.checks],
+            "residuals": [a.state_json()["residual"] for a in self.checks],
         }
 
 

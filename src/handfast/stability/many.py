@@ -58,6 +58,16 @@ class Options:
         """Is it Algorithm 1 that is asked?"""
         return self.settings is not None and self.settings.method == "algorithm1"
 
+    @property
+    def gap(self) -> float:
+        """Relative distance of the two bounds at which a number is exact enough."""
+        return (self.settings or Settings()).gap
+
+    def to_json(self) -> dict[str, Any]:
+        """What was asked, as files of answers have it beside the grasp."""
+        limits = {"torque_limits": dict(self.torque_limits or {}), "force_limit": self.force_limit}
+        return {"eta": self.eta, "mdp": self.mdp, "gap": self.gap} | limits
+
     def build(self, case: Case) -> ScaledProblem:
         limits = {"torque_limits": self.torque_limits, "force_limit": self.force_limit}
         return scaled_problem.build(case.grasp, case.base, case.direction, eta=self.eta, mdp=self.mdp, **limits)  # type: ignore[arg-type]

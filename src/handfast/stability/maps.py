@@ -13,6 +13,7 @@ from handfast.core.answer import Stop, Verdict, header
 from handfast.core.arrays import Array, Mask, frozen
 from handfast.core.errors import InputError, unknown_name
 from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import to_dict
 from handfast.proofs.replay import Replay
 from handfast.stability.answers import finite
 from handfast.stability.many import Case, OnItem, Options, maxima
@@ -22,7 +23,7 @@ from handfast.stability.scaled_problem import as_wrench
 from handfast.stability.settings import Settings
 
 Plane = Literal["xy", "xz", "yz"]
-NO_PROOFS = "maps and sweeps keep no witnesses and certificates; ask `maximum` about single directions"
+NO_PROOFS = "maps and sweeps keep no witnesses and certificates; `handfast.verify(answer, replay=True)` asks again"
 MOST_STEPS = 1_000_000  # directions
 PLANES: tuple[Plane, ...] = ("xy", "xz", "yz")
 
@@ -75,13 +76,24 @@ class Curve:
         }
 
 
+def of_all(verdicts: Sequence[Verdict]) -> Verdict:
+    """HOLDS if all are, SLIPS if any is, else UNDECIDED."""
+    return next((v for v in (Verdict.SLIPS, Verdict.UNDECIDED) if v in verdicts), Verdict.HOLDS)
+
+
 class _Curves:
     """The verdict and stop of an answer that consists of curves."""
 
+    grasp: Grasp
+    options: Options
     curves: tuple[Curve, ...]
 
+    def question_json(self) -> dict[str, Any]:
+        """What all of it was asked with."""
+        return {"grasp": to_dict(self.grasp)} | self.options.to_json()
+
     def verify(self) -> Replay:
-        """Nothing of it can be replayed: curves keep neither witnesses nor certificates. `max_many` can keep them."""
+        """Nothing of it can be replayed: curves keep neither witnesses nor certificates."""
         return Replay("curves", "", NO_PROOFS, not_replayed=(f"lower, upper, unbounded, verdicts: {NO_PROOFS}",))
 
     @property
@@ -90,8 +102,7 @@ class _Curves:
 
         Of a map, with the grasp's preload if it has one.
         """
-        verdicts = [v for c in self.judged for v in c.verdicts]
-        return next((v for v in (Verdict.SLIPS, Verdict.UNDECIDED) if v in verdicts), Verdict.HOLDS)
+        return of_all([v for c in self.judged for v in c.verdicts])
 
     @property
     def judged(self) -> tuple[Curve, ...]:
@@ -116,6 +127,7 @@ class MapAnswer(_Curves):
         passive: the curve with every actuator locked.
         preloaded: the curve with the grasp's preload; None if it has none.
         at: (3,) [m] the point of the object at which the forces act, object frame.
+        options: law, limits and gap as asked.
     """
 
     grasp: Grasp
@@ -127,6 +139,7 @@ class MapAnswer(_Curves):
     seconds: float
     nodes: int
     at: Array = field(default_factory=lambda: np.zeros(3))
+    options: Options = field(default_factory=Options, repr=False)
 
     @property
     def curves(self) -> tuple[Curve, ...]:  # type: ignore[override]
@@ -138,6 +151,7 @@ class MapAnswer(_Curves):
 
     def to_json(self) -> dict[str, Any]:
         return header(self, "map") | {
+            "question": self.question_json(),
             "plane": self.plane,
             "at": self.at.tolist(),
             "eta": float(np.degrees(self.eta)),
@@ -157,6 +171,7 @@ class SweepAnswer(_Curves):
         values: (n,) commands [N m or N].
         directions: (k, 6) disturbances.
         curves: one per direction, over the values.
+        options: law, limits and gap as asked.
     """
 
     grasp: Grasp
@@ -166,9 +181,11 @@ class SweepAnswer(_Curves):
     curves: tuple[Curve, ...]
     seconds: float
     nodes: int
+    options: Options = field(default_factory=Options, repr=False)
 
     def to_json(self) -> dict[str, Any]:
         return header(self, "sweep") | {
+            "question": self.question_json(),
             "joint": self.actuator,
             "directions": self.directions.tolist(),
             "rows": [
@@ -218,15 +235,11 @@ def force_map(
     if not 1 <= steps <= MOST_STEPS:
         raise InputError(f"is {steps}; 1 to {MOST_STEPS} directions are possible", field="steps")
     point = frozen(at, (3,), "at")
-    angles = 2 * np.pi * np.arange(steps) / steps
-    i, j = ("xyz".index(axis) for axis in plane)
-    directions = np.zeros((steps, 3))
-    directions[:, i], directions[:, j] = np.cos(angles), np.sin(angles)
-    directions[np.abs(directions) < 1e-12] = 0.0
+    directions = in_plane(plane, steps)
     grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
     options = Options(eta, True, torque_limits, force_limit, settings, proofs=False, interval=interval)
     base = np.zeros(6)
-    wrenches = np.hstack([directions, np.cross(point, directions)]) + 0.0  # no -0
+    wrenches = forces_at(point, directions)
     cases = [Case(g, w, base) for g in grasps for w in wrenches]
     asked = options.build(cases[0])
     for w in wrenches[:2]:  # they span the others: bad input's one line is raised here, not half way through
@@ -243,7 +256,24 @@ def force_map(
         seconds=time.monotonic() - start,
         nodes=sum(a.nodes for a in answers if a),
         at=point,
+        options=options,
     )
+
+
+def in_plane(plane: Plane, steps: int) -> Array:
+    """(steps, 3) unit vectors, evenly spaced, from the plane's first axis towards its second."""
+    angles = 2 * np.pi * np.arange(steps) / steps
+    i, j = ("xyz".index(axis) for axis in plane)
+    directions = np.zeros((steps, 3))
+    directions[:, i], directions[:, j] = np.cos(angles), np.sin(angles)
+    directions[np.abs(directions) < 1e-12] = 0.0
+    return directions
+
+
+def forces_at(point: Array, directions: Array) -> Array:
+    """(n, 6) wrenches of forces (n, 3) that act at a point (3,), at the origin."""
+    out: Array = np.hstack([directions, np.cross(point, directions)]) + 0.0  # no -0
+    return out
 
 
 def sweep(
@@ -287,4 +317,5 @@ def sweep(
         curves=tuple(Curve.of(answers[k * n : (k + 1) * n]) for k in range(len(d))),
         seconds=time.monotonic() - start,
         nodes=sum(a.nodes for a in answers if a),
+        options=options,
     )

@@ -186,7 +186,9 @@ def sealed(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def refuse_broken(data: dict[str, Any]) -> None:
-    """`InputError` if an object does not have the checksum that it names."""
+    """`InputError` if an object does not have the checksum that it names, or names none."""
+    if "checksum" not in data:
+        raise InputError("is missing: the file is not as it was written", field="checksum")
     if digest({key: value for key, value in data.items() if key != "checksum"}) != data["checksum"]:
         raise InputError("does not fit: the file was changed after it was written", field="checksum")
 
