@@ -15,7 +15,7 @@ from handfast.proofs import rows
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Integers, Mask
-from handfast.proofs.leaves import CitedRows, Late, proved
+from handfast.proofs.leaves import CitedRows, Late, in_time, proved
 from handfast.proofs.rows import Columns, LeafRows, Row, zeros
 from handfast.proofs.tolerance import LEAST, TOO_SMALL
 from handfast.proofs.tree import BadCertificate, leaf_cases
@@ -48,11 +48,14 @@ def verify(certificate: Certificate, until: float = np.inf) -> Checked:
     c, q = certificate, certificate.question
     leaves = len(c.start) - 1
     try:
+        in_time(until)
         cases = leaf_cases(q, c.parent, c.part, np.column_stack([c.state, c.left, c.right]))
         if len(cases) != leaves:
             raise BadCertificate(f"has rows for {leaves} leaves; the tree has {len(cases)}")
+        in_time(until)
         with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which proves nothing
             cited = checked_rows(c, cases)
+            in_time(until)
             equations = equations_of(q)
             right = RightSide.of(q, c.scalar, len(equations.E))
             if 0 < right.scale < LEAST:

@@ -44,11 +44,17 @@ LEAST = 1e-4  # how far a small multiplier may change, relative to what an equal
 HIGH = 1e9  # times the load: caps below are sought again in rational arithmetic
 RANK, COARSE = 1e-9, (1e-6, 1e-4)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
-CHUNK, SIDE = 128, 4096  # systems inverted at a time; leaves whose rows are in memory at a time
+CHUNK, SIDE = 128, 1024  # systems inverted at a time; leaves whose rows are in memory at a time
 
 
 class Late(Exception):
     """It was to end before."""
+
+
+def in_time(until: float) -> None:
+    """Raises `Late` once it is after `until` [s] of `time.monotonic`."""
+    if time.monotonic() > until:
+        raise Late
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +96,7 @@ def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float 
     """
     margins, caps = np.full(len(rows.start) - 1, -np.inf), np.full(len(rows.start) - 1, np.inf)
     for begin in range(0, len(margins), SIDE):
-        if time.monotonic() > until:
-            raise Late
+        in_time(until)
         end = min(begin + SIDE, len(margins))
         systems = LeafSystems(equations, side, rows.some(begin, end))
         margins[begin:end], caps[begin:end] = systems.proved(until)
@@ -207,8 +212,7 @@ class LeafSystems:
     def _exactly(self, margins: Array, caps: Array, until: float) -> None:
         """Put in what rational arithmetic shows, where the margins of leaves (L,) are none or their caps small."""
         for k in np.flatnonzero((~(margins > 0) | (caps < HIGH * self.side.scale)) & ~self.hopeless):
-            if time.monotonic() > until:
-                raise Late
+            in_time(until)
             margin, cap = exact_margin(self, int(k))
             if margin > 0 and (not margins[k] > 0 or cap > caps[k]):
                 margins[k], caps[k] = margin, cap

@@ -11,17 +11,17 @@ preload of a shape that nobody proposed.
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
+from handfast.core.limits import SearchLimits
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import to_dict
 from handfast.proofs import holds
@@ -32,10 +32,13 @@ from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, TorquesAnswer, check, maximum, torques
 from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import Settings
+from handfast.stability.solve import LEAST, compiled
 
+A = TypeVar("A", bound=Answer)
 STRONG = 10.0  # times the largest load: a moderate command
 NO_LIMITS: Mapping[str, Any] = {"eta": 0.0, "torque_limits": {}, "force_limit": None}
 NEGLIGIBLE = 1e-6  # share of the largest command below which one is rounding
+HARD = 0.5  # share of the time that is left in which a load is to be decided under a preload
 FACTORS = (1.0, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
 
 
@@ -156,15 +159,17 @@ def hold(
 
     The other arguments and errors are those of `check` and `torques`.
     """
+    asked = settings or Settings()
+    compiled(asked)
     names = tuple(actuators or grasp.sought_actuators)
-    search = _HoldSearch(grasp, loads, names, settings or Settings(), timeout)
+    search = _HoldSearch(grasp, loads, names, asked, SearchLimits(timeout))
     search.bounds = bounding or search.settings
     search.most = np.inf if command_limit is None else command_limit
     search.limits = {"torque_limits": torque_limits, "force_limit": force_limit, "eta": eta}
     try:
         return search.run(least)
     except KeyboardInterrupt:
-        return search.answer(Verdict.UNDECIDED, Stop.INTERRUPTED)
+        return search.answer(search.found, Stop.INTERRUPTED)
 
 
 def moderate(grasp: Grasp, loads: Loads) -> float:
@@ -182,13 +187,12 @@ class _HoldSearch:
     """One call of `hold`."""
 
     def __init__(
-        self, grasp: Grasp, loads: Loads, names: tuple[str, ...], settings: Settings, timeout: float | None
+        self, grasp: Grasp, loads: Loads, names: tuple[str, ...], settings: Settings, clock: SearchLimits
     ) -> None:
         self.grasp, self.loads, self.names, self.settings = grasp, loads, names, settings
         self.bounds = settings
         self.tried: set[tuple[tuple[str, float], ...]] = set()
-        self.begin = time.monotonic()
-        self.end = np.inf if timeout is None else self.begin + timeout
+        self.clock = clock
         self.limits: dict[str, Any] = {}
         self.nodes = 0
         self.lower, self.most = 0.0, np.inf
@@ -212,12 +216,13 @@ class _HoldSearch:
             for shape in self.plain():
                 if self.level(shape) and self.best:
                     return self.answer(Verdict.HOLDS, Stop.COMPLETE)
-        for k in self.order[:]:
+        for left, k in zip(range(len(self.loads), 0, -1), self.order[:], strict=True):
             if self.late():
                 return self.answer(self.found, Stop.TIME)
-            a = self.torques(k, self.bounds)
+            share = 1 / (left + 1)  # as much is left for shapes
+            a = self.torques(k, self.bounds, share)
             if self.refutes(a) and not self.bounds.verify:
-                a = self.torques(k, replace(self.bounds, verify=True))
+                a = self.torques(k, replace(self.bounds, verify=True), share)
             if self.refutes(a):
                 refuted = (self.loads.names[k], a)
                 return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=refuted)
@@ -232,7 +237,7 @@ class _HoldSearch:
             self.level(shape)
             if self.best and not least:
                 break
-        return self.answer(self.found, Stop.TIME if self.late() and not self.best else Stop.COMPLETE)
+        return self.answer(self.found, Stop.TIME if self.late() else Stop.COMPLETE)
 
     @property
     def found(self) -> Verdict:
@@ -295,10 +300,11 @@ class _HoldSearch:
 
     def resisted(self, preload: Mapping[str, float], k: int) -> float:
         """How many times a load is resisted under a preload."""
-        settings = replace(self.settings, gap=1e-2, verify=False)
+        if self.late():
+            return 0.0
+        settings = replace(self.within(self.settings, HARD), gap=1e-2, verify=False)
         grasp, eta = self.grasp.with_commands(preload), self.limits["eta"]
-        a = maximum(grasp, self.loads.wrenches[k], eta=eta, settings=settings)
-        self.nodes += a.nodes
+        a = self.counted(maximum(grasp, self.loads.wrenches[k], eta=eta, settings=settings))
         if not a.lower > 0:
             self.first(k, a.stop if a.verdict is Verdict.UNDECIDED else Stop.COMPLETE)
         return a.lower
@@ -308,10 +314,11 @@ class _HoldSearch:
         grasp = self.grasp.with_commands(preload)
         found: dict[int, CheckAnswer] = {}
         for k in self.order[:]:
+            if self.late():
+                return ()
             # what slips is tried differently, so that its proof is not needed
-            settings = replace(self.settings, verify=False)
-            a = check(grasp, self.loads.wrenches[k], settings=settings, **self.limits)
-            self.nodes += a.nodes
+            settings = replace(self.within(self.settings, HARD), verify=False)
+            a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, **self.limits))
             if a.verdict is not Verdict.HOLDS:
                 self.first(k, a.stop)
                 return ()
@@ -322,12 +329,25 @@ class _HoldSearch:
         """Does an answer about a load alone say that there is no preload?"""
         return a.verdict is Verdict.SLIPS or a.lower > self.most
 
-    def torques(self, k: int, settings: Settings) -> TorquesAnswer:
-        """The least commands for a load alone."""
-        a = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=settings, **self.limits)
-        self.nodes += a.nodes
+    def torques(self, k: int, settings: Settings, share: float) -> TorquesAnswer:
+        """The least commands for a load alone, in a share of the time that is left."""
+        settings = self.within(settings, share)
+        asked = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=settings, **self.limits)
+        a = self.counted(asked)
         if a.verdict is not Verdict.HOLDS:
             self.first(k, a.stop)
+        return a
+
+    def within(self, settings: Settings, share: float) -> Settings:
+        """The settings of a query that has a share of the time that is left."""
+        left = max(share * self.clock.seconds_left, LEAST)
+        return replace(settings, time_limit=min(settings.time_limit, left))
+
+    def counted(self, a: A) -> A:
+        """An answer, its nodes counted; Ctrl-C, which ended its search, ends this one too."""
+        self.nodes += a.nodes
+        if a.stop is Stop.INTERRUPTED:
+            raise KeyboardInterrupt
         return a
 
     def first(self, k: int, stop: Stop) -> None:
@@ -342,7 +362,7 @@ class _HoldSearch:
         return max(map(abs, self.best[0].values()), default=0.0) if self.best else self.most
 
     def late(self) -> bool:
-        return time.monotonic() >= self.end
+        return self.clock.late
 
     def answer(self, verdict: Verdict, stop: Stop, refuted: tuple[str, Answer | None] | None = None) -> HoldAnswer:
         """As far as it came; an undecided one tells the limit that was hit."""
@@ -352,7 +372,7 @@ class _HoldSearch:
         return HoldAnswer(
             verdict,
             stop,
-            time.monotonic() - self.begin,
+            self.clock.seconds,
             self.nodes,
             self.loads,
             {n: held[0].get(n, 0.0) for n in self.names} if held else None,

@@ -27,7 +27,7 @@ from handfast.stability.posed import Posed, stated
 from handfast.stability.resisted_interval import ResistedInterval
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import OnStep, Settings
-from handfast.stability.solve import solve, time_left, without_end
+from handfast.stability.solve import clock_of, solve, time_left, without_end
 from handfast.stability.witness import Witness
 
 if TYPE_CHECKING:
@@ -167,10 +167,11 @@ def maximum(
     The other arguments and errors are those of `check`.
     """
     settings = settings or Settings()
+    clock = clock_of(settings)
     w0 = np.zeros(6) if base is None else base
     limits: dict[str, Any] = {"torque_limits": torque_limits, "force_limit": force_limit}
     answer = largest(scaled_problem.build(grasp, w0, direction, eta=eta, mdp=mdp, **limits), settings, on_step)
-    return with_interval(answer, settings) if interval else answer
+    return with_interval(answer, time_left(settings, clock)) if interval else answer
 
 
 def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
@@ -241,7 +242,7 @@ def _search(
     p: ScaledProblem, settings: Settings, on_step: OnStep | None, hints: Mapping[str, Any]
 ) -> tuple[Posed, Outcome]:
     """What was asked in the end, and what was found."""
-    goal = max_goal(p)
+    goal, limits = max_goal(p), clock_of(settings)
     if not goal.has_scalar:  # nothing but the disturbance: resisted at every magnitude or at none
         p = replace(p, w0=p.direction, wrench=p.along)
     if goal.maximised and p.is_given and not p.w0.any():  # what slips without limits slips with them
@@ -249,21 +250,24 @@ def _search(
         posed, alone = _search(free, settings, on_step, {})
         if alone.bound == INF:
             return posed, alone
+        settings = time_left(settings, limits)
     elif goal.maximised and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
         # no search tells small magnitudes from 0, which every limit allows; what slips without limits slips with them
         free = scaled_problem.build(p.grasp, p.along, eta=p.eta, mdp=p.mdp)
         alone = solve(free, ANY_STATE, settings, on_step)
         if alone.bound == INF:
             return Posed(free, ANY_STATE), alone
+        settings = time_left(settings, limits)
     found = solve(p, goal, settings, on_step, **hints)
     if found.bound == INF and goal.has_scalar and settings.method == "engine" and runs_away(p.grasp):
         if goal.homogeneous:  # by the same rows with any preload
-            found = solve(p, goal, settings, on_step, within=(goal.search_range(p)[0], INF)).after(found)
+            left = time_left(settings, limits)
+            found = solve(p, goal, left, on_step, within=(goal.search_range(p)[0], INF)).after(found)
     elif found.bound == INF and goal.has_scalar and settings.method == "engine":
-        found = without_end(p, goal, settings, on_step, found)
+        found = without_end(p, goal, settings, on_step, found, limits)
     interrupted = found.stop is Stop.INTERRUPTED
     if found.witness is None and found.bound < INF and goal.maximised and not interrupted:
-        alone = solve(p, ANY_STATE, time_left(settings, found), None)  # is the base load resisted, at least?
+        alone = solve(p, ANY_STATE, time_left(settings, limits), None)  # is the base load resisted, at least?
         found = found.after(alone)
         if alone.witness is not None:
             found = replace(found, witness=alone.witness, value=0.0, point=None)

@@ -18,7 +18,7 @@ from handfast.stability.goal import INF, Effort, SmallestCommands
 from handfast.stability.posed import Posed
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import OnStep, Settings
-from handfast.stability.solve import held_under, solve, without_end
+from handfast.stability.solve import clock_of, held_under, solve, without_end
 
 if TYPE_CHECKING:
     from handfast.stability.search.outcome import Outcome
@@ -112,21 +112,22 @@ def _search(
 ) -> Outcome:
     """The least commands that were found, raised by a little so that they hold by more than luck."""
     finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
+    limits = clock_of(settings)
     found = solve(p, goal, finer, on_step)
     if found.bound == INF and settings.method == "engine":
-        found = without_end(p, goal, finer, on_step, found)
+        found = without_end(p, goal, finer, on_step, found, limits)
     if found.stop is Stop.INTERRUPTED:
         return found
     if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
         same = p.equivalent
         little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
-        held = held_under(little, p, settings, found)
+        held = held_under(little, p, settings, found, limits)
         return found if held is None else replace(held, stop=Stop.COMPLETE)  # nothing is less than none
-    if found.witness is not None and settings.method == "engine":
+    if found.witness is not None and settings.method == "engine" and not limits.late:
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         command = found.witness.grasp.command
         back = np.array(grasp.mechanism.backdrivable, dtype=bool)
         factors = 1 + settings.gap * np.array(MORE)
         raised = (grasp.with_preload(np.where(back, command, factor * command)) for factor in factors)
-        return next((held for g in raised if (held := held_under(g, p, settings, found))), found)
+        return next((held for g in raised if (held := held_under(g, p, settings, found, limits))), found)
     return found
