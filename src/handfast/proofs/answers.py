@@ -152,13 +152,13 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     return found, Replay("witness", claim + to, reason, figures)
 
 
-def proved(q: Question, p: Problem, x: State) -> Proved:
+def proved(q: Question, p: Problem, x: State, until: float = np.inf) -> Proved:
     """What is proved of a state. Where existence is not: is every equation missed by at most 1e-9 of the load?
 
     So it is with states between two modes by structure: a contact that touches, rows that depend on each other but for
-    rounding.
+    rounding. until: as in `prove`.
     """
-    found = prove(p, x)
+    found = prove(p, x, until)
     if found.exact or found.tolerant:
         return found
     rows = {f.name: np.repeat(getattr(x, f.name)[None], 2, axis=0) for f in fields(State)}

@@ -137,8 +137,9 @@ def _check(
 
 
 def _any_state(p: ScaledProblem, settings: Settings, on_step: OnStep | None) -> CheckAnswer:
+    limits = clock_of(settings)
     found = solve(p, ANY_STATE, settings, on_step)
     verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
     backing: dict[str, Any] = {"posed": Posed(p, ANY_STATE), "verified": found.backed}
     answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
-    return answer.settled() if settings.verify else answer
+    return answer.settled(limits.end) if settings.verify else answer

@@ -81,13 +81,13 @@ class MaxAnswer(Answer):
             return 0.0
         return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
 
-    def settled(self) -> MaxAnswer:
+    def settled(self, until: float = INF) -> MaxAnswer:
         """With a lower bound that is proved to be reached; UNDECIDED where none is."""
-        out = self._exactly()
+        out = self._proved_until(until)._exactly(until)
         known = out._of_found
         if known is not None and known.magnitude is not None and known.magnitude[0] < out.lower:
             out = replace(out, lower=max(known.magnitude[0], 0.0))
-        settled = Answer.settled(out)
+        settled = Answer.settled(out, until)
         if settled.verdict is out.verdict:
             return settled
         upper = settled.upper if settled.proof else INF
@@ -97,18 +97,18 @@ class MaxAnswer(Answer):
     def _bound(self) -> float:
         return self.upper if np.isfinite(self.upper) else 0.0
 
-    def _exactly(self) -> MaxAnswer:
+    def _exactly(self, until: float) -> MaxAnswer:
         """With a state that exists exactly, where one is near: at most a tenth of the gap lower."""
         known, w = self._of_found, self.found
         if known is None or w is None or known.exact or self.posed is None or self._along is None:
             return self
         room = self.upper - self.lower if np.isfinite(self.upper) else 0.0
-        p, x = nearby(self._problem(w), stated(w.state), room)
+        p, x = nearby(self._problem(w), stated(w.state), room, until)
         at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
-        shown = self._proved(at)
+        shown = self._proved(at, until)
         if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
             at = replace(at, state=_state(_in_modes(p, x, shown.modes)))
-            shown = self._proved(at)
+            shown = self._proved(at, until)
         if not shown.exact:
             return self
         better = replace(self, found=at)
@@ -208,7 +208,7 @@ def max_goal(p: ScaledProblem) -> Goal:
 
 def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None, **hints: Any) -> MaxAnswer:
     """The answer to a built problem; hints: to the engine's `search`, what a neighbour left."""
-    end = p.last_magnitude
+    end, limits = p.last_magnitude, clock_of(settings)
     posed, found = _search(p, settings, on_step, hints)
     p, goal = posed
     w = found.witness
@@ -235,7 +235,7 @@ def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None,
     point = found.point if verdict is Verdict.HOLDS else None
     bounds = lower * (1 - NEAR), upper, unbounded
     answer = MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, *bounds, point=point, **backing)
-    return answer.settled() if settings.verify else answer
+    return answer.settled(limits.end) if settings.verify else answer
 
 
 def _search(
