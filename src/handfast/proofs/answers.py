@@ -286,7 +286,7 @@ class Maximum(Query):
     """`max`: which is the largest magnitude of a direction that is resisted?"""
 
     def held(self, saved: SavedAnswer, w: Witness) -> Held:
-        base, along, lower = *_line(saved), saved.number("lower") or 0.0
+        base, along, lower = *line(saved), saved.number("lower") or 0.0
         magnitude = float((w.wrench - base) @ along / (along @ along))
         if not _close(w.wrench, base + magnitude * along) or magnitude < lower:
             raise Refused("witness: it is a state under another disturbance")
@@ -326,7 +326,7 @@ class Maximum(Query):
         lower, upper = saved.number("lower"), saved.number("upper")
         if lower is None or not lower >= 0:
             raise Refused(f"a largest magnitude of {lower}")
-        base, _ = _line(saved)
+        base, _ = line(saved)
         if verdict == "holds" and not unbounded and lower == 0 and not base.any():
             raise Refused("HOLDS without a magnitude that is resisted")
         if verdict != "holds" and lower != 0:
@@ -469,7 +469,7 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
     }
 
 
-def _line(saved: SavedAnswer) -> tuple[Array, Array]:
+def line(saved: SavedAnswer) -> tuple[Array, Array]:
     """(6,) each: the disturbance is the first plus s times the second; `Refused` if it is that of no maximum."""
     q = saved.question
     if q.has_scalar and not q.seeks_commands:
