@@ -97,7 +97,7 @@ def sentence(grasp: Grasp, answer: HoldAnswer) -> str:
     loads = words.count(len(answer.loads), "load")
     if answer.verdict is Verdict.HOLDS:
         if answer.upper == 0:
-            return f"{loads} resisted with every actuator locked: no command is needed."
+            return f"Every actuator may stay locked: {loads} resisted, no command needed."
         below = f"; none below {num(answer.lower)} suffices" if answer.lower > 0 else ""
         return f"One preload holds {loads}; its largest command is {command_text(answer)}{below}."
     if answer.verdict is Verdict.SLIPS and answer.refuted:
