@@ -350,6 +350,8 @@ class _HoldSearch:
         """How many times a load is resisted under a preload."""
         if self.late():
             return 0.0
+        if not self.loads.wrenches[k].any():
+            return np.inf  # any multiple of nothing, if the preload alone is resisted
         self.say(f"level of a preload for {self.loads.names[k]}")
         settings = replace(self.within(self.settings, HARD), gap=1e-2, verify=False)
         grasp, eta = self.grasp.with_commands(preload), self.limits["eta"]
