@@ -30,7 +30,7 @@ from handfast.stability.settings import Settings
 RESULTS = Path(__file__).parent / "results" / "time_limits.json"
 LIMITS = (1.0, 2.0, 5.0, 10.0)  # [s]
 MOST = 60.0  # [s] after which a question is given up
-SEEDS = {5: (2, 3), 6: (2, 3), 8: (1, 2), 10: (2, 3)}  # of grasps by number of contacts, chosen by taking long
+SEEDS = {5: (2,), 6: (3,), 8: (5,), 10: (4,)}  # of grasps by number of contacts, chosen by taking long
 WEIGHT, COMMAND = 3.0, 0.1  # [N], [N m]
 STEPS = 4  # directions of a map
 FINGERS = {  # about where it touches [rad], number of joints
