@@ -192,7 +192,7 @@ def section(text: str, heading: str) -> str:
 def test_every_option_is_described(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     page = (DOCS / "command-line.md").read_text("utf-8")
     described = section(page, name)
-    if name in ("check", "max", "torques", "map", "sweep"):
+    if name in ("check", "max", "torques", "hold", "map", "sweep"):
         described += section(page, "Options of every question")
     assert main([name, "--help"]) == 0
     helped = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", capsys.readouterr().out)) - {"--help"}
@@ -270,7 +270,7 @@ def test_every_field_of_results_and_certificates_is_in_its_table() -> None:
 
 def test_every_field_of_a_hold_is_in_its_table() -> None:
     text = section((DOCS / "file-formats.md").read_text("utf-8"), "Hold: `handfast/hold/1`")
-    data = hold(load_grasp("fig1"), Loads(("up",), [[0, 1, 0, 0, 0, 0]])).to_file()
+    data = hold(load_grasp("fig1"), Loads(("up",), [[0, 1, 0, 0, 0, 0]]), margins=True).to_file()
     assert fields_in_tables(text) == set(data) | {f"question.{name}" for name in data["question"]}
     assert all(f"`{name}`" in text for name in data["answer"])
 
@@ -309,6 +309,7 @@ def test_answers_have_the_documented_keys(tmp_path: Path, capsys: pytest.Capture
         "check": ["check", "fig1", "--wrench", "0", "1", "0"],
         "max": ["max", "fig1", "--direction", "0", "-1", "0", "--no-preload", "--interval"],
         "torques": ["torques", "fig11", "--wrench", "0", "0", "0.5"],
+        "hold": ["hold", "fig1", "--wrench", "0", "1", "0"],
         "map": ["map", "fig11", "--plane", "xz", "--steps", "4"],
         "sweep": ["sweep", "fig11", "--joint", "finger_3_prox", "--to", "0.01", "--steps", "2", *up],
         "synthesize": ["synthesize", "scalpel-upholding"],

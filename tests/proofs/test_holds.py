@@ -18,7 +18,7 @@ from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
 from handfast.stability.hold import hold
 from handfast.stability.loads import Loads
-from handfast.stability.queries import check, torques
+from handfast.stability.queries import check, maximum, torques
 from tests.support.problems import nest, pinch
 
 UP, SIDE = np.array([0, 1.0, 0, 0, 0, 0]), np.array([0.2, 0, 0, 0, 0, 0])
@@ -31,6 +31,7 @@ HOLDS = {
     "impossible": lambda: hold(nest(), PULL),
     "unbalanced": lambda: hold(pinch(), TURN),
     "too weak": lambda: hold(pinch(), LOADS, command_limit=0.04),
+    "with margins": lambda: hold(pinch(), LOADS, margins=True),
 }
 
 
@@ -64,10 +65,11 @@ def test_what_is_saved_is_proved(name: str) -> None:
         "impossible": ["pull, no commands"],
         "unbalanced": ["turn, no forces"],
         "too weak": ["up, no commands"],
+        "with margins": ["up", "side", "up, least commands", "up, margin", "side, margin"],
     }
     assert [part.name for part in done.parts] == names[name]
     assert any("hardest" in line for line in done.not_replayed)
-    assert (saved(name)["answer"]["verdict"] == "holds") == (name in ("held", "locked"))
+    assert (saved(name)["answer"]["verdict"] == "holds") == (name in ("held", "locked", "with margins"))
 
 
 # --- the loads and the preload -----------------------------------------------------------------------
@@ -189,6 +191,48 @@ def test_a_preload_of_another_sense_is_none() -> None:
         reason(held | {"question": asked["question"]})
         == "answer: its preload has another sense than the grasp's commands"
     )
+
+
+# --- margins ------------------------------------------------------------------------------------------
+
+
+def of_another_preload(data: dict[str, Any]) -> None:
+    more = maximum(pinch().with_commands({name: 2 * x for name, x in data["answer"]["preload"].items()}), UP)
+    data["margins"]["up"] = more.to_file()
+
+
+def above_a_base(data: dict[str, Any]) -> None:
+    """More than a load beside the load: true, but no multiple of it."""
+    data["margins"]["up"] = maximum(pinch().with_commands(data["answer"]["preload"]), UP, base=0.1 * UP).to_file()
+
+
+MARGIN_FAULTS: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
+    (lambda d: d.pop("margins"), "answer: has other keys than"),
+    (lambda d: d["margins"].pop("up"), "answer: margin is not what"),
+    (lambda d: d["margins"].update(more=d["margins"]["up"]), "margins.more: is not a known field"),
+    (lambda d: d["answer"].update(margin=1.5), "answer: margin is not what"),
+    (lambda d: d["answer"]["margins"]["up"].update(lower=1.5), "answer: margins is not what"),
+    (lambda d: d["answer"].pop("margin"), "answer: has other keys than"),
+    (lambda d: d["margins"].update(up=d["margins"]["side"]), "answer: up: the answer is about another load"),
+    (lambda d: d["margins"].update(up=d["checks"]["up"]), "answer: up: the answer does not say how much"),
+    (lambda d: d["margins"]["up"]["answer"].update(lower="much"), "answer: lower is 'much', no number|up, margin: "),
+    (of_another_preload, "answer: up: its margin is that of another preload"),
+    (above_a_base, "answer: up: the answer is about another load"),
+]
+
+
+@pytest.mark.parametrize(("change", "why"), MARGIN_FAULTS, ids=range(len(MARGIN_FAULTS)))
+def test_planted_faults_of_margins_are_refused(change: Callable[[dict[str, Any]], Any], why: str) -> None:
+    data = saved("with margins")
+    change(data)
+    said = reason(data)
+    assert any(said.startswith(text) for text in why.split("|")), said
+
+
+def test_what_slips_has_no_margins() -> None:
+    data = saved("impossible")
+    data["margins"] = {"pull": maximum(pinch(), PULL.wrenches[0]).to_file()}
+    assert reason(data) == "answer: has margins of loads without a preload that holds"
 
 
 # --- answers that say less than what they stand for -----------------------------------------------------

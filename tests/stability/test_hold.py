@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.time_limits import PULL, drawn
 from handfast import InputError, Settings, Stop, Verdict, check, load_body
 from handfast.model.body import Body
 from handfast.model.shape import Shape
@@ -263,3 +266,144 @@ def test_a_single_actuator_has_one_shape_of_preload(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("handfast.stability.hold.maximum", counted)
     hold(pinch(), forces(-0.5 * Y, -0.4 * Y), actuators=["left"])
     assert len(asked) == 2  # one for each load
+
+
+# --- margins ------------------------------------------------------------------------------------
+
+
+def test_margins_are_how_much_of_each_load_is_resisted() -> None:
+    """0.05 N m hold 0.5 N across, see above: just that, 1.25 times 0.4 N, and any force that locked fingers take."""
+    a = hold(pinch(mu=0.5, arm=0.1), forces(0.5 * Y, -0.4 * Y, 0.2 * X, ZERO), margins=True)
+    assert set(a.margins) == {"load 0", "load 1", "load 2"}  # none of a load of 0
+    assert a.margin == pytest.approx(1.0, rel=2e-3)
+    assert a.margin >= 1
+    assert a.weakest == "load 0"
+    assert a.margins["load 1"].lower == pytest.approx(1.25, rel=2e-3)
+    assert a.margins["load 1"].lower <= a.margins["load 1"].upper <= 1.002 * a.margins["load 1"].lower
+    assert a.margins["load 2"].unbounded
+    assert a.verify().ok
+    without = hold(pinch(), forces(0.5 * Y))
+    assert (without.margin, without.weakest, without.margins) == (None, "", {})
+
+
+def test_what_slips_has_no_margin() -> None:
+    assert hold(nest(), forces(Z), margins=True).margin is None
+
+
+# --- time and interruptions ---------------------------------------------------------------------
+
+
+class Clock:
+    """Stands still until it is turned; counts the looks at it."""
+
+    def __init__(self, step: float = 0.0) -> None:
+        self.now, self.step, self.looks = 100.0, step, []  # type: ignore[var-annotated]
+
+    def __call__(self) -> float:
+        self.now += self.step
+        self.looks.append(self.now)
+        return self.now
+
+
+def test_queries_have_a_share_of_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each takes all of the time that it is given, and decides nothing: together they take no more than there is."""
+    clock = Clock()
+    monkeypatch.setattr("handfast.core.limits.time.monotonic", clock)
+    given: list[float] = []
+
+    def slow(work: Callable[..., Any]) -> Callable[..., Any]:
+        def asked(*args: Any, **options: Any) -> Any:
+            seconds = options["settings"].time_limit
+            answer = work(*args, **options | {"settings": Settings(node_limit=1)})
+            clock.now += seconds
+            given.append(seconds)
+            open_ = {"verdict": Verdict.UNDECIDED, "stop": Stop.TIME}
+            bounds = {"lower": 0.0} if hasattr(answer, "lower") else {}
+            return replace(answer, **open_, **bounds, **({"preload": None} if hasattr(answer, "preload") else {}))
+
+        return asked
+
+    for name, work in (("check", check), ("torques", torques), ("maximum", maximum)):
+        monkeypatch.setattr(f"handfast.stability.hold.{name}", slow(work))
+    a = hold(pinch(), forces(0.5 * Y, 0.4 * Y, 0.3 * Z), timeout=8.0)
+    assert (a.verdict, a.stop, a.preload) == (Verdict.UNDECIDED, Stop.TIME, None)
+    assert sum(given) <= 8.0
+    assert given[0] == 4.0  # half for the first load with all locked
+    assert given[1] == 1.0  # a quarter of the four seconds that are left, for three loads and what follows
+    assert a.seconds <= 8.0
+
+
+def test_time_is_kept_for_margins(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    monkeypatch.setattr("handfast.core.limits.time.monotonic", clock)
+    given: list[float] = []
+
+    def counted(*args: Any, **options: Any) -> Any:
+        given.append(options["settings"].time_limit)
+        return maximum(*args, **options)
+
+    def late(*args: Any, **options: Any) -> Any:
+        clock.now = 107.0
+        return check(*args, **options)
+
+    monkeypatch.setattr("handfast.stability.hold.maximum", counted)
+    monkeypatch.setattr("handfast.stability.hold.check", late)
+    a = hold(pinch(), forces(X, -X), timeout=8.0, margins=True)  # locked fingers take them
+    assert (a.verdict, a.upper, len(a.margins)) == (Verdict.UNDECIDED, np.inf, 0)  # 6 s were over
+    clock.now = 100.0
+    monkeypatch.setattr("handfast.stability.hold.check", check)
+    a = hold(pinch(), forces(X, -X), timeout=8.0, margins=True)
+    assert (a.verdict, given) == (Verdict.HOLDS, [4.0, 8.0])  # the clock stands still
+
+
+@pytest.mark.parametrize("ask", ["check", "torques", "max", "interval", "hold"])
+def test_nothing_goes_on_after_the_end(ask: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a clock that moves by a tenth of a second with every look, and with a hand of 22 joints."""
+    grasp = drawn(5, 2)
+    check(grasp, PULL, settings=Settings(node_limit=1))  # loads what is compiled
+    clock = Clock(0.1)
+    monkeypatch.setattr("time.monotonic", clock)
+    settings = Settings(time_limit=3.0)
+    answer: Any
+    match ask:
+        case "check":
+            answer = check(grasp, PULL, settings=settings)
+        case "torques":
+            answer = torques(grasp, PULL, settings=settings)
+        case "hold":
+            answer = hold(grasp, Loads(("pull", "push"), np.array([PULL, -PULL])), timeout=3.0)
+        case _:
+            answer = maximum(grasp, PULL, interval=ask == "interval", settings=settings)
+    after = [now for now in clock.looks if now > 103.0]
+    assert answer.stop is Stop.TIME
+    assert len(after) <= 16, len(after)
+
+
+@pytest.mark.parametrize("query", ["check", "torques", "maximum"])
+def test_ctrl_c_in_a_query_ends_all(query: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    works: dict[str, Callable[..., Any]] = {"check": check, "torques": torques, "maximum": maximum}
+
+    def counted(name: str) -> Callable[..., Any]:
+        def work(*args: Any, **options: Any) -> Any:
+            asked.append(name)
+            answer = works[name](*args, **options)
+            return replace(answer, stop=Stop.INTERRUPTED) if name == query else answer
+
+        return work
+
+    for name in works:
+        monkeypatch.setattr(f"handfast.stability.hold.{name}", counted(name))
+    a = hold(pinch(), forces(0.5 * Y, 0.4 * Y))
+    assert (a.verdict, a.stop, a.preload) == (Verdict.UNDECIDED, Stop.INTERRUPTED, None)
+    assert asked.count(query) == 1
+    assert asked[-1] == query
+
+
+def test_what_was_found_before_ctrl_c_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*args: Any, **options: Any) -> Any:
+        return replace(maximum(*args, **options), stop=Stop.INTERRUPTED)
+
+    monkeypatch.setattr("handfast.stability.hold.maximum", interrupted)
+    a = hold(pinch(), forces(X, -X), margins=True)
+    assert (a.verdict, a.stop, a.margins) == (Verdict.HOLDS, Stop.INTERRUPTED, {})

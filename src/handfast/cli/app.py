@@ -20,6 +20,7 @@ from handfast.cli.contacts import Contacts
 from handfast.cli.demo import Demo
 from handfast.cli.export import ExportGrasps
 from handfast.cli.grasp import FindGrasps
+from handfast.cli.hold import Hold
 from handfast.cli.import_grasps import ImportGrasps
 from handfast.cli.label import Label
 from handfast.cli.list import List
@@ -45,6 +46,7 @@ COMMANDS: dict[str, type[Command]] = {
     "check": Check,
     "max": Max,
     "torques": Torques,
+    "hold": Hold,
     "map": Map,
     "sweep": Sweep,
     "robust": Robust,
@@ -68,12 +70,14 @@ COMMANDS: dict[str, type[Command]] = {
 }
 
 ALIASES = dict.fromkeys(
-    ("check", "torques", "simulate", "settle", "propose", "grasp", "plan", "label", "contacts", "close"), ("--com",)
+    ("check", "torques", "hold", "simulate", "settle", "propose", "grasp", "plan", "label", "contacts", "close"),
+    ("--com",),
 )  # second names of options
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
 
-check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? robust asks grasps that are \
+check, max, torques, map and sweep judge a grasp: does it resist a disturbance passively? hold looks for one preload \
+under which all loads are resisted. robust asks grasps that are \
 a little off, measures sets what the literature measures beside it. synthesize looks for \
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
 hold with its torques. propose chooses such regions, plan closes the hand from everywhere. label says of every grasp \

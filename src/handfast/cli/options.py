@@ -133,14 +133,17 @@ class GraspOptions:
         """The grasp as asked for."""
         from handfast.model.grasp_file import load_grasp
 
-        grasp = load_grasp(self.grasp)
+        return self.changed(load_grasp(self.grasp), self.grasp)
+
+    def changed(self, grasp: Grasp, source: str) -> Grasp:
+        """A grasp with what is asked for in place of what its file says."""
         if self.preload and self.no_preload:
             raise InputError("give either --preload or --no-preload")
         if self.preload:
             try:
                 grasp = grasp.with_preload(assigned(self.preload, "--preload"))
             except InputError as error:
-                raise error.at(self.grasp) from None
+                raise error.at(source) from None
         if self.no_preload:
             grasp = grasp.with_preload(None)
         grasp = grasp if self.friction is None else grasp.with_friction(self.friction)
@@ -308,12 +311,9 @@ class Disturbances(WeightOptions):
         from handfast.stability.loads_file import load_loads
         from handfast.stability.scaled_problem import as_wrench
 
-        wrenches = bool(self.wrench or self.loads)
-        if wrenches == bool(self.gravity):
-            which = "give one of the two" if wrenches else "missing"
-            raise InputError(f"{which}: --wrench FX FY FZ TX TY TZ (or --loads FILE), or --gravity GX GY GZ")
+        self.check_given()
         named: list[tuple[str, Sequence[float]]] = []
-        if wrenches:
+        if not self.gravity:
             self.refuse_weight()
             for k, w in enumerate(self.wrench):
                 name = "wrench" if len(self.wrench) == 1 else f"wrench {k + 1}"
@@ -329,6 +329,13 @@ class Disturbances(WeightOptions):
         if twice:
             raise InputError(f"'{twice[0]}' is asked about twice")
         return Loads(tuple(name for name, _ in named), np.array([w for _, w in named], dtype=float))
+
+    def check_given(self) -> None:
+        """`InputError` unless wrenches or weights are asked about."""
+        wrenches = bool(self.wrench or self.loads)
+        if wrenches == bool(self.gravity):
+            which = "give one of the two" if wrenches else "missing"
+            raise InputError(f"{which}: --wrench FX FY FZ TX TY TZ (or --loads FILE), or --gravity GX GY GZ")
 
 
 def _along(axis: str) -> Numbers:

@@ -20,13 +20,18 @@ class SearchLimits:
 
     def __init__(self, seconds: float | None = None, nodes: int | None = None) -> None:
         self.begin = time.monotonic()
-        self._end = inf if seconds is None else self.begin + seconds
+        self.end = inf if seconds is None else self.begin + seconds  # [s] of `time.monotonic`
         self._nodes = nodes
+
+    @property
+    def seconds(self) -> float:
+        """[s] since it began."""
+        return time.monotonic() - self.begin
 
     @property
     def seconds_left(self) -> float:
         """[s] 0 once the time is over, inf without a limit."""
-        return max(self._end - time.monotonic(), 0.0)
+        return max(self.end - time.monotonic(), 0.0)
 
     def nodes_left(self, spent: int) -> int | None:
         """None without a limit."""
@@ -35,7 +40,7 @@ class SearchLimits:
     @property
     def late(self) -> bool:
         """Is the time over?"""
-        return time.monotonic() >= self._end
+        return time.monotonic() >= self.end
 
     def stop(self, spent: int) -> Stop | None:
         """The limit that is reached by a search that has spent this many nodes; None: it may go on."""
@@ -50,4 +55,4 @@ class SearchLimits:
         try:
             yield
         finally:
-            self._end += time.monotonic() - begin
+            self.end += time.monotonic() - begin

@@ -156,13 +156,13 @@ def _witness(saved: SavedAnswer, query: Query) -> tuple[Proved | None, Replay]:
     return found, Replay("witness", claim + to, reason, figures)
 
 
-def proved(p: Problem, x: State, eta: float) -> Proved:
+def proved(p: Problem, x: State, eta: float, until: float = np.inf) -> Proved:
     """What is proved of a state. Where existence is not: are all equations together missed by at most 1e-9 of the load?
 
     So it is with states between two modes by structure: a contact that touches, rows that depend on each other but for
-    rounding. What hand and limits ask for is not missed at all, but for the rounding of a sum.
+    rounding. What hand and limits ask for is not missed at all, but for the rounding of a sum. until: as in `prove`.
     """
-    found = prove(p, x)
+    found = prove(p, x, until)
     if found.exact or found.tolerant or not p.scale >= LEAST:
         return found
     still = np.abs(x.q) * p.grasp.joint_arms <= STILL * max(p.scale, largest_motion(p.grasp, x))
@@ -292,7 +292,7 @@ class Maximum(Query):
     """`max`: which is the largest magnitude of a direction that is resisted?"""
 
     def held(self, saved: SavedAnswer, w: Witness) -> Held:
-        base, along, lower = *_line(saved), saved.number("lower") or 0.0
+        base, along, lower = *line(saved), saved.number("lower") or 0.0
         magnitude = float((w.wrench - base) @ along / (along @ along))
         if not _close(w.wrench, base + magnitude * along) or magnitude < lower:
             raise Refused("witness: it is a state under another disturbance")
@@ -333,7 +333,7 @@ class Maximum(Query):
         lower, upper = saved.number("lower"), saved.number("upper")
         if lower is None or not lower >= 0:
             raise Refused(f"a largest magnitude of {lower}")
-        base, _ = _line(saved)
+        base, _ = line(saved)
         if verdict == "holds" and not unbounded and lower == 0 and not base.any():
             raise Refused("HOLDS without a magnitude that is resisted")
         if verdict != "holds" and lower != 0:
@@ -478,7 +478,7 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
     }
 
 
-def _line(saved: SavedAnswer) -> tuple[Array, Array]:
+def line(saved: SavedAnswer) -> tuple[Array, Array]:
     """(6,) each: the disturbance is the first plus s times the second; `Refused` if it is that of no maximum."""
     q = saved.question
     if q.has_scalar and not q.seeks_commands:

@@ -15,10 +15,12 @@ from handfast.proofs import rows
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.equations import RightSide, equations_of
 from handfast.proofs.fields import Integers, Mask
-from handfast.proofs.leaves import CitedRows, Late, proved
+from handfast.proofs.leaves import CitedRows, Late, in_time, proved
 from handfast.proofs.rows import Columns, LeafRows, Row, zeros
 from handfast.proofs.tolerance import LEAST, TOO_SMALL
 from handfast.proofs.tree import BadCertificate, leaf_cases
+
+SIDE = 256  # leaves whose rows are in memory at a time
 
 
 @dataclass(frozen=True)
@@ -48,16 +50,21 @@ def verify(certificate: Certificate, until: float = np.inf) -> Checked:
     c, q = certificate, certificate.question
     leaves = len(c.start) - 1
     try:
+        in_time(until)
         cases = leaf_cases(q, c.parent, c.part, np.column_stack([c.state, c.left, c.right]))
         if len(cases) != leaves:
             raise BadCertificate(f"has rows for {leaves} leaves; the tree has {len(cases)}")
+        in_time(until)
         with np.errstate(all="ignore"):  # numbers that overflow end as NaN, which proves nothing
-            cited = checked_rows(c, cases)
             equations = equations_of(q)
             right = RightSide.of(q, c.scalar, len(equations.E))
             if 0 < right.scale < LEAST:
                 raise BadCertificate(TOO_SMALL)
-            margins, caps = proved(equations, right, cited, until)
+            margins, caps = np.full(leaves, -np.inf), np.full(leaves, np.inf)
+            for begin in range(0, leaves, SIDE):
+                some = slice(begin, min(begin + SIDE, leaves))
+                in_time(until)
+                margins[some], caps[some] = proved(equations, right, checked_rows(c, cases, some), until)
     except BadCertificate as fault:
         return Checked(False, leaves, -np.inf, str(fault))
     except Late:
@@ -68,21 +75,28 @@ def verify(certificate: Certificate, until: float = np.inf) -> Checked:
     return Checked(not len(bad), leaves, float(margins.min()), reason, tuple(bad.tolist()), limit)
 
 
-def checked_rows(c: Certificate, cases: Integers) -> CitedRows:
-    """The rows as numbers; `BadCertificate` for the first that is none, or need not hold, or has no multiplier >= 0."""
-    q = c.question
-    leaf = np.repeat(np.arange(len(c.start) - 1), np.diff(c.start))
-    some = LeafRows(c.kind, c.index, c.a, c.b, leaf, c.references)
+def checked_rows(c: Certificate, cases: Integers, leaves: slice) -> CitedRows:
+    """The rows of some leaves as numbers, cases of all.
+
+    `BadCertificate` for the first row that is none, or need not hold, or has no multiplier >= 0.
+    """
+    q, start, cases = c.question, c.start[leaves.start : leaves.stop + 1], cases[leaves]
+    cited, first, start = slice(start[0], start[-1]), start[0], start - start[0]
+    leaf = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    kind, index, a, b = (x[cited] for x in (c.kind, c.index, c.a, c.b))
+    multiplier = c.multiplier[cited]
+    some = LeafRows(kind, index, a, b, leaf, c.references)
 
     def refuse(bad: Mask, why: str) -> None:
         if bad.any():
             r = int(np.flatnonzero(bad)[0])
-            place = f"leaf {leaf[r]} (node {c.leaves[leaf[r]]}), row {r - c.start[leaf[r]]}"
-            name = Row(c.kind[r]).name if c.kind[r] in rows.KINDS else c.kind[r]
-            raise BadCertificate(f"{place}, {name} {c.index[r]} [{c.a[r]}, {c.b[r]}]: {why}")
+            k = leaves.start + leaf[r]
+            place = f"leaf {k} (node {c.leaves[k]}), row {first + r - c.start[k]}"
+            name = Row(kind[r]).name if kind[r] in rows.KINDS else kind[r]
+            raise BadCertificate(f"{place}, {name} {index[r]} [{a[r]}, {b[r]}]: {why}")
 
     refuse(~rows.known(q, some), "no such kind, contact, actuator, column or reference")
-    refuse(~(np.isfinite(c.multiplier) & (c.multiplier >= 0)), "the multiplier is negative or not finite")
+    refuse(~(np.isfinite(multiplier) & (multiplier >= 0)), "the multiplier is negative or not finite")
     refuse(~rows.legal(q, c.scalar, some, cases), "does not hold in this case")
     value, right = rows.row_values(q, c.scalar, some)
     at = Columns.of(q)
@@ -90,9 +104,9 @@ def checked_rows(c: Certificate, cases: Integers) -> CitedRows:
         value=value,
         right=right,
         either=rows.equalities(q, some, cases),
-        y=c.multiplier.astype(np.float64),
-        start=c.start,
+        y=multiplier.astype(np.float64),
+        start=start,
         zero=zeros(q, cases),
-        first=(c.kind == Row.BOUND_UP) & (c.index == at.scalar.start) & q.has_scalar,
-        energy=c.kind == Row.ENERGY,
+        first=(kind == Row.BOUND_UP) & (index == at.scalar.start) & q.has_scalar,
+        energy=kind == Row.ENERGY,
     )

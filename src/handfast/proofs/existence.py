@@ -8,6 +8,7 @@ keep every row that is held exactly, forces that obey every law exactly, and (1)
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,18 +60,21 @@ class Proved:
     modes: Modes | None = None
 
 
-def prove(p: Problem, x: State) -> Proved:
-    """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one."""
+def prove(p: Problem, x: State, until: float = np.inf) -> Proved:
+    """Is there an exact state of the problem near x? With the magnitude near what is said, if there is one.
+
+    until: [s] of `time.monotonic`, after which no further modes are tried: nothing is shown then.
+    """
     if not p.scale >= LEAST:
         return Proved(False, False, TOO_SMALL, np.inf)
     free = p.along is not None or p.drive is not None
-    done = _attempts(p, x, free=free)
+    done = _attempts(p, x, until, free=free)
     if free and not done.exact:
-        fixed = _attempts(p, x)
+        fixed = _attempts(p, x, until)
         done = fixed if fixed.exact else done
     if done.exact:
         return done
-    rough = _attempts(p, x, balanced=False)
+    rough = _attempts(p, x, until, balanced=False)
     return replace(done, tolerant=rough.tolerant, modes=rough.modes, magnitude=rough.magnitude)
 
 
@@ -88,23 +92,26 @@ def polished(p: Problem, x: State) -> tuple[Problem, State]:
     return replace(p, magnitude=magnitude), State.of(p.grasp, v, forces)
 
 
-def nearby(p: Problem, x: State, gap: float) -> tuple[Problem, State]:
+def nearby(p: Problem, x: State, gap: float, until: float = np.inf) -> tuple[Problem, State]:
     """The problem and state nearest to x, with the magnitude at most a tenth of the gap lower, that is proved to exist.
 
-    gap: how far above the magnitude the other bound is. As they are where none is proved.
+    gap: how far above the magnitude the other bound is. As they are where none is proved, until [s] of
+    `time.monotonic`.
     """
     for share in (0.0, 1e-4, 1e-2, 1e-1):
         less = replace(p, magnitude=p.magnitude - share * gap)
         fixed = replace(less, wrench=less.load, along=None)
         for tried in (less, fixed) if share == 0 else (fixed,):
+            if time.monotonic() > until:
+                return p, x
             solved, better = polished(tried, x)
             found = solved if tried is less else less
-            if found.magnitude >= p.magnitude - gap / 10 and prove(found, better).exact:
+            if found.magnitude >= p.magnitude - gap / 10 and prove(found, better, until).exact:
                 return found, better
     return p, x
 
 
-def _attempts(p: Problem, x: State, balanced: bool = True, free: bool = False) -> Proved:
+def _attempts(p: Problem, x: State, until: float, balanced: bool = True, free: bool = False) -> Proved:
     """Modes that x may have, one after the other. balanced: exactly, else but for the slack in (1), (2)."""
     options = choices(p, x)
     chosen, reason, residual = dict.fromkeys(options, 0), "", np.inf
@@ -122,7 +129,7 @@ def _attempts(p: Problem, x: State, balanced: bool = True, free: bool = False) -
         except NotShown as fault:
             reason = reason or str(fault)
             left = [name for name, kinds in options.items() if chosen[name] + 1 < len(kinds)]
-            if not left:
+            if not left or time.monotonic() > until:
                 break
             chosen[fault.part if fault.part in left else left[-1]] += 1
     return Proved(False, False, reason, residual)

@@ -1,8 +1,8 @@
 """One preload for many loads: what a `handfast/hold/1` file claims, put together from answers about single loads.
 
 HOLDS needs a `check` of every load under the preload, a lower bound of the largest command the `torques` of one load.
-SLIPS needs a load that no commands resist, or none within the limit of commands; or one that no forces at the contacts
-balance, whatever they are.
+A margin is the `max` of a load under the preload. SLIPS needs a load that no commands resist, or none within the limit
+of commands; or one that no forces at the contacts balance, whatever they are.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class SavedHold:
         loads: by name, (6,) [N, N m].
         command_limit: [N m or N] the largest command that is allowed; inf for none.
         said: the answer, as JSON.
-        checks: by the names of loads. bounding, refuted: name and answer; None without.
+        checks, margins: by the names of loads. bounding, refuted: name and answer; None without.
     """
 
     question: Question
@@ -45,6 +45,7 @@ class SavedHold:
     checks: Mapping[str, SavedAnswer]
     bounding: tuple[str, SavedAnswer | None] | None
     refuted: tuple[str, SavedAnswer | None] | None
+    margins: Mapping[str, SavedAnswer]
 
 
 def read_hold(data: Any, place: str = "") -> SavedHold:
@@ -68,8 +69,13 @@ def read_hold(data: Any, place: str = "") -> SavedHold:
     of_loads = {name: answers.read_answer(checks.take(name), checks.at(name)) for name in by_name if checks.has(name)}
     checks.done()
     parts = [_part(f, name) for name in ("bounding", "refuted")]
+    margins = {}
+    if f.has("margins"):
+        more = f.object("margins")
+        margins = {name: answers.read_answer(more.take(name), more.at(name)) for name in by_name if more.has(name)}
+        more.done()
     f.done()
-    return SavedHold(question, by_name, limit, said, of_loads, *parts)
+    return SavedHold(question, by_name, limit, said, of_loads, parts[0], parts[1], margins)
 
 
 def _part(f: Fields, name: str) -> tuple[str, SavedAnswer | None] | None:
@@ -97,6 +103,7 @@ def replay(saved: SavedHold) -> Replay:
                 _held(saved)
             elif said.get("verdict") != "undecided" or saved.checks or said.get("preload") is not None:
                 raise Refused(f"{said.get('verdict')} with a preload")
+        parts += _margins(saved)
         _compare(saved)
     except Refused as fault:
         reason = f"answer: {fault}"
@@ -115,10 +122,8 @@ def _held(saved: SavedHold) -> None:
     preload = saved.said.get("preload")
     if not isinstance(preload, Mapping) or set(preload) != set(saved.question.driven):
         raise Refused(f"its preload is not of the actuators {', '.join(saved.question.driven)}")
-    g = saved.question.grasp
-    back = {name: f for name, f, b in zip(g.actuators, g.command.tolist(), g.backdrivable, strict=True) if b}
-    command = g.commands(back | dict(preload), "answer.preload")
-    if (_senses(g) * command < 0)[saved.question.sought].any():
+    command = _command(saved)
+    if (_senses(saved.question.grasp) * command < 0)[saved.question.sought].any():
         raise Refused("its preload has another sense than the grasp's commands")
     for name in saved.loads:
         if name not in saved.checks:
@@ -134,6 +139,45 @@ def _held(saved: SavedHold) -> None:
         raise Refused(f"its largest command is {upper:.6g}, not {saved.said.get('upper')}")
     if upper > saved.command_limit:
         raise Refused(f"its largest command is {upper:.6g}; the limit is {saved.command_limit:.6g}")
+
+
+def _command(saved: SavedHold) -> Array:
+    """(a,) the commands of the preload, with those of backdrivable motors."""
+    g = saved.question.grasp
+    back = {name: f for name, f, b in zip(g.actuators, g.command.tolist(), g.backdrivable, strict=True) if b}
+    return g.commands(back | dict(saved.said["preload"]), "answer.preload")
+
+
+def grown(lower: float, unbounded: bool) -> float:
+    """The margin of a load that holds, of the `max` of it: inf where it is resisted at any size."""
+    return np.inf if unbounded else max(lower, 1.0)
+
+
+def margins_json(found: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """The keys `margin` and `margins`, from the bounds of the `max` of each load; a margin of null is any size."""
+    least = min(grown(a["lower"], a["unbounded"]) for a in found.values())
+    return {"margin": None if least == np.inf else least, "margins": dict(found)}
+
+
+def _bounds(a: SavedAnswer) -> dict[str, Any]:
+    return {
+        "lower": a.number("lower") or 0.0,
+        "upper": a.number("upper"),
+        "unbounded": a.said.get("unbounded") is True,
+    }
+
+
+def _margins(saved: SavedHold) -> list[Replay]:
+    """How much of each load is resisted under the preload."""
+    if saved.margins and saved.said.get("verdict") != "holds":
+        raise Refused("has margins of loads without a preload that holds")
+    for name, answer in saved.margins.items():
+        if answer.said["query"] != "max" or answer.said["verdict"] == "slips":
+            raise Refused(f"{name}: the answer does not say how much of it is resisted")
+        _same_question(saved, name, answer)
+        if (answer.question.grasp.command != _command(saved)).any():
+            raise Refused(f"{name}: its margin is that of another preload")
+    return [replace(answers.replay(answer), name=f"{name}, margin") for name, answer in saved.margins.items()]
 
 
 def _bounding(saved: SavedHold) -> list[Replay]:
@@ -180,7 +224,8 @@ def _unbalanced(saved: SavedHold, name: str) -> Replay:
 def _same_question(saved: SavedHold, name: str, answer: SavedAnswer) -> None:
     """`Refused` unless an answer is about this load and about the grasp and the limits of all."""
     q, asked = answer.question, saved.question
-    if name not in saved.loads or not np.array_equal(q.wrench, saved.loads[name]):
+    base, load = answers.line(answer) if answer.said["query"] == "max" else (np.zeros(6), q.wrench)
+    if name not in saved.loads or not np.array_equal(load, saved.loads[name]) or base.any():
         raise Refused(f"{name}: the answer is about another load")
     limits = ("eta", "mdp", "torque_limits", "force_limit")
     if any(getattr(q, field) != getattr(asked, field) for field in limits):
@@ -213,12 +258,13 @@ def _compare(saved: SavedHold) -> None:
     """`Refused` if the answer says else than the file shows."""
     said = saved.said
     loads = {name: load.tolist() for name, load in saved.loads.items()}
-    if set(said) - {"residuals", "exact"} != set(KEYS):
-        raise Refused(f"has other keys than {', '.join(KEYS)}")
+    of_margins = margins_json({name: _bounds(a) for name, a in saved.margins.items()}) if saved.margins else {}
+    if set(said) - {"residuals", "exact"} != {*KEYS, *of_margins}:
+        raise Refused(f"has other keys than {', '.join((*KEYS, *of_margins))}")
     if said["loads"] != loads:
         raise Refused("loads are not those of the question")
     shown: dict[str, Any] = {"residuals": [a.said.get("residual") for a in saved.checks.values()]}
-    shown |= {"exact": all(a.said.get("exact") for a in saved.checks.values()) if saved.checks else None}
+    shown |= of_margins | {"exact": all(a.said.get("exact") for a in saved.checks.values()) if saved.checks else None}
     for key, value in shown.items():
         if key in said and said[key] != value:
             raise Refused(f"{key} is not what the rest of the file shows")

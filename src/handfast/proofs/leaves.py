@@ -44,11 +44,17 @@ LEAST = 1e-4  # how far a small multiplier may change, relative to what an equal
 HIGH = 1e9  # times the load: caps below are sought again in rational arithmetic
 RANK, COARSE = 1e-9, (1e-6, 1e-4)  # of scaled rows: pivots that are smaller do not count; where that shows nothing
 ABOVE = 1 + 1e-9  # rounds sums of bounds up
-CHUNK, SIDE = 128, 4096  # systems inverted at a time; leaves whose rows are in memory at a time
+CHUNK = 128  # systems inverted at a time
 
 
 class Late(Exception):
     """It was to end before."""
+
+
+def in_time(until: float) -> None:
+    """Raises `Late` once it is after `until` [s] of `time.monotonic`."""
+    if time.monotonic() > until:
+        raise Late
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +80,6 @@ class CitedRows:
     first: Mask
     energy: Mask
 
-    def some(self, begin: int, end: int) -> CitedRows:
-        """Of the leaves from begin to end."""
-        rows, start = slice(self.start[begin], self.start[end]), self.start[begin : end + 1]
-        own = self.value[rows], self.right[rows], self.either[rows], self.y[rows]
-        of_kind = self.first[rows], self.energy[rows]
-        return CitedRows(*own, start - start[0], self.zero[begin:end], *of_kind)
-
 
 def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float = np.inf) -> tuple[Array, Array]:
     """(L,) y b + v h less the slack, relative to its terms, positive is a proof; (L,) [N] the cap it needs, or inf.
@@ -88,14 +87,8 @@ def proved(equations: Equations, side: RightSide, rows: CitedRows, until: float 
     Raises:
         Late: until [s] of `time.monotonic` is over.
     """
-    margins, caps = np.full(len(rows.start) - 1, -np.inf), np.full(len(rows.start) - 1, np.inf)
-    for begin in range(0, len(margins), SIDE):
-        if time.monotonic() > until:
-            raise Late
-        end = min(begin + SIDE, len(margins))
-        systems = LeafSystems(equations, side, rows.some(begin, end))
-        margins[begin:end], caps[begin:end] = systems.proved(until)
-    return margins, caps
+    in_time(until)
+    return LeafSystems(equations, side, rows, until).proved()
 
 
 class LeafSystems:
@@ -108,8 +101,8 @@ class LeafSystems:
         alive: (L, n) bool: unknowns that they touch.
     """
 
-    def __init__(self, equations: Equations, side: RightSide, rows: CitedRows) -> None:
-        q, n = equations, equations.columns.n
+    def __init__(self, equations: Equations, side: RightSide, rows: CitedRows, until: float) -> None:
+        q, n, self.until = equations, equations.columns.n, until
         self.equations, self.side, self.rows = equations, side, rows
         self.count = np.diff(rows.start)
         self.some, self.begin = self.count > 0, rows.start[:-1][self.count > 0]
@@ -179,8 +172,8 @@ class LeafSystems:
 
     # --- which rows and columns make the square system
 
-    def proved(self, until: float) -> tuple[Array, Array]:
-        """(L,) margins and caps."""
+    def proved(self) -> tuple[Array, Array]:
+        """(L,) margins and caps. Raises `Late`."""
         L, n = self.alive.shape
         self.basis, self.basis_E, self.columns = self.used.copy(), self.used_E.copy(), self.alive.copy()
         self.left, self.hopeless = np.zeros((L, n), dtype=bool), np.zeros(L, dtype=bool)
@@ -192,7 +185,7 @@ class LeafSystems:
         singular = np.concatenate([np.zeros(0, np.int64), *(x.leaves[~x.regular] for x in squares)])
         self._choose(singular, RANK)
         margins, caps = self._enclosed(squares + self._squares(singular))
-        self._exactly(margins, caps, until)
+        self._exactly(margins, caps)
         for least in (RANK, *COARSE):  # columns that depend on each other to some digits
             failed = np.flatnonzero(~(margins > 0))
             if not len(failed):
@@ -201,14 +194,13 @@ class LeafSystems:
             self._choose(failed[self.alive[failed].any(axis=1)], least)
             of_some = self._enclosed(self._squares(failed))
             margins[failed], caps[failed] = of_some[0][failed], of_some[1][failed]
-            self._exactly(margins, caps, until)
+            self._exactly(margins, caps)
         return margins, np.where(margins > 0, caps, np.inf)
 
-    def _exactly(self, margins: Array, caps: Array, until: float) -> None:
+    def _exactly(self, margins: Array, caps: Array) -> None:
         """Put in what rational arithmetic shows, where the margins of leaves (L,) are none or their caps small."""
         for k in np.flatnonzero((~(margins > 0) | (caps < HIGH * self.side.scale)) & ~self.hopeless):
-            if time.monotonic() > until:
-                raise Late
+            in_time(self.until)
             margin, cap = exact_margin(self, int(k))
             if margin > 0 and (not margins[k] > 0 or cap > caps[k]):
                 margins[k], caps[k] = margin, cap
@@ -219,7 +211,11 @@ class LeafSystems:
         side[~self.alive.any(axis=1)] = 0
         self.hopeless[leaves] |= (side != self.columns.sum(axis=1))[leaves]
         solvable = leaves[~self.hopeless[leaves]]
-        return [Square(self, chosen, int(side[chosen].max(initial=0))) for chosen in _groups(solvable, side)]
+        out = []
+        for chosen in _groups(solvable, side):
+            in_time(self.until)
+            out.append(Square(self, chosen, int(side[chosen].max(initial=0))))
+        return out
 
     def _leave_out_one(self) -> None:
         """Of each leaf's basis, the row with the largest multiplier."""
@@ -250,6 +246,7 @@ class LeafSystems:
             index, there = np.take_along_axis(index, order, axis=1), np.take_along_axis(there, order, axis=1)
             rows, columns = _pivots(self.every[index, :-1] * self.alive[chosen][:, None], least)
             for k, leaf in enumerate(chosen.tolist()):
+                in_time(self.until)
                 mine = index[k][rows[k] & there[k]]
                 self.basis[self.rows.start[leaf] : self.rows.start[leaf + 1]], self.basis_E[leaf] = False, False
                 self.basis[mine[mine < R]], self.basis_E[leaf, mine[mine >= R] - R] = True, True

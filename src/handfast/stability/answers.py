@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -100,10 +101,10 @@ class Answer(ABC):
         """What was asked, as proofs take it."""
         return self.posed.question if self.posed else None
 
-    def _proved(self, w: Witness) -> Proved:
-        """What is proved of a state."""
+    def _proved(self, w: Witness, until: float = np.inf) -> Proved:
+        """What is proved of a state, until [s] of `time.monotonic`."""
         assert self.posed is not None
-        return answers.proved(self._problem(w), stated(w.state), self.posed.question.eta)
+        return answers.proved(self._problem(w), stated(w.state), self.posed.question.eta, until)
 
     def _problem(self, w: Witness) -> Problem:
         """What a state has to solve."""
@@ -116,12 +117,13 @@ class Answer(ABC):
         magnitude = float((w.wrench - base) @ along / (along @ along))
         return answers.problem(question, command, base, along, magnitude)
 
-    def settled(self) -> Self:
+    def settled(self, until: float = np.inf) -> Self:
         """UNDECIDED if its witness cannot be proved to be one, or if it slips up to motions that are too small only.
 
         A bound that is proved for motions inside a small cap is none that is complete: `proofs.answers.cap_fault`.
+        What is not proved until [s] of `time.monotonic` is UNDECIDED for want of time.
         """
-        out = self
+        out = self._proved_until(until)
         cap = self.proof.cap if self.proof else None
         # what is shown may move far less than what was found
         if (
@@ -134,7 +136,14 @@ class Answer(ABC):
                 out = replace(out, verdict=Verdict.UNDECIDED, proof=None)
         if out.verdict is not Verdict.HOLDS or out.certain:
             return out
-        return replace(out, verdict=Verdict.UNDECIDED, stop=Stop.NUMERICAL, found=None)
+        stop = Stop.TIME if time.monotonic() > until else Stop.NUMERICAL
+        return replace(out, verdict=Verdict.UNDECIDED, stop=stop, found=None)
+
+    def _proved_until(self, until: float) -> Self:
+        """Itself, with what is proved of the state that was found, as far as there is time for it."""
+        if self.found is not None and self.posed is not None:
+            self.__dict__.setdefault("_of_found", self._proved(self.found, until))  # kept as `cached_property` does
+        return self
 
     def _too_small(self, cap: float, shown: Witness | None) -> bool:
         """Is a bound for motions up to a cap [N] not complete beside this witness?"""

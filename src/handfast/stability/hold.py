@@ -5,23 +5,23 @@ orientation needs a single preload under which all of its loads are resisted, an
 resists two loads need not resist what lies between, and more squeezing may loosen. So shapes of the preload
 are proposed and each is scaled to the smallest level that holds; every load is then decided by `check` alone.
 The lower bound is that of the hardest load, certified by `torques`; between it and the level found may lie a
-preload of a shape that nobody proposed.
+preload of a shape that nobody proposed. How much more of each load the preload resists is asked of `maximum`.
 """
 
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
+from handfast.core.limits import SearchLimits
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import to_dict
 from handfast.proofs import holds
@@ -29,13 +29,18 @@ from handfast.proofs.replay import Replay
 from handfast.stability.answers import Answer, finite
 from handfast.stability.equivalent_grasp import equivalent_of
 from handfast.stability.loads import Loads
-from handfast.stability.queries import CheckAnswer, TorquesAnswer, check, maximum, torques
+from handfast.stability.margin_search import OnSample
+from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
 from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import Settings
+from handfast.stability.solve import LEAST, compiled
 
+A = TypeVar("A", bound=Answer)
 STRONG = 10.0  # times the largest load: a moderate command
 NO_LIMITS: Mapping[str, Any] = {"eta": 0.0, "torque_limits": {}, "force_limit": None}
 NEGLIGIBLE = 1e-6  # share of the largest command below which one is rounding
+MARGINS = 0.25  # share of the time that is left for them, where they are asked
+HARD = 0.5  # share of the time that is left in which a load is to be decided under a preload
 FACTORS = (1.00001, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
 
 
@@ -58,6 +63,7 @@ class HoldAnswer:
         grasp, command_limit: as asked.
         actuators: whose commands were sought.
         limits: `eta`, `torque_limits` and `force_limit` as asked.
+        margins: how much of each load is resisted under `preload`; empty where that was not asked, none of a load of 0.
     """
 
     verdict: Verdict
@@ -76,6 +82,7 @@ class HoldAnswer:
     command_limit: float = field(default=np.inf, repr=False)
     actuators: tuple[str, ...] = field(default=(), repr=False)
     limits: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    margins: Mapping[str, MaxAnswer] = field(default_factory=dict, repr=False)
 
     def verify(self) -> Replay:
         """Replays every load's witness under the preload, the bound of the commands, or why some load is not held.
@@ -99,11 +106,35 @@ class HoldAnswer:
             "checks": {name: answer.to_file() for name, answer in checks},
             "bounding": _part(self.bounding if self.verdict is not Verdict.SLIPS and self.lower > 0 else None),
             "refuted": _part(self.refuted),
-        }
+        } | ({"margins": {name: a.to_file() for name, a in self.margins.items()}} if self.margins else {})
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a `handfast/hold/1` file. `InputError` if it exists and `force` is not set, or cannot be written."""
         write_text(path, json.dumps(self.to_file(), allow_nan=False) + "\n", force=force)
+
+    @property
+    def margin(self) -> float | None:
+        """The factor up to which every load is shown to be resisted under the preload, each on its own: 1 or more.
+
+        inf where all loads are resisted at any size; None where it was not asked.
+        """
+        return min((holds.grown(a.lower, a.unbounded) for a in self.margins.values()), default=None)
+
+    @property
+    def _bounds(self) -> dict[str, Any]:
+        return {
+            name: {"lower": a.lower, "upper": finite(a.upper), "unbounded": a.unbounded}
+            for name, a in self.margins.items()
+        }
+
+    @property
+    def weakest(self) -> str:
+        """Name of the load with the least margin; "" where none was asked."""
+        return min(
+            self.margins,
+            key=lambda name: holds.grown(self.margins[name].lower, self.margins[name].unbounded),
+            default="",
+        )
 
     @property
     def exact(self) -> bool | None:
@@ -112,15 +143,19 @@ class HoldAnswer:
 
     def to_json(self) -> dict[str, Any]:
         """The keys that the command line prints."""
-        return header(self, "hold") | {
-            "loads": self.loads.by_name,
-            "preload": self.preload,
-            "lower": finite(self.lower),
-            "upper": finite(self.upper),
-            "hardest": self.hardest or None,
-            "exact": self.exact,
-            "residuals": [a.state_json()["residual"] for a in self.checks],
-        }
+        return (
+            header(self, "hold")
+            | {
+                "loads": self.loads.by_name,
+                "preload": self.preload,
+                "lower": finite(self.lower),
+                "upper": finite(self.upper),
+                "hardest": self.hardest or None,
+                "exact": self.exact,
+                "residuals": [a.state_json()["residual"] for a in self.checks],
+            }
+            | (holds.margins_json(self._bounds) if self.margins else {})
+        )
 
 
 def _part(named: tuple[str, Answer | None] | None) -> dict[str, Any] | None:
@@ -134,6 +169,7 @@ def hold(
     *,
     actuators: Sequence[str] | None = None,
     least: bool = True,
+    margins: bool = False,
     command_limit: float | None = None,
     torque_limits: Mapping[str, float] | None = None,
     force_limit: float | None = None,
@@ -141,6 +177,7 @@ def hold(
     settings: Settings | None = None,
     bounding: Settings | None = None,
     timeout: float | None = None,
+    on_query: OnSample | None = None,
 ) -> HoldAnswer:
     """One preload that resists every load, each on its own.
 
@@ -149,22 +186,32 @@ def hold(
             others stay locked; backdrivable motors stay as the grasp commands them.
         least: try every shape of the preload and bound its largest command from below; False is content with
             the first that holds.
+        margins: find how much of each load is resisted under the preload, with `maximum`: `HoldAnswer.margins`.
         command_limit: largest command allowed [N m or N]; see `moderate`.
         bounding: settings of the queries for the least commands; `settings` unless given. If these do not verify, no
             lower bound is claimed, and only what says that there is no preload is asked again with its proof.
-        timeout: [s] for the whole question; `settings.time_limit` is that of a single query.
+        timeout: [s] for the whole question, margins included; `settings.time_limit` is that of a single query.
+        on_query: told in words what is asked next.
 
     The other arguments and errors are those of `check` and `torques`.
     """
+    asked = settings or Settings()
+    compiled(asked)
     names = tuple(actuators or grasp.sought_actuators)
-    search = _HoldSearch(grasp, loads, names, settings or Settings(), timeout)
+    whole = SearchLimits(timeout)
+    clock = SearchLimits((1 - MARGINS) * whole.seconds_left) if margins else whole
+    search = _HoldSearch(grasp, loads, names, asked, clock, on_query)
     search.bounds = bounding or search.settings
     search.most = np.inf if command_limit is None else command_limit
     search.limits = {"torque_limits": torque_limits, "force_limit": force_limit, "eta": eta}
     try:
-        return search.run(least)
+        answer = search.run(least)
     except KeyboardInterrupt:
-        return search.answer(Verdict.UNDECIDED, Stop.INTERRUPTED)
+        return search.answer(search.found, Stop.INTERRUPTED)
+    if margins and answer.preload is not None:
+        search.clock = whole
+        answer = search.with_margins(answer)
+    return replace(answer, seconds=whole.seconds)
 
 
 def moderate(grasp: Grasp, loads: Loads) -> float:
@@ -182,13 +229,18 @@ class _HoldSearch:
     """One call of `hold`."""
 
     def __init__(
-        self, grasp: Grasp, loads: Loads, names: tuple[str, ...], settings: Settings, timeout: float | None
+        self,
+        grasp: Grasp,
+        loads: Loads,
+        names: tuple[str, ...],
+        settings: Settings,
+        clock: SearchLimits,
+        on_query: OnSample | None,
     ) -> None:
         self.grasp, self.loads, self.names, self.settings = grasp, loads, names, settings
         self.bounds = settings
         self.tried: set[tuple[tuple[str, float], ...]] = set()
-        self.begin = time.monotonic()
-        self.end = np.inf if timeout is None else self.begin + timeout
+        self.clock, self.on_query = clock, on_query
         self.limits: dict[str, Any] = {}
         self.nodes = 0
         self.lower, self.most = 0.0, np.inf
@@ -212,12 +264,13 @@ class _HoldSearch:
             for shape in self.plain():
                 if self.level(shape) and self.best:
                     return self.answer(Verdict.HOLDS, Stop.COMPLETE)
-        for k in self.order[:]:
+        for left, k in zip(range(len(self.loads), 0, -1), self.order[:], strict=True):
             if self.late():
                 return self.answer(self.found, Stop.TIME)
-            a = self.torques(k, self.bounds)
+            share = 1 / (left + 1)  # as much is left for shapes
+            a = self.torques(k, self.bounds, share)
             if self.refutes(a) and not self.bounds.verify:
-                a = self.torques(k, replace(self.bounds, verify=True))
+                a = self.torques(k, replace(self.bounds, verify=True), share)
             if self.refutes(a):
                 refuted = (self.loads.names[k], a)
                 return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=refuted)
@@ -232,7 +285,7 @@ class _HoldSearch:
             self.level(shape)
             if self.best and not least:
                 break
-        return self.answer(self.found, Stop.TIME if self.late() and not self.best else Stop.COMPLETE)
+        return self.answer(self.found, Stop.TIME if self.late() else Stop.COMPLETE)
 
     @property
     def found(self) -> Verdict:
@@ -295,10 +348,14 @@ class _HoldSearch:
 
     def resisted(self, preload: Mapping[str, float], k: int) -> float:
         """How many times a load is resisted under a preload."""
-        settings = replace(self.settings, gap=1e-2, verify=False)
+        if self.late():
+            return 0.0
+        if not self.loads.wrenches[k].any():
+            return np.inf  # any multiple of nothing, if the preload alone is resisted
+        self.say(f"level of a preload for {self.loads.names[k]}")
+        settings = replace(self.within(self.settings, HARD), gap=1e-2, verify=False)
         grasp, eta = self.grasp.with_commands(preload), self.limits["eta"]
-        a = maximum(grasp, self.loads.wrenches[k], eta=eta, settings=settings)
-        self.nodes += a.nodes
+        a = self.counted(maximum(grasp, self.loads.wrenches[k], eta=eta, settings=settings))
         if not a.lower > 0:
             self.first(k, a.stop if a.verdict is Verdict.UNDECIDED else Stop.COMPLETE)
         return a.lower
@@ -308,10 +365,12 @@ class _HoldSearch:
         grasp = self.grasp.with_commands(preload)
         found: dict[int, CheckAnswer] = {}
         for k in self.order[:]:
+            if self.late():
+                return ()
+            self.say(f"{self.loads.names[k]} under a preload")
             # what slips is tried differently, so that its proof is not needed
-            settings = replace(self.settings, verify=False)
-            a = check(grasp, self.loads.wrenches[k], settings=settings, **self.limits)
-            self.nodes += a.nodes
+            settings = replace(self.within(self.settings, HARD), verify=False)
+            a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, **self.limits))
             if a.verdict is not Verdict.HOLDS:
                 self.first(k, a.stop)
                 return ()
@@ -322,12 +381,43 @@ class _HoldSearch:
         """Does an answer about a load alone say that there is no preload?"""
         return a.verdict is Verdict.SLIPS or a.lower > self.most
 
-    def torques(self, k: int, settings: Settings) -> TorquesAnswer:
-        """The least commands for a load alone."""
-        a = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=settings, **self.limits)
-        self.nodes += a.nodes
+    def torques(self, k: int, settings: Settings, share: float) -> TorquesAnswer:
+        """The least commands for a load alone, in a share of the time that is left."""
+        settings = self.within(settings, share)
+        self.say(f"least commands for {self.loads.names[k]}")
+        asked = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=settings, **self.limits)
+        a = self.counted(asked)
         if a.verdict is not Verdict.HOLDS:
             self.first(k, a.stop)
+        return a
+
+    def with_margins(self, answer: HoldAnswer) -> HoldAnswer:
+        """An answer that holds, with how much of each load is resisted; what there is no time for is left open."""
+        grasp, found, stop = self.grasp.with_commands(answer.preload or {}), {}, answer.stop
+        asked = [(name, w) for name, w in zip(self.loads.names, self.loads.wrenches, strict=True) if w.any()]
+        try:
+            for k, (name, w) in enumerate(asked):
+                self.say(f"margin of {name}")
+                settings = self.within(self.settings, 1 / (len(asked) - k))
+                found[name] = self.counted(maximum(grasp, w, settings=settings, **self.limits))
+        except KeyboardInterrupt:
+            stop = Stop.INTERRUPTED
+        return replace(answer, margins=found, nodes=self.nodes, stop=stop)
+
+    def say(self, what: str) -> None:
+        if self.on_query:
+            self.on_query(what)
+
+    def within(self, settings: Settings, share: float) -> Settings:
+        """The settings of a query that has a share of the time that is left."""
+        left = max(share * self.clock.seconds_left, LEAST)
+        return replace(settings, time_limit=min(settings.time_limit, left))
+
+    def counted(self, a: A) -> A:
+        """An answer, its nodes counted; Ctrl-C, which ended its search, ends this one too."""
+        self.nodes += a.nodes
+        if a.stop is Stop.INTERRUPTED:
+            raise KeyboardInterrupt
         return a
 
     def first(self, k: int, stop: Stop) -> None:
@@ -342,7 +432,7 @@ class _HoldSearch:
         return max(map(abs, self.best[0].values()), default=0.0) if self.best else self.most
 
     def late(self) -> bool:
-        return time.monotonic() >= self.end
+        return self.clock.late
 
     def answer(self, verdict: Verdict, stop: Stop, refuted: tuple[str, Answer | None] | None = None) -> HoldAnswer:
         """As far as it came; an undecided one tells the limit that was hit."""
@@ -352,7 +442,7 @@ class _HoldSearch:
         return HoldAnswer(
             verdict,
             stop,
-            time.monotonic() - self.begin,
+            self.clock.seconds,
             self.nodes,
             self.loads,
             {n: held[0].get(n, 0.0) for n in self.names} if held else None,

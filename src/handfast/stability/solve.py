@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from handfast.core.answer import Stop
+from handfast.core.limits import SearchLimits
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.goal import ANY_STATE, HIGHEST, INF, Goal
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 ANY = 0.9  # relative: a gap with which the first state that is found ends a search, mostly,
 MANY = 4096  # nodes at most
+LEAST = 1e-3  # [s] that a search has where no time is left
 
 
 def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | None, **hints: Any) -> Outcome:
@@ -32,17 +34,33 @@ def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | No
     return front.search(p, goal, settings, on_step, **hints)
 
 
-def time_left(settings: Settings, found: Outcome) -> Settings:
-    """For what follows a search: the rest of the time, at least a quarter of all."""
-    return replace(settings, time_limit=max(settings.time_limit - found.seconds, settings.time_limit / 4))
+def compiled(settings: Settings) -> None:
+    """Let the engine be compiled, or loaded, before the clock of a question runs: that is no question's time."""
+    if settings.method == "engine":
+        from handfast.stability.search.machine import LIBRARY
+
+        LIBRARY.functions  # noqa: B018
 
 
-def without_end(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | None, found: Outcome) -> Outcome:
+def clock_of(settings: Settings) -> SearchLimits:
+    """The time of a question, from now on."""
+    compiled(settings)
+    return SearchLimits(settings.time_limit)
+
+
+def time_left(settings: Settings, limits: SearchLimits) -> Settings:
+    """For what follows a search: the rest of its time."""
+    return replace(settings, time_limit=max(limits.seconds_left, LEAST))
+
+
+def without_end(
+    p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | None, found: Outcome, limits: SearchLimits
+) -> Outcome:
     """Nothing was found up to the end of a search: is there anything beyond? What both searches showed.
 
     Magnitudes however small, magnitudes and commands however large.
     """
-    settings = time_left(settings, found)
+    settings = time_left(settings, limits)
     if goal.maximised:  # any of them would do
         settings = replace(settings, gap=ANY, node_limit=min(settings.node_limit, MANY + 2 * found.nodes))
     beyond = solve(p, goal, settings, on_step, endless=True)
@@ -56,8 +74,10 @@ def without_end(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnSte
     return replace(found.after(beyond), bound=end, stop=beyond.stop)
 
 
-def held_under(grasp: Grasp, p: ScaledProblem, settings: Settings, found: Outcome) -> Outcome | None:
+def held_under(
+    grasp: Grasp, p: ScaledProblem, settings: Settings, found: Outcome, limits: SearchLimits
+) -> Outcome | None:
     """`found` with the witness of a check under the commands of this grasp; None if it is not resisted."""
-    settings = replace(time_left(settings, found), verify=False)
+    settings = replace(time_left(settings, limits), verify=False)
     there = solve(scaled_problem.build(grasp, p.wrench, **p.limits), ANY_STATE, settings, None)
     return replace(found.after(there), witness=there.witness) if there.witness is not None else None

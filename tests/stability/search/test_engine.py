@@ -202,13 +202,28 @@ def test_what_is_left_unresolved_is_searched_more_finely(
         return planted(*found[len(asked) - 1])
 
     monkeypatch.setattr(front, "_search", search)
-    monkeypatch.setattr(front, "_to_cap", lambda beside, goal, settings, found: found)
+    monkeypatch.setattr(front, "_to_cap", lambda beside, goal, settings, limits, found: found)
     p = scaled_problem.build(bell(), np.zeros(6), w(0, 1, 0))
     out = front.search(p, SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100))
     assert (out.stop, out.value, out.bound) == expected
     assert [s.gap for s in asked] == pytest.approx(gaps)
     assert [s.node_limit for s in asked] == [100 - 10 * k for k in range(len(gaps))]
     assert out.nodes == sum(row[3] if len(row) > 3 else 10 for row in found)
+
+
+def test_what_is_left_unresolved_when_the_time_is_over_stays_open_for_want_of_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Settings] = []
+
+    def search(p: object, goal: Goal, settings: Settings, *rest: object, **named: object) -> Outcome:
+        asked.append(settings)
+        return planted(Stop.NUMERICAL, 5.0, 3.0)
+
+    monkeypatch.setattr(front, "_search", search)
+    p = scaled_problem.build(bell(), np.zeros(6), w(0, 1, 0))
+    assert front.search(p, SMALLEST_PRELOAD, Settings(time_limit=1e-9)).stop is Stop.TIME
+    assert len(asked) == 1
 
 
 # --- while it runs --------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from handfast.stability.margin import Margin
 from handfast.stability.posed import Posed
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import OnStep, Settings
-from handfast.stability.solve import solve
+from handfast.stability.solve import clock_of, solve, time_left
 
 MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
 
@@ -128,15 +128,18 @@ def _check(
     """The answer for one wrench."""
     p = scaled_problem.build(grasp, wrench, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
     if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
+        limits = clock_of(settings)
         modest = _any_state(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_step)
         if modest.verdict is Verdict.HOLDS:
             return modest
+        settings = time_left(settings, limits)
     return _any_state(p, settings, on_step)
 
 
 def _any_state(p: ScaledProblem, settings: Settings, on_step: OnStep | None) -> CheckAnswer:
+    limits = clock_of(settings)
     found = solve(p, ANY_STATE, settings, on_step)
     verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
     backing: dict[str, Any] = {"posed": Posed(p, ANY_STATE), "verified": found.backed}
     answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
-    return answer.settled() if settings.verify else answer
+    return answer.settled(limits.end) if settings.verify else answer

@@ -27,7 +27,7 @@ from handfast.stability.posed import Posed, stated
 from handfast.stability.resisted_interval import ResistedInterval
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import OnStep, Settings
-from handfast.stability.solve import solve, time_left, without_end
+from handfast.stability.solve import clock_of, solve, time_left, without_end
 from handfast.stability.witness import Witness
 
 if TYPE_CHECKING:
@@ -81,13 +81,13 @@ class MaxAnswer(Answer):
             return 0.0
         return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
 
-    def settled(self) -> MaxAnswer:
+    def settled(self, until: float = INF) -> MaxAnswer:
         """With a lower bound that is proved to be reached; UNDECIDED where none is."""
-        out = self._exactly()
+        out = self._proved_until(until)._exactly(until)
         known = out._of_found
         if known is not None and known.magnitude is not None and known.magnitude[0] < out.lower:
             out = replace(out, lower=max(known.magnitude[0], 0.0))
-        settled = Answer.settled(out)
+        settled = Answer.settled(out, until)
         if settled.verdict is out.verdict:
             return settled
         upper = settled.upper if settled.proof else INF
@@ -97,18 +97,18 @@ class MaxAnswer(Answer):
     def _bound(self) -> float:
         return self.upper if np.isfinite(self.upper) else 0.0
 
-    def _exactly(self) -> MaxAnswer:
+    def _exactly(self, until: float) -> MaxAnswer:
         """With a state that exists exactly, where one is near: at most a tenth of the gap lower."""
         known, w = self._of_found, self.found
         if known is None or w is None or known.exact or self.posed is None or self._along is None:
             return self
         room = self.upper - self.lower if np.isfinite(self.upper) else 0.0
-        p, x = nearby(self._problem(w), stated(w.state), room)
+        p, x = nearby(self._problem(w), stated(w.state), room, until)
         at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
-        shown = self._proved(at)
+        shown = self._proved(at, until)
         if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
             at = replace(at, state=_state(_in_modes(p, x, shown.modes)))
-            shown = self._proved(at)
+            shown = self._proved(at, until)
         if not shown.exact:
             return self
         better = replace(self, found=at)
@@ -167,20 +167,27 @@ def maximum(
     The other arguments and errors are those of `check`.
     """
     settings = settings or Settings()
+    clock = clock_of(settings)
     w0 = np.zeros(6) if base is None else base
     limits: dict[str, Any] = {"torque_limits": torque_limits, "force_limit": force_limit}
     answer = largest(scaled_problem.build(grasp, w0, direction, eta=eta, mdp=mdp, **limits), settings, on_step)
-    return with_interval(answer, settings) if interval else answer
+    return with_interval(answer, time_left(settings, clock)) if interval else answer
 
 
 def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
     """A maximum with which smaller magnitudes are resisted; as it is if none is, or after Ctrl-C."""
     if answer.posed is None or answer.found is None or not answer.lower > 0 or answer.stop is Stop.INTERRUPTED:
         return answer
+    from handfast.stability.least_motion import least_motion
     from handfast.stability.search.interval_search import resisted
 
     assert answer.witness is not None
-    shown = resisted(*answer.posed, answer.lower, answer.upper, answer.witness.state, settings)
+    p, goal = answer.posed
+
+    def least(found: Witness) -> State:
+        return least_motion(found, p.torque_limits, p.force_limit).state
+
+    shown = resisted(p, goal, answer.lower, answer.upper, answer.witness.state, settings, least)
     return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
 
 
@@ -208,7 +215,7 @@ def max_goal(p: ScaledProblem) -> Goal:
 
 def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None, **hints: Any) -> MaxAnswer:
     """The answer to a built problem; hints: to the engine's `search`, what a neighbour left."""
-    end = p.last_magnitude
+    end, limits = p.last_magnitude, clock_of(settings)
     posed, found = _search(p, settings, on_step, hints)
     p, goal = posed
     w = found.witness
@@ -235,14 +242,14 @@ def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None,
     point = found.point if verdict is Verdict.HOLDS else None
     bounds = lower * (1 - NEAR), upper, unbounded
     answer = MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, *bounds, point=point, **backing)
-    return answer.settled() if settings.verify else answer
+    return answer.settled(limits.end) if settings.verify else answer
 
 
 def _search(
     p: ScaledProblem, settings: Settings, on_step: OnStep | None, hints: Mapping[str, Any]
 ) -> tuple[Posed, Outcome]:
     """What was asked in the end, and what was found."""
-    goal = max_goal(p)
+    goal, limits = max_goal(p), clock_of(settings)
     if not goal.has_scalar:  # nothing but the disturbance: resisted at every magnitude or at none
         p = replace(p, w0=p.direction, wrench=p.along)
     if goal.maximised and p.is_given and not p.w0.any():  # what slips without limits slips with them
@@ -250,21 +257,24 @@ def _search(
         posed, alone = _search(free, settings, on_step, {})
         if alone.bound == INF:
             return posed, alone
+        settings = time_left(settings, limits)
     elif goal.maximised and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
         # no search tells small magnitudes from 0, which every limit allows; what slips without limits slips with them
         free = scaled_problem.build(p.grasp, p.along, eta=p.eta, mdp=p.mdp)
         alone = solve(free, ANY_STATE, settings, on_step)
         if alone.bound == INF:
             return Posed(free, ANY_STATE), alone
+        settings = time_left(settings, limits)
     found = solve(p, goal, settings, on_step, **hints)
     if found.bound == INF and goal.has_scalar and settings.method == "engine" and runs_away(p.grasp):
         if goal.homogeneous:  # by the same rows with any preload
-            found = solve(p, goal, settings, on_step, within=(goal.search_range(p)[0], INF)).after(found)
+            left = time_left(settings, limits)
+            found = solve(p, goal, left, on_step, within=(goal.search_range(p)[0], INF)).after(found)
     elif found.bound == INF and goal.has_scalar and settings.method == "engine":
-        found = without_end(p, goal, settings, on_step, found)
+        found = without_end(p, goal, settings, on_step, found, limits)
     interrupted = found.stop is Stop.INTERRUPTED
     if found.witness is None and found.bound < INF and goal.maximised and not interrupted:
-        alone = solve(p, ANY_STATE, time_left(settings, found), None)  # is the base load resisted, at least?
+        alone = solve(p, ANY_STATE, time_left(settings, limits), None)  # is the base load resisted, at least?
         found = found.after(alone)
         if alone.witness is not None:
             found = replace(found, witness=alone.witness, value=0.0, point=None)

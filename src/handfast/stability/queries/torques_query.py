@@ -11,6 +11,7 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.limits import SearchLimits
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer, finite
@@ -18,7 +19,7 @@ from handfast.stability.goal import INF, Effort, SmallestCommands
 from handfast.stability.posed import Posed
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import OnStep, Settings
-from handfast.stability.solve import held_under, solve, without_end
+from handfast.stability.solve import clock_of, held_under, solve, without_end
 
 if TYPE_CHECKING:
     from handfast.stability.search.outcome import Outcome
@@ -42,9 +43,9 @@ class TorquesAnswer(Answer):
     lower: float
     upper: float
 
-    def settled(self) -> TorquesAnswer:
+    def settled(self, until: float = INF) -> TorquesAnswer:
         """UNDECIDED, without commands, if its witness or its bound cannot be proved; else as it is."""
-        out = super().settled()
+        out = super().settled(until)
         if out.verdict is self.verdict:
             return out
         return replace(out, preload=None, lower=self.lower if np.isfinite(self.lower) else 0.0, upper=INF)
@@ -91,7 +92,8 @@ def torques(
     limits: dict[str, Any] = {"torque_limits": torque_limits, "force_limit": force_limit}
     p = scaled_problem.build(asked, wrench, eta=eta, driven=chosen, **limits)
     goal = SmallestCommands(objective)
-    found = _search(grasp, p, goal, settings, on_step)
+    clock = clock_of(settings)
+    found = _search(grasp, p, goal, settings, on_step, clock)
     preload, lower, upper = None, max(found.bound, 0.0), INF
     if found.bound == INF:
         verdict, lower = Verdict.SLIPS, INF
@@ -104,29 +106,34 @@ def torques(
     backing: dict[str, Any] = {"posed": Posed(p, goal), "verified": found.backed}
     bounds = preload, lower, upper
     answer = TorquesAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, *bounds, **backing)
-    return answer.settled() if settings.verify else answer
+    return answer.settled(clock.end) if settings.verify else answer
 
 
 def _search(
-    grasp: Grasp, p: ScaledProblem, goal: SmallestCommands, settings: Settings, on_step: OnStep | None
+    grasp: Grasp,
+    p: ScaledProblem,
+    goal: SmallestCommands,
+    settings: Settings,
+    on_step: OnStep | None,
+    limits: SearchLimits,
 ) -> Outcome:
     """The least commands that were found, raised by a little so that they hold by more than luck."""
     finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
     found = solve(p, goal, finer, on_step)
     if found.bound == INF and settings.method == "engine":
-        found = without_end(p, goal, finer, on_step, found)
+        found = without_end(p, goal, finer, on_step, found, limits)
     if found.stop is Stop.INTERRUPTED:
         return found
     if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
         same = p.equivalent
         little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
-        held = held_under(little, p, settings, found)
+        held = held_under(little, p, settings, found, limits)
         return found if held is None else replace(held, stop=Stop.COMPLETE)  # nothing is less than none
-    if found.witness is not None and settings.method == "engine":
+    if found.witness is not None and settings.method == "engine" and not limits.late:
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         command = found.witness.grasp.command
         back = np.array(grasp.mechanism.backdrivable, dtype=bool)
         factors = 1 + settings.gap * np.array(MORE)
         raised = (grasp.with_preload(np.where(back, command, factor * command)) for factor in factors)
-        return next((held for g in raised if (held := held_under(g, p, settings, found))), found)
+        return next((held for g in raised if (held := held_under(g, p, settings, found, limits))), found)
     return found

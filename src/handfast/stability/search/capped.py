@@ -8,7 +8,6 @@ end to motions the limit is left out. The bound is then proved up to that motion
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
+from handfast.core.limits import SearchLimits
 from handfast.stability.search import arrays
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import INF, Search
@@ -77,7 +77,7 @@ class Capped:
     def nodes(self) -> int:
         return sum(search.nodes for search in self.made)
 
-    def watch(self, other: Search, node_limit: float, time_limit: float) -> Search | None:
+    def watch(self, other: Search, node_limit: float, limits: SearchLimits) -> Search | None:
         """Look at the other search, help it if it makes no progress; returns this one if its answer is to be taken."""
         if not self.possible or other.stop is not None or other.nodes < self.due:
             return None
@@ -85,19 +85,19 @@ class Capped:
         still = len(self.before) > 1 and bound <= self.before[-2] + STALLED * abs(bound)
         self.before = (*self.before, bound)
         if len(self.before) > 1 and (still or other.best == INF):
-            s = self.run(other.z, min((SHARE if self.any else 1.0) * self.due, node_limit), time_limit)
+            s = self.run(other.z, min((SHARE if self.any else 1.0) * self.due, node_limit), limits)
             if s.z is not None:
                 other.set_incumbent(s.z)
         self.due *= 2
         if not self.closed or not (still or self.any):
             return None
-        if not self.contradicted(other.nodes, node_limit, time_limit):
+        if not self.contradicted(other.nodes, node_limit, limits):
             return self.search
         assert self.better is not None
         other.set_incumbent(self.better)
         return None
 
-    def contradicted(self, nodes: int, node_limit: float, time_limit: float) -> bool:
+    def contradicted(self, nodes: int, node_limit: float, limits: SearchLimits) -> bool:
         """Does a state that moves more do better than the bound? Then it is none.
 
         Where commands are sought, or nothing was found, the bound is that of the farthest cap that gives one.
@@ -106,9 +106,9 @@ class Capped:
         if self.any or not self.bounds or s is None:
             return not self.bounds and self.better is not None
         if s.z is not None and not self.other.goal.seeks_commands:
-            self.better = self.beyond(float(s.hi[0]), most, time_limit)
+            self.better = self.beyond(float(s.hi[0]), most, limits.seconds_left)
         else:
-            for farther in self.farther(None, most, time_limit):
+            for farther in self.farther(None, most, limits):
                 if farther.stop is not Stop.COMPLETE:
                     self.better = farther.z if farther.best < s.end else None
                     break
@@ -116,13 +116,12 @@ class Capped:
         self.bounds = self.better is None
         return not self.bounds
 
-    def farther(self, point: Array | None, node_limit: float, time_limit: float) -> Iterator[Search]:
-        """Searches up to caps that are farther away, in turn, each with so many nodes, all with so much time."""
-        end = time.monotonic() + time_limit
+    def farther(self, point: Array | None, node_limit: float, limits: SearchLimits) -> Iterator[Search]:
+        """Searches up to caps that are farther away, in turn, each with so many nodes, all within the time."""
         for cap in FARTHER:
-            yield replace(self, cap=cap, search=None).run(point, node_limit, end - time.monotonic())
+            yield replace(self, cap=cap, search=None).run(point, node_limit, limits)
 
-    def run(self, point: Array | None, node_limit: float, time_limit: float) -> Search:
+    def run(self, point: Array | None, node_limit: float, limits: SearchLimits) -> Search:
         """Search on up to so many nodes, from an incumbent (n,) if there is one."""
         r = self.other
         if self.search is None:
@@ -132,7 +131,7 @@ class Capped:
             self.made.append(self.search)
         s = self.search
         if s.stop is not Stop.COMPLETE:
-            s.node_limit, s.time_limit, s.stop = node_limit, time_limit, None
+            s.node_limit, s.time_limit, s.stop = node_limit, limits.seconds_left, None
             if point is not None:
                 s.set_incumbent(point)
             for _ in s:

@@ -11,11 +11,13 @@ import numpy as np
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
+from handfast.core.limits import SearchLimits
 from handfast.core.parallel import default_jobs
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, Goal, Range
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays, exact
 from handfast.stability.search.capped import FIRST, Capped
+from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.proof import Proof
 from handfast.stability.search.reduced import Reduced, reduce
@@ -26,7 +28,9 @@ from handfast.stability.witness import Witness
 
 FINER = 1e-4, 1e-5, 1e-6  # what a search leaves unresolved is tried with smaller gaps in turn,
 LEAST = 1e-3  # [s] in the time that is left, or this
-REPLAY = 2.0  # times the time limit, after which a proof that is being replayed is given up
+# share of the time for the search itself where a number is sought: what waits is closed, and the proof is replayed, in
+# the rest; that takes as long as the search
+SEARCHING, REPLAYED = 0.9, 0.5
 BEST, TURN = 3, 2048  # searches that go on in turn where no box does well, and nodes of their first turn
 ROUNDS = 8  # in which leaves that are not proved without a cap are split
 INSIDE = 1e-3  # a witness of the largest magnitude stays below it by this share of the gap
@@ -55,35 +59,34 @@ def search(
         endless, within: see `reduce`.
         capped: may the bound be one for motions up to a cap, where there is no other?
     """
-    start = time.monotonic()
+    LIBRARY.functions  # noqa: B018  the first search compiles, or loads what was: no search's time
+    start, limits = time.monotonic(), SearchLimits(settings.time_limit)
     r = reduced or reduce(p, goal, endless=endless, within=within)
     if not goal.has_scalar and not (r.load.w_a.any() or r.load.f_a.any()):
         guess = [np.zeros(len(r.cost))]  # nothing acts: nothing moves
 
     def beyond(value: float, nodes: int, seconds: float) -> Array | None:
-        return _beyond(r, value, replace(settings, node_limit=nodes, time_limit=seconds, verify=False))
+        return _beyond(r, value, replace(settings, node_limit=nodes, time_limit=max(seconds, LEAST), verify=False))
 
     beside = Capped(r, *_gaps(r, goal, settings), settings.workers or default_jobs(), bounds=capped, beyond=beyond)
-    out = _search(p, goal, settings, on_step, r, beside, guess, before)
+    out = _search(p, goal, settings, on_step, r, limits, beside, guess, before)
     if out.stop is Stop.NUMERICAL and before is not None:
         # Newton is tried where a leaf is made, not where it opens again: from the root, then
-        out = _search(p, goal, settings, on_step, r)
+        out = _search(p, goal, settings, on_step, r, limits)
     for gap in (g for g in FINER if g < settings.gap):  # the tolerances of programs go with the gap
-        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
         nodes = settings.node_limit - out.nodes
-        if out.stop is not Stop.NUMERICAL or nodes <= 0:
+        if out.stop is not Stop.NUMERICAL or nodes <= 0 or limits.late:
             break
-        finer = replace(settings, gap=gap, time_limit=left, node_limit=nodes)
-        out = _better(out, _search(p, goal, finer, on_step, r, guess=guess))
-    if out.stop is Stop.NUMERICAL and out.nodes < settings.node_limit:
-        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
-        out = _to_cap(beside, goal, replace(settings, time_limit=left), out)
+        finer = replace(settings, gap=gap, node_limit=nodes)
+        out = _better(out, _search(p, goal, finer, on_step, r, limits, guess=guess))
+    if out.stop is Stop.NUMERICAL and out.nodes < settings.node_limit and not limits.late:
+        out = _to_cap(beside, goal, settings, limits, out)
     if beside.better is not None and out.stop is not Stop.COMPLETE:
         out = _improved(r, out, beside.better, out.stop)
-    if out.stop is Stop.NUMERICAL and goal.maximised and -INF < out.bound < out.value:
-        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
-        out = _below_bound(r, out, replace(settings, time_limit=left))
-    return replace(out, seconds=time.monotonic() - start)
+    if out.stop is Stop.NUMERICAL and goal.maximised and -INF < out.bound < out.value and not limits.late:
+        out = _below_bound(r, out, replace(settings, time_limit=max(limits.seconds_left, LEAST)))
+    stop = Stop.TIME if out.stop is Stop.NUMERICAL and limits.late else out.stop
+    return replace(out, stop=stop, seconds=time.monotonic() - start)
 
 
 def _better(a: Outcome, b: Outcome) -> Outcome:
@@ -101,12 +104,15 @@ def _search(
     settings: Settings,
     on_step: OnStep | None,
     r: Reduced,
+    limits: SearchLimits,
     beside: Capped | None = None,
     guess: Sequence[Array] = (),
     before: WarmStart | None = None,
 ) -> Outcome:
-    """One search."""
+    """One search, within what is left of the time."""
     start = time.monotonic()
+    share = 1.0 if r.objective == arrays.ANY else REPLAYED if settings.verify else SEARCHING
+    searching = SearchLimits(share * limits.seconds_left)
     gap, gap_absolute = _gaps(r, goal, settings)
     searches: list[Search] = []
 
@@ -129,24 +135,23 @@ def _search(
         for s, until in turns():
             spent = sum(other.nodes for other in searches if other is not s)
             s.node_limit = settings.node_limit - spent
-            s.time_limit = settings.time_limit - (time.monotonic() - start)
+            s.time_limit = searching.seconds_left
             for state in s:
                 if on_step and (state.stop or time.monotonic() - shown > PAUSE):
                     shown = time.monotonic()
                     bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap, points say more
                     nodes = spent + state.nodes
                     on_step(Progress(*goal.bounds(p, state.best * r.scale, bound * r.scale), nodes))
-                left = settings.time_limit - (time.monotonic() - start)
-                other = beside.watch(state, settings.node_limit - spent, left) if beside else None
+                other = beside.watch(state, settings.node_limit - spent, searching) if beside else None
                 if beside and other:
-                    return _outcome(other, goal, settings, start, spent + s.nodes + beside.nodes - other.nodes)
+                    return _outcome(other, goal, settings, limits, spent + s.nodes + beside.nodes - other.nodes)
                 if state.stop is None and (state.nodes >= until or (until == INF and not state.healthy)):
                     break
             if s.stop is not None:
                 break
     except KeyboardInterrupt:
         s.stop = Stop.INTERRUPTED
-    return _outcome(s, goal, settings, start, spent + (beside.nodes if beside else 0))
+    return _outcome(s, goal, settings, limits, spent + (beside.nodes if beside else 0))
 
 
 def _gaps(r: Reduced, goal: Goal, settings: Settings) -> tuple[float, float]:
@@ -155,29 +160,28 @@ def _gaps(r: Reduced, goal: Goal, settings: Settings) -> tuple[float, float]:
     return goal.gaps(gap, r.scale)
 
 
-def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> Outcome:
+def _to_cap(beside: Capped, goal: Goal, settings: Settings, limits: SearchLimits, found: Outcome) -> Outcome:
     """What was found, but with a bound for motions up to a cap, if as many nodes as were spent give one.
 
     That there is no state is said only where there is none up to the largest of the caps.
     """
-    start, spent = time.monotonic(), beside.nodes
+    spent = beside.nodes
     if not beside.possible or not beside.bounds:
         return found
     nodes = min(max(found.nodes, FIRST), settings.node_limit - found.nodes)
     try:
-        s = beside.run(found.point, nodes, settings.time_limit)
-        left = max(settings.time_limit - (time.monotonic() - start), LEAST)
+        s = beside.run(found.point, nodes, limits)
         if beside.any and s.stop is Stop.COMPLETE and s.z is None:
-            for s in beside.farther(found.point, nodes, left):
+            for s in beside.farther(found.point, nodes, limits):
                 if s.stop is not Stop.COMPLETE or s.z is not None:
                     break
         elif s.stop is Stop.COMPLETE:
-            if beside.contradicted(int(nodes), settings.node_limit, left):
+            if beside.contradicted(int(nodes), settings.node_limit, limits):
                 return replace(found, nodes=found.nodes + beside.nodes - spent)
             s = beside.search or s
     except KeyboardInterrupt:
         return replace(found, stop=Stop.INTERRUPTED)
-    out = _outcome(s, goal, settings, start, found.nodes + beside.nodes - spent - s.nodes)
+    out = _outcome(s, goal, settings, limits, found.nodes + beside.nodes - spent - s.nodes)
     if s.stop is not Stop.COMPLETE or out.stop is not Stop.COMPLETE or (out.bound > found.value and not beside.any):
         return replace(found, nodes=out.nodes)  # also where a state beyond the cap says otherwise
     if found.value < out.value:
@@ -185,21 +189,21 @@ def _to_cap(beside: Capped, goal: Goal, settings: Settings, found: Outcome) -> O
     return out
 
 
-def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int) -> Outcome:
-    """What a finished search has shown; start, spent: when it began, and nodes that other searches had."""
+def _outcome(s: Search, goal: Goal, settings: Settings, limits: SearchLimits, spent: int) -> Outcome:
+    """What a finished search has shown; limits: of all that is still to do, spent: nodes that other searches had."""
     r = s.reduced
     stop = s.stop or Stop.INTERRUPTED
     found = None if s.z is None else r.witness(r.point(s.z))
     z, best, refused = s.z, s.best, found is not None and not found.valid
     if refused and goal.maximised:  # all forces may vanish there, but for rounding
-        below = _just_below(r.p, s.best, settings)
+        below = _just_below(r.p, s.best, replace(settings, time_limit=max(limits.seconds_left, LEAST)))
         if below is not None:
             z, best, found, refused = None, s.best * (1 - INSIDE * settings.gap), below, False
     if refused:  # the judge has the last word; everything the search cut off by it is open again
-        return Outcome(INF, -INF, None, Stop.NUMERICAL, time.monotonic() - start, spent + s.nodes)
+        return Outcome(INF, -INF, None, Stop.NUMERICAL, limits.seconds, spent + s.nodes)
     value = best * r.scale
     shown = s.end if found else INF
-    bound = r.scale * (shown if stop is Stop.COMPLETE else s.close())
+    bound = r.scale * (shown if stop is Stop.COMPLETE else s.close(limits.end))
     first = float(r.lo[0]) if r.objective == arrays.SCALAR else -INF
     at_end = found is not None and first > -INF and s.best <= first + NEAR_END * abs(first)
     if not goal.has_scalar:
@@ -211,19 +215,16 @@ def _outcome(s: Search, goal: Goal, settings: Settings, start: float, spent: int
     proof, verified = None, False
     if bound > -INF:
         try:
-            proof, verified = _proved(s, settings, start)
+            proof, verified = _proved(s, settings, limits)
         except KeyboardInterrupt:
             stop = Stop.INTERRUPTED
         if proof is None:
-            late = time.monotonic() - start > settings.time_limit
-            stop, bound = (Stop.TIME if late else Stop.NUMERICAL) if stop is Stop.COMPLETE else stop, -INF
+            stop, bound = (Stop.TIME if limits.late else Stop.NUMERICAL) if stop is Stop.COMPLETE else stop, -INF
     if goal.seeks_commands:
         bound = max(bound, 0.0)
     if found and z is not None and r.objective == arrays.SCALAR and not at_end:
         z, value, found = _inside(r, z, value, settings.gap, found)
-    return Outcome(
-        value, bound, found, stop, time.monotonic() - start, spent + s.nodes, proof=proof, point=z, verified=verified
-    )
+    return Outcome(value, bound, found, stop, limits.seconds, spent + s.nodes, proof=proof, point=z, verified=verified)
 
 
 def _just_below(p: ScaledProblem, best: float, settings: Settings) -> Witness | None:
@@ -274,7 +275,7 @@ def _improved(r: Reduced, out: Outcome, point: Array, stop: Stop) -> Outcome:
     return replace(out, value=value, witness=state, point=point, stop=stop)
 
 
-def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, bool]:
+def _proved(s: Search, settings: Settings, limits: SearchLimits) -> tuple[Proof | None, bool]:
     """What the finished search proves, and was it replayed? None if the checker does not accept it.
 
     Leaves that are proved within a cap only, or not at all, are split: the more is decided, the more rows there are.
@@ -286,13 +287,13 @@ def _proved(s: Search, settings: Settings, start: float) -> tuple[Proof | None, 
         return proof, False
     best: Proof | None = None
     for _ in range(ROUNDS):
-        proof, ok, unproved = proof.checked(start + REPLAY * settings.time_limit)
+        proof, ok, unproved = proof.checked(limits.end)
         if ok and (best is None or proof.cap is None or (best.cap is not None and proof.cap > best.cap)):
             best = proof
-        late = time.monotonic() - start > settings.time_limit
         done = ok and (not len(unproved) or r.cap < INF)
-        if done or late or not s.split_leaves(unproved):
+        if done or limits.late or not s.split_leaves(unproved):
             break
+        s.time_limit = limits.seconds_left
         for _state in s:
             pass
         if s.stop is not Stop.COMPLETE:

@@ -8,6 +8,7 @@ resisted. A range that neither shows is halved, down to the resolution, and what
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 
@@ -20,7 +21,6 @@ from handfast.proofs.arcs import Arc
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.ranges import Known, known
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, Goal, Range
-from handfast.stability.least_motion import least_motion
 from handfast.stability.model import State
 from handfast.stability.posed import Posed, stated
 from handfast.stability.resisted_interval import ResistedInterval
@@ -43,17 +43,25 @@ MOST = 4000  # ranges that are looked at
 
 
 def resisted(
-    p: ScaledProblem, goal: Goal, largest: float, upper: float, state: State, settings: Settings
+    p: ScaledProblem,
+    goal: Goal,
+    largest: float,
+    upper: float,
+    state: State,
+    settings: Settings,
+    least: Callable[[Witness], State] = lambda found: found.state,
 ) -> ResistedInterval:
     """Which magnitudes are resisted, of a maximum.
 
     Args:
         p, goal: the maximum's problem and how it is posed.
         largest, upper: its bounds; state: the witness of `largest`.
+        least: a state of the same question that moves little: large motions beside small forces leave too much rounding
+            in an arc.
     """
     if not goal.has_scalar:  # what is resisted at one magnitude is resisted at all
         return ResistedInterval(largest, INF, (), (), settings.gap, (), ())
-    shown = _Magnitudes(p, goal, settings)
+    shown = _Magnitudes(p, goal, settings, least)
     interrupted = False
     try:
         shown.cover(largest, state)
@@ -67,8 +75,8 @@ def resisted(
 class _Magnitudes:
     """The disturbances base + s direction, and what is shown of them so far."""
 
-    def __init__(self, p: ScaledProblem, goal: Goal, settings: Settings) -> None:
-        self.p, self.goal, self.settings = p, goal, settings
+    def __init__(self, p: ScaledProblem, goal: Goal, settings: Settings, least: Callable[[Witness], State]) -> None:
+        self.p, self.goal, self.settings, self.least = p, goal, settings, least
         self.arcs: list[Arc] = []
         self.slips: list[Certificate] = []
         self.r: Reduced = reduce(p, LARGEST)
@@ -103,11 +111,7 @@ class _Magnitudes:
         if not self.p.w0.any() and not self.p.f_c.any():
             return np.zeros(len(self.r.cost))
         found = self._search(self.p, ANY_STATE, self._quick())
-        return None if found.witness is None else self._exact(0.0, self._least(found.witness))
-
-    def _least(self, found: Witness) -> State:
-        """The state that moves least: large motions beside small forces leave too much rounding in an arc."""
-        return least_motion(found, self.p.torque_limits, self.p.force_limit).state
+        return None if found.witness is None else self._exact(0.0, self.least(found.witness))
 
     # --- what is resisted
 
@@ -259,7 +263,7 @@ class _Magnitudes:
         if found.witness is None:
             return None
         s, high = self.goal.bounds(self.p, found.value, found.bound)
-        state = self._least(found.witness)
+        state = self.least(found.witness)
         if self.goal.homogeneous:
             state = state.scaled(s / self.p.direction_scale)
         s = min(s, m)
@@ -273,7 +277,7 @@ class _Magnitudes:
         if found.witness is None:
             return None
         s, low = found.value * p.direction_scale, found.bound * p.direction_scale
-        return (max(low, m), s, self._exact(s, self._least(found.witness))) if s < b else None
+        return (max(low, m), s, self._exact(s, self.least(found.witness))) if s < b else None
 
     def _slip(self, a: float, b: float) -> None:
         """Certify that every magnitude from a to b slips."""

@@ -93,7 +93,7 @@ class Proof:
         found = checker.verify(self.certificate, until)
         if not 0 < len(found.unproved) <= MOST or self.reduced.cap < np.inf:
             return replace(self, cap=found.cap), found.ok, self.certificate.leaves[list(found.unproved)]
-        certificate = repaired(self.certificate, found.unproved)
+        certificate = repaired(self.certificate, found.unproved, until)
         found = checker.verify(certificate, until)
         mended = replace(self, cap=found.cap)
         mended.__dict__["certificate"] = certificate

@@ -7,6 +7,7 @@ program over every row that holds in the leaf's case finds multipliers that are 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -27,8 +28,11 @@ AWAY = 1e-3  # from 0, in rays whose contradiction is 1
 Rays = tuple[Integers, Integers, Integers, Integers, Array]  # kind, index, a, b, multiplier
 
 
-def repaired(certificate: Certificate, leaves: Sequence[int]) -> Certificate:
-    """The certificate with other rays for these leaves, where there are better ones."""
+def repaired(certificate: Certificate, leaves: Sequence[int], until: float = np.inf) -> Certificate:
+    """The certificate with other rays for these leaves, where there are better ones.
+
+    until: [s] of `time.monotonic`, from which on no more are sought.
+    """
     c, q = certificate, certificate.question
     cases = leaf_cases(q, c.parent, c.part, np.column_stack([c.state, c.left, c.right]))
     equations = equations_of(q)
@@ -36,7 +40,7 @@ def repaired(certificate: Certificate, leaves: Sequence[int]) -> Certificate:
     parts: list[Rays] = []
     for leaf in range(len(c.start) - 1):
         own = slice(c.start[leaf], c.start[leaf + 1])
-        ray = _ray(c, leaf, cases[leaf], equations, side) if leaf in leaves else None
+        ray = _ray(c, leaf, cases[leaf], equations, side) if leaf in leaves and time.monotonic() < until else None
         parts.append(ray or (c.kind[own], c.index[own], c.a[own], c.b[own], c.multiplier[own].astype(float)))
     start = np.cumsum([0, *(len(part[0]) for part in parts)])
     columns = (np.concatenate(column) for column in zip(*parts, strict=True))

@@ -34,6 +34,7 @@ from handfast.stability.search.machine import LIBRARY
 from handfast.stability.search.reduced import Reduced
 
 CLOSING = (1e-6, 1e-4, 1e-2, 1e-1)  # relative
+CLOSED = 4096  # nodes that are closed between two looks at the clock
 SLICE = 64  # nodes that a worker expands between two looks at the clock and at the other worker,
 BIG = 80  # fewer with more unknowns than this: a node takes time as their cube
 SPARE = 8  # rows of the tree that the kernel wants beyond what it may fill
@@ -285,11 +286,11 @@ class Search:
         pool.ids[named] += number[old] - old
         self.pool, self._pool_table, self.used = pool, None, len(pool.parent)
 
-    def close(self) -> float:
+    def close(self, until: float = INF) -> float:
         """Close all that waits by a cut below its bounds, as high as succeeds; returns it, -inf if none does.
 
         The bounds of waiting nodes are those of their programs' points, good to `reduced.PREFERENCE` only, so
-        that several cuts are tried.
+        that several cuts are tried, until [s] of `time.monotonic`.
         """
         r, pool, first = self.reduced, self.pool, self.searchers[0]
         if not r.objective:
@@ -304,7 +305,10 @@ class Search:
             pool.key[waiting] = 0.0
             first.give(waiting)  # nothing is split
             self.hi[0] = first.state.hi[0] = min(cut, self.hi[0])
-            self._run(first, 10**9, close=True)
+            while first.waiting and time.monotonic() < until:
+                self._run(first, CLOSED, close=True)
+            if first.waiting:
+                break
             if not self.unresolved:
                 return float(self.hi[0])
         return -INF

@@ -1,0 +1,184 @@
+"""`handfast hold`: one preload under which all loads are resisted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional, arg
+
+from handfast.cli import console
+from handfast.cli.options import Command, Disturbances, QueryOptions, Saved, check_folder
+from handfast.core.errors import InputError
+
+if TYPE_CHECKING:
+    from handfast.cli.hold_tables import HeldGrasp
+    from handfast.label.dataset_rows import DatasetRow
+    from handfast.model.grasp import Grasp
+    from handfast.stability.hold import HoldAnswer
+
+LITTLE = 1.01  # margin: no more than the smallest preload leaves
+TOGETHER = (".jsonl", ".ndjson")  # files of many grasps
+
+
+@dataclass(kw_only=True)
+class Hold(Disturbances, QueryOptions, Saved, Command):
+    """Is there one preload under which every load is resisted, each on its own, and how small can it be?
+
+    GRASP may be a folder of grasp files, such as `import` writes, or JSON lines: a line each is said of its grasps.
+    Sought are the commands of the actuators that the grasp preloads, or of all if it preloads none. The margin of a
+    load is the largest factor by which it can be multiplied and is still resisted under that preload, by a witness and
+    a certificate; factors between 1 and it are mostly resisted, not always. The smallest preload leaves the load that
+    needs most a margin of about 1: --safety asks for more."""
+
+    grasp: Annotated[Positional[str], arg(metavar="GRASP|FOLDER")]
+    """a handfast/grasp/1 file, the name of a bundled grasp, or a folder or .jsonl of grasp files"""
+    save: Annotated[Path | None, arg(metavar="FILE.json|FOLDER")] = None
+    """write answer, witnesses and certificates, for handfast verify; of a folder, K.hold.json for each grasp"""
+    safety: Annotated[float, arg(metavar="FACTOR")] = 1.0
+    """multiply every load"""
+    command_limit: Annotated[float | None, arg(metavar="V")] = None
+    """largest command of any actuator [N m or N]; by default any"""
+    least: bool = True
+    """be content with the first preload that holds, not the smallest that is found"""
+    margin: bool = True
+    """do not ask how much more of each load is resisted"""
+    timeout: Annotated[float | None, arg(metavar="S")] = None
+    """seconds for everything that is asked about a grasp; by default any. --time-limit is that of a single query"""
+    jobs: Annotated[int, arg(metavar="N")] = 0
+    """processes, for a folder; 0 for one a core"""
+
+    def run(self) -> int:
+        if self.timeout is not None and not self.timeout > 0:
+            raise InputError(f"is {self.timeout:g} s; a positive number is needed", field="--timeout")
+        if self.command_limit is not None and not self.command_limit >= 0:
+            raise InputError(f"is {self.command_limit:g}; 0 or more is needed", field="--command-limit")
+        if self.jobs < 0:
+            raise InputError(f"is {self.jobs}; 0 or more is needed", field="--jobs")
+        where = Path(self.grasp)
+        return self._all(where) if where.is_dir() or where.suffix.lower() in TOGETHER else self._one()
+
+    def _one(self) -> int:
+        from handfast.cli import hold_tables
+
+        grasp, options = self.load(), self.options()
+        with console.watch("hold") as watch:
+            answer = self._asked(grasp, self.grasp, options | {"on_query": watch.say})
+        if self.save:
+            answer.save(self.save, force=self.force)
+        if self.report:
+            self._report(grasp, answer, options)
+        if self.json:
+            console.print_json(answer.to_json())
+        else:
+            hold_tables.show_hold(console.out(), grasp, answer, self.eta, self._why(answer))
+            if answer.margin is not None and answer.margin < LITTLE and self.safety == 1 and answer.upper > 0:
+                console.out().print("The smallest preload leaves its hardest load no more; --safety 1.5 asks for 1.5.")
+            if answer.margins and self.safety != 1:
+                console.out().print(f"Margins are of the loads above, which are {self.safety:g} times what was given.")
+            if self.gravity:
+                console.out().print(self.weight_text(grasp), style="dim")
+            self._written(self.save, self.report)
+        return status(answer)
+
+    def _asked(self, grasp: Grasp, source: str, options: dict[str, Any]) -> HoldAnswer:
+        from handfast.stability.hold import hold
+
+        loads = self.disturbances(grasp, source).scaled(self.safety)
+        asked: dict[str, Any] = {"least": self.least, "margins": self.margin, "command_limit": self.command_limit}
+        return hold(grasp, loads, timeout=self.timeout, **asked, **options)
+
+    def _report(self, grasp: Grasp, answer: HoldAnswer, options: dict[str, Any]) -> None:
+        from handfast.report import Entry
+
+        if answer.preload is None:
+            raise InputError("shows loads under a preload, and none was found", field="--report")
+        named = zip(answer.loads.names, answer.checks, strict=True)
+        entries = [Entry(f"Does it hold “{name}”?", a, options["eta"]) for name, a in named]
+        self.write_report(grasp.with_commands(answer.preload), entries, options)
+
+    def _why(self, answer: HoldAnswer) -> str:
+        """Why an answer is not complete, and what helps; '' if it is."""
+        from handfast.core.answer import Stop, Verdict
+
+        stops = {answer.stop, *(a.stop for a in answer.margins.values())}
+        if Stop.INTERRUPTED in stops:
+            return "It was interrupted; this is what was found so far."
+        if Stop.TIME in stops:
+            option = "--time-limit" if self.timeout is None else "--timeout"
+            found = answer.verdict is not Verdict.UNDECIDED
+            what = "find a smaller preload, or say more of the margins" if found else "decide it"
+            return f"The time ran out; a larger {option} may {what}."
+        if Stop.NODES in stops:
+            return f"The node limit of {self.node_limit:g} was hit; a larger --node-limit may say more."
+        if answer.verdict is Verdict.UNDECIDED:
+            return f"None of the preloads that were tried holds all loads; the last that failed was {answer.hardest}."
+        return ""
+
+    @staticmethod
+    def _written(*paths: Path | None) -> None:
+        for path in filter(None, paths):
+            console.out().print(f"Written: {path}", soft_wrap=True)
+
+    # --- of several grasps
+
+    def _all(self, where: Path) -> int:
+        from handfast.cli import hold_tables
+        from handfast.core.parallel import WorkerPool, default_jobs
+        from handfast.label.open_dataset import open_dataset
+
+        if self.report:
+            raise InputError("is a page about one grasp; several are asked about", field="--report")
+        self.check_given()
+        check_folder(self.save)
+        if self.save and self.save.exists() and any(self.save.iterdir()) and not self.force:
+            raise InputError("is not empty; give --force to write over files in it", source=str(self.save))
+        dataset, rows = open_dataset(where), list[hold_tables.HeldGrasp]()
+        items = (dataset.row(k, item) for k, item in enumerate(dataset.items()))
+        jobs = min(self.jobs or default_jobs(), dataset.count)
+        with console.watch("hold") as watch, WorkerPool(self, jobs) as pool:
+            try:
+                for row in pool.map(_held, items):
+                    rows.append(row)
+                    watch.item(len(rows), dataset.count)
+                    if row.answer and self.save:
+                        row.answer.save(self.save / f"{len(rows) - 1:03}.hold.json", force=self.force)
+            except KeyboardInterrupt:
+                console.complain(f"interrupted after {len(rows)} of {dataset.count}")
+        if self.json:
+            console.print_json({"schema": "handfast/answers/1", "query": "hold", "rows": [r.to_json() for r in rows]})
+        else:
+            hold_tables.show_holds(console.out(), rows)
+            self._written(self.save)
+        if rows and not any(row.answer for row in rows):
+            return console.BAD_INPUT
+        whole = console.ANSWERED if len(rows) == dataset.count else console.UNDECIDED
+        return max([whole, *(status(row.answer) for row in rows if row.answer)])
+
+    def held(self, row: DatasetRow) -> HeldGrasp:
+        """What is known of a row; a fault in it is its reason."""
+        from handfast.cli.hold_tables import HeldGrasp
+        from handfast.label.dataset_rows import FaultyRow, GraspChanges, grasp_of_text
+
+        options = replace(self, save=None).options()  # its folder was looked at before
+        try:
+            if isinstance(row.content, FaultyRow):
+                return HeldGrasp(row.name, None, row.content.reason)
+            if not isinstance(row.content, str):
+                return HeldGrasp(row.name, None, "is a posture; a grasp file is needed")
+            grasp = self.changed(grasp_of_text(row.content, row.name, GraspChanges()), row.name)
+            options |= {"settings": replace(options["settings"], workers=1)}
+            return HeldGrasp(row.name, self._asked(grasp, row.name, options))
+        except InputError as fault:
+            return HeldGrasp(row.name, None, str(fault).removeprefix(f"{row.name}: "))
+
+
+def _held(command: Hold, row: DatasetRow) -> HeldGrasp:
+    return command.held(row)
+
+
+def status(answer: HoldAnswer) -> int:
+    """Exit status of an answer; margins that a limit left open count."""
+    open_ = [console.status(answer.verdict, a.stop) for a in answer.margins.values()]
+    return max(console.status(answer.verdict, answer.stop), *open_, 0)
