@@ -125,6 +125,6 @@ class FindGrasps(LoadsOptions, JointLawOptions, Command):
         if self.json:
             console.print_json(answer.to_json())
         else:
-            grasp_tables.show_grasps(console.out(), answer, written)
+            grasp_tables.show_grasps(console.out(), answer, written, self.safety)
         enough = len(answer.grasps) >= self.count
         return console.status(answer.verdict, answer.stop) if enough or not answer.grasps else console.UNDECIDED

@@ -86,13 +86,15 @@ def _names(pair: Pair) -> str:
     return f"{pair[0]} in {pair[1]}"
 
 
-def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = ()) -> None:
+def show_grasps(out: Console, answer: Grasps, written: Sequence[Path] = (), times: float = 1.0) -> None:
+    """times: what the loads were multiplied by."""
     out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", sentence(answer)))
     task, body = answer.task, answer.body
     links = ", ".join(t.link for t in task.contact_pairs)
     about = f"{task.hand.name} on {body.name}, {words.count(len(task.contact_pairs), 'contact')}: {links}"
     out.print(f"{task.name}: {about}" if task.name else about, style="dim")
-    out.print(loads_text(answer), style="dim")
+    safety = "" if times == 1 else f", {times:g} times what is to be held"
+    out.print(loads_text(answer) + safety, style="dim")
     if answer.grasps:
         _show_found(out, answer)
     _show_tally(out, answer)

@@ -30,8 +30,8 @@ class LoadsOptions:
     """a load in place of the weight, or beside --up: force [N] and torque [N m] at the object's origin; repeatable"""
     loads: Annotated[Path | None, arg(metavar="FILE.json")] = None
     """a handfast/loads/1 file with more of them"""
-    safety: Annotated[float, arg(metavar="FACTOR")] = 1.0
-    """multiply every load"""
+    safety: Annotated[float, arg(metavar="FACTOR")] = 1.5
+    """times every load is to be held: a grasp that holds its loads and no more lets go at the first disturbance"""
 
     def asked(self, body: Body) -> Loads:
         """All the loads that were asked for."""

@@ -151,9 +151,12 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
         asked = "" if planned.stop == "complete" else f" of {planned.count} asked for (stopped: {planned.stop})"
         out.print(f"{found}{asked}, {planned.tried} starts, {planned.seconds:.1f} s", style="bold")
         what = "Each holds, under its preload" if planned.grasps else "Asked to hold, under one preload"
-        out.print(f"{what}: {', '.join(planned.loads.names)}")
+        times = "" if self.safety == 1 else f"{self.safety:g} times each of "
+        out.print(f"{what}: {times}{', '.join(planned.loads.names)}")
         if planned.grasps:
-            grid = table("grasp", "start", "contacts", "links", "preload", "largest")
+            first = planned.grasps[0].grasp
+            unit = words.actuator_unit(first, first.mechanism.actuators[0])
+            grid = table("grasp", "start", "contacts", "links", "preload", f"largest command [{unit}]")
             for g in planned.grasps:
                 links = ", ".join(sorted({c.link for c in g.grasp.contacts}))
                 preload = ", ".join(f"{n} {v:.3g}" for n, v in g.grasp.preload.items()) or "none: locked"
