@@ -113,3 +113,11 @@ def test_a_direction_outside_the_cone_by_more_than_the_tolerance() -> None:
         found = judged(grasp, load, state)
         assert found.exact is False
         assert found.tolerant is holds
+
+
+def test_what_keeps_more_than_is_asked_makes_up_for_nothing() -> None:
+    """Well inside its cone, with forces that are 1 % too large."""
+    grasp = Grasp([Contact([0, 0, 0], [1, 0, 0], 10.0)], [])
+    found = judged(grasp, [-1, 0, 0, 0, 0, 0], {"r": [-1.01, 0, 0, 0, 0, 0], "forces": [[1.01, 0, 0]]})
+    assert (found.exact, found.tolerant) == (False, False)
+    assert found.residual == pytest.approx(0.01, rel=1e-6)

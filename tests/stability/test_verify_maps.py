@@ -87,6 +87,7 @@ WRONG: dict[str, tuple[Change, str]] = {
             put(CURVE, "verdicts", 1, value="slips"),
             put(CURVE, "lower", 1, value=0.0),
             put(CURVE, "upper", 1, value=0.0),
+            put("verdict", value="slips"),
         ),
         r"with_preload: upper\[1\]: is 0; asked again, (0\.99|1\.0)\d* is resisted, which is proved",
     ),

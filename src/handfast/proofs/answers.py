@@ -170,7 +170,7 @@ def proved(p: Problem, x: State, eta: float, until: float = np.inf) -> Proved:
     rows = {f.name: np.repeat(getattr(x, f.name)[None], 2, axis=0) for f in fields(State)}
     with np.errstate(all="ignore"):
         off = arcs.missed(p.grasp, np.repeat(p.load[None], 2, axis=0), rows, eta, p.mdp, p.scale)
-        total = float(sum(np.sum(part) for part in off.values()))
+        total = float(sum(np.sum(np.maximum(part, 0.0)) for part in off.values()))  # some keep more than is asked
     kept = (np.abs(x.f) <= p.limit).all() and x.c[0::3].max() <= p.force_limit
     residual = total if np.isfinite(total) else found.residual
     return replace(found, tolerant=bool(total <= EPS and kept), residual=residual, magnitude=None)
