@@ -446,11 +446,11 @@ NOTHING = dict.fromkeys(("residual", "contacts", "joint_torques", "actuator_forc
 
 
 def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
-    """What `check` says of a state by key; `NOTHING` of one that is proved in no modes."""
-    if not proved.modes:
+    """What `check` says of a state by key; `NOTHING` of one that is not proved."""
+    if not (proved.exact or proved.tolerant):
         return dict(NOTHING)
     motions = g.rows[0] @ x.motion
-    states = [Contact(k) for k in proved.modes.contact]
+    states = [Contact(k) for k in proved.modes.contact] if proved.modes else _seen(g, x)
     c, d = x.c.reshape(-1, 3), motions[: 3 * g.m].reshape(-1, 3)
     contacts = [
         {
@@ -476,6 +476,14 @@ def described(g: GraspData, x: State, proved: Proved) -> dict[str, Any]:
         "object_motion": x.r.tolist(),
         "joint_motion": dict(zip(g.joints, x.q.tolist(), strict=True)),
     }
+
+
+def _seen(g: GraspData, x: State) -> list[Contact]:
+    """What contacts do by the numbers alone, of a state between two modes."""
+    slip = np.linalg.norm((g.rows[0][: 3 * g.m] @ x.motion).reshape(-1, 3)[:, 1:], axis=1)
+    slides = slip > STILL * largest_motion(g, x)
+    closed = [Contact.SLIDES if moves else Contact.STICKS for moves in slides]
+    return [mode if c_n > 0 else Contact.OPEN for mode, c_n in zip(closed, x.c[0::3], strict=True)]
 
 
 def line(saved: SavedAnswer) -> tuple[Array, Array]:
