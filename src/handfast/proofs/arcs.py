@@ -174,8 +174,11 @@ def missed(
     actuators = np.where(g.backdrivable, np.abs(e).max(axis=0), actuators)
 
     missed = phi @ M + np.concatenate([w, np.broadcast_to(g.torque, (k + 1, g.l))], axis=1)  # (1), (2)
-    moment = missed[:, 3:6] - np.cross(g.centroid, missed[:, :3])
     rounding = (ROUNDED + len(M)) * ULP * (np.abs(phi).max(axis=0) @ size)
+    if scale is not None and not len(g.soft):  # whose torsion over the lever is rounded
+        missed = np.array([_sum(g, *one) for one in zip(phi, w, strict=True)])
+        rounding = 4 * ULP * np.abs(missed).max(axis=0)
+    moment = missed[:, 3:6] - np.cross(g.centroid, missed[:, :3])
     joints = np.abs(missed[:, 6:]).max(axis=0) + rounding[6:]
     point = np.abs(np.delete(x["torsion"], g.soft, axis=1)).max(initial=0.0)  # point contacts carry no torsion
     out = {
@@ -191,6 +194,13 @@ def missed(
         "torsion": np.inf if point > 0 else 0.0,
     }
     return {name: np.atleast_1d(value) / F for name, value in out.items()}
+
+
+def _sum(g: GraspData, phi: Array, w: Array) -> list[float]:
+    """(6 + l,) what forces phi (p,) under a load w (6,) miss (1) and (2) by, rounded once."""
+    forces, given = rationals(phi), rationals(np.concatenate([w, g.torque]))
+    columns = zip(*g.exact_rows[:-1], strict=True)
+    return [rounded(dot(column, forces) + x) for column, x in zip(columns, given, strict=True)]
 
 
 def least_scale(g: GraspData, w: Array) -> float:
