@@ -121,3 +121,25 @@ def test_what_keeps_more_than_is_asked_makes_up_for_nothing() -> None:
     found = judged(grasp, [-1, 0, 0, 0, 0, 0], {"r": [-1.01, 0, 0, 0, 0, 0], "forces": [[1.01, 0, 0]]})
     assert (found.exact, found.tolerant) == (False, False)
     assert found.residual == pytest.approx(0.01, rel=1e-6)
+
+
+@pytest.mark.parametrize("far", [2.0**30, 2.0**50, 2.0**60])
+def test_no_sum_is_still_because_its_parts_are_large(far: float) -> None:
+    """Two fingers that move alike, q_a = q_b, squeeze nothing; each moves far, and one by 4 more than the other."""
+    joints = [slide("a", [1, 0, 0], 0), slide("b", [1, 0, 0], 1)]
+    grasp = between(FRICTION, joints, Mechanism((), np.zeros((0, 2)), np.array([[1.0, -1.0]]), ()))
+    for force in (2.0, -2.0):
+        pressed = {"r": [far, 0, 0, 0, 0, 0], "q": [far + 2, far - 2], "coupling": [force]}
+        found = judged(grasp, [0, 1, 0, 0, 0, 0], pressed | {"forces": [[2, -0.5, 0], [-2, -0.5, 0]]})
+        assert (found.exact, found.tolerant) == (False, False)
+
+
+@pytest.mark.parametrize("mu", [2.0, 1e4, 1e10])
+def test_an_open_contact_carries_no_friction(mu: float) -> None:
+    """The upper contact is 1 N away: what presses there is within the tolerance, mu times as much friction is not."""
+    contacts = [Contact([0, 0, 0], [0, 0, 1], 0.0), Contact([0, 0, 0.02], [0, 0, -1], mu)]
+    aside = 1.6e-9 if mu == 2.0 else 1e-6
+    n = aside / mu
+    state = {"r": [0, 0, -(1 + n), 0, 0, 0], "forces": [[0, 0, 1 + n], [-aside, 0, -n]]}
+    found = judged(Grasp(contacts, []), [aside, 0, -1, 0, 0, 0], state)
+    assert (found.exact, found.tolerant) == (False, False)

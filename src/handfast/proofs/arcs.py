@@ -25,6 +25,7 @@ from handfast.proofs.tolerance import EPS, load_scale
 
 DEGREE = 12  # at most
 ULP = 2.0**-53
+NEARBY = 1e5  # times the load: joints that move less lose less than 1e-9 of it in the rounding of a sum
 ROUNDED = 16  # ulp of an entry of G and J, relative to the sum of absolute values behind it, and of what comes after
 
 
@@ -126,7 +127,8 @@ def missed(
         d = np.array([[rounded(dot(row, rationals(v))) for row in g.exact_rows[:-1]] for v in motion])
         noise = 4 * ULP * np.abs(d).max(axis=0)
         held = g.parts[2].start
-        rounds = np.abs(d[:, held:]) <= 64 * ULP * (np.abs(motion) @ size[held:].T)
+        small = float(np.abs(q).max(initial=0.0)) <= NEARBY * scale  # else what is lost in a sum is no small force
+        rounds = np.abs(d[:, held:]) <= small * 64 * ULP * (np.abs(motion) @ size[held:].T)
         d[:, held:], noise[held:] = np.where(rounds, 0.0, np.copysign(np.inf, d[:, held:])), 0.0
         q = np.where(x["q"] == 0, 0.0, np.copysign(np.inf, x["q"]))
     parts = g.parts
@@ -144,11 +146,11 @@ def missed(
     cos, sin = float(np.cos(eta)), float(np.sin(eta))
     gap, gap_off = cos * d_n + sin * speed, sin * speed_off
     closed = np.maximum(np.abs(c_n + gap).max(axis=0) + gap_off, -least_n)
-    opened = np.abs(c_n).max(axis=0) + np.maximum(0.0, gap_off - gap.min(axis=0))
+    tangential = np.sqrt((c_t**2).sum(axis=2))
+    opened = (np.abs(c_n) + tangential).max(axis=0) + np.maximum(0.0, gap_off - gap.min(axis=0))
     normal = np.minimum(closed, opened) + noise[parts[0]].reshape(-1, 3).sum(axis=1)
 
     # (5)
-    tangential = np.sqrt((c_t**2).sum(axis=2))
     squares = product(c_t, c_t).sum(axis=2) - mu**2 * product(c_n, c_n)
     over, negative = np.maximum(squares.max(axis=0), 0.0), mu * np.maximum(-least_n, 0.0)
     root = np.sqrt(over + negative**2) + negative
