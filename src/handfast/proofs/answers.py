@@ -98,10 +98,7 @@ def read_answer(data: Any, place: str = "") -> SavedAnswer:
     proof = f.take("certificate") if f.has("certificate") else None
     certificate = None if proof is None else read_certificate(proof, f.at("certificate"), question)
     of_arcs = tuple(arcs.read_arc(x, question) for x in f.objects("arcs", []))
-    slips = f.take("slips", [])
-    if not isinstance(slips, list):
-        raise BadFile("is no list", f.at("slips"))
-    of_slips = tuple(read_certificate(x, f"{f.at('slips')}[{i}]", question) for i, x in enumerate(slips))
+    of_slips = tuple(read_certificate(x, place, question) for x, place in f.items("slips", []))
     for name in ("witness", "certificate"):
         f.take(name, None)
     f.done()

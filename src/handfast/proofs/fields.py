@@ -108,23 +108,25 @@ class Fields:
 
     def objects(self, name: str, default: Any = _NEEDED) -> Iterator[Fields]:
         """The objects of a list."""
+        return (Fields(x, place) for x, place in self.items(name, default))
+
+    def items(self, name: str, default: Any = _NEEDED) -> list[tuple[Any, str]]:
+        """What is in a list, each with its place."""
         value = self.take(name, default)
         if not isinstance(value, Sequence) or isinstance(value, str):
             raise BadFile("is no list", self.at(name))
-        return (Fields(x, f"{self.at(name)}[{i}]") for i, x in enumerate(value))
+        return [(x, f"{self.at(name)}[{i}]") for i, x in enumerate(value)]
 
     def table(self, name: str, columns: Sequence[str]) -> dict[str, list[Any]]:
         """The objects of a list that all have these fields and no others, field by field."""
-        value = self.take(name)
-        if not isinstance(value, Sequence) or isinstance(value, str):
-            raise BadFile("is no list", self.at(name))
-        for i, row in enumerate(value):
+        rows = self.items(name)
+        for row, place in rows:
             if not isinstance(row, Mapping) or row.keys() != {*columns}:
-                entry = Fields(row, f"{self.at(name)}[{i}]")
+                entry = Fields(row, place)
                 for column in columns:
                     entry.take(column)
                 entry.done()
-        return {column: [row[column] for row in value] for column in columns}
+        return {column: [row[column] for row, _ in rows] for column in columns}
 
 
 def number(value: Any, field: str, least: float = -LARGEST) -> float:

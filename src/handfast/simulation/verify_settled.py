@@ -9,6 +9,7 @@ import numpy as np
 from handfast.core.answer import Verdict
 from handfast.proofs.answers import VERDICTS
 from handfast.proofs.fields import BadFile, Fields, numbers
+from handfast.proofs.files import SETTLED
 from handfast.proofs.replay import Replay
 from handfast.simulation.settled import Rest
 from handfast.stability.ask_again import Asking, BoundsClaim, Claim, VerdictClaim, asked, together
@@ -16,7 +17,6 @@ from handfast.stability.many import Options
 from handfast.stability.settings import INF
 from handfast.stability.verify_maps import grasp_of
 
-SCHEMA = "handfast/settled/1"
 OF_PATH = "path, moved, turned, onset: a computation in steps; nor that the last grasp is where they end"
 SIMULATED = "simulated, notes, seconds: recorded, and nothing rests on it"
 COURSE = "onset", "onset_of", "moved", "turned", "simulated", "notes", "seconds", "joints", "path", "grasp"
@@ -25,7 +25,7 @@ COURSE = "onset", "onset_of", "moved", "turned", "simulated", "notes", "seconds"
 def replay_settled(data: Any, how: Asking) -> Replay:
     """What `check` and `maximum` said of the grasps, asked again. Raises `BadFile` and `InputError`."""
     f = Fields(data)
-    f.text("schema", among=[SCHEMA])
+    f.text("schema", among=[SETTLED])
     rest = Rest(f.text("rest", among=[str(r) for r in Rest]))
     first, wrench = grasp_of(f, "first"), f.numbers("wrench", (6,))
     before, confirmed = f.text("before", among=VERDICTS), f.flag("confirmed")
