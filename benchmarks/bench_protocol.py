@@ -187,6 +187,6 @@ class GraspBench:
 
 def recorded(path: Path) -> dict[str, Any]:
     """A grasp of DexGraspBench's layout, read without running anything in it."""
-    from handfast.published.array_file import read_array_file
+    from handfast.datasets.published.array_file import read_array_file
 
     return dict(read_array_file(path))

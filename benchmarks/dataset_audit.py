@@ -43,10 +43,12 @@ from benchmarks.machine import describe
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.datasets.dataset_rows import GraspChanges, PosedRow
+from handfast.datasets.published.importing import Importer, Treatment, imported, sources
+from handfast.datasets.published.mapping_file import mapping_for
+from handfast.datasets.scene_source import SceneSource
 from handfast.geometry.contact_reduction import reduced_contacts
 from handfast.geometry.contacts import grasp_of
-from handfast.label.dataset_rows import GraspChanges, PosedRow
-from handfast.label.scene_source import SceneSource
 from handfast.measures.chosen_forces import smallest_forces
 from handfast.measures.measuring import measure_columns
 from handfast.measures.wrench_scale import WrenchScale
@@ -54,8 +56,6 @@ from handfast.model.body import Body, load_body
 from handfast.model.grasp import LARGEST, Contact, Grasp
 from handfast.model.hand import Hand, load_hand
 from handfast.model.servo import servo_commands
-from handfast.published.importing import Importer, Treatment, imported, sources
-from handfast.published.mapping_file import mapping_for
 from handfast.simulation.ending import Ending
 from handfast.simulation.loaded_twin import simulate
 from handfast.stability.batch import max_many

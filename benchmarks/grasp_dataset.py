@@ -35,12 +35,12 @@ from handfast.core.errors import InputError
 from handfast.core.parallel import default_jobs
 from handfast.core.transforms import matrix_quaternion
 from handfast.core.workers import Died, ProcessWorkers
+from handfast.datasets.labels.label_columns import WRENCHES, wrench_column
+from handfast.datasets.labels.label_dataset import label_dataset
+from handfast.datasets.labels.label_files import load_labels, write_durably
+from handfast.datasets.labels.labeller import Labelling
+from handfast.datasets.scene_source import SceneSource
 from handfast.geometry.contacts import grasp_of
-from handfast.label.label_columns import WRENCHES, wrench_column
-from handfast.label.label_dataset import label_dataset
-from handfast.label.label_files import load_labels, write_durably
-from handfast.label.labeller import Labelling
-from handfast.label.scene_source import SceneSource
 from handfast.model.body import load_body
 from handfast.model.hand.load import load_hand
 from handfast.planning.candidates import palm_poses

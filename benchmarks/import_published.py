@@ -27,10 +27,10 @@ import numpy as np
 from benchmarks.machine import describe
 from handfast import load_body, load_configuration, load_grasp, load_hand
 from handfast.core.parallel import default_jobs
+from handfast.datasets.published.import_folder import write_folder
+from handfast.datasets.published.importing import Importer, Source, Treatment, imported, sources
+from handfast.datasets.published.mapping_file import mapping_for
 from handfast.geometry.scene import Scene
-from handfast.published.import_folder import write_folder
-from handfast.published.importing import Importer, Source, Treatment, imported, sources
-from handfast.published.mapping_file import mapping_for
 
 HAND = "assets/hand/shadow/right_hand.xml"
 GRASPS = "output/example_shadow/graspdata"

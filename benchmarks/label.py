@@ -33,11 +33,11 @@ import numpy as np
 from benchmarks.grasps import cases, random_case
 from benchmarks.machine import describe
 from handfast.core.transforms import matrix_quaternion
-from handfast.label.label_columns import COLUMNS
-from handfast.label.label_dataset import label_dataset
-from handfast.label.label_files import load_labels
-from handfast.label.labeller import Labelling, label
-from handfast.label.scene_source import SceneSource
+from handfast.datasets.labels.label_columns import COLUMNS
+from handfast.datasets.labels.label_dataset import label_dataset
+from handfast.datasets.labels.label_files import load_labels
+from handfast.datasets.labels.labeller import Labelling, label
+from handfast.datasets.scene_source import SceneSource
 from handfast.model.configuration import load_configuration
 from handfast.model.grasp_file import file_dict, from_dict
 from handfast.model.hand.load import load_hand

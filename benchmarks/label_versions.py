@@ -12,6 +12,7 @@ that contradict each other, verdicts, numbers that are open in one version only.
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import subprocess
@@ -25,7 +26,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks.machine import describe, revision
-from handfast.label.label_columns import MEASURES
 
 RESULTS = Path(__file__).parent / "results" / "label.json"
 SAME = 1e-6  # relative: a lower bound that is as much above the other's upper bound contradicts it
@@ -35,8 +35,13 @@ CLOSED = 2e-3  # relative distance of bounds that no limit kept apart
 
 def answer() -> None:
     """The process of one version: a grasp file per line in, its label and processor time [s] out."""
-    from handfast.label.labeller import Labelling, label
     from handfast.model.grasp_file import from_dict
+
+    try:
+        from handfast.datasets.labels.labeller import Labelling, label
+    except ModuleNotFoundError:  # a version before the package had this name
+        package = importlib.import_module("handfast.label.labeller")
+        Labelling, label = package.Labelling, package.label  # type: ignore[misc]
 
     first = True
     for line in sys.stdin:
@@ -53,8 +58,8 @@ def texts(allegro: str, each: int) -> Iterator[tuple[str, str]]:
     """Families and grasp files."""
     from benchmarks.grasp_dataset import OBJECTS, block
     from benchmarks.grasps import cases
-    from handfast.label.dataset_rows import GraspChanges, PosedRow
-    from handfast.label.scene_source import SceneSource
+    from handfast.datasets.dataset_rows import GraspChanges, PosedRow
+    from handfast.datasets.scene_source import SceneSource
     from handfast.model.grasp_file import file_dict
 
     for case in cases(("random", "barrett", "allegro")):
@@ -78,6 +83,8 @@ def started(checkout: Path) -> subprocess.Popen[str]:
 
 def compared(a: dict[str, Any], b: dict[str, Any]) -> Counter[str]:
     """What two labels of one grasp say alike and otherwise."""
+    from handfast.datasets.labels.label_columns import MEASURES
+
     out: Counter[str] = Counter()
     for x, y in zip(a["verdicts"] or (), b["verdicts"] or (), strict=True):
         out["verdicts that are equal" if x == y else f"verdicts {x} before, {y} after"] += 1

@@ -31,9 +31,9 @@ from handfast import Settings, check, load_hand
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool
+from handfast.datasets.published.importing import Importer, imported, sources
+from handfast.datasets.published.mapping_file import mapping_for
 from handfast.model.grasp import Grasp
-from handfast.published.importing import Importer, imported, sources
-from handfast.published.mapping_file import mapping_for
 from handfast.stability.loads import Loads
 
 VARIANTS = ("none", "stops", "friction", "locked")

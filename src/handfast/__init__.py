@@ -13,16 +13,16 @@ if TYPE_CHECKING:
     from handfast.core.answer import Stop as Stop
     from handfast.core.answer import Verdict as Verdict
     from handfast.core.errors import InputError as InputError
+    from handfast.datasets.dataset_rows import GraspChanges as GraspChanges
+    from handfast.datasets.labels.label_dataset import label_dataset as label_dataset
+    from handfast.datasets.labels.label_files import load_labels as load_labels
+    from handfast.datasets.labels.labeller import Labelling as Labelling
+    from handfast.datasets.scene_source import SceneSource as SceneSource
     from handfast.geometry.contacts import contact_grasp as contact_grasp
     from handfast.geometry.contacts import find_contacts as find_contacts
     from handfast.geometry.scene import Scene as Scene
     from handfast.geometry.scene_grasps import scene_contacts as scene_contacts
     from handfast.geometry.scene_grasps import scene_grasp as scene_grasp
-    from handfast.label.dataset_rows import GraspChanges as GraspChanges
-    from handfast.label.label_dataset import label_dataset as label_dataset
-    from handfast.label.label_files import load_labels as load_labels
-    from handfast.label.labeller import Labelling as Labelling
-    from handfast.label.scene_source import SceneSource as SceneSource
     from handfast.measures.measuring import measure as measure
     from handfast.measures.measuring import measure_columns as measure_columns
     from handfast.model.body import Body as Body
@@ -125,11 +125,11 @@ _HOME = {
     "Bezier": "model.region",
     "Cap": "model.region",
     "CylinderSide": "model.cylinder_side",
-    "label_dataset": "label.label_dataset",
-    "load_labels": "label.label_files",
-    "Labelling": "label.labeller",
-    "GraspChanges": "label.dataset_rows",
-    "SceneSource": "label.scene_source",
+    "label_dataset": "datasets.labels.label_dataset",
+    "load_labels": "datasets.labels.label_files",
+    "Labelling": "datasets.labels.labeller",
+    "GraspChanges": "datasets.dataset_rows",
+    "SceneSource": "datasets.scene_source",
     "close": "planning.closing",
     "plan": "planning.plan_grasps",
     "propose": "planning.propose_tasks",

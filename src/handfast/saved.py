@@ -145,7 +145,7 @@ def _settled(data: Any, how: How) -> Replay:
 
 
 def _labels(path: Path, replay: bool, dataset: str | Path | None, rows: Collection[int], how: How) -> Replay:
-    from handfast.label.verify_labels import replay_labels
+    from handfast.datasets.labels.verify_labels import replay_labels
     from handfast.stability.ask_again import Asking
 
     if not replay:
@@ -162,7 +162,7 @@ def stated(path: str | Path) -> Any:
     """
     path = Path(path)
     if path.suffix.lower() in TABLES:
-        from handfast.label.verify_labels import about_labels
+        from handfast.datasets.labels.verify_labels import about_labels
 
         return about_labels(path)
     return read_json(path / "plan.json" if _is_folder(path) else path, "result")

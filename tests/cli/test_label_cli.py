@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from handfast.cli.label import progress_text
-from handfast.label.label_dataset import LabelProgress
-from handfast.label.label_files import load_labels
+from handfast.datasets.labels.label_dataset import LabelProgress
+from handfast.datasets.labels.label_files import load_labels
 from tests.support.labelled import fixture, write_lines
 from tests.support.program import run
 

@@ -30,6 +30,7 @@ from handfast import Loads, hold, maximum
 from handfast.cli import main
 from handfast.cli.app import ALIASES, COMMANDS, option_name
 from handfast.core.files import Strict
+from handfast.datasets.published.mapping_file import read_mapping
 from handfast.model.body import load_body
 from handfast.model.configuration import Configuration, load_configuration
 from handfast.model.grasp_file import GraspFile, load_grasp
@@ -39,7 +40,6 @@ from handfast.model.region_file import KINDS
 from handfast.proofs import configurations
 from handfast.proofs.certificate import NODES, ROWS, file_to_dict
 from handfast.proofs.states import State
-from handfast.published.mapping_file import read_mapping
 from handfast.stability.loads_file import load_loads
 from handfast.synthesis.synthesis_file import SynthesisAnswerEntry, SynthesisFile, SynthesisStateEntry
 from handfast.synthesis.task_file import TaskFile, load_task

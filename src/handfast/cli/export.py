@@ -32,9 +32,9 @@ class ExportGrasps(Command):
     """write over files that exist"""
 
     def run(self) -> int:
+        from handfast.datasets.published.exporting import ENDING, export, exported_from
+        from handfast.datasets.published.mapping_file import HandMapping, load_mapping
         from handfast.model.hand import load_hand
-        from handfast.published.exporting import ENDING, export, exported_from
-        from handfast.published.mapping_file import HandMapping, load_mapping
         from handfast.report import words
 
         if self.layout not in ENDING:

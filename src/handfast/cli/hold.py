@@ -14,7 +14,7 @@ from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.cli.hold_tables import HeldGrasp
-    from handfast.label.dataset_rows import DatasetRow
+    from handfast.datasets.dataset_rows import DatasetRow
     from handfast.model.grasp import Grasp
     from handfast.stability.hold import HoldAnswer
 
@@ -126,7 +126,7 @@ class Hold(Disturbances, QueryOptions, Saved, Command):
     def _all(self, where: Path) -> int:
         from handfast.cli import hold_tables
         from handfast.core.parallel import WorkerPool, default_jobs
-        from handfast.label.open_dataset import open_dataset
+        from handfast.datasets.open_dataset import open_dataset
 
         if self.report:
             raise InputError("is a page about one grasp; several are asked about", field="--report")
@@ -159,7 +159,7 @@ class Hold(Disturbances, QueryOptions, Saved, Command):
     def held(self, row: DatasetRow) -> HeldGrasp:
         """What is known of a row; a fault in it is its reason."""
         from handfast.cli.hold_tables import HeldGrasp
-        from handfast.label.dataset_rows import FaultyRow, GraspChanges, grasp_of_text
+        from handfast.datasets.dataset_rows import FaultyRow, GraspChanges, grasp_of_text
 
         options = replace(self, save=None).options()  # its folder was looked at before
         try:

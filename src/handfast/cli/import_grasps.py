@@ -15,9 +15,9 @@ from handfast.core import bundled
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
+    from handfast.datasets.published.importing import ImportedGrasp, Source
+    from handfast.datasets.published.mapping_file import HandMapping
     from handfast.model.hand import Hand
-    from handfast.published.importing import ImportedGrasp, Source
-    from handfast.published.mapping_file import HandMapping
 
 
 @dataclass(kw_only=True)
@@ -74,10 +74,10 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         from itertools import islice
 
         from handfast.core.parallel import default_jobs
+        from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table
+        from handfast.datasets.published.importing import Importer, Treatment, imported, sources
+        from handfast.datasets.published.published_file import published_files
         from handfast.model.hand import load_hand
-        from handfast.published.import_folder import TABLES, refuse_target, write_folder, write_table
-        from handfast.published.importing import Importer, Treatment, imported, sources
-        from handfast.published.published_file import published_files
 
         if not self.files:
             raise InputError("missing: FILE..., files of published grasps, or folders of them", source="import")
@@ -143,7 +143,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
                 raise InputError("is no folder; the objects' meshes are needed", source=str(folder))
 
     def _check_object(self, path: Path) -> None:
-        from handfast.published.object_finder import meshes_of
+        from handfast.datasets.published.object_finder import meshes_of
 
         if path.is_dir() and not meshes_of(path):
             raise InputError("is a folder without meshes; convex pieces are needed", source=self.object)
@@ -153,7 +153,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
             )
 
     def _mapping(self, hand: Hand, found: list[Source]) -> tuple[str, HandMapping]:
-        from handfast.published.mapping_file import load_mapping, mapping_for
+        from handfast.datasets.published.mapping_file import load_mapping, mapping_for
 
         if self.mapping:
             return self.mapping, load_mapping(self.mapping, hand)

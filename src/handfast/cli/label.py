@@ -16,11 +16,11 @@ from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, ass
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.label.dataset_rows import GraspChanges
-    from handfast.label.label_dataset import LabelProgress
-    from handfast.label.label_summary import LabelSummary
-    from handfast.label.labeller import Labelling
-    from handfast.label.scene_source import SceneSource
+    from handfast.datasets.dataset_rows import GraspChanges
+    from handfast.datasets.labels.label_dataset import LabelProgress
+    from handfast.datasets.labels.label_summary import LabelSummary
+    from handfast.datasets.labels.labeller import Labelling
+    from handfast.datasets.scene_source import SceneSource
 
 SUMMARY, PICTURE = ".summary.json", ".summary.png"
 MOST = 8  # reasons that are shown
@@ -93,7 +93,7 @@ class Label(JointLawOptions, Command):
             return console.UNDECIDED
 
     def _run(self) -> int:
-        from handfast.label.label_dataset import label_dataset
+        from handfast.datasets.labels.label_dataset import label_dataset
         from handfast.report.label_picture import draw_labels
         from handfast.report.plot import picture
 
@@ -143,7 +143,7 @@ class Label(JointLawOptions, Command):
         return console.ANSWERED if summary.labelled else console.BAD_INPUT
 
     def _labelling(self) -> Labelling:
-        from handfast.label.labeller import AXES, Labelling
+        from handfast.datasets.labels.labeller import AXES, Labelling
 
         pulls: list[Any] = []
         for g in self.gravity:
@@ -159,14 +159,14 @@ class Label(JointLawOptions, Command):
         )
 
     def _changes(self) -> GraspChanges:
-        from handfast.label.dataset_rows import GraspChanges
+        from handfast.datasets.dataset_rows import GraspChanges
 
         preload = tuple(assigned(self.preload, "--preload").items()) if self.preload else None
         place: Any = tuple(self.center_of_mass) or None
         return GraspChanges(self.mass, place, self.friction, preload)
 
     def _scene(self) -> SceneSource | None:
-        from handfast.label.scene_source import SceneSource
+        from handfast.datasets.scene_source import SceneSource
         from handfast.model.hand.joint_law import laws_named
 
         laws_named(self.joint_laws, "--joint-laws")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from handfast.label.label_summary import edges
+from handfast.datasets.labels.label_summary import edges
 from handfast.report.drawing import AMBER, BLUE, GREY, INK, MAROON
 
 if TYPE_CHECKING:
-    from handfast.label.label_summary import LabelSummary
+    from handfast.datasets.labels.label_summary import LabelSummary
 
 VERDICT_COLORS = {"holds": BLUE, "slips": MAROON, "undecided": AMBER, "no weight": GREY, "broken": INK}
 PANELS = {

@@ -1,0 +1,264 @@
+"""Labels for every grasp of a dataset: made in parts by workers, kept as they come, put together in the end."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from handfast.core.errors import InputError
+from handfast.core.files import same_json
+from handfast.core.parallel import default_jobs
+from handfast.core.workers import DaskWorkers, Died, ProcessWorkers, Workers
+from handfast.datasets.dataset_rows import DatasetRow, FaultyRow, GraspChanges, LabelPart, PosedRow, grasp_of_text
+from handfast.datasets.labels.label_columns import SCHEMA, broken, complete, described
+from handfast.datasets.labels.label_files import BrokenFile, LabelFormat, format_named, format_of
+from handfast.datasets.labels.label_summary import KEPT, LabelSummary
+from handfast.datasets.labels.labeller import Labelling, label
+from handfast.datasets.labels.part_folder import PartFolder, folder_of
+from handfast.datasets.open_dataset import open_dataset
+from handfast.datasets.scene_source import SceneSource
+from handfast.model.grasp import Grasp
+
+PART = 64  # rows: what a run that is killed has to do again, for each worker
+LONG = 300  # characters of a reason
+
+
+@dataclass(frozen=True)
+class LabelRecipe:
+    """All that a worker is told beside the rows.
+
+    Attributes:
+        labelling: what is asked. changes: to the grasps. scene: hand and object of postures.
+        ending: of the files in which parts are packed.
+    """
+
+    labelling: Labelling
+    changes: GraspChanges
+    scene: SceneSource | None = None
+    ending: str = ".jsonl"
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "questions": self.labelling.to_json(),
+            "changes": self.changes.to_json(),
+            "scene": self.scene and self.scene.to_json(),
+        }
+
+
+@dataclass(frozen=True)
+class PackedLabels:
+    """The labels of a part as its file has them: packed by the worker, so that who keeps them has next to no work."""
+
+    data: bytes
+    broken: int
+
+
+@dataclass(frozen=True)
+class LabelProgress:
+    """How far a run has come: rows that are there, all rows, those that this run did, [s] since it began."""
+
+    done: int
+    total: int
+    fresh: int
+    seconds: float
+    broken: int
+
+    @property
+    def rate(self) -> float:
+        """Rows a second."""
+        return self.fresh / self.seconds if self.seconds > 0 else 0.0
+
+    @property
+    def left(self) -> float:
+        """[s] that the rest will take at this rate; inf before the first."""
+        return (self.total - self.done) / self.rate if self.rate > 0 else float("inf")
+
+
+OnProgress = Callable[[LabelProgress], None]
+
+
+def label_dataset(
+    dataset: str | Path,
+    output: str | Path,
+    *,
+    labelling: Labelling | None = None,
+    changes: GraspChanges | None = None,
+    scene: SceneSource | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    part: int = PART,
+    resume: bool = False,
+    force: bool = False,
+    keep_parts: bool = False,
+    on_progress: OnProgress | None = None,
+) -> LabelSummary:
+    """Label every grasp of a dataset, in a table with the columns of `handfast.datasets.labels.label_columns`.
+
+    While it goes on, finished parts are in a folder beside the table; what ends the run, kill -9 too, loses the parts
+    in hand and no more, and `resume` goes on. The table does not depend on the number of workers, on the order in which
+    they end or on interruptions, but for the columns `seconds` and `stop`, and for rows whose time ran out.
+
+    Args:
+        dataset: a folder or JSON lines of grasp files, or a table (.npz, .parquet) of postures, which needs a scene.
+        output: .parquet, which needs pyarrow, or .jsonl.
+        labelling: what is asked of each grasp.
+        changes: mass, centre of mass, friction, preload in place of what the rows say.
+        jobs: processes; by default one a core.
+        scheduler: address of a Dask scheduler, whose workers take the place of processes here.
+        part: rows that are labelled in one task, and written at once.
+        resume: go on from the parts that are there; begins if there are none.
+        force: write over what is there.
+        keep_parts: leave the folder of parts.
+        on_progress: called after each part.
+
+    Raises:
+        InputError: a dataset that cannot be read, an output that exists or is of another kind, parts of another run,
+            a scene that is missing, workers that are gone. One line. What is wrong with single rows is said in theirs.
+    """
+    begin, target = time.monotonic(), Path(output)
+    if part < 1:
+        raise InputError(f"is {part}; at least 1 row is needed", field="part")
+    if resume and force:
+        raise InputError("give either --resume or --force")
+    format = format_of(target)
+    recipe = LabelRecipe(labelling or Labelling(), changes or GraspChanges(), scene, format.ending)
+    rows = open_dataset(dataset)
+    if rows.posed and scene is None:
+        raise InputError("is a table of postures; give the hand and the object", source=str(dataset))
+    if not rows.posed and scene is not None:
+        raise InputError("has grasps with their contacts; a hand and an object are for tables", source=str(dataset))
+    about = {"schema": SCHEMA, "columns": described(), "dataset": rows.identity()} | recipe.to_json()
+    folder = PartFolder(target, format, {k: v for k, v in about.items() if k != "schema"}, rows.count, part)
+    _refuse(target, folder, resume=resume, force=force)
+    summary = LabelSummary()
+    if resume and target.exists() and not folder.begun:  # the last run came to its end
+        if not same_json(format.about(target), about):
+            raise InputError("is of another dataset or of other questions; give --force", source=str(target))
+        _count(summary, format, target, rows.count)
+        return summary
+    with folder:
+        _refuse(target, folder, resume=resume, force=force)  # another run may have ended since
+        bad = fresh = 0
+        with _workers(jobs, scheduler) as workers:
+            have = folder.open(resume=resume)
+            done = sum(len(folder.rows_of(number)) for number in have)
+            for number, labels in _labelled(workers, recipe, rows.parts(part, have)):
+                folder.write(number, labels.data)
+                fresh, bad = fresh + len(folder.rows_of(number)), bad + labels.broken
+                if on_progress:
+                    seconds = time.monotonic() - begin
+                    on_progress(LabelProgress(done + fresh, rows.count, fresh, seconds, bad))
+        if open_dataset(dataset).identity() != about["dataset"]:
+            raise InputError("changed while it was labelled; give --force to begin anew", source=str(dataset))
+        format.write(target, folder.files(), about)
+        _count(summary, format, target, rows.count)
+        if not keep_parts:
+            folder.remove()
+    summary.fresh, summary.wall = fresh, time.monotonic() - begin
+    return summary
+
+
+def _refuse(target: Path, folder: PartFolder, *, resume: bool, force: bool) -> None:
+    """`InputError` before any work for what would be written over."""
+    if target.is_dir():
+        raise InputError("is a folder; a file is needed", source=str(target))
+    if folder.foreign:
+        raise InputError("has files that are no parts of labels; move it away", source=str(folder_of(target)))
+    if resume or force:
+        return
+    if target.exists():
+        raise InputError("exists already; give --force to write over it", source=str(target))
+    if folder.begun:
+        problem = "holds parts of labels already; give --resume to go on, or --force to begin anew"
+        raise InputError(problem, source=str(folder_of(target)))
+
+
+def _count(summary: LabelSummary, format: LabelFormat, target: Path, rows: int) -> None:
+    """Take all rows of a table into the summary; `InputError` if it has others than it was written with."""
+    try:
+        summary.take(row for block in format.read(target, KEPT) for row in block)
+        whole = summary.rows == rows
+    except BrokenFile:
+        whole = False
+    if not whole:
+        raise InputError("was damaged since it was written; give --force to begin anew", source=str(target))
+
+
+def _workers(jobs: int | None, scheduler: str | None) -> Workers:
+    return DaskWorkers(scheduler) if scheduler else ProcessWorkers(jobs or default_jobs())
+
+
+def _labelled(workers: Workers, recipe: LabelRecipe, parts: Iterator[LabelPart]) -> Iterator[tuple[int, PackedLabels]]:
+    """Parts as they are done: number and labels. One whose process died is done again row by row, to find the row."""
+    suspects: list[LabelPart] = []
+    for part, labels in workers.run(partial(packed_labels, recipe), parts):
+        if isinstance(labels, Died):
+            suspects.append(part)
+        else:
+            yield part.number, labels
+    for part in suspects:
+        alone = (LabelPart(part.number, (row,)) for row in part.rows)
+        found: dict[int, dict[str, Any]] = {}
+        for one, rows in workers.run(partial(labels_of, recipe), alone):
+            row = one.rows[0]
+            found[row.number] = broken(row.number, row.name, rows.reason) if isinstance(rows, Died) else rows[0]
+        yield part.number, _packed(recipe, [found[row.number] for row in part.rows])
+
+
+def packed_labels(recipe: LabelRecipe, part: LabelPart) -> PackedLabels:
+    """The labels of a part, in a worker."""
+    return _packed(recipe, labels_of(recipe, part))
+
+
+def _packed(recipe: LabelRecipe, rows: list[dict[str, Any]]) -> PackedLabels:
+    return PackedLabels(format_named(recipe.ending).packed(rows), sum(row["status"] == "broken" for row in rows))
+
+
+def labels_of(recipe: LabelRecipe, part: LabelPart) -> list[dict[str, Any]]:
+    """The labels of some rows, in a worker. A scene that cannot be had ends the run; the fault of a row is its own."""
+    if recipe.scene:
+        recipe.scene.scene()
+    return [_label_of(recipe, row) for row in part.rows]
+
+
+def _label_of(recipe: LabelRecipe, row: DatasetRow) -> dict[str, Any]:
+    said: dict[str, Any] = {"row": row.number, "name": row.name}
+    if isinstance(row.content, FaultyRow):
+        return broken(row.number, row.name, row.content.reason)
+    try:
+        grasp, posture = grasp_of_row(row, recipe.changes, recipe.scene)
+        said |= posture
+        if row.unnamed:
+            said["name"] = grasp.name
+        found = complete(said | label(grasp, recipe.labelling))
+        json.dumps(found, allow_nan=False)  # what no table can hold is this row's fault alone
+        return found
+    except InputError as fault:
+        reason = str(fault)
+    except Exception as fault:  # a row may be odd in ways that nobody thought of: that is no reason to lose the others
+        reason = f"{type(fault).__name__}: {' '.join(str(fault).split())}"
+    return broken(row.number, row.name, reason[:LONG])
+
+
+def grasp_of_row(row: DatasetRow, changes: GraspChanges, scene: SceneSource | None) -> tuple[Grasp, dict[str, Any]]:
+    """The grasp that a row is labelled as, and the columns of its posture; raises `InputError`."""
+    match row.content:
+        case FaultyRow(reason):
+            raise InputError(reason)
+        case str(text):
+            return grasp_of_text(text, row.name, changes), {}
+        case PosedRow() as posed:
+            assert scene
+            return scene.grasp(posed, row.name, changes), _posture(scene, posed)
+
+
+def _posture(scene: SceneSource, row: PosedRow) -> dict[str, Any]:
+    """The columns that say where hand and object are."""
+    q = scene.joints_of(row)
+    place = {"object_position": row.position, "object_quaternion": row.quaternion}
+    return {"joints": q.tolist()} | {name: [float(x) for x in values] for name, values in place.items()}

@@ -1,0 +1,139 @@
+"""The folder beside a table in the making: its parts as they are done, and a manifest of what they belong to.
+
+A part is there whole or not at all, and is never written twice. So a run that ended anyhow, by kill -9 or by a power
+cut, goes on with the parts that are missing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from handfast.core.errors import InputError
+from handfast.core.files import read_json, same_json
+from handfast.datasets.labels.label_files import LabelFormat, write_durably
+
+MANIFEST, LOCK = "manifest.json", "lock"
+SCHEMA = "handfast/label-parts/1"
+DIGITS = 7
+PER_FOLDER = 1000  # parts: a folder with a million files is slow everywhere
+
+
+class PartFolder:
+    """A context: within it no other run fills the folder.
+
+    Args:
+        output: of the whole table; the folder is its name with `.parts`.
+        manifest: of the dataset and what is asked; JSON.
+        rows: in the dataset. size: rows of a part.
+    """
+
+    def __init__(self, output: Path, format: LabelFormat, manifest: dict[str, Any], rows: int, size: int) -> None:
+        self.path, self.format, self.size, self.rows = folder_of(output), format, size, rows
+        self.manifest = {"schema": SCHEMA, "rows": rows, "rows_in_a_part": size} | manifest
+        self.count = -(-rows // size)
+        self._lock: Any = None
+        self._parts: dict[int, Path] = {}
+
+    @property
+    def begun(self) -> bool:
+        return (self.path / MANIFEST).exists()
+
+    @property
+    def foreign(self) -> bool:
+        """Is there something in its place that no run has begun?"""
+        if self.begun or not self.path.exists():
+            return False
+        return not self.path.is_dir() or not {f.name for f in self.path.iterdir()} <= {LOCK, f"{MANIFEST}.part"}
+
+    def __enter__(self) -> PartFolder:
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._lock = open(self.path / LOCK, "w")
+        except OSError as fault:
+            raise InputError(f"cannot be written: {fault.strerror}", source=str(self.path)) from None
+        with suppress(ImportError):
+            import fcntl
+
+            try:
+                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # ends with the process, however that ends
+            except OSError:
+                self._lock.close()
+                raise InputError("is being filled by another run", source=str(self.path)) from None
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, fault: BaseException | None, at: TracebackType | None) -> None:
+        self._lock.close()
+        if not self.begun:
+            self.remove()
+
+    def open(self, *, resume: bool) -> set[int]:
+        """The numbers of the parts that are done; without `resume` none, and what was there is gone.
+
+        Raises:
+            InputError: the parts are of another dataset, of other questions or of another size.
+        """
+        if self.begun and resume:
+            known = read_json(self.path / MANIFEST, "manifest")
+            for key, value in self.manifest.items():
+                if not same_json(known.get(key), value):
+                    problem = "is another than the parts were made with; give --force to begin anew"
+                    raise InputError(problem, source=str(self.path / MANIFEST), field=key.replace("_", " "))
+            return self._done()
+        for entry in self.path.iterdir():
+            if entry.is_dir():
+                shutil.rmtree(entry)
+            elif entry.name != LOCK:
+                entry.unlink()
+        write_durably(self.path / MANIFEST, [json.dumps(self.manifest, indent=1).encode() + b"\n"])
+        return set()
+
+    def _done(self) -> set[int]:
+        """Parts that are as they were written; one that was damaged since is removed, to be made again."""
+        self._parts = {}
+        for file in self.path.glob(f"*/*{self.format.ending}"):
+            if not re.match(rf"\d{{{DIGITS}}}-", file.name):
+                continue
+            number = int(file.name[:DIGITS])
+            if number < self.count and file == self.file(number, file.read_bytes()):
+                self._parts[number] = file
+            else:
+                file.unlink()
+        return set(self._parts)
+
+    def rows_of(self, number: int) -> range:
+        """The numbers of a part's rows."""
+        return range(number * self.size, min((number + 1) * self.size, self.rows))
+
+    def file(self, number: int, data: bytes) -> Path:
+        """Where a part belongs: its number and its checksum are its name."""
+        known = hashlib.sha256(b"%d\0" % number + data).hexdigest()[:16]
+        name = f"{number:0{DIGITS}}-{known}{self.format.ending}"
+        return self.path / f"{number // PER_FOLDER:0{DIGITS - 3}}" / name
+
+    def write(self, number: int, data: bytes) -> None:
+        """A part as it is packed, at once and for good."""
+        file = self.file(number, data)
+        file.parent.mkdir(exist_ok=True)
+        write_durably(file, [data])
+        self._parts[number] = file
+
+    def files(self) -> Iterator[Path]:
+        """All parts in order."""
+        return (self._parts[number] for number in range(self.count))
+
+    def remove(self) -> None:
+        """All of it, once the table is there."""
+        shutil.rmtree(self.path, ignore_errors=True)
+
+
+def folder_of(output: Path) -> Path:
+    """Where the parts of a table are."""
+    return output.with_name(output.name + ".parts")

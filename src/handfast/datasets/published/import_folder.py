@@ -1,0 +1,162 @@
+"""What an import writes: a folder of configurations, grasps and objects with `import.json`, or one table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from handfast.core.errors import InputError
+from handfast.core.files import write_bytes, write_text
+from handfast.datasets.published.importing import ImportedGrasp
+from handfast.model.configuration import Configuration, save_configuration
+from handfast.model.grasp import Grasp
+from handfast.model.grasp_file import save_grasp
+from handfast.model.provenance import Provenance, SourceFile
+
+SUMMARY, SCHEMA = "import.json", "handfast/import/1"
+FILES = "{:05d}.configuration.json", "{:05d}.grasp.json"
+TABLES = (".csv", ".jsonl", ".parquet")
+
+
+def refuse_target(path: Path, force: bool) -> None:
+    """`InputError` for what cannot be written, before the work: an import that is there, a table that exists."""
+    if path.suffix.lower() in TABLES:
+        if path.exists() and not force:
+            raise InputError("exists already; give --force to write over it", source=str(path))
+        if path.suffix.lower() == ".parquet":
+            _pandas(path)
+    elif path.exists() and not path.is_dir():
+        problem = f"is a file; a folder, or a table that ends in {', '.join(TABLES)}, is needed"
+        raise InputError(problem, source=str(path))
+    elif (path / SUMMARY).exists() and not force:
+        raise InputError("holds an import already; give --force to write over it", source=str(path))
+
+
+def write_folder(path: Path, rows: Sequence[ImportedGrasp], about: dict[str, Any], friction: float | None) -> None:
+    """Two files a grasp, `objects/` with a body file for each object and scale, and `import.json` last.
+
+    Args:
+        about: of the whole import, for `import.json`.
+        friction: of the body files.
+    """
+    for file in [path / SUMMARY, *(f for name in FILES for f in path.glob(name.format(0).replace("00000", "[0-9]*")))]:
+        file.unlink(missing_ok=True)  # of an earlier import, which may have had more grasps
+    entries: list[dict[str, Any]] = []
+    objects: dict[tuple[Any, ...], str] = {}
+    for row in rows:
+        entry = row.to_json()
+        if row.configuration is not None:
+            configuration = row.configuration
+            if row.object is not None:
+                configuration = configuration.model_copy(
+                    update={"object": _object(path, row, objects, about, friction)}
+                )
+            number = sum("configuration_file" in e for e in entries)
+            name, grasp = (file.format(number) for file in FILES)
+            save_configuration(configuration, path / name, force=True)
+            entry["configuration_file"] = name
+            if row.grasp is not None:
+                save_grasp(_sourced(row.grasp, configuration, path / name, about.get("mass")), path / grasp, force=True)
+                entry["grasp_file"] = grasp
+        entries.append(entry)
+    text = json.dumps({"schema": SCHEMA, **about, "rows": entries}, indent=1) + "\n"
+    write_text(path / SUMMARY, text, force=True)
+
+
+def _sourced(grasp: Grasp, configuration: Configuration, path: Path, mass: float | None) -> Grasp:
+    """With the files that were written: configuration and object; and the mass that was said."""
+    came = (grasp.provenance or Provenance()).with_configuration(path)
+    if configuration.object:
+        came = replace(came, object=SourceFile.of(configuration.object, "object"))
+    return grasp.about(provenance=came, mass=mass)
+
+
+def _object(
+    path: Path, row: ImportedGrasp, objects: dict[tuple[Any, ...], str], about: dict[str, Any], friction: float | None
+) -> str:
+    """The body file of a row's object and scale, written once."""
+    found, scale = row.object, row.scale
+    assert found is not None
+    key = (found.meshes, scale)
+    if found.states_its_size:
+        objects[key] = str(found.meshes[0])
+    if key not in objects:
+        name = "".join(c if c.isalnum() or c in "-_." else "-" for c in f"{found.name}-{scale:g}")
+        taken = sum(Path(o).stem == name or Path(o).stem.startswith(f"{name}_") for o in objects.values())
+        file = path / "objects" / (f"{name}_{taken}.json" if taken else f"{name}.json")
+        body = found.body_file(scale, about.get("mass"), friction)
+        text = json.dumps(body.model_dump(by_alias=True, exclude_none=True, exclude_defaults=True), indent=1)
+        text = json.dumps({"schema": "handfast/body/1"} | json.loads(text), indent=1) + "\n"
+        write_text(file, text, force=True)
+        objects[key] = str(file)
+    return objects[key]
+
+
+def write_table(path: Path, rows: Sequence[ImportedGrasp], *, force: bool = False) -> None:
+    """One row a grasp: as JSON, a line each, or flat, with a column for each number; Parquet through pandas.
+
+    Raises:
+        InputError: the file exists and `force` is not set; Parquet without pandas and pyarrow.
+    """
+    entries = [_entry(row) for row in rows]
+    ending = path.suffix.lower()
+    if ending == ".jsonl":
+        write_text(path, "".join(json.dumps(e) + "\n" for e in entries), force=force)
+        return
+    flat = [dict(_flat(e)) for e in entries]
+    columns = list(dict.fromkeys(name for e in flat for name in e))
+    if ending == ".csv":
+        out = io.StringIO()
+        writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(flat)
+        write_text(path, out.getvalue(), force=force)
+        return
+    pandas = _pandas(path)
+    packed = io.BytesIO()
+    pandas.DataFrame(flat, columns=columns).to_parquet(packed)
+    write_bytes(path, packed.getvalue(), force=force)
+
+
+def _entry(row: ImportedGrasp) -> dict[str, Any]:
+    """A row with its configuration and contacts."""
+    entry = row.to_json()
+    if row.configuration is not None:
+        entry["joints"] = row.configuration.joints
+        entry["object_pose"] = row.configuration.object_pose.model_dump()
+    if row.grasp is not None:
+        entry["contact_list"] = [
+            {"position": c.position.tolist(), "normal": c.normal.tolist(), "friction": c.friction, "link": c.link}
+            for c in row.grasp.contacts
+        ]
+    return entry
+
+
+def _flat(entry: Any, prefix: str = "") -> list[tuple[str, Any]]:
+    """Columns `a.b.0`; contacts stay one column of JSON, as their number differs."""
+    found: list[tuple[str, Any]] = []
+    items = entry.items() if isinstance(entry, dict) else enumerate(entry)
+    for key, value in items:
+        name = f"{prefix}{key}"
+        if key in ("contact_list", "gaps_closed", "gaps_left"):
+            found.append((name, json.dumps(value)))
+        elif isinstance(value, dict | list | tuple):
+            found += _flat(value, f"{name}.")
+        else:
+            found.append((name, value))
+    return found
+
+
+def _pandas(path: Path) -> Any:
+    try:
+        import pandas
+        import pyarrow  # noqa: F401
+    except ImportError:
+        problem = "needs pandas and pyarrow, which are not installed; a .csv or .jsonl needs neither"
+        raise InputError(problem, source=str(path)) from None
+    return pandas

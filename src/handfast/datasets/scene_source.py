@@ -1,0 +1,145 @@
+"""The hand and the object of a table of postures: named once, read and compiled by each worker when it needs them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.datasets.dataset_rows import GraspChanges, PosedRow
+from handfast.model.body import load_body
+from handfast.model.grasp import Grasp
+from handfast.model.hand.hand import Hand
+
+if TYPE_CHECKING:
+    from handfast.geometry.scene import Scene
+
+_own = threading.local()  # a scene is not to be shared between threads
+
+
+@dataclass(frozen=True)
+class SceneSource:
+    """How to come by the scene of a hand and an object, on any machine that sees their files.
+
+    Attributes:
+        hand: as `load_hand` takes it; root: of what is read of it.
+        object: as `load_body` takes it; scale: metres per unit of its mesh.
+        threshold: [m] surfaces nearer than this touch.
+        joint_laws: which of the hand's joint laws count, see `Hand.with_laws`.
+        backdrivable: motors that give what they are commanded and no more.
+        files: the two files' SHA-256, for whoever goes on elsewhere or later.
+    """
+
+    hand: str
+    object: str
+    root: str | None = None
+    scale: float = 1.0
+    threshold: float = 5e-4
+    joint_laws: str = "all"
+    backdrivable: tuple[str, ...] = ()
+    files: tuple[str | None, str | None] = (None, None)
+
+    @classmethod
+    def of(cls, hand: str, object: str, **others: Any) -> SceneSource:
+        """With absolute paths and checksums; raises `InputError` as the loaders do."""
+        from handfast.model.hand import load_hand
+        from handfast.model.provenance import SourceFile
+
+        bare = cls(_absolute(hand), _absolute(object), **others)
+        known = SourceFile.of(load_hand(bare.hand, root=bare.root).source, "hand"), SourceFile.of(bare.object, "object")
+        hand_sum, object_sum = (f.sha256 if f else None for f in known)
+        made = replace(bare, files=(hand_sum, object_sum))
+        made.scene()  # what is wrong with the object is said now; forked workers have it ready
+        return made
+
+    def scene(self) -> Scene:
+        """The compiled scene, of this thread; `InputError` if files are missing or others."""
+        if getattr(_own, "source", None) != self:
+            from handfast.geometry.scene import Scene
+            from handfast.model.hand import load_hand
+            from handfast.model.provenance import SourceFile
+
+            hand = load_hand(self.hand, root=self.root)
+            body = load_body(self.object, scale=self.scale)
+            for kind, source, known in zip(("hand", "object"), (hand.source, self.object), self.files, strict=True):
+                found = SourceFile.of(source, kind)
+                if known and found and found.sha256 != known:
+                    raise InputError(f"is not the file of the {kind} that the labels began with", source=source)
+            lawful = hand.with_laws(self.joint_laws).with_backdrivable(self.backdrivable)
+            _own.source, _own.scene = self, Scene(lawful, body)
+        return _own.scene
+
+    def joints_of(self, row: PosedRow) -> Array:
+        """(l,) the configuration of a row; raises `InputError`."""
+        hand = self.scene().hand
+        return hand.configuration(_named(row.joints, hand.joint_names, "joints"))
+
+    def grasp(self, row: PosedRow, name: str, changes: GraspChanges) -> Grasp:
+        """The grasp that the hand has in a row's posture; raises `InputError`."""
+        from handfast.geometry.contacts import contact_grasp
+
+        scene, q = self.scene(), self.joints_of(row)
+        hand = scene.hand
+        pose = _numbers(row.position, 3, "object_position"), _numbers(row.quaternion, 4, "object_quaternion")
+        preload: Mapping[str, float] | None = None if changes.preload is None else dict(changes.preload)
+        if preload is None and row.preload is not None:
+            preload = _named(row.preload, hand.mechanism.actuators, "preload")
+        friction = _number(row.friction, "friction") if changes.friction is None else changes.friction
+        grasp = contact_grasp(
+            hand, q, scene.body, pose, threshold=self.threshold, friction=friction, scene=scene, name=name
+        )
+        if preload is not None:  # of motors that move no contact nothing is asked
+            kept = {n: f for n, f in preload.items() if n in grasp.mechanism.actuators}
+            _known(preload, hand)
+            grasp = grasp.with_preload(kept)
+        mass = _number(row.mass, "mass") if changes.mass is None else changes.mass
+        if mass is not None or changes.center_of_mass is not None:
+            grasp = grasp.about(mass=mass, center_of_mass=changes.center_of_mass)
+        return grasp
+
+    def to_json(self) -> dict[str, Any]:
+        kept = dict(zip(("hand_sha256", "object_sha256"), self.files, strict=True))
+        paths = {"hand": self.hand, "object": self.object, "root": self.root}
+        laws = {"joint_laws": self.joint_laws, "backdrivable": list(self.backdrivable)}
+        return paths | kept | {"scale": self.scale, "threshold": self.threshold} | laws
+
+
+def _absolute(name: str) -> str:
+    file, mark, part = name.partition("#")
+    return str(Path(file).resolve()) + mark + part if Path(file).exists() else name
+
+
+def _named(values: Array | dict[str, float], names: tuple[str, ...], field: str) -> dict[str, float]:
+    """Values by name, from an array in the order of the names."""
+    if isinstance(values, dict):
+        return values
+    return dict(zip(names, _numbers(values, len(names), field).tolist(), strict=True))
+
+
+def _numbers(values: Any, count: int, field: str) -> Array:
+    try:
+        found = np.asarray(values, dtype=float).reshape(-1)
+    except (TypeError, ValueError):
+        raise InputError("holds what are no numbers", field=field) from None
+    if len(found) != count:
+        raise InputError(f"has {len(found)} numbers, needs {count}", field=field)
+    if not np.isfinite(found).all():
+        raise InputError("has a number that is missing, NaN or infinite", field=field)
+    return found
+
+
+def _number(value: Any, field: str) -> float | None:
+    """A number of a row, None where the row says nothing."""
+    if value is None or isinstance(value, float):
+        return value
+    raise InputError(f"is {str(value)[:30]!r}; a number is needed", field=field)
+
+
+def _known(preload: Mapping[str, float], hand: Hand) -> None:
+    hand.mechanism.commands(preload, field="preload")

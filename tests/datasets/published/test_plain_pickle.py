@@ -1,0 +1,254 @@
+"""Pickles: plain data of every protocol come back as they were; what names or does anything else is refused."""
+
+from __future__ import annotations
+
+import builtins
+import os
+import pickle
+import random
+from collections import OrderedDict
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from handfast.core.errors import InputError
+from handfast.datasets.published.plain_pickle import read_pickle
+
+
+class Calls:
+    """Pickled, it asks its reader to call something."""
+
+    def __init__(self, function: Any, *arguments: Any) -> None:
+        self.function, self.arguments = function, arguments
+
+    def __reduce__(self) -> Any:
+        return self.function, self.arguments
+
+
+PLAIN = {
+    "values": [1, -2.5, None, True, "é", b"\x00\xff", 2**70, 1j],
+    "containers": ((), (1, [2]), {3}, frozenset("a"), OrderedDict(a=1), bytearray(b"xy")),
+    "numbers": np.arange(6.0).reshape(2, 3),
+    "columns": np.asfortranarray(np.arange(6).reshape(2, 3)),
+    "other": [np.array(["a", "bc"]), np.array([True]), np.arange(3, dtype=">i4"), np.float32(1.5), np.array(2.0)],
+    "objects": np.array([{"q": np.arange(3)}, [1, 2]], dtype=object),
+}
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_plain_data_of_every_protocol(protocol: int) -> None:
+    found, end = read_pickle(pickle.dumps(PLAIN, protocol) + b"rest")
+    assert end == len(pickle.dumps(PLAIN, protocol))
+    assert found["values"] == PLAIN["values"]
+    assert found["containers"] == PLAIN["containers"]
+    for key in ("numbers", "columns"):
+        assert found[key].tolist() == PLAIN[key].tolist()  # type: ignore[attr-defined]
+    texts, truths, big, scalar, single = found["other"]
+    assert (texts.tolist(), truths.tolist(), big.tolist(), scalar) == (["a", "bc"], [True], [0, 1, 2], 1.5)
+    assert single.shape == ()
+    assert found["objects"][0]["q"].tolist() == [0, 1, 2]
+
+
+def called(tmp_path: Path) -> list[tuple[Calls, str]]:
+    mark = str(tmp_path / "mark")
+    return [
+        (Calls(os.system, f"touch {mark}"), "system"),
+        (Calls(builtins.eval, f"open({mark!r}, 'w')"), "eval"),
+        (Calls(getattr, 1, "real"), "getattr"),
+        (Calls(np.load, mark, None, True), "load"),
+        (Calls(open, mark, "w"), "open"),
+        (Calls(__import__, "os"), "__import__"),
+    ]
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_what_calls_something_is_refused_by_name_and_not_run(protocol: int, tmp_path: Path) -> None:
+    for thing, name in called(tmp_path):
+        with pytest.raises(InputError, match=rf"names \S+\.{name}, which is no plain .* nothing of the file was run"):
+            read_pickle(pickle.dumps({"a": [thing]}, protocol))
+    assert not (tmp_path / "mark").exists()
+
+
+@pytest.mark.parametrize(
+    "data, says",
+    [
+        (b"(S'id'\nios\nsystem\n.", "instruction INST"),
+        (b"(cos\nsystem\nS'id'\no.", "names os.system"),
+        (b"\x82\x01.", "instruction EXT1"),
+        (b"cnumpy\nndarray\n(I1000000000\ntR.", "calls numpy.ndarray"),
+        (b"\x80\x04\x8c\x05numpy\x8c\x0endarray.tofile\x93.", "names numpy.ndarray.tofile"),
+        (b"}(S'a'\nI1\nd}(S'x'\nI1\ndb.", "inner state of a dict"),
+        (b"cnumpy\ndtype\n.", "numpy.dtype itself"),
+        (b"cnumpy\ndtype\n(S'V8'\ntR.", "type 'V8'"),
+        (b"S'a'\nQ.", "persistent id"),
+        (b"", "no whole pickle"),
+        (b"(.", "no whole pickle"),
+        (b"a.", "no whole pickle"),
+        (b"h\x05.", "no whole pickle"),
+        (b"}(lNs.", "no whole pickle"),
+        (b"(" * 200 + b"]" + b"t" * 200 + b".", "nested too deeply"),
+        (b"}" + b")" + b"\x85" * 50_000 + b"Ns.", "a tuple is a key"),
+        (b"cnumpy._core.multiarray\n_reconstruct\n(tR.", "no whole pickle"),
+        (b"cbuiltins\nbytearray\n(I99999999999999\ntR.", "contents of a bytearray"),
+    ],
+)
+def test_programs_that_no_plain_data_need(data: bytes, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        read_pickle(data)
+
+
+def test_memo_bombs_take_no_memory_and_shared_lists_no_time() -> None:
+    assert read_pickle(b"\x80\x02Nr\xff\xff\xff\x7f.")[0] is None  # the two thousand millionth place of the memo
+    laughs: list[Any] = []
+    for _ in range(60):
+        laughs = [laughs] * 10
+    with pytest.raises(InputError, match="has more than 268435456 values"):  # whoever walks through it has no end
+        read_pickle(pickle.dumps(laughs))
+    few = [0] * 10
+    found, _ = read_pickle(pickle.dumps([few] * 10))
+    assert found[0] is found[9]  # what is shared stays shared
+    text = b"\x80\x02c_codecs\nencode\nq\x000X\x00\x00\x10\x00" + b"a" * 2**20 + b"q\x01X\x06\x00\x00\x00latin1q\x020"
+    with pytest.raises(InputError, match="makes more than"):
+        read_pickle(text + b"](" + b"h\x00h\x01h\x02\x86R0" * 2100 + b"e.")
+    own: list[Any] = []
+    own.append(own)
+    with pytest.raises(InputError, match="contains itself"):
+        read_pickle(pickle.dumps(own))
+
+
+COUNTED = {  # seven million instructions of one byte: each makes something, which has to be counted
+    "lists": b"(" + b"]" * 7_000_000 + b"l.",
+    "dictionaries": b"(" + b"}" * 7_000_000 + b"l.",
+    "tuples": b"(" + b")" * 7_000_000 + b"t.",
+    "tuples of one": b"N" + b"\x85" * 7_000_000 + b".",
+    "lists that are left": b"]0" * 7_000_000 + b"N.",
+}
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_containers_are_counted_as_they_are_made(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("handfast.datasets.published.plain_pickle.MADE", 2**24)  # [bytes] after 76,000 of them
+    with pytest.raises(InputError, match="makes more than 16777216 bytes"):
+        read_pickle(b"\x80\x04" + COUNTED[name])
+
+
+@pytest.mark.parametrize("instruction", [b"N", b"K\x01", b"h\x00", b"2", b"\x94", b"(0"])
+def test_every_instruction_counts(instruction: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("handfast.datasets.published.plain_pickle.MADE", 2**24)
+    few, many = (b"\x80\x04]q\x00" + instruction * count + b"." for count in (100, 900_000))
+    with nullcontext() if instruction in (b"\x94", b"(0") else pytest.raises(InputError, match="values are left"):
+        read_pickle(few)
+    with pytest.raises(InputError, match="makes more than"):
+        read_pickle(many)
+
+
+def test_shared_parts_count_as_often_as_they_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("handfast.datasets.published.plain_pickle.VALUES", 1000)
+    shared: list[Any] = [0.0] * 30  # 31 values
+    assert len(read_pickle(pickle.dumps([shared] * 32))[0]) == 32  # 32 x 31 and the list itself: 993
+    for doubled in ([shared] * 33, dict.fromkeys(range(32), (shared,))):
+        with pytest.raises(InputError, match="has more than 1000 values"):
+            read_pickle(pickle.dumps(doubled))
+    numbers = np.zeros(99)  # 100 with itself
+    assert len(read_pickle(pickle.dumps([numbers] * 9))[0]) == 9
+    with pytest.raises(InputError, match="has more than 1000 values"):
+        read_pickle(pickle.dumps([numbers] * 10))
+
+
+def test_bytes_and_ordered_dictionaries_as_older_versions_wrote_them() -> None:
+    """Texts with their encoding for bytes, a list of pairs for a dictionary."""
+    array = b"c__builtin__\nbytearray\n(X\x02\x00\x00\x00\xc3\xa9X\x07\x00\x00\x00latin-1tR."
+    assert read_pickle(b"\x80\x02" + array)[0] == b"\xe9"
+    ordered = b"\x80\x02ccollections\nOrderedDict\n]"
+    assert read_pickle(ordered + b"](K\x01K\x02ea\x85R.")[0] == {1: 2}
+    for pair in (b"](K\x01K\x02K\x03ea", b"]K\x01aa", b"X\x02\x00\x00\x00aba", b"K\x01a"):
+        with pytest.raises(InputError):
+            read_pickle(ordered + pair + b"\x85R.")
+
+
+def test_shapes_that_lie() -> None:
+    told = pickle.dumps(np.arange(4.0), 2)
+    for shape in (b"K\x05\x85", b"\x8a\x08" + (2**60).to_bytes(8, "little") + b"\x85", b"J\xff\xff\xff\xff\x85"):
+        with pytest.raises(InputError, match="has an array"):
+            read_pickle(told.replace(b"K\x04\x85", shape))
+    objects = pickle.dumps(np.array([1, None], dtype=object), 2)
+    with pytest.raises(InputError, match="array of objects whose shape"):
+        read_pickle(objects.replace(b"K\x02\x85", b"K\x09\x85"))
+
+
+def test_broken_bytes_are_one_kind_of_fault() -> None:
+    whole, rng = pickle.dumps(PLAIN, 4), random.Random(0)
+    refused = 0
+    for _ in range(500):
+        data = bytearray(whole)
+        for _ in range(rng.randint(1, 4)):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        try:
+            read_pickle(bytes(data[: rng.choice([len(data), rng.randrange(len(data))])]))
+        except InputError:
+            refused += 1
+    assert refused > 250
+
+
+def _name(module: str, name: str) -> bytes:
+    return f"c{module}\n{name}\n".encode()
+
+
+def _shared(deep: int) -> bytes:
+    """A tuple of a tuple twice, and so on: its hash and its text never end."""
+    return b")" + b"2\x86" * deep
+
+
+def _many_arrays(count: int, size: int, kind: str, contents: bytes) -> bytes:
+    """Arrays that all have the same contents."""
+    start = _name("numpy", "dtype") + b"(" + b"\x8c" + bytes([len(kind)]) + kind.encode() + b"tRq\x000"
+    shape = b"J" + size.to_bytes(4, "little") + b"\x85"
+    one = _name("numpy.core.multiarray", "_reconstruct") + b"(tR(" + shape + b"h\x00\x89h\x01tb"
+    return b"\x80\x04" + start + contents + b"q\x010(" + one * count + b"l."
+
+
+BOMBS = {
+    "a set of a deep tuple": _name("builtins", "set") + b"((" + b")" + b"\x85" * 300_000 + b"ltR.",
+    "a set of a shared tuple": _name("builtins", "set") + b"((" + _shared(40) + b"ltR.",
+    "a frozen set of a shared tuple": _name("builtins", "frozenset") + b"((" + _shared(40) + b"ltR.",
+    "a dictionary of a shared tuple": _name("collections", "OrderedDict") + b"(((" + _shared(40) + b"NlltR.",
+    "a name that is a shared tuple": _shared(40) + b"\x8c\x01x\x93.",
+    "a type that is a shared tuple": _name("numpy", "dtype") + b"(" + _shared(40) + b"tR.",
+    "a complex number of a shared tuple": _name("builtins", "complex") + b"(" + _shared(40) + b"tR.",
+    "keys of one hash": b"}("
+    + b"".join(b"\x8a\x0c" + ((2**61 - 1) * k).to_bytes(12, "little") + b"N" for k in range(1, 2000))
+    + b"u.",
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_small_files_that_would_take_all_time_or_the_stack(name: str) -> None:
+    with pytest.raises(InputError, match=r"is no whole pickle|of type a tuple"):
+        read_pickle(b"\x80\x04" + BOMBS[name])
+
+
+@pytest.mark.slow
+def test_contents_that_are_shared_by_many_arrays_count_for_each() -> None:
+    text = b"X" + (2**20).to_bytes(4, "little") + b"a" * 2**20
+    assert len(read_pickle(_many_arrays(3, 2**20, "u1", text))[0]) == 3
+    with pytest.raises(InputError, match="makes more than"):
+        read_pickle(_many_arrays(1100, 2**20, "u1", text))
+    with pytest.raises(InputError, match="makes more than"):
+        read_pickle(_many_arrays(200, 2**17, "O", b"(" + b"N" * 2**17 + b"l"))
+
+
+def test_objects_are_written_row_by_row_in_columns_too() -> None:
+    made = np.empty((2, 3), dtype=object, order="F")
+    made[:] = [[1, 2, 3], [4, 5, [6]]]
+    for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+        assert read_pickle(pickle.dumps(made, protocol))[0].tolist() == made.tolist()
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_empty_arrays_and_bytes(protocol: int) -> None:
+    found, _ = read_pickle(pickle.dumps([np.zeros((0, 3)), b""], protocol))
+    assert found[0].shape == (0, 3)
+    assert found[1] == b""
