@@ -32,9 +32,9 @@ import numpy as np
 
 from benchmarks.machine import describe
 from handfast.core.branch import BranchAndPrune, BranchState, Split
-from handfast.synthesis.paper.box_shrinking import Over, PaperSolver, ShrinkingSettings, Statistics, SystemBox
-from handfast.synthesis.paper.canonical import Canonical
-from handfast.synthesis.paper.canonical_build import canonical
+from handfast.papers.box_shrinking import Over, PaperSolver, ShrinkingSettings, Statistics, SystemBox
+from handfast.papers.canonical import Canonical
+from handfast.papers.canonical_build import canonical
 from handfast.synthesis.task_file import load_task
 
 RESULTS = Path(__file__).parent / "results" / "paper_solver.json"

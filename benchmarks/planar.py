@@ -32,8 +32,8 @@ from benchmarks.machine import describe
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.rational import rational, rounded
-from handfast.planar.planar_grasp import PlanarContact, PlanarGrasp
-from handfast.planar.planar_oracle import PlanarRanges, planar_check, planar_least_motion, planar_ranges
+from handfast.papers.planar_grasp import PlanarContact, PlanarGrasp
+from handfast.papers.planar_oracle import PlanarRanges, planar_check, planar_least_motion, planar_ranges
 from handfast.stability.answers import Answer
 from handfast.stability.queries import check, maximum
 from handfast.stability.settings import Settings

@@ -23,9 +23,9 @@ import numpy as np
 from benchmarks.machine import describe
 from handfast.core.errors import InputError
 from handfast.model.grasp_file import load_grasp
+from handfast.papers import algorithm1, mip
 from handfast.stability import scaled_problem
 from handfast.stability.goal import SMALLEST_PRELOAD
-from handfast.stability.paper import algorithm1, mip
 from handfast.stability.queries import maximum
 from handfast.stability.settings import Settings
 

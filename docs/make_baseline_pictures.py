@@ -18,10 +18,10 @@ from make_pictures import beside
 from matplotlib.figure import Figure
 
 from handfast import Contact, Grasp, Verdict, check, load_grasp
+from handfast.papers.pyramid_step import pyramid_step
+from handfast.papers.turn_scheme import turn_scheme
 from handfast.report.drawing import AMBER, BLUE, GREY, INK, MAROON, draw_grasp
 from handfast.report.plot import picture
-from handfast.stability.paper.pyramid_step import pyramid_step
-from handfast.stability.paper.turn_scheme import turn_scheme
 from handfast.stability.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handfast.stability.paper import mip
+from handfast.papers import mip
 from tests.support.program import ask, complains, run
 
 QUICK = ["--gap", "0.02"]

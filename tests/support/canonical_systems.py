@@ -6,8 +6,8 @@ import numpy as np
 
 from handfast.model.hand import load_hand
 from handfast.model.region import Cap
-from handfast.synthesis.paper.canonical import Canonical
-from handfast.synthesis.paper.canonical_build import point
+from handfast.papers.canonical import Canonical
+from handfast.papers.canonical_build import point
 from tests.support.planted import bump, plant
 
 TIGHT = 1e-12  # rounding, in units of length and of direction

@@ -7,9 +7,9 @@ from fractions import Fraction as F
 import numpy as np
 
 from handfast.model.region import Bezier, Cap
-from handfast.synthesis.paper.canonical import Canonical
-from handfast.synthesis.paper.canonical_build import canonical, point
-from handfast.synthesis.paper.polytopes import LinearRows
+from handfast.papers.canonical import Canonical
+from handfast.papers.canonical_build import canonical, point
+from handfast.papers.polytopes import LinearRows
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.planted import HOME, X, Z, bump, chain, joint, plant, pose
 
@@ -48,7 +48,7 @@ def wall(half_width: float) -> Canonical:
 
 def touching(system: Canonical, height: float) -> np.ndarray:
     """The solution of `finger` in the variables x."""
-    from handfast.synthesis.paper.patch_form import cap_parameters
+    from handfast.papers.patch_form import cap_parameters
 
     q = np.arcsin((height - 0.01) / 0.2)
     tip = system.task.contact_pairs[0].hand

@@ -12,7 +12,7 @@ from handfast.model.cylinder_side import CylinderSide
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap, Region
-from handfast.synthesis.paper.patch_form import cap_parameters, cylinder_parameters
+from handfast.papers.patch_form import cap_parameters, cylinder_parameters
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 
 X, Y, Z = np.eye(3)

@@ -26,7 +26,7 @@ def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | No
     if settings.method == "algorithm1":
         p.grasp.refuse_laws("Algorithm 1")
         p.grasp.refuse_soft_fingers("Algorithm 1")
-        from handfast.stability.paper import reference
+        from handfast.papers import reference
 
         return reference.search(p, goal, settings, on_step)
     from handfast.stability.search import front

@@ -30,10 +30,10 @@ from handfast.core.arrays import Array
 from handfast.core.branch import BranchAndPrune, Discarded, Final, Order, Outcome, Split
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.synthesis.paper.canonical import Canonical
-from handfast.synthesis.paper.dual_bound import DualBound
-from handfast.synthesis.paper.highs import LinearProgram, highspy
-from handfast.synthesis.paper.polytopes import relaxation
+from handfast.papers.canonical import Canonical
+from handfast.papers.dual_bound import DualBound
+from handfast.papers.highs import LinearProgram, highspy
+from handfast.papers.polytopes import relaxation
 
 
 class Over(StrEnum):

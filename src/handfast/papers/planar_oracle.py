@@ -23,9 +23,9 @@ from flint import fmpq
 
 from handfast.core.arrays import Array
 from handfast.core.rational import rational, rounded
-from handfast.planar.arrangement import Face, faces
-from handfast.planar.planar_grasp import PlanarGrasp, Vector
-from handfast.planar.rational_simplex import ONE, ZERO, RationalProgram
+from handfast.papers.arrangement import Face, faces
+from handfast.papers.planar_grasp import PlanarGrasp, Vector
+from handfast.papers.rational_simplex import ONE, ZERO, RationalProgram
 
 Load = Sequence[float] | Array
 Range = tuple[fmpq, fmpq | None]

@@ -18,10 +18,10 @@ import numpy as np
 from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
 from handfast.model.bernstein import evaluate
-from handfast.synthesis.paper.canonical import Canonical, Limit, Patch, Quadratic, Side, VariableLayout
-from handfast.synthesis.paper.loops import HELD, Assembly, Kind, Loops, loops
-from handfast.synthesis.paper.patch_form import COEFFICIENT_ROUNDING, PatchForm
-from handfast.synthesis.paper.polynomial import Polynomial, monomial, multiplied, scaled, total
+from handfast.papers.canonical import Canonical, Limit, Patch, Quadratic, Side, VariableLayout
+from handfast.papers.loops import HELD, Assembly, Kind, Loops, loops
+from handfast.papers.patch_form import COEFFICIENT_ROUNDING, PatchForm
+from handfast.papers.polynomial import Polynomial, monomial, multiplied, scaled, total
 from handfast.synthesis.task import Task
 
 XYZ = "xyz"

@@ -9,8 +9,8 @@ from __future__ import annotations
 import time
 
 from handfast.core.answer import Stop
+from handfast.papers import algorithm1
 from handfast.stability.goal import INF, NEAR_END, Goal
-from handfast.stability.paper import algorithm1
 from handfast.stability.refinement import RefinementStep, SolverStatus
 from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.search import exact

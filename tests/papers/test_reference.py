@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import load_grasp
-from handfast.stability.paper import mip, relaxation
+from handfast.papers import mip, relaxation
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.refinement import SolverResult, SolverStatus
 from handfast.stability.settings import Settings

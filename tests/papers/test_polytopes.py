@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from scipy import sparse
 from scipy.optimize import linprog
 
-from handfast.synthesis.paper.box_shrinking import (
+from handfast.papers.box_shrinking import (
     Over,
     ShrinkingSettings,
 )
-from handfast.synthesis.paper.canonical import Expanded, Patch
-from handfast.synthesis.paper.dual_bound import DualBound
-from handfast.synthesis.paper.highs import LinearProgram
-from handfast.synthesis.paper.polytopes import LinearRows, relaxation
+from handfast.papers.canonical import Expanded, Patch
+from handfast.papers.dual_bound import DualBound
+from handfast.papers.highs import LinearProgram
+from handfast.papers.polytopes import LinearRows, relaxation
 from tests.support.exact_programs import exact, exact_below, finger
 
 STEADY = settings(max_examples=40, deadline=None, derandomize=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.synthesis.paper.polytopes import LinearRows
+from handfast.papers.polytopes import LinearRows
 
 
 def highspy() -> Any:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib.util
 
 from handfast.core.errors import InputError
-from handfast.stability.paper.program import INF, MixedIntegerProgram
+from handfast.papers.program import INF, MixedIntegerProgram
 from handfast.stability.refinement import SolverResult, SolverStatus
 from handfast.stability.settings import SOLVERS, Solver
 
@@ -34,9 +34,9 @@ def solve(program: MixedIntegerProgram, solver: Solver, *, time_limit: float = I
     if time_limit <= 0:
         return SolverResult(SolverStatus.TIME, None, -INF, 0)
     if solver == "scip":
-        from handfast.stability.paper import scip as backend
+        from handfast.papers import scip as backend
     else:
-        from handfast.stability.paper import gurobi as backend  # type: ignore[no-redef]
+        from handfast.papers import gurobi as backend  # type: ignore[no-redef]
     result = backend.solve(program, time_limit)
     if result.x is not None and program.violation(result.x) > ACCEPTED:
         return SolverResult(SolverStatus.FAILED, result.x, result.bound, result.nodes)

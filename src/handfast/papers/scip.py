@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from pyscipopt import SCIP_EVENTTYPE, Eventhdlr, Model, quicksum
 
-from handfast.stability.paper.program import INF, MixedIntegerProgram
+from handfast.papers.program import INF, MixedIntegerProgram
 from handfast.stability.refinement import SolverResult, SolverStatus
 
 STATUS = {
@@ -38,7 +38,7 @@ FAILED = SolverResult(SolverStatus.FAILED, None, -INF, 0)
 
 
 def solve(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
-    """Minimise the program; see `handfast.stability.paper.mip.solve`."""
+    """Minimise the program; see `handfast.papers.mip.solve`."""
     deadline = time.monotonic() + time_limit
     claims = 0
     for order, nodes in LADDER:

@@ -22,10 +22,10 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
+from handfast.papers import mip
+from handfast.papers.baseline import BaselineState
+from handfast.papers.program import INF, MixedIntegerProgram, Term
 from handfast.stability import scaled_problem
-from handfast.stability.paper import mip
-from handfast.stability.paper.baseline import BaselineState
-from handfast.stability.paper.program import INF, MixedIntegerProgram, Term
 from handfast.stability.refinement import SolverStatus
 from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.settings import Solver

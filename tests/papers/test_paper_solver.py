@@ -15,7 +15,7 @@ from handfast.core.branch import BranchAndPrune, Discarded, Order
 from handfast.core.errors import InputError
 from handfast.model.hand import load_hand
 from handfast.model.region import Cap
-from handfast.synthesis.paper.box_shrinking import (
+from handfast.papers.box_shrinking import (
     Emptiness,
     Over,
     PaperSolver,
@@ -24,10 +24,10 @@ from handfast.synthesis.paper.box_shrinking import (
     bisect,
     search,
 )
-from handfast.synthesis.paper.canonical import Canonical
-from handfast.synthesis.paper.canonical_build import canonical, point
-from handfast.synthesis.paper.highs import LinearProgram
-from handfast.synthesis.paper.polytopes import relaxation
+from handfast.papers.canonical import Canonical
+from handfast.papers.canonical_build import canonical, point
+from handfast.papers.highs import LinearProgram
+from handfast.papers.polytopes import relaxation
 from tests.support.exact_programs import exact_below, finger, gripper, touching, wall
 from tests.support.planted import bump, plant
 

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from handfast.papers import mip
+from handfast.papers.program import INF
+from handfast.papers.relaxation import polygon, relaxation
+from handfast.papers.sectors import Discretisation, Sector
 from handfast.stability.goal import Goal
-from handfast.stability.paper import mip
-from handfast.stability.paper.program import INF
-from handfast.stability.paper.relaxation import polygon, relaxation
-from handfast.stability.paper.sectors import Discretisation, Sector
 from handfast.stability.refinement import RefinementStep, SolverStatus
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import Solver
@@ -38,7 +38,7 @@ def run(
         q: finest level, sectors of gamma / 2^q; 4 * 2^q sectors in all (9: 2048).
         solver: "scip" or "gurobi".
         full: all sectors at the finest level from the start (the paper's comparison).
-        printed_robustness: use (19) as printed, see `stability/relaxation`.
+        printed_robustness: use (19) as printed, see `relaxation`.
         time_limit: [s] for all steps together.
     """
     deadline = time.monotonic() + time_limit

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.stability.paper import mip
-from handfast.stability.paper.program import INF, MixedIntegerProgram
+from handfast.papers import mip
+from handfast.papers.program import INF, MixedIntegerProgram
 from handfast.stability.refinement import SolverResult, SolverStatus
 
-scip = pytest.importorskip("handfast.stability.paper.scip", reason="pyscipopt is not installed", exc_type=ImportError)
+scip = pytest.importorskip("handfast.papers.scip", reason="pyscipopt is not installed", exc_type=ImportError)
 
 solvers = pytest.mark.parametrize(
     "solver",

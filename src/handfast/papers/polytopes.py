@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from handfast.core.arrays import Array, Indices
 from handfast.model.bernstein import PADDING, restrict
-from handfast.synthesis.paper.canonical import Expanded, Patch
+from handfast.papers.canonical import Expanded, Patch
 
 INF = np.inf
 UNIT = 2.0**-53

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from handfast.core.arrays import Array
-from handfast.synthesis.paper.polytopes import UNIT, LinearRows
+from handfast.papers.polytopes import UNIT, LinearRows
 
 TINY = 1e-290  # more than underflow can lose
 

@@ -17,9 +17,9 @@ from scipy import sparse
 
 from handfast.core.arrays import Array, Indices
 from handfast.model.region import evaluate
-from handfast.synthesis.paper.loops import Angle, Kind, Loops
-from handfast.synthesis.paper.patch_form import PatchForm
-from handfast.synthesis.paper.polynomial import Polynomial
+from handfast.papers.loops import Angle, Kind, Loops
+from handfast.papers.patch_form import PatchForm
+from handfast.papers.polynomial import Polynomial
 from handfast.synthesis.task import Task
 
 

@@ -22,9 +22,9 @@ from scipy.linalg import null_space
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
+from handfast.papers.baseline import BaselineState, with_torques
+from handfast.papers.lemke import lemke
 from handfast.stability import scaled_problem
-from handfast.stability.paper.baseline import BaselineState, with_torques
-from handfast.stability.paper.lemke import lemke
 from handfast.stability.scaled_problem import ScaledPoint
 
 BALANCED = 1e-3  # of the force scale: what may stay unbalanced in a grasp that holds

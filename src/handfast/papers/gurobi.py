@@ -7,7 +7,7 @@ import numpy as np
 from gurobipy import GRB
 
 from handfast.core.errors import InputError
-from handfast.stability.paper.program import INF, MixedIntegerProgram
+from handfast.papers.program import INF, MixedIntegerProgram
 from handfast.stability.refinement import SolverResult, SolverStatus
 
 FEASIBILITY = 1e-9
@@ -21,7 +21,7 @@ STATUS = {
 
 
 def solve(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
-    """Minimise the program; see `handfast.stability.paper.mip.solve`.
+    """Minimise the program; see `handfast.papers.mip.solve`.
 
     Raises:
         InputError: no licence, or one that is too small for the program.

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
+from handfast.papers.program import INF, MixedIntegerProgram, Term
+from handfast.papers.sectors import Edges, Sector
 from handfast.stability.goal import Goal
-from handfast.stability.paper.program import INF, MixedIntegerProgram, Term
-from handfast.stability.paper.sectors import Edges, Sector
 from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
 
 MOTIONS = 1e4  # (scaled) largest virtual motion of a program

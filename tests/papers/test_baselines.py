@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from handfast import InputError, Verdict, check, load_grasp
+from handfast.papers import mip
+from handfast.papers.lemke import lemke
+from handfast.papers.pyramid_step import pyramid_step
+from handfast.papers.turn_scheme import turn_scheme
 from handfast.stability import model
-from handfast.stability.paper import mip
-from handfast.stability.paper.lemke import lemke
-from handfast.stability.paper.pyramid_step import pyramid_step
-from handfast.stability.paper.turn_scheme import turn_scheme
 from tests.support.problems import nest, pinch, table
 
 scip = pytest.mark.skipif(not mip.available("scip"), reason="pyscipopt is not installed")
