@@ -359,7 +359,7 @@ class Series:
 
 def series_of(data: dict[str, Any], rows: list[Row]) -> list[Series]:
     """The engine and every peer that was asked."""
-    from handfast.report.drawing import BLUE, MAROON
+    from handfast.pictures.drawing import BLUE, MAROON
 
     colors = {"gurobi": (MAROON, "s", "Gurobi"), "scip": ("#c98a12", "^", "SCIP")}
     out = [Series("engine", BLUE, "o", "-", data["limit"], lambda r: r if "verdict" in r else None)]
@@ -379,8 +379,7 @@ def draw(data: dict[str, Any]) -> Any:
     """Time against contacts, logarithmic: a point per case, medians joined; hollow points ran out of time."""
     from matplotlib.figure import Figure
 
-    from handfast.report.drawing import GREY, INK
-    from handfast.report.plot import DPI
+    from handfast.pictures.drawing import DPI, GREY, INK
 
     figure = Figure(figsize=(8.0, 5.0), dpi=DPI)
     ax = figure.add_axes((0.10, 0.20, 0.87, 0.71))
@@ -449,7 +448,7 @@ def main() -> None:
     if options.summary:
         print(summary(data))
     if options.picture:
-        from handfast.report.plot import picture
+        from handfast.pictures.drawing import picture
 
         options.picture.write_bytes(picture(draw(data), options.picture.suffix[1:], dpi=150))
 

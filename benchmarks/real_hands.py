@@ -41,10 +41,11 @@ from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.model.hand import Hand
+from handfast.pictures import Entry, write_report
+from handfast.pictures.drawing import picture
+from handfast.pictures.grasp_picture import draw_grasp
+from handfast.pictures.scene import Mesh, scene_meshes
 from handfast.planning.closing import Closed
-from handfast.report import Entry, write_report
-from handfast.report.drawing import Mesh, draw_grasp, scene_meshes
-from handfast.report.plot import picture
 from handfast.stability.queries.check_query import CheckAnswer
 
 HERE = Path(__file__).parent

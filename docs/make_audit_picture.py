@@ -18,8 +18,7 @@ from benchmarks.audit_summary import MEASURES, OURS, goodness, roc
 from benchmarks.dataset_audit import RESULTS
 from handfast.core.files import write_bytes
 from handfast.measures.catalogue import CATALOGUE
-from handfast.report.drawing import AMBER, BLUE, GREEN, GREY, INK, MAROON, VIOLET
-from handfast.report.plot import picture
+from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, MAROON, VIOLET, picture
 
 IMAGE = Path(__file__).parent / "img" / "dataset-audit.png"
 SETS = {"bundled": "The bundled grasps, contacts simulated", "DexGraspBench": "DexGraspBench's example, its own test"}

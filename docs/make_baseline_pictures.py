@@ -20,8 +20,8 @@ from matplotlib.figure import Figure
 from handfast import Contact, Grasp, Verdict, check, load_grasp
 from handfast.papers.pyramid_step import pyramid_step
 from handfast.papers.turn_scheme import turn_scheme
-from handfast.report.drawing import AMBER, BLUE, GREY, INK, MAROON, draw_grasp
-from handfast.report.plot import picture
+from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, picture
+from handfast.pictures.grasp_picture import draw_grasp
 from handfast.stability.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"

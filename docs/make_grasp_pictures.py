@@ -20,9 +20,10 @@ from matplotlib.image import imread
 from handfast import Loads, Settings, force_map, grasp_for, load_body, load_task
 from handfast.core.arrays import Array
 from handfast.core.files import write_bytes
+from handfast.pictures.drawing import AMBER, BLUE, picture, solids
+from handfast.pictures.map_picture import draw_map
+from handfast.pictures.scene import Mesh, scene_meshes
 from handfast.planning.results.grasps import ProvedGrasp
-from handfast.report.drawing import AMBER, BLUE, Mesh, scene_meshes, solids
-from handfast.report.plot import draw_map, picture
 from handfast.stability.witness import Witness
 
 IMAGE = Path(__file__).parent / "img" / "grasp-pour.png"

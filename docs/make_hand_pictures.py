@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from handfast import load_hand
-from handfast.report.hand_drawing import draw_hand
-from handfast.report.hand_facts import facts_of, shown_hand
-from handfast.report.plot import picture
+from handfast.pictures.drawing import picture
+from handfast.pictures.hand_facts import facts_of, shown_hand
+from handfast.pictures.hand_picture import draw_hand
 
 IMAGE = Path(__file__).parent / "img" / "hand-show.png"
 CLOSED = 0.35  # of the way from open to closed

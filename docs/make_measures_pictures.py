@@ -22,9 +22,9 @@ from handfast import Settings, load_body, load_configuration, load_grasp, load_h
 from handfast.core.files import write_bytes
 from handfast.measures.catalogue import CATALOGUE
 from handfast.model.grasp import Grasp
-from handfast.report.drawing import AMBER, BLUE, GREY, INK, scene_meshes
-from handfast.report.measures_drawing import draw_measures
-from handfast.report.plot import picture
+from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, picture
+from handfast.pictures.measures_picture import draw_measures
+from handfast.pictures.scene import scene_meshes
 
 IMAGES = Path(__file__).parent / "img"
 TITLES = {"largest_wrench": "largest wrench"}

@@ -30,8 +30,10 @@ from handfast import (
     load_hand,
     sweep,
 )
-from handfast.report.drawing import draw_grasp, scene_meshes
-from handfast.report.plot import draw_map, draw_sweep, picture
+from handfast.pictures.drawing import picture
+from handfast.pictures.grasp_picture import draw_grasp
+from handfast.pictures.map_picture import draw_map, draw_sweep
+from handfast.pictures.scene import scene_meshes
 from handfast.stability.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"

@@ -17,9 +17,8 @@ from matplotlib.figure import Figure
 from benchmarks.sampled_maxima import BOUNDS, RESULTS, least
 from handfast import load_grasp, sampled_maximum
 from handfast.core.files import write_bytes
-from handfast.report.drawing import BLUE, GREY, INK, MAROON
-from handfast.report.plot import picture
-from handfast.report.sampled_drawing import draw_sampled
+from handfast.pictures.drawing import BLUE, GREY, INK, MAROON, picture
+from handfast.pictures.sampled_picture import draw_sampled
 
 IMAGES = Path(__file__).parent / "img"
 TITLES = {"normals": "normals off by 2.5°", "all": "and contacts by 1 mm, friction and commands by 10 %"}

@@ -15,10 +15,9 @@ from matplotlib.figure import Figure
 from benchmarks.simulation_agreement import LOADINGS, RESULTS, STATEMENT
 from handfast import load_grasp, simulate, simulate_bodies
 from handfast.core.files import write_bytes
-from handfast.report.drawing import AMBER, BLUE, GREY, INK, MAROON
-from handfast.report.film import strip
-from handfast.report.plot import picture
-from handfast.report.sources import moving_scene
+from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, picture
+from handfast.pictures.film import strip
+from handfast.pictures.scene import moving_scene
 
 IMAGES = Path(__file__).parent / "img"
 COUNTED = {

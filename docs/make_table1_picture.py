@@ -14,8 +14,8 @@ from handfast import load_hand
 from handfast.core.files import write_bytes
 from handfast.model.hand.load import TABLE_1_PREFIX
 from handfast.model.hand.structures import TABLE_1
-from handfast.report.drawing import INK, Mesh, solids
-from handfast.report.plot import picture
+from handfast.pictures.drawing import INK, picture, solids
+from handfast.pictures.scene import Mesh
 
 IMAGE = Path(__file__).parent / "img" / "table1.png"
 COLUMNS, ROWS = 6, 2

@@ -17,8 +17,8 @@ from PIL import Image
 
 from handfast.core import bundled
 from handfast.core.transforms import quaternion_matrix, transform
-from handfast.report.plot import picture
-from handfast.report.task_drawing import DENSE, draw_task
+from handfast.pictures.drawing import picture
+from handfast.pictures.task_picture import DENSE, draw_task
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_file import load_task
 

@@ -36,13 +36,13 @@ from handfast.model.configuration import Configuration, save_configuration
 from handfast.model.grasp import Grasp
 from handfast.model.grasp_file import save_grasp
 from handfast.model.hand import Hand
+from handfast.pictures.drawing import picture
+from handfast.pictures.scene import View, scene_meshes
 from handfast.planning.candidates.palm_poses import Sampling, palm_of
 from handfast.planning.evaluation.attempt import PlannedGrasp
 from handfast.planning.plan_grasps import plan
 from handfast.planning.requirements import Limits
 from handfast.planning.results.planned import Plan
-from handfast.report.drawing import View, scene_meshes
-from handfast.report.plot import picture
 
 HAND = "barrett-bh8-280"
 CONTACTS = {  # object: contacts, in the order of Fig. 13's letters

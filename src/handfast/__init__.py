@@ -45,16 +45,17 @@ if TYPE_CHECKING:
     from handfast.model.region import Bezier as Bezier
     from handfast.model.region import Cap as Cap
     from handfast.model.servo import servo_commands as servo_commands
+    from handfast.pictures import Entry as Entry
+    from handfast.pictures import write_report as write_report
+    from handfast.pictures.data_frames import to_frame as to_frame
+    from handfast.pictures.live.open_page import view as view
+    from handfast.pictures.map_picture import draw_map as draw_map
+    from handfast.pictures.map_picture import draw_sweep as draw_sweep
     from handfast.planning.closing import close as close
     from handfast.planning.grasp_for import grasp_for as grasp_for
     from handfast.planning.plan_grasps import plan as plan
     from handfast.planning.propose_tasks import propose as propose
     from handfast.planning.requirements import Limits as Limits
-    from handfast.report import Entry as Entry
-    from handfast.report import write_report as write_report
-    from handfast.report.frames import to_frame as to_frame
-    from handfast.report.plot import draw_map as draw_map
-    from handfast.report.plot import draw_sweep as draw_sweep
     from handfast.saved import verify as verify
     from handfast.simulation.loaded_bodies import simulate_bodies as simulate_bodies
     from handfast.simulation.loaded_twin import simulate as simulate
@@ -86,20 +87,19 @@ if TYPE_CHECKING:
     from handfast.synthesis.task import PoseBounds as PoseBounds
     from handfast.synthesis.task import Task as Task
     from handfast.synthesis.task_file import load_task as load_task
-    from handfast.viewer.open_page import view as view
 
 _HOME = {
     "Scene": "geometry.scene",
     "scene_contacts": "geometry.scene_grasps",
     "scene_grasp": "geometry.scene_grasps",
     "servo_commands": "model.servo",
-    "to_frame": "report.frames",
-    "draw_map": "report.plot",
-    "draw_sweep": "report.plot",
+    "to_frame": "pictures.data_frames",
+    "draw_map": "pictures.map_picture",
+    "draw_sweep": "pictures.map_picture",
     "Provenance": "model.provenance",
     "load_hand_regions": "model.hand_regions",
-    "Entry": "report",
-    "write_report": "report",
+    "Entry": "pictures",
+    "write_report": "pictures",
     "SourceFile": "model.provenance",
     "Reach": "core.answer",
     "Stop": "core.answer",
@@ -166,7 +166,7 @@ _HOME = {
     "Task": "synthesis.task",
     "ContactPair": "synthesis.task",
     "load_task": "synthesis.task_file",
-    "view": "viewer.open_page",
+    "view": "pictures.live.open_page",
 }
 
 __all__ = sorted(_HOME)

@@ -200,7 +200,7 @@ def test_bundled_tasks_by_name(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize("ending, begins", [("png", b"\x89PNG"), ("svg", b"<?xml")])
 def test_picture(task: str, ending: str, begins: bytes, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("handfast.report.task_drawing")
+    pytest.importorskip("handfast.pictures.task_picture")
     status, out, _ = run(capsys, "synthesize", task, "-o", f"hold.{ending}")
     assert status == 0
     assert f"Written: hold.{ending}" in out

@@ -14,7 +14,7 @@ from handfast import InputError, Settings, load_grasp, measure, measure_columns
 from handfast.measures.catalogue import CATALOGUE, KEYS, RIGID
 from handfast.measures.passive import PassiveMaxima, passive_maxima
 from handfast.model.grasp import Grasp
-from handfast.report.measures_drawing import draw_measures
+from handfast.pictures.measures_picture import draw_measures
 from tests.support.program import ask, complains, run
 from tests.support.round_grasps import pair, three
 

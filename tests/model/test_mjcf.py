@@ -15,7 +15,7 @@ import pytest
 from handfast.core.errors import InputError
 from handfast.core.limited import limited
 from handfast.model.hand import Hand, load_hand
-from handfast.report.hand_masses import stated_masses
+from handfast.pictures.hand_facts import stated_masses
 
 
 def write(folder: Path, rest: str = "", *, ref: tuple[float, float] = (0.0, 0.0), kind: str = "hinge") -> Path:
@@ -356,7 +356,7 @@ GREEDY = {
 @pytest.fixture
 def poor(monkeypatch: pytest.MonkeyPatch) -> None:
     """Little memory and time for foreign files, as these want all of it."""
-    for module in ("model.hand.mjcf", "report.hand_masses"):
+    for module in ("model.hand.mjcf", "pictures.hand_facts"):
         monkeypatch.setattr(f"handfast.{module}.limited", partial(limited, memory=1 << 28, seconds=2))
 
 

@@ -14,7 +14,7 @@ from handfast.core import bundled
 from handfast.geometry.contacts import contact_grasp
 from handfast.model.grasp_file import file_dict, from_dict, to_dict
 from handfast.model.provenance import Provenance, SourceFile
-from handfast.report.sources import source_meshes
+from handfast.pictures.scene import source_meshes
 from tests.support.problems import pinch
 
 CLOSED = {

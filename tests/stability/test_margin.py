@@ -17,7 +17,7 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.report import Entry, write_report
+from handfast.pictures import Entry, write_report
 from handfast.stability import margin_search, model
 from handfast.stability.margin import FRAGILE_MOTION, Flip, Margin
 from handfast.stability.margin_search import FRICTION_RESOLUTION, TILT_RESOLUTION, margin

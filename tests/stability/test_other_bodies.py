@@ -10,7 +10,7 @@ from handfast import Settings, check, load_configuration, load_grasp, load_hand,
 from handfast.core.answer import Verdict
 from handfast.geometry.contacts import contact_grasp
 from handfast.model.body import load_body
-from handfast.report import words
+from handfast.pictures import words
 
 PERCENT = Settings(gap=1e-2, verify=False)
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.grasp_file import from_dict
-from handfast.viewer.answering import Reply, answer, replay
-from handfast.viewer.shown_state import Shown
-from handfast.viewer.slip_motion import SlipMotion
-from handfast.viewer.stage import Stage
-from handfast.viewer.view_state import ViewState
+from handfast.pictures.live.answering import Reply, answer, replay
+from handfast.pictures.live.shown_state import Shown
+from handfast.pictures.live.slip_motion import SlipMotion
+from handfast.pictures.live.stage import Stage
+from handfast.pictures.live.view_state import ViewState
 from tests.support.program import planar
 
 

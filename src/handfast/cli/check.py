@@ -67,8 +67,8 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel, Command):
         return replace(answer, margin=margin(grasp, wrench, **asked))
 
     def _report(self, grasp: Grasp, loads: Loads, answers: list[CheckAnswer], options: dict[str, Any]) -> None:
-        from handfast.report import Entry
-        from handfast.report.words import load_text
+        from handfast.pictures import Entry
+        from handfast.pictures.words import load_text
 
         named = zip(loads.names, loads.wrenches, answers, strict=True)
         many = len(loads) > 1

@@ -92,8 +92,8 @@ class Close(SceneOptions, Command):
             if self.grasp:
                 save_grasp(grasp, self.grasp, force=self.force)
             if self.report:
-                from handfast.report import write_report
-                from handfast.report.drawing import scene_meshes
+                from handfast.pictures import write_report
+                from handfast.pictures.scene import scene_meshes
 
                 meshes = scene_meshes(hand, closed.q, body, placed.pose)
                 write_report(self.report, grasp, [], meshes=meshes, force=self.force)
@@ -118,7 +118,7 @@ class Close(SceneOptions, Command):
     def _show(self, hand: Hand, closed: Closed) -> None:
         from handfast.cli import tables
         from handfast.cli.table import table
-        from handfast.report import words
+        from handfast.pictures import words
 
         out = console.out()
         touching = ", ".join(closed.touching) or "no link"

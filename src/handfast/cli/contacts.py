@@ -57,7 +57,7 @@ class Contacts(SceneOptions, Command):
         from handfast.cli import tables
         from handfast.geometry.contacts import contact_grasp
         from handfast.model.grasp_file import file_dict, save_grasp
-        from handfast.report import words
+        from handfast.pictures import words
 
         check_writable(self.output, self.force, (".json",))
         check_writable(self.report, self.force, (".html", ".htm"))
@@ -81,8 +81,8 @@ class Contacts(SceneOptions, Command):
         if self.output:
             save_grasp(grasp, self.output, force=self.force)
         if self.report:
-            from handfast.report import write_report
-            from handfast.report.drawing import scene_meshes
+            from handfast.pictures import write_report
+            from handfast.pictures.scene import scene_meshes
 
             meshes = scene_meshes(hand, q, body, placed.pose)
             write_report(self.report, grasp, [], meshes=meshes, force=self.force)

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from handfast.model.grasp import Grasp
-    from handfast.report import Entry
-    from handfast.report.drawing import Mesh
+    from handfast.pictures import Entry
+    from handfast.pictures.scene import Mesh
 
 HAND, CONFIGURATION = "barrett-bh8-280", "fig1"
 SMALL, LARGE = 2.2, 2.5  # [N] the paper's two disturbances in y, one on each side of the limit
@@ -39,7 +39,7 @@ class Demo(Command):
 
         from handfast.cli import map as map_command
         from handfast.model.grasp_file import save_grasp
-        from handfast.report import Entry, words, write_report
+        from handfast.pictures import Entry, words, write_report
         from handfast.stability.maps import force_map
         from handfast.stability.queries import check, maximum, torques
         from handfast.stability.settings import Settings
@@ -93,7 +93,7 @@ def build() -> tuple[Grasp, list[Mesh]]:
     from handfast.geometry.contacts import contact_grasp
     from handfast.model.body import load_body
     from handfast.model.hand import load_hand
-    from handfast.report.drawing import scene_meshes
+    from handfast.pictures.scene import scene_meshes
 
     placed = load_placed(CONFIGURATION)
     hand, q = placed.applied(load_hand(placed.hand or HAND))

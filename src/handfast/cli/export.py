@@ -35,7 +35,7 @@ class ExportGrasps(Command):
         from handfast.datasets.published.exporting import ENDING, export, exported_from
         from handfast.datasets.published.mapping_file import HandMapping, load_mapping
         from handfast.model.hand import load_hand
-        from handfast.report import words
+        from handfast.pictures import words
 
         if self.layout not in ENDING:
             given = "missing" if self.layout is None else f"unknown layout '{self.layout}'"

@@ -118,7 +118,7 @@ class FindGrasps(LoadsOptions, JointLawOptions, Command):
             )
         written = folder.written if folder else []
         if self.report and answer.grasps:
-            from handfast.report.grasp_report import report_grasp
+            from handfast.pictures.grasp_page import report_grasp
 
             report_grasp(self.report, answer, force=self.force)
             written = [*written, self.report]

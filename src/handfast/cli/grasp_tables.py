@@ -13,10 +13,10 @@ from rich.text import Text
 from handfast.cli.synthesis_tables import STYLE, WHY
 from handfast.cli.table import table
 from handfast.core.answer import Reach
+from handfast.pictures import words
+from handfast.pictures.words import num
 from handfast.planning.rejection import Pair, Rejected, RejectionReason, Tally
 from handfast.planning.results.search_file import REASONS
-from handfast.report import words
-from handfast.report.words import num
 
 SHOWN_REASONS = 3
 SHORT = {  # reasons in a few words, for a line of progress

@@ -90,7 +90,7 @@ class Hold(Disturbances, QueryOptions, Saved, Command):
         return hold(grasp, loads, timeout=self.timeout, **asked, **options)
 
     def _report(self, grasp: Grasp, answer: HoldAnswer, options: dict[str, Any]) -> None:
-        from handfast.report import Entry
+        from handfast.pictures import Entry
 
         if answer.preload is None:
             raise InputError("shows loads under a preload, and none was found", field="--report")

@@ -13,8 +13,8 @@ from rich.text import Text
 from handfast.cli.table import table
 from handfast.cli.tables import STYLE
 from handfast.core.answer import Stop, Verdict
-from handfast.report import words
-from handfast.report.words import num
+from handfast.pictures import words
+from handfast.pictures.words import num
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp

@@ -94,8 +94,8 @@ class Label(JointLawOptions, Command):
 
     def _run(self) -> int:
         from handfast.datasets.labels.label_dataset import label_dataset
-        from handfast.report.label_picture import draw_labels
-        from handfast.report.plot import picture
+        from handfast.pictures.drawing import picture
+        from handfast.pictures.label_picture import draw_labels
 
         if self.output is None:
             raise InputError("missing: -o LABELS.parquet, or a table that ends in .jsonl", source="label")
@@ -183,7 +183,7 @@ class Label(JointLawOptions, Command):
 
     def _show(self, summary: LabelSummary, files: list[Path]) -> None:
         from handfast.cli.table import table
-        from handfast.report.words import count
+        from handfast.pictures.words import count
 
         out = console.out()
         out.print(

@@ -43,7 +43,7 @@ class Map(QueryOptions, Command):
 
     def run(self) -> int:
         from handfast.cli import tables
-        from handfast.report import Entry
+        from handfast.pictures import Entry
         from handfast.stability.maps import force_map
 
         grasp, options = self.load(), self.options()
@@ -82,7 +82,8 @@ def save(
         case ".csv":
             write_text(path, csv(answer), force=force)
         case ending:
-            from handfast.report.plot import draw_map, picture
+            from handfast.pictures.drawing import picture
+            from handfast.pictures.map_picture import draw_map
 
             figure = draw_map(answer, limit=limit, weight=weight)
             write_bytes(path, picture(figure, ending.removeprefix(".")), force=force)

@@ -25,8 +25,8 @@ class Max(QueryOptions, Saved, FrictionModel, Command):
 
     def run(self) -> int:
         from handfast.cli import tables
-        from handfast.report import Entry
-        from handfast.report.words import direction_text, load_text
+        from handfast.pictures import Entry
+        from handfast.pictures.words import direction_text, load_text
         from handfast.stability.queries import maximum
 
         grasp, options = self.load(), self.options()

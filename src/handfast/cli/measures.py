@@ -96,8 +96,8 @@ def save(found: Measures, path: Path, *, force: bool = False) -> None:
             row = [_quoted(found.grasp.name), *map(_cell, columns.values())]
             write_text(path, ",".join(["grasp", *columns]) + "\n" + ",".join(row) + "\n", force=force)
         case ending:
-            from handfast.report.measures_drawing import draw_measures
-            from handfast.report.plot import picture
+            from handfast.pictures.drawing import picture
+            from handfast.pictures.measures_picture import draw_measures
 
             write_bytes(path, picture(draw_measures(found), ending.removeprefix(".")), force=force)
 
@@ -113,8 +113,8 @@ def _cell(value: Any) -> str:
 def show(out: Console, found: Measures, output: Path | None) -> None:
     """The table."""
     from handfast.cli.table import table
-    from handfast.report import words
-    from handfast.report.words import num
+    from handfast.pictures import words
+    from handfast.pictures.words import num
 
     grasp = found.grasp
     out.print(f"{grasp.name}: {words.grasp_text(grasp)}; preload {words.preload_text(grasp)}")
@@ -138,7 +138,7 @@ def show(out: Console, found: Measures, output: Path | None) -> None:
 
 def value_text(v: MeasuredValue) -> str:
     """A value with its unit."""
-    from handfast.report.words import num
+    from handfast.pictures.words import num
 
     if v.value is None:
         return "–"

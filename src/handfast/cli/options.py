@@ -15,7 +15,7 @@ from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
-    from handfast.report import Entry
+    from handfast.pictures import Entry
     from handfast.stability.loads import Loads
     from handfast.stability.settings import Settings
     from handfast.synthesis.task import Task
@@ -185,8 +185,8 @@ class QueryOptions(GraspOptions):
 
     def write_report(self, grasp: Grasp, entries: Sequence[Entry], options: dict[str, Any]) -> None:
         """The page that `--report` asks for, with hand and object if the grasp file knows them."""
-        from handfast.report import write_report
-        from handfast.report.sources import source_meshes
+        from handfast.pictures import write_report
+        from handfast.pictures.scene import source_meshes
 
         if self.report:
             meshes, notes = source_meshes(grasp)
@@ -255,7 +255,7 @@ class WeightOptions:
 
     def weight_text(self, grasp: Grasp) -> str:
         """What was weighed: 'Weight of 0.3 kg at (0, 0, 10) mm: mass and centre of mass as the grasp file says'."""
-        from handfast.report.words import num, place_text
+        from handfast.pictures.words import num, place_text
 
         heavy = grasp.about(mass=self.mass, center_of_mass=self.center_of_mass or None)
         if heavy.mass is None or heavy.center_of_mass is None:

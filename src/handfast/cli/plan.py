@@ -120,7 +120,7 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
                 give_up=self.give_up,
             )
         if self.report and planned.grasps:
-            from handfast.report.found_report import report_plan
+            from handfast.pictures.found_page import report_plan
 
             report_plan(self.report, planned, force=self.force)
         if self.json:
@@ -143,8 +143,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     def _show(self, planned: Plan) -> None:
         from handfast.cli.grasp_tables import overlaps_text, tally_rows
         from handfast.cli.table import table
+        from handfast.pictures import words
         from handfast.planning.evaluation.attempt import REASONS
-        from handfast.report import words
 
         out = console.out()
         found = words.count(len(planned.grasps), "grasp")

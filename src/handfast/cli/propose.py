@@ -94,7 +94,7 @@ class Propose(Command):
             save_body_copy(self.object, copy, mass=self.mass, friction=self.friction, **said, force=self.force)
             written = [*written, copy]
         if self.report and found.proposals:
-            from handfast.report.found_report import report_proposals
+            from handfast.pictures.found_page import report_proposals
 
             report_proposals(self.report, found, body, force=self.force)
             written = [*written, self.report]

@@ -103,8 +103,8 @@ def save(found: SampledMaximum, path: Path, *, force: bool = False) -> None:
     if path.suffix.lower() == ".json":
         write_text(path, json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n", force=force)
         return
-    from handfast.report.plot import picture
-    from handfast.report.sampled_drawing import draw_sampled
+    from handfast.pictures.drawing import picture
+    from handfast.pictures.sampled_picture import draw_sampled
 
     write_bytes(path, picture(draw_sampled(found), path.suffix.lower().removeprefix(".")), force=force)
 
@@ -112,8 +112,8 @@ def save(found: SampledMaximum, path: Path, *, force: bool = False) -> None:
 def show_sampled(found: SampledMaximum) -> None:
     """The spread in words and a table."""
     from handfast.cli.table import table
-    from handfast.report.sampled_drawing import bound_text, bounds_text, conclusion
-    from handfast.report.words import direction_text, magnitude, num
+    from handfast.pictures.sampled_picture import bound_text, bounds_text, conclusion
+    from handfast.pictures.words import direction_text, magnitude, num
 
     out = console.out()
     factor, unit = magnitude(found.direction)

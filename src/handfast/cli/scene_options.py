@@ -66,7 +66,7 @@ def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **abou
 
 def weight_note(body: Body) -> str:
     """What a grasp file says of the object's weight, for people."""
-    from handfast.report.words import num, place_text
+    from handfast.pictures.words import num, place_text
 
     if body.mass is None:
         return "Its mass is unknown; give --mass KG, here or when its weight is asked about."

@@ -13,7 +13,7 @@ from handfast.cli.options import Command, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.report.hand_facts import ShownHand
+    from handfast.pictures.hand_facts import ShownHand
 
 MANY = 30  # pairs of links that are listed
 
@@ -60,11 +60,11 @@ class Show(Command):
             raise InputError("is for the meshes of an object; give one, or leave it out", field="--scale")
         regions = load_hand_regions(self.regions, hand) if self.regions else None
 
-        from handfast.report.hand_facts import facts_of, shown_hand, to_json
+        from handfast.pictures.hand_facts import facts_of, shown_hand, to_json
 
         shown = shown_hand(facts_of(hand, regions), body, q=q, pose=pose)
         if self.output:
-            from handfast.report.hand_report import write_hand
+            from handfast.pictures.hand_page import write_hand
 
             write_hand(self.output, shown, force=self.force)
         if self.json:
@@ -78,7 +78,7 @@ class Show(Command):
         return console.ANSWERED
 
     def _say(self, shown: ShownHand) -> None:
-        from handfast.report import hand_rows
+        from handfast.pictures import hand_rows
 
         out = console.out()
         out.print(f"{shown.facts.hand.name}: {hand_rows.counts(shown.facts)}", style="bold")
@@ -87,8 +87,8 @@ class Show(Command):
 
     def _tables(self, shown: ShownHand) -> None:
         from handfast.cli.table import table
-        from handfast.report import hand_rows
-        from handfast.report.law_words import USUAL
+        from handfast.pictures import hand_rows
+        from handfast.pictures.law_words import USUAL
 
         out, facts = console.out(), shown.facts
         grid = table("", "")

@@ -73,9 +73,9 @@ class Simulate(GraspOptions, Load, Command):
         if self.series:
             write_text(self.series, found.series_csv(), force=self.force)
         if self.strip or self.film:
-            from handfast.report import film
-            from handfast.report.plot import picture
-            from handfast.report.sources import moving_scene
+            from handfast.pictures import film
+            from handfast.pictures.drawing import picture
+            from handfast.pictures.scene import moving_scene
 
             scene, _ = moving_scene(found.grasp)
             if self.strip:
@@ -86,7 +86,7 @@ class Simulate(GraspOptions, Load, Command):
 
 def show_simulation(found: SimulationResult) -> None:
     """The ending in words."""
-    from handfast.report.words import load_text
+    from handfast.pictures.words import load_text
     from handfast.simulation.ending import Ending
 
     out, moved = console.out(), f"{1e3 * found.motion[-1]:.3g} mm"

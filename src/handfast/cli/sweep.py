@@ -41,7 +41,7 @@ class Sweep(QueryOptions, Command):
         import numpy as np
 
         from handfast.cli import tables
-        from handfast.report import Entry
+        from handfast.pictures import Entry
         from handfast.stability.maps import sweep
 
         grasp, options = self.load(), self.options()
@@ -81,7 +81,8 @@ def save(answer: SweepAnswer, path: Path, *, force: bool = False) -> None:
         case ".csv":
             write_text(path, csv(answer), force=force)
         case ending:
-            from handfast.report.plot import draw_sweep, picture
+            from handfast.pictures.drawing import picture
+            from handfast.pictures.map_picture import draw_sweep
 
             write_bytes(path, picture(draw_sweep(answer), ending.removeprefix(".")), force=force)
 

@@ -12,8 +12,8 @@ from rich.text import Text
 
 from handfast.cli.table import table
 from handfast.core.answer import Reach, Stop
-from handfast.report.words import count as counted
-from handfast.report.words import num, vector
+from handfast.pictures.words import count as counted
+from handfast.pictures.words import num, vector
 
 if TYPE_CHECKING:
     from handfast.synthesis.query import SynthesisProgress

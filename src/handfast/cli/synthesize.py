@@ -79,14 +79,14 @@ class Synthesize(Command):
             written.append(path)
         if self.output and answer.solutions:
             from handfast.core.files import write_bytes
-            from handfast.report.plot import picture
-            from handfast.report.task_drawing import draw_task
+            from handfast.pictures.drawing import picture
+            from handfast.pictures.task_picture import draw_task
 
             drawn = picture(draw_task(task, answer.solutions[0]), self.output.suffix.lower().removeprefix("."))
             write_bytes(self.output, drawn, force=self.force)
             written.append(self.output)
         if self.report and answer.solutions:
-            from handfast.report.found_report import report_synthesis
+            from handfast.pictures.found_page import report_synthesis
 
             report_synthesis(self.report, answer, force=self.force)
             written.append(self.report)

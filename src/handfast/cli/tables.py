@@ -11,9 +11,9 @@ from rich.text import Text
 
 from handfast.cli.table import table
 from handfast.core.answer import Verdict
-from handfast.report import words
-from handfast.report.law_words import joint_text, laws_text
-from handfast.report.words import num, vector
+from handfast.pictures import words
+from handfast.pictures.law_words import joint_text, laws_text
+from handfast.pictures.words import num, vector
 from handfast.stability import model
 
 if TYPE_CHECKING:

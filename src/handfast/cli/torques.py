@@ -21,8 +21,8 @@ class Torques(Load, QueryOptions, Saved, Command):
 
     def run(self) -> int:
         from handfast.cli import tables
-        from handfast.report import Entry
-        from handfast.report.words import load_text
+        from handfast.pictures import Entry
+        from handfast.pictures.words import load_text
         from handfast.stability.queries import torques
 
         grasp, options = self.load(), self.options()

@@ -29,7 +29,7 @@ class ViewGrasps(Command):
     """do not open the page in a browser"""
 
     def run(self) -> int:
-        from handfast.viewer.open_page import view
+        from handfast.pictures.live.open_page import view
 
         page = view(self.grasps, host=self.host, port=self.port, browser=self.browser)
         with page, suppress(KeyboardInterrupt):  # which may come as soon as it is said

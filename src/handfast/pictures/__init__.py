@@ -1,0 +1,78 @@
+"""Reports: one self-contained HTML page with the verdict, the pictures and the numbers behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from handfast.model.grasp import Grasp
+    from handfast.pictures.scene import Mesh
+    from handfast.stability.answers import Answer
+    from handfast.stability.maps import MapAnswer, SweepAnswer
+    from handfast.stability.settings import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A question and its answer.
+
+    Attributes:
+        title: the question in words, the heading.
+        answer: of `check`, `maximum`, `torques`, `force_map` or `sweep`.
+        eta: uncertainty of the contact normals it was asked with [rad].
+        mdp: was the maximum dissipation principle part of the model?
+        direction: (6,) of a `maximum`.
+        objective: of `torques`.
+        limit: radius of a map's picture [N].
+        weight: of the object [N], a circle in a map's picture.
+    """
+
+    title: str
+    answer: Answer | MapAnswer | SweepAnswer
+    eta: float = 0.0
+    mdp: bool = True
+    direction: Sequence[float] | None = None
+    objective: str = "max"
+    limit: float | None = None
+    weight: float | None = None
+
+
+def write_report(
+    path: str | Path,
+    grasp: Grasp,
+    entries: Sequence[Entry],
+    *,
+    settings: Settings | None = None,
+    meshes: Sequence[Mesh] = (),
+    notes: Sequence[str] = (),
+    facts: Sequence[tuple[str, str]] = (),
+    gallery: Sequence[tuple[Figure, str]] = (),
+    force: bool = False,
+) -> None:
+    """Write a page that works offline: no entry is possible, then it shows the grasp alone.
+
+    A view in three dimensions shows the grasp with the forces of each entry, in a browser with WebGL. Still
+    pictures show the same; with more than three checks only those of the first that holds.
+
+    Args:
+        grasp: the grasp that was asked about.
+        entries: questions with answers, in the order of the page.
+        settings: what the answers were computed with, for the record.
+        meshes: hand and object to draw behind the contacts, see `handfast.pictures.scene.scene_meshes`.
+        notes: sentences above the answers.
+        facts: rows of a table above the answers, name and value, such as clearances and ranks.
+        gallery: pictures with captions, after the answers: of other grasps that were found.
+
+    Raises:
+        InputError: the file exists and `force` is not set, or cannot be written.
+    """
+    from handfast.core.files import write_text
+    from handfast.pictures.page import render
+
+    text = render(grasp, entries, settings=settings, meshes=meshes, notes=notes, facts=facts, gallery=gallery)
+    write_text(path, text, force=force)

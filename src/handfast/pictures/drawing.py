@@ -1,0 +1,62 @@
+"""What all still pictures share: colours, shaded solids, and how a figure is saved.
+
+No global state: figures are made without pyplot, and `picture` renders the same bytes every time.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.collections import PolyCollection
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from handfast.core.arrays import Array
+    from handfast.pictures.scene import Mesh
+
+BLUE, MAROON, GREY, INK = "#2f6db3", "#8c1d40", "#9a9a9a", "#2b2b2b"
+AMBER, GREEN, VIOLET = "#d98200", "#2c7d4f", "#7a5cc4"
+SOLID = {"object": np.array([0.87, 0.78, 0.62]), "hand": np.array([0.62, 0.67, 0.73])}
+CLEAR = {"object": 0.55, "hand": 0.9}
+DPI = 100
+
+
+def picture(figure: Figure, ending: str = "png", *, dpi: int = DPI) -> bytes:
+    """The figure as PNG or SVG, the same bytes for the same figure."""
+    data = io.BytesIO()
+    kept: dict[str, Any] = {"Software": "Handfast"}
+    if ending == "svg":
+        kept = {"Date": None, "Creator": "Handfast"}
+    with rc_context({"svg.hashsalt": "handfast"}):
+        figure.savefig(data, format=ending, metadata=kept, dpi=dpi)
+    return data.getvalue()
+
+
+def solids(ax: Any, meshes: Sequence[Mesh], V: Array, clear: Mapping[str, float] = CLEAR) -> list[Array]:
+    """Triangles, far ones first, shaded by how far they face the viewer; returns the corners of what they cover.
+
+    Args:
+        V: (3, 3) rows right, up, towards the viewer. clear: opacity by kind of mesh.
+    """
+    corners, colors = [], []
+    for mesh in meshes:
+        triangles = mesh.vertices[mesh.faces] @ V.T
+        normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        light = 0.62 + 0.38 * np.abs(normal / length @ np.array([0.25, 0.35, 0.9]))
+        shade = np.clip(light[:, None] * SOLID[mesh.kind], 0, 1)
+        corners.append(triangles)
+        colors.append(np.hstack([shade, np.full((len(shade), 1), clear[mesh.kind])]))
+    if not corners:
+        return []
+    triangles, color = np.vstack(corners), np.vstack(colors)
+    order = np.argsort(triangles[:, :, 2].mean(axis=1))
+    drawn = PolyCollection(list(triangles[order][:, :, :2]), fc=color[order], ec="none", zorder=1, rasterized=True)
+    ax.add_collection(drawn)
+    flat = triangles[:, :, :2].reshape(-1, 2)
+    return [np.array([flat.min(0), flat.max(0)])]

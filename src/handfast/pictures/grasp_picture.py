@@ -1,0 +1,252 @@
+"""A grasp drawn from a few sides: contacts, friction cones, forces, motions, joints, and solids behind them.
+
+Orthographic projections with the painter's algorithm: no 3-D toolkit, so what lies in front is in
+front, every panel has the same scale, and arrows are never hidden by the solids.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon
+from matplotlib.patheffects import withStroke
+
+from handfast.core.transforms import normal_frame
+from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, VIOLET, solids
+from handfast.pictures.scene import Mesh, View, applied, placed_joints, views
+
+if TYPE_CHECKING:
+    from handfast.core.arrays import Array
+    from handfast.model.grasp import Grasp
+    from handfast.stability.witness import Witness
+
+TRIAD = 0.05  # length of the object frame's axes in the corner, in half widths of the figure
+JOINT = 0.3  # half length of a joint axis, in grasp sizes
+
+
+def draw_grasp(grasp: Grasp, witness: Witness | None = None, meshes: Sequence[Mesh] = (), count: int = 2) -> Figure:
+    """The grasp from `count` sides, with the forces and virtual motions of a witness.
+
+    Contact forces are those of the hand on the object. Motions are those of the object relative to the
+    finger, at their own scale.
+    """
+    sides = views(grasp, count)
+    figure = Figure(figsize=(8.0, 8.0), dpi=100)
+    axes = [figure.add_axes((k / count + 0.005, 0, 1 / count - 0.01, 1)) for k in range(count)]
+    seen = [_panel(ax, grasp, witness, meshes, view) for ax, view in zip(axes, sides, strict=True)]
+    margin = 0.14 * grasp.size
+    width = max(float(np.ptp(p[:, 0])) for p in seen) + 2 * margin
+    height = max(float(np.ptp(p[:, 1])) for p in seen) + 2 * margin
+    width = max(width, 0.75 * height, 1.5 * grasp.size)
+    triad = TRIAD * count * width / 2
+    headroom = 1.6 * triad  # above the drawing, for the object frame's axes
+    height = max(height, 0.6 * width) + 2 * headroom
+    legend = 0.78  # [inches] below the panels
+    panel = 8.0 / count * height / width
+    figure.set_size_inches(8.0, panel + legend + 0.28)
+    total = panel + legend + 0.28
+    for k, (ax, view, points) in enumerate(zip(axes, sides, seen, strict=True)):
+        ax.set_position((k / count + 0.005, legend / total, 1 / count - 0.01, panel / total))
+        middle = (points.min(0) + points.max(0)) / 2 + [0, headroom]
+        _frame(ax, middle, np.array([width, height]) / 2, view, triad)
+        if not meshes:
+            _joint_labels(ax, grasp, view.matrix)
+    figure.legend(handles=_key(grasp, witness), loc="lower center", ncols=3, frameon=False, fontsize=9)
+    return figure
+
+
+def draw_scene(meshes: Sequence[Mesh], grasp: Grasp, witness: Witness | None = None) -> Figure:
+    """Hand and object from three sides with the grasp's contacts."""
+    return draw_grasp(grasp, witness, meshes, count=3)
+
+
+def _panel(ax: Any, grasp: Grasp, witness: Witness | None, meshes: Sequence[Mesh], view: View) -> Array:
+    """Draw one side; returns the points that it has to show."""
+    V = view.matrix
+    size = grasp.size
+    points = solids(ax, meshes, V)
+    p = grasp.positions
+    points.append(p @ V[:2].T)
+    if not meshes:
+        points += [_skeleton(ax, grasp, V), _hull(ax, p @ V[:2].T)]
+    points.append(_joints(ax, grasp, V))
+    for i, c in enumerate(grasp.contacts):
+        _cone(ax, p[i], c.normal, c.friction, 0.38 * size, V)
+        if witness is None:
+            _arrow(ax, p[i], 0.38 * size * c.normal, V, INK, 3, size=size)
+    ax.plot(*(p @ V[:2].T).T, "o", ms=5.5, color=INK, mec="white", mew=0.8, zorder=8)
+    if witness is not None:
+        points.append(_forces(ax, p, witness, size, V))
+    for i in range(grasp.m):
+        out = -V[:2] @ grasp.contacts[i].normal
+        at = V[:2] @ p[i] + 0.09 * size * (out if np.linalg.norm(out) > 0.3 else np.array([0.0, 1.0]))
+        _label(ax, at[0], at[1], str(i), INK, 8.5, bold=True)
+    return np.vstack(points)
+
+
+def _skeleton(ax: Any, grasp: Grasp, V: Array) -> Array:
+    """Lines from joint to joint to contact, in the order in which they move each other."""
+    seen = []
+    for i, c in enumerate(grasp.contacts):
+        chain = [j for j in grasp.joints if i in j.moves]
+        chain.sort(key=lambda j: (-len(j.moves), -float(np.linalg.norm(j.origin - c.position))))
+        line = np.array([j.origin for j in chain] + [c.position]) @ V[:2].T
+        ax.plot(*line.T, color="#c2c8cf", lw=5, solid_capstyle="round", zorder=1.5)
+        seen.append(line)
+    return np.vstack(seen)
+
+
+def _hull(ax: Any, p: Array) -> Array:
+    """A faint outline where the object must be."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    with suppress(QhullError, ValueError):  # all in a line
+        outline = p[ConvexHull(p).vertices]
+        ax.add_patch(Polygon(outline, fc="#efe6d3", ec="#cdbf9f", lw=0.8, ls="--", zorder=1))
+    return p
+
+
+def _cone(ax: Any, at: Array, n: Array, mu: float, height: float, V: Array) -> None:
+    """The outline of the friction cone."""
+    from scipy.spatial import ConvexHull
+
+    _, t1, t2 = normal_frame(n).T
+    angle = np.linspace(0, 2 * np.pi, 49)[:-1]
+    rim = at + height * (n + min(mu, 1.5) * (np.outer(np.cos(angle), t1) + np.outer(np.sin(angle), t2)))
+    flat = np.vstack([at, rim]) @ V[:2].T
+    if mu > 1e-3:
+        style: dict[str, Any] = {"fc": GREEN, "alpha": 0.13, "ec": "none", "zorder": 2}
+        ax.add_patch(Polygon(flat[ConvexHull(flat, qhull_options="QJ").vertices], **style))
+    ax.plot(*np.array([at, at + height * n]).dot(V[:2].T).T, color=GREEN, lw=0.8, ls=":", zorder=2.5)
+
+
+def _forces(ax: Any, p: Array, witness: Witness, size: float, V: Array) -> Array:
+    """Contact forces, the disturbance and virtual motions; returns what the panel has to show."""
+    w, forces, motions = witness.wrench, witness.forces, witness.motions
+    strength = np.linalg.norm(forces, axis=1)
+    largest = max(float(strength.max()), float(np.linalg.norm(w[:3])), 1e-30)
+    ends = []
+    for i in range(len(p)):
+        if strength[i] > 1e-6 * largest:
+            ends.append(_arrow(ax, p[i], 0.85 * size / largest * forces[i], V, BLUE, 6, size=size))
+    fastest = float(np.linalg.norm(motions, axis=1).max())
+    for i in range(len(p)):
+        if fastest > 0 and np.linalg.norm(motions[i]) > 0.02 * fastest:
+            _arrow(ax, p[i], 0.4 * size / fastest * motions[i], V, VIOLET, 5, size=size, thin=True)
+    origin, w = applied(w, p.mean(axis=0), 2 * size)
+    force, moment = float(np.linalg.norm(w[:3])), float(np.linalg.norm(w[3:]))
+    if force > 1e-9 * largest:
+        length = max(0.85 * size * force / largest, 0.3 * size)
+        ends.append(_arrow(ax, origin, length / force * w[:3], V, AMBER, 7, size=size))
+    if moment > 0:
+        ends.append(_arrow(ax, origin, 0.6 * size / moment * w[3:], V, AMBER, 7, size=size))
+        ends.append(_arrow(ax, origin, 0.48 * size / moment * w[3:], V, AMBER, 7, size=size))
+    return np.array([*ends, V[:2] @ origin])
+
+
+def _arrow(
+    ax: Any, start: Array, step: Array, V: Array, color: str, order: float, *, size: float, thin: bool = False
+) -> Array:
+    a, b = V[:2] @ start, V[:2] @ (start + step)
+    seen = float(np.linalg.norm(b - a))
+    if seen < 0.03 * np.linalg.norm(step):  # along the line of sight
+        ax.plot(*a, "o" if V[2] @ step > 0 else "x", ms=9, mfc="none", mec=color, mew=1.8, zorder=order)
+        return b
+    small = min(1.0, seen / (0.25 * size))  # a short arrow gets a small head, or it would point backwards
+    head = max(2.0, (9 if thin else 14) * small)
+    style = {"arrowstyle": "-|>", "mutation_scale": head, "shrinkA": 0, "shrinkB": 0}
+    width = (1.3 if thin else 2.4) * max(small, 0.5)
+    ax.annotate("", b, a, zorder=order, arrowprops={**style, "color": color, "lw": width})
+    return b
+
+
+def _joints(ax: Any, grasp: Grasp, V: Array) -> Array:
+    """Joint axes as dashed lines, or as rings where they point at the viewer; returns their lower ends."""
+    ends = []
+    for j in placed_joints(grasp):
+        at, step = V[:2] @ j.origin, JOINT * grasp.size * V[:2] @ j.axis
+        if np.linalg.norm(step) < 0.1 * JOINT * grasp.size:
+            ax.plot(*at, "o", ms=10, mfc="white", mec=GREEN, mew=1.5, zorder=4)
+            ax.plot(*at, "o" if V[2] @ j.axis > 0 else "x", ms=4, color=GREEN, zorder=4)
+        else:
+            ax.plot(*np.array([at - step, at + step]).T, color=GREEN, lw=1.4, ls=(0, (5, 2)), zorder=4)
+        ends.append(at - [0.0, abs(step[1]) + 0.12 * grasp.size])
+    return np.array(ends).reshape(-1, 2)
+
+
+def _joint_labels(ax: Any, grasp: Grasp, V: Array) -> None:
+    """Joint names below their joints, moved down where they would overlap."""
+    (x0, x1), y0 = ax.get_xlim(), ax.get_ylim()[0]
+    inches = ax.get_position().width * ax.figure.get_size_inches()[0]
+    wide, high = (x1 - x0) * 0.058 / inches, (x1 - x0) * 0.15 / inches  # of a letter, of a line
+    put: list[tuple[float, float, float]] = []
+    for j in sorted(placed_joints(grasp), key=lambda j: -float(V[1] @ j.origin)):
+        half = 0.5 * wide * len(j.name)
+        x = min(max(float(V[0] @ j.origin), x0 + half), x1 - half)
+        y = float(V[1] @ j.origin) - abs(JOINT * grasp.size * float(V[1] @ j.axis)) - 1.1 * high
+        while any(abs(x - a) < half + b and abs(y - c) < high for a, b, c in put) and y > y0:
+            y -= 0.25 * high
+        y = max(y, y0 + 0.6 * high)
+        put.append((x, half, y))
+        _label(ax, x, y, j.name, GREEN, 7.5)
+
+
+def _label(ax: Any, x: float, y: float, text: str, color: str, size: float, *, bold: bool = False) -> None:
+    halo = [withStroke(linewidth=2.5, foreground="white")]
+    weight = "bold" if bold else "normal"
+    ax.text(
+        x,
+        y,
+        text,
+        color=color,
+        ha="center",
+        va="center",
+        fontsize=size,
+        weight=weight,
+        path_effects=halo,
+        zorder=9,
+    )
+
+
+def _frame(ax: Any, middle: Array, half: Array, view: View, length: float) -> None:
+    """Limits, no axes, and the object frame's directions in the corner."""
+    low, high = middle - half, middle + half
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    ax.axis("off")
+    ax.set_title(view.title, fontsize=9.5, color=INK, pad=2)
+    corner = np.array([low[0] + 1.6 * length, high[1] - 1.6 * length])
+    for k, name in enumerate("xyz"):
+        step = length * view.matrix[:2, k]
+        if np.linalg.norm(step) > 0.15 * length:
+            style = {
+                "arrowstyle": "-|>",
+                "color": GREY,
+                "lw": 1,
+                "mutation_scale": 7,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            }
+            ax.annotate("", corner + step, corner, arrowprops=style)
+            ax.text(*(corner + 1.5 * step), name, fontsize=8, color=INK, ha="center", va="center")
+
+
+def _key(grasp: Grasp, witness: Witness | None) -> list[Any]:
+    entries: list[Any] = [
+        Line2D([], [], ls="", marker="o", color=INK, ms=5.5, label="contact"),
+        Patch(fc=GREEN, alpha=0.2, label="friction cone"),
+    ]
+    if grasp.l:
+        entries.append(Line2D([], [], color=GREEN, lw=1.4, ls=(0, (5, 2)), label="joint axis"))
+    if witness is None:
+        return [*entries, Line2D([], [], color=INK, lw=2.4, label="contact normal")]
+    entries.append(Line2D([], [], color=BLUE, lw=2.4, label="force of the hand"))
+    if witness.wrench.any():
+        label = "disturbance (two heads: moment)" if witness.wrench[3:].any() else "disturbance"
+        entries.append(Line2D([], [], color=AMBER, lw=2.4, label=label))
+    entries.append(Line2D([], [], color=VIOLET, lw=1.3, label="virtual motion, not to scale"))
+    return entries

@@ -1,0 +1,166 @@
+"""What the page asks of the stability engine: the one place that knows which functions answer.
+
+A verdict comes first, the largest load in its direction next, then the map, coarse and finer: each stage is passed on
+as soon as it is there. The replay of the proofs is asked for by itself, since nothing interrupts it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array
+from handfast.pictures.live.view_state import ViewState
+from handfast.stability.maps import Curve
+from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
+from handfast.stability.scaled_problem import unbalanced
+from handfast.stability.settings import OnStep, Progress, Settings
+
+DIRECTIONS = 72  # of a map
+ROUNDS = 0, 3, 1, 5, 2, 4  # each asks every sixth direction from there on: at first a coarse map all around
+PATIENCE = 1.0  # [s] after which a verdict that nobody waits for any more is given up
+QUICK = Settings(gap=1e-2, verify=False, time_limit=20.0, workers=1)  # proofs are replayed when the page is at rest
+OF_MAP = Settings(gap=3e-3, verify=False, time_limit=0.5, workers=1)
+Indices = NDArray[np.intp]
+
+
+class OutdatedError(Exception):
+    """What is being asked is no longer wanted."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneMap:
+    """The largest loads in the directions of a plane, as far as they are known.
+
+    Attributes:
+        key: `ViewState.map_key` of what was asked.
+        at: (3,) [m] where they act.
+        directions: (n, 3) unit, object frame, of the forces, or of the torques if `is_torque`.
+        known: (k,) indices of the directions asked so far, ascending; all at the end.
+        curve: of these.
+    """
+
+    key: tuple[object, ...]
+    at: Array
+    directions: Array
+    is_torque: bool
+    known: Indices
+    curve: Curve
+
+    @property
+    def complete(self) -> bool:
+        return len(self.known) == len(self.directions)
+
+
+@dataclass(frozen=True, eq=False)
+class Reply:
+    """What is known about a state.
+
+    Attributes:
+        check: is its load resisted? None where no forces at the contacts balance it, whatever the friction: it is not.
+        most: the largest load in its direction; None until it is known.
+        map: None until a piece of it is known, or without one.
+        replayed: were the proofs of verdict and maximum replayed by the checkers, and found right?
+    """
+
+    state: ViewState
+    check: CheckAnswer | None
+    most: MaxAnswer | None = None
+    map: PlaneMap | None = None
+    replayed: bool = False
+
+    @property
+    def verdict(self) -> Verdict:
+        return Verdict.SLIPS if self.check is None else self.check.verdict
+
+
+def answer(state: ViewState, before: Reply | None, outdated: Callable[[], bool], tell: Callable[[Reply], None]) -> None:
+    """Answer a state in stages, each of them told.
+
+    Args:
+        before: what was told last, whose map is kept if it is that of this state.
+        outdated: is there a newer state? Then the verdict is still told, unless it takes long, and the rest is left.
+    """
+    start = time.monotonic()
+
+    def late(_: Progress) -> None:
+        if outdated() and time.monotonic() - start > PATIENCE:
+            raise OutdatedError
+
+    def leave(_: Progress) -> None:
+        if outdated():
+            raise OutdatedError
+
+    try:
+        possible = not unbalanced(state.grasp, state.wrench)
+        found = check(state.asked, state.wrench, eta=state.eta, settings=QUICK, on_step=late) if possible else None
+        kept = before.map if before and before.map and before.map.key == state.map_key else None
+        reply = Reply(state, found, map=kept)
+        tell(reply)
+        if outdated():
+            return
+        if not unbalanced(state.grasp, state.direction):
+            most = maximum(state.asked, state.direction, eta=state.eta, settings=QUICK, on_step=leave)
+            reply = replace(reply, most=most)
+            tell(reply)
+        for piece in _pieces(state, kept, leave):
+            reply = replace(reply, map=piece)
+            tell(reply)
+    except OutdatedError:
+        return
+
+
+def replay(reply: Reply) -> bool:
+    """Do verdict and maximum stand up to the independent checkers? It may take seconds."""
+    check, most = reply.check, reply.most
+    return check is not None and most is not None and check.verify().ok and most.verify().ok
+
+
+def _pieces(state: ViewState, known: PlaneMap | None, leave: OnStep) -> Iterator[PlaneMap]:
+    """The map, finer and finer, from where it was left."""
+    axes, key = state.map_axes, state.map_key
+    if axes is None or key is None or (known and known.complete):
+        return
+    angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    directions = np.column_stack([np.cos(angles), np.sin(angles)]) @ axes
+    directions[np.abs(directions) < 1e-12] = 0.0
+    if state.is_torque:
+        wrenches = np.hstack([np.zeros_like(directions), directions])
+    else:
+        wrenches = np.hstack([directions, np.cross(state.at, directions)])
+    wrenches = wrenches + 0.0  # no -0
+    step = len(ROUNDS)
+    indices, curve = (known.known, known.curve) if known else (np.zeros(0, dtype=int), Curve.of([]))
+    for begin in ROUNDS[len(indices) * step // DIRECTIONS :]:
+        asked = np.arange(begin, DIRECTIONS, step)
+        possible = np.array([not unbalanced(state.grasp, wrenches[i]) for i in asked])
+        answers = []
+        for w in wrenches[asked[possible]]:
+            answers.append(maximum(state.asked, w, eta=state.eta, settings=OF_MAP, on_step=leave))
+        indices, curve = _merged(indices, curve, asked[possible], Curve.of(answers))
+        indices, curve = _merged(indices, curve, asked[~possible], _nothing(int((~possible).sum())))
+        yield PlaneMap(key, state.at, directions, state.is_torque, indices, curve)
+
+
+def _nothing(n: int) -> Curve:
+    """Where nothing is resisted."""
+    return Curve(np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool), (Verdict.SLIPS,) * n, (Stop.COMPLETE,) * n)
+
+
+def _merged(i: Indices, a: Curve, j: Indices, b: Curve) -> tuple[Indices, Curve]:
+    """Two curves over different indices as one over all of them, ascending."""
+    both = np.concatenate([i, j])
+    order = np.argsort(both)
+    curve = Curve(
+        lower=np.concatenate([a.lower, b.lower])[order],
+        upper=np.concatenate([a.upper, b.upper])[order],
+        unbounded=np.concatenate([a.unbounded, b.unbounded])[order].astype(bool),
+        verdicts=tuple((a.verdicts + b.verdicts)[k] for k in order),
+        stops=tuple((a.stops + b.stops)[k] for k in order),
+    )
+    return both[order], curve

@@ -1,0 +1,204 @@
+"""What is set on the page: the load, the preload, friction and normals; pure, each change makes a new state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.transforms import cross, normal_frame
+from handfast.model.grasp import Grasp
+from handfast.pictures.live.stage import reaches
+from handfast.pictures.scene import views
+from handfast.stability.margin import rubbed
+
+MapPlane = Literal["with the load", "xy", "xz", "yz", "none"]
+MAP_PLANES: tuple[MapPlane, ...] = ("with the load", "xy", "xz", "yz", "none")
+NOTHING = 1e-12  # [N, N m] a smaller load is none
+FIRST = 0.3  # of what is drawn, where no weight is known
+LEVEL = 0.95  # cosine to the third axis of the load's frame up to which a plane is kept
+
+
+@dataclass(frozen=True, eq=False)
+class ViewState:
+    """One setting of all controls. Everything in the object frame, SI units.
+
+    Attributes:
+        number: which of the grasps.
+        grasp: as its file has it.
+        at: (3,) [m] where the load acts.
+        frame: (3, 3) columns of the handle that turns the load; the force starts along the first, the map that follows
+            the load lies in the first two.
+        force, torque: (3,) [N], (3,) [N m], about `at`.
+        command: (a,) of the actuators, instead of the grasp's.
+        friction: times the grasp's coefficients.
+        eta: [rad] by which the normals may be off.
+        plane: of the map.
+    """
+
+    number: int
+    grasp: Grasp
+    at: Array
+    frame: Array
+    force: Array
+    torque: Array
+    command: Array
+    friction: float = 1.0
+    eta: float = 0.0
+    plane: MapPlane = "with the load"
+
+    @classmethod
+    def of(cls, grasp: Grasp, number: int = 0) -> ViewState:
+        """The weight along -z at the centre of mass, if both are known; else a force down in the flattest view."""
+        flat = views(grasp, 1)[0].matrix
+        at = np.zeros(3) if grasp.center_of_mass is None else np.array(grasp.center_of_mass)
+        heavy = bool(grasp.mass) and grasp.center_of_mass is not None
+        down = np.array([0.0, 0.0, -1.0]) if heavy else -flat[1]
+        frame = np.column_stack([down, flat[0], cross(down, flat[0])])
+        if abs(down @ flat[0]) > NOTHING:
+            frame = normal_frame(down)
+        force = (9.81 * (grasp.mass or 0.0) if heavy else FIRST * reaches(grasp)[0]) * down
+        return cls(number, grasp, at, frame, force, np.zeros(3), grasp.command)
+
+    @property
+    def wrench(self) -> Array:
+        """(6,) the load [N, N m] about the object's origin."""
+        return np.r_[self.force, self.torque + cross(self.at, self.force)]
+
+    @property
+    def direction(self) -> Array:
+        """(6,) the load over its size: over its force [N], or its torque [N m] if there is no force.
+
+        Where there is no load, that of 1 N along the handle.
+        """
+        size = self.size
+        if size > NOTHING:
+            return self.wrench / size
+        along = self.frame[:, 0]
+        return np.r_[along, cross(self.at, along)]
+
+    @property
+    def size(self) -> float:
+        """Of the load: [N], or [N m] of a torque alone."""
+        force = float(np.linalg.norm(self.force))
+        return force if force > NOTHING else float(np.linalg.norm(self.torque))
+
+    @property
+    def is_torque(self) -> bool:
+        """Is the load a torque alone?"""
+        return not np.linalg.norm(self.force) > NOTHING and bool(np.linalg.norm(self.torque) > NOTHING)
+
+    @cached_property
+    def asked(self) -> Grasp:
+        """The grasp with commands and friction as they are set."""
+        grasp = self.grasp if self.friction == 1.0 else rubbed(self.grasp, self.friction)
+        return grasp.with_preload(self.command)
+
+    @property
+    def grasp_key(self) -> tuple[object, ...]:
+        """Equal for states that ask about the same grasp."""
+        return self.number, self.command.tobytes(), self.friction, self.eta
+
+    @cached_property
+    def map_axes(self) -> Array | None:
+        """(2, 3) unit vectors that span the map's plane, the same for all handles in that plane; None without a map."""
+        if self.plane == "none":
+            return None
+        if self.plane != "with the load":
+            return np.array([np.eye(3)["xyz".index(a)] for a in self.plane])
+        normal = np.round(self.frame[:, 2], 6)
+        normal /= np.linalg.norm(normal)
+        least = np.eye(3)[int(np.abs(normal).argmin())]
+        first = least - (least @ normal) * normal
+        first /= np.linalg.norm(first)
+        return np.array([first, cross(normal, first)])
+
+    @property
+    def map_key(self) -> tuple[object, ...] | None:
+        """Equal for states that have the same map; None without one."""
+        if self.map_axes is None:
+            return None
+        shape = np.round(np.vstack([self.map_axes, self.at]), 9) + 0.0
+        return (*self.grasp_key, self.is_torque, shape.tobytes())
+
+    # --- changes ---------------------------------------------------------------------------------
+
+    def turned(self, frame: Array) -> ViewState:
+        """With the handle turned to a frame (3, 3), and the load with it."""
+        by = frame @ self.frame.T
+        return replace(self, frame=frame, force=by @ self.force, torque=by @ self.torque)
+
+    def moved(self, at: Array) -> ViewState:
+        """With the load at another point (3,) [m]."""
+        return replace(self, at=np.asarray(at, dtype=float))
+
+    def pulled(self, force: Array, at: Array | None = None) -> ViewState:
+        """With this force (3,) [N] for the load, at another point (3,) if one is given."""
+        force = np.asarray(force, dtype=float)
+        frame = following(self.frame, force)
+        return replace(self, frame=frame, force=force, torque=np.zeros(3), at=self.at if at is None else np.array(at))
+
+    def twisted(self, torque: Array) -> ViewState:
+        """With this torque (3,) [N m] for the load."""
+        torque = np.asarray(torque, dtype=float)
+        return replace(self, frame=following(self.frame, torque), force=np.zeros(3), torque=torque)
+
+    def with_force(self, size: float) -> ViewState:
+        """With the force as large as this [N], in its direction or, if there is none, along the handle."""
+        return replace(self, force=_resized(self.force, size, self.frame[:, 0]))
+
+    def with_torque(self, size: float) -> ViewState:
+        """With the torque as large as this [N m], about its axis or, if there is none, along the handle."""
+        return replace(self, torque=_resized(self.torque, size, self.frame[:, 0]))
+
+    def weighted(self) -> ViewState:
+        """With the load as it was at first."""
+        first = ViewState.of(self.grasp, self.number)
+        return replace(self, at=first.at, frame=first.frame, force=first.force, torque=first.torque)
+
+    def commanded(self, actuator: int, value: float) -> ViewState:
+        """With another command [N m or N] of one actuator."""
+        command = np.array(self.command)
+        command[actuator] = value
+        return replace(self, command=command)
+
+    def preloaded(self, factor: float) -> ViewState:
+        """With all commands of the file times a factor."""
+        return replace(self, command=factor * self.grasp.command)
+
+    def with_friction(self, mu: float) -> ViewState:
+        """With all coefficients times one factor, so that their mean is `mu`."""
+        mean = float(np.mean(self.grasp.mu))
+        return self if mean == 0 else replace(self, friction=mu / mean)
+
+    def with_normals(self, eta: float) -> ViewState:
+        """With normals that may be off by `eta` [rad]."""
+        return replace(self, eta=eta)
+
+    def with_plane(self, plane: MapPlane) -> ViewState:
+        """With another map."""
+        return replace(self, plane=plane)
+
+    def leafed(self, grasp: Grasp, number: int) -> ViewState:
+        """Another grasp with its own load; the factor of friction, normals and the kind of map stay."""
+        return replace(ViewState.of(grasp, number), friction=self.friction, eta=self.eta, plane=self.plane)
+
+
+def following(frame: Array, along: Array) -> Array:
+    """A frame (3, 3) whose first column is along a vector (3,), its plane kept where the vector is near it."""
+    length = float(np.linalg.norm(along))
+    if length < NOTHING:
+        return frame
+    first = along / length
+    third = frame[:, 2] if abs(first @ frame[:, 2]) < LEVEL else frame[:, 1]
+    third = third - (third @ first) * first
+    third /= np.linalg.norm(third)
+    return np.column_stack([first, cross(third, first), third])
+
+
+def _resized(v: Array, size: float, otherwise: Array) -> Array:
+    length = float(np.linalg.norm(v))
+    return size * (v / length if length > NOTHING else otherwise)

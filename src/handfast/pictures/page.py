@@ -1,0 +1,274 @@
+"""The report's HTML: sections of verdicts, pictures and tables."""
+
+from __future__ import annotations
+
+import base64
+import platform
+from collections.abc import Sequence
+from html import escape
+from importlib import metadata, resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from handfast.core.answer import Verdict
+from handfast.pictures import page_tables, view3d, words
+from handfast.pictures.drawing import picture
+from handfast.pictures.grasp_picture import draw_grasp, draw_scene
+from handfast.pictures.law_words import laws_text
+from handfast.pictures.map_picture import draw_map, draw_sweep
+from handfast.pictures.page_tables import table
+from handfast.pictures.words import num
+from handfast.stability.answers import Answer
+from handfast.stability.maps import MapAnswer, SweepAnswer
+from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.settings import Settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from handfast.core.arrays import Array
+    from handfast.model.grasp import Grasp
+    from handfast.pictures import Entry
+    from handfast.pictures.scene import Mesh
+    from handfast.stability.witness import Witness
+
+
+MANY = 3  # checks; from one more on, only the first one that holds is drawn in still pictures
+
+
+def render(
+    grasp: Grasp,
+    entries: Sequence[Entry],
+    *,
+    settings: Settings | None = None,
+    meshes: Sequence[Mesh] = (),
+    notes: Sequence[str] = (),
+    facts: Sequence[tuple[str, str]] = (),
+    gallery: Sequence[tuple[Figure, str]] = (),
+) -> str:
+    """The whole page; see `handfast.pictures.write_report`."""
+    settings = settings or Settings()
+    checks = [e for e in entries if isinstance(e.answer, CheckAnswer)]
+    held = [e for e in checks if getattr(e.answer, "witness", None)]
+    folded = {id(e) for e in held[1:]} if len(checks) > MANY else set()
+    parts = [_section(grasp, entry, settings, meshes, folded=id(entry) in folded) for entry in entries]
+    witnessed = any(getattr(e.answer, "witness", None) for e in entries)
+    parts.append(_grasp_section(grasp, () if witnessed else meshes, draw=not witnessed))
+    if gallery:
+        pictures = "".join(_figure(figure, caption, "png") for figure, caption in gallery)
+        parts.append(f"<section><h2>All that was found</h2>{pictures}</section>")
+    if entries or not gallery:
+        parts.append(_settings_section(settings, entries))
+    css = (resources.files("handfast.pictures") / "browser" / "page.css").read_text("utf-8")
+    about = f"{words.grasp_text(grasp)}. Preload {words.preload_text(grasp)}."
+    return "\n".join(
+        [
+            "<!doctype html>",
+            '<html lang="en"><head><meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{escape(grasp.name)} – Handfast</title>",
+            f"<style>\n{css}</style></head><body><main>",
+            f'<h1>{escape(grasp.name)}</h1><p class="facts">{escape(about)}</p>',
+            *(f'<p class="facts">{escape(laws)}</p>' for laws in [laws_text(grasp)] if laws),
+            *(f"<p>{escape(note)}</p>" for note in notes),
+            _overview(facts, checks if len(checks) > MANY else []),
+            view3d.view(grasp, [_load(e, e.answer) for e in entries if isinstance(e.answer, Answer)], meshes),
+            *parts,
+            "</main></body></html>\n",
+        ]
+    )
+
+
+def _overview(facts: Sequence[tuple[str, str]], checks: Sequence[Entry]) -> str:
+    """The facts, and with many loads their verdicts at a glance."""
+    parts = [table(["", "#"], facts), page_tables.checks_table(checks)]
+    return f'<section class="overview">{"".join(parts)}</section>' if any(parts) else ""
+
+
+def _load(entry: Entry, answer: Answer) -> view3d.ShownLoad:
+    wrench, witness = _state(answer)
+    verdict = answer.verdict.upper() + ("?" if words.unphysical(witness) else ", FRAGILE" * words.fragile(answer))
+    return view3d.ShownLoad(entry.title, f"{verdict}: {_sentence(entry, answer)}", wrench, witness)
+
+
+def _state(answer: Answer) -> tuple[Array | None, Witness | None]:
+    """The disturbance that an answer is about, and the equilibrium under it, as far as there are any."""
+    if answer.witness is not None:
+        return answer.witness.wrench, answer.witness
+    if answer.posed is None or isinstance(answer, MaxAnswer):
+        return None, None
+    return answer.posed[0].wrench, None
+
+
+def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Mesh], *, folded: bool) -> str:
+    answer = entry.answer
+    parts = [f"<h2>{escape(entry.title)}</h2>"]
+    if isinstance(answer, MapAnswer):
+        parts.append(_verdict(answer.verdict, _map_sentence(answer)))
+        caption = f"Forces resisted in the {answer.plane} plane; they act {words.place_text(answer.at)}."
+        if entry.weight:
+            caption += f" {words.weight_sentence(answer.curves[-1], entry.weight)}"
+        parts.append(_figure(draw_map(answer, limit=entry.limit, weight=entry.weight), caption))
+        parts.append(page_tables.map_table(answer))
+    elif isinstance(answer, SweepAnswer):
+        parts.append(_verdict(answer.verdict, f"The command of {answer.actuator} varies, the others stay."))
+        parts.append(_figure(draw_sweep(answer), "Largest resisted disturbances over the command."))
+        parts.append(page_tables.sweep_table(answer))
+    else:
+        parts += _answer(grasp, entry, answer, settings, meshes, folded=folded)
+    return f"<section>{''.join(parts)}</section>"
+
+
+def _answer(
+    grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, meshes: Sequence[Mesh], *, folded: bool
+) -> list[str]:
+    witness = answer.witness
+    unreal = words.unphysical(witness)
+    parts = [_verdict(answer.verdict, _sentence(entry, answer), unreal=unreal, fragile=words.fragile(answer))]
+    why = words.reason(answer, settings)
+    if why:
+        parts.append(f'<p class="why">{escape(why)}</p>')
+    if isinstance(answer, MaxAnswer | TorquesAnswer):
+        parts.append(page_tables.bounds_table(answer, entry))
+    if isinstance(answer, CheckAnswer) and answer.margin:
+        if answer.margin.fragile:
+            parts.append(f'<p class="why">{escape(words.fragile_text(answer.margin))}</p>')
+        parts.append(page_tables.margin_table(answer.margin))
+    if witness is not None:
+        if unreal:
+            parts.append(_warning(witness))
+        tables = (
+            page_tables.contact_table(witness)
+            + page_tables.actuator_table(witness)
+            + page_tables.energy_table(witness)
+            + page_tables.residual_table(witness)
+        )
+        if folded:
+            parts.append(f"<details><summary>The equilibrium in numbers</summary>{tables}</details>")
+        else:
+            parts += [*_pictures(grasp, witness, meshes), tables]
+    elif answer.verdict is Verdict.SLIPS:
+        why = (
+            f"every case of equations (1) to (8) was refuted: {words.certified(answer.certificate, answer.verified)}."
+            if answer.certificate
+            else "a relaxation of equations (1) to (8), wider than the model, has no solution."
+        )
+        parts.append(f'<p class="note">There is no equilibrium to show: {escape(why)}</p>')
+    parts.append(page_tables.search_table(answer, settings))
+    return parts
+
+
+def _pictures(grasp: Grasp, witness: Witness, meshes: Sequence[Mesh]) -> list[str]:
+    caption = (
+        f"An equilibrium under {words.load_text(witness.wrench)}. Arrows of force share one scale; "
+        "the virtual motion is that of the object relative to the finger."
+    )
+    if not meshes:
+        return [_figure(draw_grasp(grasp, witness), caption)]
+    bare = "The same without the solids: fingers as lines from joint to joint to contact."
+    return [_figure(draw_scene(meshes, grasp, witness), caption), _figure(draw_grasp(grasp, witness), bare)]
+
+
+def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False, fragile: bool = False) -> str:
+    word, style = (f"{verdict}?", "unreal") if unreal else (str(verdict), str(verdict))
+    if fragile and not unreal:
+        word, style = f"{verdict}, fragile", "unreal"
+    return f'<p class="verdict"><b class="{style}">{word.upper()}</b><span>{escape(sentence)}</span></p>'
+
+
+def _sentence(entry: Entry, answer: Answer) -> str:
+    if isinstance(answer, MaxAnswer):
+        direction = entry.direction if entry.direction is not None else np.eye(6)[0]
+        return " ".join(
+            filter(None, (words.max_sentence(answer, direction), words.interval_sentence(answer, direction)))
+        )
+    wrench = _state(answer)[0]
+    load = "this load" if wrench is None else words.load_text(wrench)
+    if isinstance(answer, TorquesAnswer):
+        return words.torques_sentence(answer, load, entry.objective)
+    assert isinstance(answer, CheckAnswer)
+    return words.check_sentence(answer, load)
+
+
+def _map_sentence(answer: MapAnswer) -> str:
+    parts = []
+    for name, curve in (("without preload", answer.passive), ("with it", answer.preloaded)):
+        if curve is not None:
+            states = words.curve_states(curve)
+            some = sum(s != "slips" for s in states) - states.count("open")
+            left = f", {states.count('open')} not decided" if "open" in states else ""
+            parts.append(f"{name}, {some} of {len(states)} directions are resisted{left}")
+    text = "; ".join(parts)
+    return text[:1].upper() + text[1:] + "."
+
+
+def _warning(witness: Witness) -> str:
+    """Why a solution without the maximum dissipation principle cannot be believed."""
+    e = witness.energy
+    scale = abs(e.disturbance) + abs(e.preload) + abs(e.stored)
+    total = e.disturbance + e.preload
+    wrong = [i for i, work in enumerate(e.friction) if work < -words.CREATED * scale]
+    names = [f"{i} ({witness.grasp.contacts[i].link})" if witness.grasp.contacts[i].link else str(i) for i in wrong]
+    return (
+        '<div class="warning"><strong>This solution is not physical: friction pushes along the motion.'
+        "</strong>"
+        f"{num(e.created)} N² of work come out of nothing, against {num(total)} N² that the disturbance and "
+        f"the preload put in. It happens at contact{'s' if len(wrong) > 1 else ''} "
+        f"{escape(words.listed(names))}, where the friction force does not oppose the sliding. The maximum "
+        "dissipation principle, which was left out here, forbids it.</div>"
+    )
+
+
+def _grasp_section(grasp: Grasp, meshes: Sequence[Mesh], *, draw: bool) -> str:
+    parts = ["<h2>The grasp</h2>"]
+    if draw:
+        if meshes:
+            parts.append(_figure(draw_scene(meshes, grasp), "Hand and object with their contacts."))
+        caption = "Contacts with friction cones, normals into the object, and joint axes."
+        parts.append(_figure(draw_grasp(grasp), caption))
+    parts.append(page_tables.grasp_table(grasp))
+    return f"<section>{''.join(parts)}</section>"
+
+
+def _settings_section(settings: Settings, entries: Sequence[Entry]) -> str:
+    limit = f"{num(settings.time_limit)} s" if np.isfinite(settings.time_limit) else "none"
+    nodes = num(settings.node_limit) if np.isfinite(settings.node_limit) else "none"
+    etas = sorted({float(np.degrees(e.eta)) for e in entries}) or [0.0]
+    versions = f"handfast {_version('handfast')}, Python {platform.python_version()}, numpy {np.__version__}"
+    rows = [["gap of the bounds", f"{num(100 * settings.gap)} %"], ["time limit per question", limit]]
+    if settings.method == "engine":
+        rows = [["method", "tree search with certificates"], *rows, ["node limit per question", nodes]]
+    else:
+        package = {"scip": "pyscipopt", "gurobi": "gurobipy"}[settings.solver]
+        rows = [
+            ["method", "Algorithm 1"],
+            ["solver", f"{settings.solver} ({package} {_version(package)})"],
+            ["finest friction sectors", str(settings.sectors)],
+            *rows,
+            ["refinement", "all sectors at once" if settings.full else "where the solution lies"],
+            ["algorithm", "as printed" if settings.as_printed else "ends once an exact solution answers"],
+        ]
+    rows += [["uncertainty of the normals", ", ".join(f"{num(x)}°" for x in etas)], ["versions", versions]]
+    return (
+        f"<section><h2>Settings</h2>{table(['', ''], rows)}"
+        '<p class="note">SI units, object frame. Equation numbers are those of the model in the '
+        "documentation. Virtual motions and works belong to contact springs of unit stiffness: a motion "
+        "is measured by the force it causes, in N, and work in N².</p></section>"
+    )
+
+
+def _figure(figure: Figure, caption: str, ending: str = "svg") -> str:
+    data = base64.b64encode(picture(figure, ending, dpi=160 if ending == "svg" else 100)).decode("ascii")
+    kind = {"svg": "svg+xml", "png": "png"}[ending]
+    return (
+        f'<figure><img alt="{escape(caption, quote=True)}" src="data:image/{kind};base64,{data}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
