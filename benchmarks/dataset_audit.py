@@ -44,8 +44,9 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.datasets.dataset_rows import GraspChanges, PosedRow
-from handfast.datasets.published.importing import Importer, Treatment, imported, sources
+from handfast.datasets.published.importing import Importer, Treatment, imported
 from handfast.datasets.published.mapping_file import mapping_for
+from handfast.datasets.published.published_file import sources
 from handfast.datasets.scene_source import SceneSource
 from handfast.geometry.contact_reduction import reduced_contacts
 from handfast.geometry.contacts import grasp_of

@@ -28,8 +28,9 @@ from benchmarks.machine import describe
 from handfast import load_body, load_configuration, load_grasp, load_hand
 from handfast.core.parallel import default_jobs
 from handfast.datasets.published.import_folder import write_folder
-from handfast.datasets.published.importing import Importer, Source, Treatment, imported, sources
+from handfast.datasets.published.importing import Importer, Treatment, imported
 from handfast.datasets.published.mapping_file import mapping_for
+from handfast.datasets.published.published_file import Source, sources
 from handfast.geometry.scene import Scene
 
 HAND = "assets/hand/shadow/right_hand.xml"

@@ -31,8 +31,9 @@ from handfast import Settings, check, load_hand
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool
-from handfast.datasets.published.importing import Importer, imported, sources
+from handfast.datasets.published.importing import Importer, imported
 from handfast.datasets.published.mapping_file import mapping_for
+from handfast.datasets.published.published_file import sources
 from handfast.model.grasp import Grasp
 from handfast.stability.loads import Loads
 

@@ -15,8 +15,9 @@ from handfast.core import bundled
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.datasets.published.importing import ImportedGrasp, Source
+    from handfast.datasets.published.importing import ImportedGrasp
     from handfast.datasets.published.mapping_file import HandMapping
+    from handfast.datasets.published.published_file import Source
     from handfast.model.hand import Hand
 
 
@@ -71,12 +72,10 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     """write over files that exist"""
 
     def run(self) -> int:
-        from itertools import islice
-
         from handfast.core.parallel import default_jobs
         from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table
-        from handfast.datasets.published.importing import Importer, Treatment, imported, sources
-        from handfast.datasets.published.published_file import published_files
+        from handfast.datasets.published.importing import Importer, Treatment, imported
+        from handfast.datasets.published.published_file import published_files, sources
         from handfast.model.hand import load_hand
 
         if not self.files:
@@ -88,7 +87,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         self._check()
         refuse_target(self.output, self.force)
         hand = self.lawful(load_hand(self.hand))
-        found = list(islice(sources(published_files(self.files), self.layout), self.count))
+        found = list(sources(published_files(self.files), self.layout, self.count))
         if not found:
             raise InputError("no grasps", source=", ".join(map(str, self.files)))
         name, mapping = self._mapping(hand, found)

@@ -240,7 +240,7 @@ def test_exports_come_back(layout: str, target: str, here: Path, capsys: pytest.
     assert run(capsys, *command)[0] == 0
     found, rows = read_published(Path(target) / "0.npy" if layout == "dexgraspbench" else target)
     (grasp,) = rows
-    assert found.name == layout
+    assert found == layout
     assert isinstance(grasp, RecordedGrasp)
     assert np.allclose(grasp.grasp.root, root(), atol=1e-9)
     if layout == "isaac_grasp":

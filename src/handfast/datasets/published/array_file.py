@@ -1,4 +1,6 @@
-"""Files of arrays as plain data: `.npy`, `.npz`, `.pt` and `.pth`, `.pkl`; nothing that a file names is called."""
+"""Files of arrays as plain data: `.npy`, `.npz`, `.pt` and `.pth`, `.pkl`; nothing that a file names is called.
+
+Memory and time are not limited here; `read_published` does that."""
 
 from __future__ import annotations
 
@@ -13,8 +15,14 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from handfast.core.errors import InputError
-from handfast.datasets.published.plain_parts import STORAGES, StorageName, checked_shape, from_bytes, plain_type
-from handfast.datasets.published.plain_pickle import read_pickle
+from handfast.datasets.published.plain_pickle import (
+    STORAGES,
+    StorageId,
+    checked_shape,
+    from_bytes,
+    plain_dtype,
+    read_pickle,
+)
 
 LARGEST = 2**31  # [bytes] of a file, and of what is packed in one
 PACKED, SMALL = 100, 2**26  # times as much may be in a zip file as it has bytes, beyond [bytes] what is small
@@ -57,11 +65,11 @@ def read_npy(data: bytes) -> Any:
     checked_shape(shape)
     if dtype.fields is not None or dtype.subdtype is not None:
         raise InputError("has an array of records; plain numbers are needed")
-    plain_type(dtype.str)
+    plain_dtype(dtype.str)
     rest = data[stream.tell() :]
     if dtype.kind != "O":
         return from_bytes(rest, dtype, shape, "F" if columns else "C")
-    found, _ = read_pickle(rest)
+    found = read_pickle(rest)
     if not isinstance(found, np.ndarray) or found.shape != shape:
         raise InputError(f"has a header that says {shape}; its contents are not of that shape")
     return found.item() if not shape else found
@@ -97,34 +105,27 @@ def _read_torch(packed: zipfile.ZipFile, pickled: str) -> Any:
         raise InputError("holds tensors in big-endian order, which is not understood; save it on another machine")
     seen: dict[str, NDArray[Any]] = {}
 
-    def storage(key: tuple[Any, ...]) -> NDArray[Any]:
-        word, kind, name, _, count = key
-        if (
-            word != "storage"
-            or not isinstance(kind, StorageName)
-            or not isinstance(name, str)
-            or type(count) is not int
-        ):
-            raise InputError("has a persistent id that is no storage of numbers")
-        if name not in seen:
+    def storage(key: StorageId) -> NDArray[Any]:
+        if key.file not in seen:
             try:
-                raw = packed.read(f"{folder}data/{name}")
+                raw = packed.read(f"{folder}data/{key.file}")
             except KeyError:
-                raise InputError(f"has no file data/{name[:20]}, which one of its tensors needs") from None
-            numbers = from_bytes(raw, kind.dtype, (len(raw) // kind.dtype.itemsize,))
-            if STORAGES[kind.name] == "u2":
+                raise InputError(f"has no file data/{key.file[:20]}, which one of its tensors needs") from None
+            dtype = np.dtype(STORAGES[key.type])
+            numbers = from_bytes(raw, dtype, (len(raw) // dtype.itemsize,))
+            if key.type == "BFloat16Storage":  # the upper halves of 32 bit numbers
                 numbers = (numbers.astype("<u4") << 16).view("<f4")
-            seen[name] = numbers
-        if not 0 <= count <= len(seen[name]):
-            raise InputError(f"has a storage of {count} numbers in a file of {len(seen[name])}")
-        return seen[name][:count]
+            seen[key.file] = numbers
+        if key.count > len(seen[key.file]):
+            raise InputError(f"has a storage of {key.count} numbers in a file of {len(seen[key.file])}")
+        return seen[key.file][: key.count]
 
     program = packed.getinfo(pickled)
     if program.file_size > SHORT + PROGRAM * program.compress_size:
         raise InputError(
             f"has a data.pkl that is packed more than {PROGRAM} to 1; save it with torch, which packs none"
         )
-    return read_pickle(packed.read(pickled), storage)[0]
+    return read_pickle(packed.read(pickled), storage)
 
 
 def _bare_pickle(data: bytes) -> Any:
@@ -134,4 +135,4 @@ def _bare_pickle(data: bytes) -> Any:
         first = None
     if first == LEGACY and data[:2] in (b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"):
         raise InputError("is a torch file of before version 1.6; load it in torch and save it again")
-    return read_pickle(data)[0]
+    return read_pickle(data)

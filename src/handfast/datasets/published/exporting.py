@@ -17,9 +17,9 @@ from handfast.core.errors import InputError
 from handfast.core.files import read_json, write_bytes, write_text
 from handfast.core.transforms import matrix_quaternion
 from handfast.datasets.published.import_folder import SUMMARY
-from handfast.datasets.published.layouts import dexgraspbench, graspgen, isaac_grasp
 from handfast.datasets.published.mapping_file import HandMapping
 from handfast.datasets.published.placing import root_of, turned
+from handfast.datasets.published.qpos_layouts import AT_ORIGIN
 from handfast.model.configuration import Configuration, load_configuration
 from handfast.model.hand.hand import Hand
 
@@ -156,19 +156,31 @@ def _text(
     roots = [root_of(hand, mapping, q, g.configuration.pose) for q, g in zip(at, group, strict=True)]
     scores = [g.score for g in group]
     if layout == "graspgen":
-        return json.dumps(graspgen.written(roots, scores, name, scale), indent=1) + "\n"
+        held = [True if s is None else s > 0 for s in scores]
+        about = {"file": name, "scale": scale}
+        written = {"object": about, "grasps": {"transforms": [r.tolist() for r in roots], "object_in_gripper": held}}
+        return json.dumps(written, indent=1) + "\n"
     names = {ours: theirs for theirs, ours in mapping.names.items()}
 
     def theirs(values: dict[str, float]) -> dict[str, float]:
         return {names.get(n, n): v for n, v in turned(mapping, values).items()}
 
-    joints = [theirs(hand.values(q)) for q in at]
-    before = [None if g.pregrasp is None else theirs(g.pregrasp) for g in group]
+    entries = {}
+    for i, (g, q, root) in enumerate(zip(group, at, roots, strict=True)):
+        w, *xyz = matrix_quaternion(root[:3, :3]).tolist()
+        entries[f"grasp_{i}"] = {
+            "confidence": 1.0 if g.score is None else g.score,
+            "position": root[:3, 3].tolist(),
+            "orientation": {"w": w, "xyz": xyz},
+            "cspace_position": theirs(hand.values(q)),
+            **({} if g.pregrasp is None else {"pregrasp_cspace_position": theirs(g.pregrasp)}),
+        }
     try:
         import yaml
     except ImportError:
         raise InputError("isaac_grasp is YAML, which needs PyYAML: pip install 'handfast[published]'") from None
-    return str(yaml.safe_dump(isaac_grasp.written(roots, joints, before, scores), sort_keys=False))
+    written = {"format": "isaac_grasp", "format_version": 1.0, "grasps": entries}
+    return str(yaml.safe_dump(written, sort_keys=False))
 
 
 def _benchmark(
@@ -182,11 +194,12 @@ def _benchmark(
         q = _placed(g, hand)
         root = root_of(hand, mapping, q, g.configuration.pose)
         at = np.r_[root[:3, 3], matrix_quaternion(root[:3, :3])]
-        rows = {"grasp_qpos": np.r_[at, sense * q[index]]}
+        rows: dict[str, Any] = {"obj_pose": np.array(AT_ORIGIN), "obj_scale": g.scale, "obj_path": g.object}
+        rows["grasp_qpos"] = np.r_[at, sense * q[index]]
         for key, values in (("pregrasp_qpos", g.pregrasp), ("squeeze_qpos", g.squeeze)):
             there = q if values is None else hand.configuration(values)
             rows[key] = np.r_[at, sense * there[index]]
-        files[target / f"{k}.npy"] = dexgraspbench.written(rows, g.object, g.scale)
+        files[target / f"{k}.npy"] = rows
     for file in files:
         _refuse(file, force)
     for file, data in files.items():

@@ -15,7 +15,7 @@ from handfast.datasets.published.gap_closing import gaps_closed, pushed_on
 from handfast.datasets.published.mapping_file import HandMapping
 from handfast.datasets.published.object_finder import FoundObject, find_object, meshes_of
 from handfast.datasets.published.placing import PlacedGrasp, placed
-from handfast.datasets.published.published_file import read_published
+from handfast.datasets.published.published_file import Source
 from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp
 from handfast.datasets.published.separating import Separator
 from handfast.geometry.contact_reduction import TOLERANCE, reduced_contacts
@@ -48,15 +48,6 @@ class Treatment:
     close_gaps: bool = True
     threshold: float = THRESHOLD
     tolerance: float = TOLERANCE
-
-
-@dataclass(frozen=True)
-class Source:
-    """A row of a file that was read: what the workers are given."""
-
-    file: str
-    layout: str
-    row: RecordedGrasp | BrokenRow
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,19 +225,6 @@ class Importer:
         bodies = [load_body(mesh, friction=self.friction, scale=scale) for mesh in found.meshes]
         pieces = [piece for body in bodies for piece in body.pieces]
         return Body.of(pieces, name=found.name, mass=self.mass, friction=bodies[0].friction)
-
-
-def sources(files: Sequence[str | Path], layout: str | None = None) -> Iterator[Source]:
-    """The rows of files; a file that cannot be read raises `InputError` if it is the only one, else it is one row."""
-    for file in files:
-        try:
-            found, rows = read_published(file, layout)
-            for row in rows:
-                yield Source(str(file), found.name, row)
-        except InputError as fault:
-            if len(files) == 1:
-                raise
-            yield Source(str(file), layout or "", BrokenRow(0, str(fault)))
 
 
 def imported(importer: Importer, found: Sequence[Source], jobs: int = 1) -> Iterator[ImportedGrasp]:

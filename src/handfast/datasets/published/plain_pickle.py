@@ -1,327 +1,303 @@
-"""Pickles that hold plain data, read by a stack machine that calls nothing a file names.
+"""Pickles of plain data, read by the standard library's `Unpickler` with a list of admitted names.
 
-A pickle is a program, and Python's own reader runs whatever it names. Here the standard library only takes the program
-apart (`pickletools.genops`); what its instructions mean is written below, for numbers, texts, containers, numpy arrays
-and torch tensors. A name outside `ADMITTED` ends the reading before anything has been made of it.
+A pickle is a program that may call whatever it names. Here a name stands for one of our own makers, of numbers, texts,
+containers, numpy arrays and torch tensors; any other name ends the reading before anything is called. Makers check
+shapes, types and sizes before they make anything: an array is as large as its bytes.
+
+Memory and time are not limited here: read files of strangers with `read_published`, which does.
 """
 
 from __future__ import annotations
 
-import pickletools
-from collections.abc import Callable, Iterator
-from typing import Any
+import io
+import math
+import pickle
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handfast.core.errors import InputError
-from handfast.datasets.published.plain_parts import (
-    ADMITTED,
-    BUILDERS,
-    ArrayInTheMaking,
-    Name,
-    StorageName,
-    TypeInTheMaking,
-    hashed,
+
+DTYPES = re.compile(r"[|<>=]?(b1|[iu][1248]|f[248]|c(8|16)|[SU]\d{1,6}|O8?|\?)")
+DIMENSIONS = 32
+STORAGES = {
+    **{"DoubleStorage": "<f8", "FloatStorage": "<f4", "HalfStorage": "<f2", "BFloat16Storage": "<u2"},
+    **{"LongStorage": "<i8", "IntStorage": "<i4", "ShortStorage": "<i2", "CharStorage": "i1"},
+    **{"ByteStorage": "u1", "BoolStorage": "b1"},
+}
+BROKEN = (  # what the standard library and our makers raise for bytes that are no pickle
+    *(pickle.UnpicklingError, EOFError, ValueError, IndexError, KeyError, TypeError, AttributeError),
+    *(OverflowError, RecursionError),
 )
 
-DEPTH = 100  # of containers in each other
-MADE = 2**30  # [bytes] made from one file, which may ask for the same arrays and texts again and again
-PLACE, CONTAINER = 20, 200  # [bytes] about what an instruction leaves on stack or memo, and an empty container takes
-VALUES = 2**28  # in all containers, and [8 bytes] in arrays, each counted as often as it is found from the top
-SINGLE = (int, float, complex, str, bytes, type(None))
-Storage = Callable[[tuple[Any, ...]], Any]
+
+@dataclass(frozen=True)
+class StorageId:
+    """A storage of torch as a pickle names it.
+
+    Attributes:
+        type: a key of `STORAGES`. file: beside the pickle, which holds the numbers. count: of the numbers.
+    """
+
+    type: str
+    file: str
+    count: int
 
 
-def read_pickle(data: bytes, storage: Storage | None = None) -> tuple[Any, int]:
-    """What a pickle of plain data holds, and where it ends.
+LoadStorage: TypeAlias = Callable[[StorageId], NDArray[Any]]
 
-    Tuples, sets and frozensets stay what they are, numpy scalars become Python numbers, tensors become numpy arrays.
+
+def read_pickle(data: bytes, storage: LoadStorage | None = None) -> Any:
+    """What a pickle of plain data holds.
+
+    Numpy scalars become Python numbers, ordered dictionaries plain ones, tensors numpy arrays.
 
     Args:
         data: the pickle, from its first byte; what follows its end is left alone.
-        storage: makes an array of a torch storage's persistent id; without it such ids are refused.
+        storage: gives the numbers (n,) of a storage of torch; without it storages are refused.
 
     Raises:
-        InputError: no pickle, cut short, a name that is not admitted, an instruction that is not known, containers
-            that contain themselves or are more than `DEPTH` deep, more than `MADE` bytes, or than `VALUES` numbers and
-            texts when each shared part is counted as often as it is there.
+        InputError: no pickle, cut short, or a name that is not admitted. One line.
     """
-    machine = _Machine(storage)
-    end = 0
     try:
-        for code, argument, position in pickletools.genops(data):
-            machine.step(code.name, argument)
-            end = (position or 0) + 1
-        return _finished(machine.result(), machine.made), end
+        return _PlainUnpickler(data, storage).load()
     except InputError:
         raise
-    except RecursionError:
-        raise InputError(f"is nested too deeply; at most {DEPTH} containers may be in each other") from None
-    except (ValueError, IndexError, KeyError, TypeError, AttributeError, OverflowError, MemoryError) as fault:
+    except BROKEN as fault:
         reason = " ".join(str(fault).split())[:80]
         raise InputError(f"is no whole pickle ({type(fault).__name__}: {reason})") from None
 
 
-class _Mark:
-    """Where a container's contents begin on the stack."""
+class _PlainUnpickler(pickle.Unpickler):
+    """Names are looked up in `ADMITTED` alone."""
 
-
-class _Machine:
-    """The stack and the memo of a pickle; each instruction is one method or one entry of `PUSHED`."""
-
-    def __init__(self, storage: Storage | None) -> None:
+    def __init__(self, data: bytes, storage: LoadStorage | None) -> None:
+        super().__init__(io.BytesIO(data), encoding="latin-1")
         self.storage = storage
-        self.stack: list[Any] = []
-        self.memo: dict[int, Any] = {}
-        self.mark = _Mark()
-        self.made = 0  # bytes
 
-    def result(self) -> Any:
-        if len(self.stack) != 1 or self.stack[0] is self.mark:
-            raise ValueError(f"{len(self.stack)} values are left at the end")
-        return self.stack[0]
+    def find_class(self, module: str, name: str) -> Any:
+        made = ADMITTED.get((module, name))
+        if made is None:
+            said = f"names {module[:80]}.{name[:80]}, which is no plain array or container"
+            raise InputError(f"{said}; nothing of the file was run")
+        return made
 
-    def step(self, name: str, argument: Any) -> None:
-        self.made = _within(self.made + (PLACE + CONTAINER if name in CONTAINERS else PLACE))
-        if name in PUSHED:
-            self.stack.append(argument)
-        elif name in CONSTANT:
-            value = CONSTANT[name]
-            self.stack.append(value() if isinstance(value, type) else value)
-        elif name.endswith("PUT"):
-            self.memo[int(argument)] = self.stack[-1]
-        elif name.endswith("GET"):
-            self.stack.append(self.memo[int(argument)])
-        else:
-            method = getattr(self, f"_{name.lower()}", None)
-            if method is None:
-                raise InputError(f"has the pickle instruction {name}; plain data needs none of it")
-            method(argument)
-
-    def _proto(self, _: Any) -> None: ...
-
-    def _frame(self, _: Any) -> None: ...
-
-    def _stop(self, _: Any) -> None: ...
-
-    def _mark(self, _: Any) -> None:
-        self.stack.append(self.mark)
-
-    def _pop(self, _: Any) -> None:
-        self.stack.pop()
-
-    def _pop_mark(self, _: Any) -> None:
-        self._since_mark()
-
-    def _dup(self, _: Any) -> None:
-        self.stack.append(self.stack[-1])
-
-    def _memoize(self, _: Any) -> None:
-        self.memo[len(self.memo)] = self.stack[-1]
-
-    def _since_mark(self) -> list[Any]:
-        """What stands above the last mark, taken off with it."""
-        k = len(self.stack) - 1
-        while self.stack[k] is not self.mark:
-            k -= 1
-            if k < 0:
-                raise ValueError("a mark is missing")
-        found = self.stack[k + 1 :]
-        del self.stack[k:]
-        return found
-
-    def _tuple(self, _: Any) -> None:
-        self.stack.append(tuple(self._since_mark()))
-
-    def _tuple1(self, _: Any) -> None:
-        self._last(1)
-
-    def _tuple2(self, _: Any) -> None:
-        self._last(2)
-
-    def _tuple3(self, _: Any) -> None:
-        self._last(3)
-
-    def _last(self, count: int) -> None:
-        if len(self.stack) < count:
-            raise ValueError("the stack is empty")
-        found = tuple(self.stack[-count:])
-        del self.stack[-count:]
-        self.stack.append(found)
-
-    def _list(self, _: Any) -> None:
-        self.stack.append(self._since_mark())
-
-    def _append(self, _: Any) -> None:
-        self._onto([self.stack.pop()])
-
-    def _appends(self, _: Any) -> None:
-        self._onto(self._since_mark())
-
-    def _onto(self, values: list[Any]) -> None:
-        target = self.stack[-1]
-        if type(target) is not list:
-            raise ValueError("something is appended to what is no list")
-        target += values
-
-    def _dict(self, _: Any) -> None:
-        found = self._since_mark()
-        self.stack.append({})
-        self._into(found)
-
-    def _setitem(self, _: Any) -> None:
-        value, key = self.stack.pop(), self.stack.pop()
-        self._into([key, value])
-
-    def _setitems(self, _: Any) -> None:
-        self._into(self._since_mark())
-
-    def _into(self, found: list[Any]) -> None:
-        target = self.stack[-1]
-        if type(target) is not dict or len(found) % 2:
-            raise ValueError("something is set in what is no dictionary")
-        for key, value in zip(found[::2], found[1::2], strict=True):
-            target[hashed(key)] = value
-
-    def _additems(self, _: Any) -> None:
-        found = self._since_mark()
-        if type(self.stack[-1]) is not set:
-            raise ValueError("something is added to what is no set")
-        self.stack[-1].update(map(hashed, found))
-
-    def _frozenset(self, _: Any) -> None:
-        self.stack.append(frozenset(map(hashed, self._since_mark())))
-
-    def _global(self, argument: str) -> None:
-        module, _, name = argument.partition(" ")
-        self.stack.append(_admitted(module, name))
-
-    def _stack_global(self, _: Any) -> None:
-        name, module = self.stack.pop(), self.stack.pop()
-        if type(module) is not str or type(name) is not str:
-            raise ValueError("a name that is no text")
-        self.stack.append(_admitted(module, name))
-
-    def _reduce(self, _: Any) -> None:
-        arguments, name = self.stack.pop(), self.stack.pop()
-        if not isinstance(name, Name) or not isinstance(arguments, tuple):
-            raise InputError("calls something that has no name")
-        if name.name not in BUILDERS:
-            raise InputError(f"calls {name}, which is no array or container")
-        made = BUILDERS[name.name](*arguments)
-        self.made = _within(self.made + _size(made))
-        self.stack.append(made)
-
-    def _build(self, _: Any) -> None:
-        state, made = self.stack.pop(), self.stack[-1]
-        if isinstance(made, ArrayInTheMaking | TypeInTheMaking):
-            made.fill(state)
-        elif not (type(made) is dict and state in ({}, None)):  # an ordered dictionary says that it has no more
-            raise InputError(f"sets the inner state of a {type(made).__name__}; plain data has none")
-
-    def _binpersid(self, _: Any) -> None:
-        key = self.stack.pop()
-        if self.storage is None or not (isinstance(key, tuple) and len(key) == 5 and isinstance(key[1], StorageName)):
+    def persistent_load(self, key: Any) -> _Storage:
+        if self.storage is None:
             raise InputError("has a persistent id, which only torch files of tensors may")
-        self.stack.append(self.storage(key))
+        match key:
+            case ("storage", _StorageType() as kind, str(file), _, int(count)) if count >= 0:
+                return _Storage(self.storage(StorageId(kind.name, file, count)))
+        raise InputError("has a persistent id that is no storage of numbers")
 
 
-PUSHED = {
-    *("INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "LONG4", "FLOAT", "BINFLOAT"),
-    *("STRING", "BINSTRING", "SHORT_BINSTRING", "BINBYTES", "SHORT_BINBYTES", "BINBYTES8", "BYTEARRAY8"),
-    *("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8"),
-}
-CONSTANT: dict[str, Any] = {
-    **{"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "EMPTY_TUPLE": ()},
-    **{"EMPTY_LIST": list, "EMPTY_DICT": dict, "EMPTY_SET": set},
-}
+class _Sealed:
+    """What a pickle may mention and pass on, but not alter."""
+
+    __slots__ = ()
+
+    def __setstate__(self, state: Any) -> NoReturn:
+        raise InputError("sets the inner state of what is no array; plain data has none")
 
 
-CONTAINERS = {
-    *("EMPTY_LIST", "EMPTY_DICT", "EMPTY_SET", "EMPTY_TUPLE", "LIST", "DICT", "FROZENSET", "REDUCE"),
-    *("TUPLE", "TUPLE1", "TUPLE2", "TUPLE3"),
-}
+class _Maker(_Sealed):
+    """What an admitted name stands for: something that can be called. It is no class, so none can be made by it."""
+
+    __slots__ = ("function",)
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.function(*arguments)
 
 
-def _admitted(module: str, name: str) -> Any:
-    for known, prefixes in ADMITTED.items():
-        if name == known and module in prefixes:
-            return StorageName(name) if name.endswith("Storage") else Name(module, name)
-    raise InputError(
-        f"names {module[:80]}.{name[:80]}, which is no plain array or container; nothing of the file was run"
-    )
+class _StorageType(_Sealed):
+    """The type of a torch storage: a key of `STORAGES`."""
+
+    __slots__ = ("name",)
+
+    def __init__(self, name: str) -> None:
+        self.name = name
 
 
-def _size(x: Any) -> int:
-    """[bytes] about what an array or a text takes, with the objects that it holds."""
-    if isinstance(x, np.ndarray):
-        return x.nbytes if x.dtype.kind != "O" else 64 * x.size
-    return 4 * len(x) if isinstance(x, str | bytes) else 0
+class _Storage(_Sealed):
+    """The numbers (n,) of a storage of torch."""
+
+    __slots__ = ("numbers",)
+
+    def __init__(self, numbers: NDArray[Any]) -> None:
+        self.numbers = numbers
 
 
-def _within(made: int) -> int:
-    if made > MADE:
-        raise InputError(f"makes more than {MADE} bytes of data")
+class _DType:
+    """A numpy dtype of numbers, truth values, texts or objects; its byte order comes with its state."""
+
+    __slots__ = ("dtype",)
+
+    def __init__(self, text: Any, *_: Any) -> None:
+        self.dtype = plain_dtype(text)
+
+    def __setstate__(self, state: Any) -> None:
+        """The state: version, byte order, then what only records and subarrays have."""
+        if not (isinstance(state, tuple) and 8 <= len(state) <= 9 and state[1] in tuple("<>|=")):
+            raise ValueError("the state of a dtype")
+        if any(x is not None for x in state[2:5]):
+            raise InputError("has an array of records; plain numbers are needed")
+        if state[1] in "<>":
+            self.dtype = self.dtype.newbyteorder(state[1])
+
+
+class _Array(np.ndarray[Any, Any]):
+    """A numpy array that is filled by its state, once that was checked."""
+
+    __slots__ = ()
+
+    def __setstate__(self, state: Any) -> None:
+        """The state: (version,) shape, dtype, whether columns run fastest, and bytes or a list of objects."""
+        if self.size:  # others may look at its memory, which numpy would free
+            raise ValueError("an array is filled twice")
+        if not (isinstance(state, tuple) and 4 <= len(state) <= 5 and isinstance(state[-3], _DType)):
+            raise ValueError("the state of an array")
+        shape, dtype, columns, data = checked_shape(state[-4]), state[-3].dtype, bool(state[-2]), state[-1]
+        if dtype.kind != "O":
+            data = raw_bytes(data, dtype, shape)
+        elif type(data) is not list or len(data) != math.prod(shape):
+            raise InputError(f"has an array of objects whose shape {shape} is not that of its contents")
+        super().__setstate__((1, shape, dtype, columns, data))  # type: ignore[arg-type]
+
+
+def plain_dtype(text: Any) -> np.dtype[Any]:
+    """The dtype of numbers, truth values, texts or objects that a text stands for; `InputError` for another one."""
+    if isinstance(text, bytes):
+        text = text.decode("latin-1")
+    if not (isinstance(text, str) and DTYPES.fullmatch(text)):
+        said = repr(text[:40]) if isinstance(text, str) else f"a {type(text).__name__}"
+        raise InputError(f"has an array of type {said}; numbers, texts and objects are admitted")
+    return np.dtype(text.replace("O8", "O"))
+
+
+def checked_shape(shape: Any) -> tuple[int, ...]:
+    """A shape of whole numbers that are not negative; `InputError` for another one."""
+    sizes = (shape,) if type(shape) is int else shape
+    if not isinstance(sizes, tuple) or len(sizes) > DIMENSIONS or any(type(n) is not int or n < 0 for n in sizes):
+        raise InputError("has an array whose shape is none")
+    return sizes
+
+
+def raw_bytes(data: Any, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
+    """The contents of an array of that dtype and shape; `InputError` unless they fit exactly."""
+    if not isinstance(data, str | bytes | bytearray):
+        raise ValueError("the contents of an array")
+    raw = data.encode("latin-1") if isinstance(data, str) else bytes(data)  # Python 2 wrote bytes as text
+    if math.prod(shape) * dtype.itemsize != len(raw):
+        need = f"{' x '.join(map(str, shape)) or 1} of {dtype.itemsize} bytes"
+        raise InputError(f"has an array of {need} with {len(raw)} bytes of contents")
+    if not dtype.itemsize:
+        raise InputError("has an array of empty texts")
+    return raw
+
+
+def from_bytes(data: Any, dtype: np.dtype[Any], shape: tuple[int, ...], order: Any = "C") -> NDArray[Any]:
+    """The array of that dtype and shape whose contents are `data`; `InputError` unless they fit exactly."""
+    return np.frombuffer(raw_bytes(data, dtype, shape), dtype=dtype).reshape(shape, order=order)
+
+
+def _scalar(kind: Any, data: Any = b"") -> Any:
+    if not isinstance(kind, _DType) or kind.dtype.kind == "O":
+        raise InputError("has a numpy scalar that is no number or text")
+    return from_bytes(data, kind.dtype, ()).item()
+
+
+def _from_buffer(data: Any, kind: Any, shape: Any, order: Any, *_: Any) -> NDArray[Any]:
+    if not isinstance(kind, _DType) or kind.dtype.kind == "O" or order not in ("C", "F"):
+        raise ValueError("the dtype of an array")
+    return from_bytes(data, kind.dtype, checked_shape(shape), order)
+
+
+def _encoded(text: Any, encoding: Any) -> bytes:
+    if not isinstance(text, str) or encoding not in ("latin1", "latin-1"):
+        raise ValueError("bytes as text in another encoding")
+    return text.encode("latin-1")
+
+
+def _bytes(data: Any = b"", encoding: Any = "latin-1") -> bytes:
+    if not isinstance(data, str | bytes):
+        raise ValueError("the contents of a bytearray")
+    return _encoded(data, encoding) if isinstance(data, str) else data
+
+
+def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *more: Any) -> NDArray[Any]:
+    """A tensor's numbers, copied; no larger than its storage, and within it."""
+    if len(more) > 2 and more[2]:  # after whether gradients are wanted, and hooks
+        raise InputError("has a tensor that stands for the negative or conjugate of its contents")
+    sizes, steps = checked_shape(size), checked_shape(stride)
+    if not isinstance(storage, _Storage) or type(offset) is not int or offset < 0 or len(sizes) != len(steps):
+        raise ValueError("the parts of a tensor")
+    numbers, count = storage.numbers, math.prod(sizes)
+    last = offset + sum((n - 1) * step for n, step in zip(sizes, steps, strict=True))
+    if count and (count > len(numbers) or last >= len(numbers)):
+        raise InputError(f"has a tensor of {' x '.join(map(str, sizes))} that is larger than its contents")
+    if not count:
+        return np.zeros(sizes, numbers.dtype)
+    strides = tuple(step * numbers.itemsize for step in steps)
+    return np.lib.stride_tricks.as_strided(numbers[offset:], sizes, strides).copy()
+
+
+def _complex(*parts: Any) -> complex:
+    if not all(isinstance(x, int | float) for x in parts):
+        raise ValueError("the parts of a complex number")
+    return complex(*parts)
+
+
+def _collection(kind: type) -> Callable[..., Any]:
+    def made(*values: Any) -> Any:
+        if len(values) > 1 or not all(isinstance(v, list | tuple) for v in values):
+            raise ValueError(f"the contents of a {kind.__name__}")
+        return kind(*values)
+
     return made
 
 
-def _finished(value: Any, made: int) -> Any:
-    """Plain values in place of those in the making; what is shared stays shared, so that it takes no longer.
-
-    Args:
-        made: [bytes] that were made so far.
-    """
-    done: dict[int, Any] = {}
-    kept: list[Any] = []  # so that no address is used twice
-    open_: set[int] = set()
-    values = 0  # found so far
-    inside: dict[int, int] = {}  # how many values are in each that is done
-
-    def found(count: int) -> None:
-        nonlocal values
-        values += count
-        if values > VALUES:
-            raise InputError(f"has more than {VALUES} values, where each shared part counts as often as it is there")
-
-    def whole(x: Any, depth: int) -> Any:
-        nonlocal made
-        if isinstance(x, SINGLE):
-            found(1)
-            return x
-        if depth > DEPTH:
-            raise RecursionError
-        key = id(x)
-        if key in done:
-            found(inside[key])
-            return done[key]
-        if key in open_:
-            raise InputError("has a container that contains itself")
-        open_.add(key)
-        kept.append(x)
-        before = values
-        done[key] = _one(x, lambda y: whole(y, depth + 1))
-        open_.discard(key)
-        if isinstance(x, ArrayInTheMaking):
-            made = _within(made + _size(done[key]))
-        found(1 + (done[key].nbytes // 8 if isinstance(done[key], np.ndarray) else 0))
-        inside[key] = values - before
-        return done[key]
-
-    return whole(value, 0)
+def _ordered(*pairs: Any) -> dict[Any, Any]:
+    """An ordered dictionary comes empty, or, from Python 2, as a list of pairs."""
+    if len(pairs) != 1 or type(pairs[0]) is not list:
+        return {}
+    if not all(isinstance(p, list | tuple) and len(p) == 2 for p in pairs[0]):
+        raise ValueError("the contents of a dictionary")
+    return dict(pairs[0])
 
 
-def _one(x: Any, whole: Callable[[Any], Any]) -> Any:
-    if isinstance(x, dict):
-        return {whole(k): whole(v) for k, v in x.items()}
-    if isinstance(x, list | tuple | set | frozenset):
-        return type(x)(_each(x, whole))
-    if isinstance(x, ArrayInTheMaking):
-        return x.array(whole)
-    if isinstance(x, Name | TypeInTheMaking | _Mark):
-        raise InputError(f"holds {x} itself, which is no plain data")
-    return x
+def _no_array(*_: Any) -> NoReturn:
+    raise InputError("calls numpy.ndarray, which is no array or container")
 
 
-def _each(values: Any, whole: Callable[[Any], Any]) -> Iterator[Any]:
-    for value in values:
-        yield whole(value)
+_ARRAYS = ("numpy.core.multiarray", "numpy._core.multiarray")
+_NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
+_BUILT_IN = ("builtins", "__builtin__")
+_MAKERS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {  # name: the modules in which it is admitted, maker
+    "_reconstruct": (_ARRAYS, lambda *_: np.ndarray.__new__(_Array, (0,))),
+    "scalar": (_ARRAYS, _scalar),
+    "_frombuffer": (_NUMERIC, _from_buffer),
+    "ndarray": (("numpy",), _no_array),  # an argument of `_reconstruct`
+    "dtype": (("numpy",), _DType),
+    "set": (_BUILT_IN, _collection(set)),
+    "frozenset": (_BUILT_IN, _collection(frozenset)),
+    "bytearray": (_BUILT_IN, _bytes),
+    "bytes": (_BUILT_IN, lambda: b""),  # what older protocols make of empty ones
+    "complex": (_BUILT_IN, _complex),
+    "encode": (("_codecs",), _encoded),
+    "OrderedDict": (("collections",), _ordered),
+    "Size": (("torch",), lambda sizes: checked_shape(sizes)),
+    "_rebuild_tensor": (("torch._utils",), _tensor),
+    "_rebuild_tensor_v2": (("torch._utils",), _tensor),
+    "_rebuild_parameter": (("torch._utils",), lambda tensor, *_: tensor),
+}
+ADMITTED: dict[tuple[str, str], Any] = {
+    **{(module, name): _Maker(made) for name, (modules, made) in _MAKERS.items() for module in modules},
+    **{("torch", name): _StorageType(name) for name in STORAGES},
+}

@@ -1,30 +1,93 @@
-"""One door for published files: the bytes by their kind, the layout by its keys."""
+"""Files of published grasps: recognised by their keys, read by processes with limits of memory and time."""
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from handfast.core.errors import InputError
+import numpy as np
+
+from handfast.core.errors import InputError, unknown_name
 from handfast.core.files import read_json
+from handfast.core.limited import MEMORY, SECONDS, limited
+from handfast.datasets.published import object_frame_layouts as by_object
+from handfast.datasets.published import qpos_layouts as by_world
 from handfast.datasets.published.array_file import read_array_file
-from handfast.datasets.published.recorded import PublishedLayout, Rows
+from handfast.datasets.published.recorded import BrokenRow, RecordedGrasp, Rows
 
-LAYOUTS = (
-    *("dexgraspnet", "bodex", "dexonomy", "dexgraspbench", "graspqp"),
-    *("multidex", "mj_grasp_sim", "graspgen", "isaac_grasp"),
-)
 ENDINGS = (".npy", ".npz", ".pt", ".pth", ".pkl", ".pickle", ".json", ".yaml", ".yml")
+TOGETHER, BYTES = 200, 1 << 24  # files, and [bytes] of them, that one process reads
+MEMORY_A_BYTE, SECONDS_A_BYTE = 20, 4e-6  # that reading a file may take beyond the usual limits
 
 
-def layout_named(name: str) -> PublishedLayout:
-    """A layout by its name; `InputError` listing the known ones."""
-    if name not in LAYOUTS:
-        raise InputError(f"unknown layout '{name}'; known: {', '.join(LAYOUTS)}", field="--layout")
-    found: PublishedLayout = importlib.import_module(f"handfast.datasets.published.layouts.{name}").LAYOUT
-    return found
+@dataclass(frozen=True)
+class PublishedLayout:
+    """A published layout.
+
+    Attributes:
+        keys: what its files hold, in words.
+        recognises: whether data are of this layout, by their keys.
+        read: the grasps of the data of a file; the second argument is the file's name without its endings.
+    """
+
+    keys: str
+    recognises: Callable[[Any], bool]
+    read: Callable[[Any, str], Rows]
+
+
+def _has(*keys: str, either: tuple[str, ...] = ()) -> Callable[[Any], bool]:
+    """Is it a dictionary with all of these keys, and with one of some others?"""
+    return lambda data: (
+        isinstance(data, Mapping) and data.keys() >= {*keys} and (not either or not data.keys().isdisjoint(either))
+    )
+
+
+def _within(key: str, inner: str) -> Callable[[Any], bool]:
+    """Is it a dictionary with a dictionary under a key, which has another key?"""
+    return lambda data: _has(key)(data) and _has(inner)(data[key])
+
+
+def _is_dexgraspnet(data: Any) -> bool:
+    first = data[0] if isinstance(data, list | np.ndarray) and np.ndim(data) == 1 and len(data) else None
+    return isinstance(first, Mapping) and isinstance(first.get("qpos"), Mapping)
+
+
+def _is_multidex(data: Any) -> bool:
+    found = data.get("metadata") if isinstance(data, Mapping) else None
+    first = found[0] if isinstance(found, list | tuple) and found else ("", "")
+    return isinstance(found, list | tuple) and isinstance(first, list | tuple) and len(first) >= 2
+
+
+LAYOUTS: dict[str, PublishedLayout] = {  # the first that recognises a file has it
+    "dexgraspnet": PublishedLayout("a list of {scale, qpos}", _is_dexgraspnet, by_object.read_dexgraspnet),
+    "bodex": PublishedLayout("robot_pose and joint_names", _has("robot_pose", "joint_names"), by_world.read_bodex),
+    "dexonomy": PublishedLayout(
+        "grasp_qpos and tmpl_name (older: hand_template_name)",
+        _has("grasp_qpos", either=("tmpl_name", "hand_template_name")),
+        by_world.read_qpos,
+    ),
+    "dexgraspbench": PublishedLayout(
+        "grasp_qpos beside obj_pose and obj_path",
+        _has("grasp_qpos", either=("obj_path", "obj_pose")),
+        by_world.read_qpos,
+    ),
+    "graspqp": PublishedLayout("parameters with root_pose", _within("parameters", "root_pose"), by_object.read_graspqp),
+    "multidex": PublishedLayout("metadata, a list of (q, object, robot)", _is_multidex, by_object.read_multidex),
+    "mj_grasp_sim": PublishedLayout(
+        "pose (N, 4, 4) and joints (N, k)", _has("pose", "joints"), by_object.read_mj_grasp_sim
+    ),
+    "graspgen": PublishedLayout(
+        "object and grasps with transforms", _within("grasps", "transforms"), by_object.read_graspgen
+    ),
+    "isaac_grasp": PublishedLayout(
+        "format: isaac_grasp",
+        lambda data: _has("format")(data) and bool(data["format"] == "isaac_grasp"),
+        by_object.read_isaac_grasp,
+    ),
+}
 
 
 def published_files(paths: Sequence[Path]) -> list[Path]:
@@ -42,41 +105,124 @@ def published_files(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def read_published(path: str | Path, layout: str | None = None) -> tuple[PublishedLayout, Rows]:
-    """The layout of a file and its grasps, one by one; a broken one is a `BrokenRow`.
+@dataclass(frozen=True)
+class Source:
+    """A row of a published file.
+
+    Attributes:
+        file: its path. layout: one of `LAYOUTS`; "" where the file could not be read.
+        row: the grasp, or why it cannot be read.
+    """
+
+    file: str
+    layout: str
+    row: RecordedGrasp | BrokenRow
+
+
+def sources(files: Sequence[str | Path], layout: str | None = None, count: int | None = None) -> Iterator[Source]:
+    """The rows of files; one that cannot be read raises `InputError` if it is the only one, else it is one row.
+
+    Args:
+        layout: one of `LAYOUTS`, in place of what the files' keys say.
+        count: the first so many rows only.
+    """
+    left = count
+    for together in _batches([Path(f) for f in files]):
+        for file, found in zip(together, _read(together, layout, left), strict=True):
+            if isinstance(found, InputError):
+                if len(files) == 1:
+                    raise found
+                found = layout or "", [BrokenRow(0, str(found))]
+            name, rows = found
+            for row in rows[:left]:
+                yield Source(str(file), name, row)
+            left = None if left is None else left - len(rows[:left])
+        if left == 0:
+            return
+
+
+def read_published(
+    path: str | Path, layout: str | None = None, count: int | None = None
+) -> tuple[str, list[RecordedGrasp | BrokenRow]]:
+    """The name of a file's layout, and its grasps; a broken one is a `BrokenRow`.
+
+    The file is read by a process of its own, with limits of memory and time that grow with its size.
 
     Args:
         path: `.npy`, `.npz`, `.pt`, `.pth`, `.pkl`, `.json` or `.yaml`.
         layout: one of `LAYOUTS`, in place of what the keys say.
+        count: the first so many grasps only.
 
     Raises:
         InputError: no such file, another kind of file, data that no layout has, a pickle that names what is no plain
-            data, keys that are missing for the layout. One line, naming the file.
+            data, keys that are missing for the layout, too much memory or time. One line, naming the file.
     """
-    file = Path(path)
-    chosen = None if layout is None else layout_named(layout)
+    (found,) = _read([Path(path)], layout, count)
+    if isinstance(found, InputError):
+        raise found
+    return found
+
+
+Found = tuple[str, list[RecordedGrasp | BrokenRow]] | InputError  # of a file
+
+
+def _batches(files: list[Path]) -> Iterator[list[Path]]:
+    """Files that are read together: a process takes some milliseconds to begin."""
+    batch, size = list[Path](), 0
+    for file in files:
+        own = _size(file)
+        if batch and (len(batch) >= TOGETHER or size + own > BYTES):
+            yield batch
+            batch, size = [], 0
+        batch, size = [*batch, file], size + own
+    if batch:
+        yield batch
+
+
+def _size(file: Path) -> int:
+    try:
+        return file.stat().st_size
+    except OSError:
+        return 0
+
+
+def _read(files: list[Path], layout: str | None, count: int | None) -> list[Found]:
+    """What is in files, or what is wrong with each, read by a process with limits; one by one if it met them."""
+    if layout is not None and layout not in LAYOUTS:
+        raise unknown_name("layout", layout, LAYOUTS, field="--layout")
+    size = sum(map(_size, files))
+    memory, seconds = MEMORY + MEMORY_A_BYTE * size, SECONDS + int(SECONDS_A_BYTE * size)
+    try:
+        return limited(_read_here, files, layout, count, memory=memory, seconds=seconds)
+    except InputError as fault:
+        if len(files) > 1:
+            return [_read([file], layout, count)[0] for file in files]
+        return [fault.at(str(files[0]))]
+
+
+def _read_here(files: list[Path], layout: str | None, count: int | None) -> list[Found]:
+    return [_rows(file, layout, count) for file in files]
+
+
+def _rows(file: Path, layout: str | None, count: int | None) -> Found:
     try:
         data = _data(file)
-        if chosen is None:
-            chosen = next((known for known in map(layout_named, LAYOUTS) if _recognised(known, data)), None)
-        if chosen is None:
-            raise InputError(f"is of no known layout: it holds {_described(data)}; give --layout if you know better")
-        return chosen, chosen.read(data, _stem(file))
+        name = layout or next((known for known in LAYOUTS if _recognised(LAYOUTS[known], data)), None)
+        if name is None:
+            problem = f"is of no known layout: it holds {_described(data)}; give --layout if you know better"
+            return InputError(problem, source=str(file))
+        return name, list(islice(LAYOUTS[name].read(data, _stem(file)), count))
     except InputError as fault:
-        raise fault.at(str(path)) from None
-    except MemoryError:
-        raise InputError("takes more memory than there is", source=str(path)) from None
+        return fault.at(str(file))
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
-        name = chosen.name if chosen else "any"
-        raise InputError(
-            f"does not fit the layout {name}; {chosen and chosen.keys} is needed", source=str(path)
-        ) from None
+        right = f"{layout}; {LAYOUTS[layout].keys} is needed" if layout else "that its keys are of"
+        return InputError(f"does not fit the layout {right}", source=str(file))
 
 
 def _recognised(layout: PublishedLayout, data: Any) -> bool:
     """Whether data are of a layout; what a test of the keys stumbles over is not."""
     try:
-        return bool(layout.recognises(data))
+        return layout.recognises(data)
     except (TypeError, ValueError, LookupError, AttributeError):
         return False
 

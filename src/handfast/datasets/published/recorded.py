@@ -65,23 +65,6 @@ class BrokenRow:
 Rows = Iterator[RecordedGrasp | BrokenRow]
 
 
-@dataclass(frozen=True)
-class PublishedLayout:
-    """A published layout.
-
-    Attributes:
-        name: as the command line calls it.
-        keys: what its files hold, in words.
-        recognises: whether data are of this layout, by their keys.
-        read: the grasps of the data of a file; the second argument is the file's name without its endings.
-    """
-
-    name: str
-    keys: str
-    recognises: Callable[[Any], bool]
-    read: Callable[[Any, str], Rows]
-
-
 def rows(count: int, make: Callable[[int], RecordedGrasp]) -> Rows:
     """`make` of 0 to count - 1; one that cannot be made is a `BrokenRow`, and the rest goes on."""
     for i in range(count):
@@ -124,6 +107,13 @@ def numbers(value: Any, shape: tuple[int | None, ...], field: str) -> Array:
 def number(value: Any, field: str) -> float:
     """A single finite number, also as an array or list of one."""
     return float(numbers(np.ravel(np.asarray(value, dtype=object)), (1,), field)[0])
+
+
+def named_numbers(value: Any, field: str) -> dict[str, float]:
+    """Single numbers by name."""
+    if not isinstance(value, Mapping):
+        raise InputError("is no dictionary of joint values", field=field)
+    return {str(k): number(v, f"{field}.{k}") for k, v in value.items()}
 
 
 def positive(value: Any, field: str) -> float:

@@ -1,0 +1,185 @@
+"""Layouts that pose the hand in the frame of the object.
+
+DexGraspNet, GraspQP, MultiDex, mj_grasp_sim, GraspGen and isaac_grasp. Where nothing else is said the object is called
+as the file is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.core.transforms import quaternion_matrix, transform
+from handfast.datasets.published.recorded import (
+    Posture,
+    RecordedGrasp,
+    Rows,
+    entry,
+    matrix_pose,
+    named_numbers,
+    number,
+    numbers,
+    pose_of,
+    positive,
+    rows,
+    text,
+)
+
+PLACE, TURN = ("WRJTx", "WRJTy", "WRJTz"), ("WRJRx", "WRJRy", "WRJRz")  # [m]; [rad] about the fixed x, then y, then z
+SQUEEZE = 0.2  # [rad] of the joint that GraspQP's velocities move most; they say the direction alone
+
+
+def read_dexgraspnet(data: Any, name: str) -> Rows:
+    """DexGraspNet: a list of `{scale, qpos, energy}`; `qpos` by name, the wrist's place and Euler angles among them."""
+
+    def grasp(i: int) -> RecordedGrasp:
+        values = named_numbers(entry(data[i], "qpos"), "qpos")
+        missing = [k for k in (*PLACE, *TURN) if k not in values]
+        if missing:
+            raise InputError(f"has no {missing[0]}", field="qpos")
+        place, turn = ([values.pop(k) for k in keys] for keys in (PLACE, TURN))
+        score = None if data[i].get("energy") is None else number(data[i]["energy"], "energy")
+        at = Posture(transform(place, _turned(turn)), values)
+        return RecordedGrasp(i, at, object=name, scale=positive(entry(data[i], "scale"), "scale"), score=score)
+
+    return rows(len(data), grasp)
+
+
+def _turned(angles: list[float]) -> Array:
+    """(3, 3) turned about the fixed axes x, y and z, one after the other, by angles (3,) [rad]."""
+    x, y, z = (
+        quaternion_matrix(np.r_[np.cos(a / 2), np.sin(a / 2) * e]) for a, e in zip(angles, np.eye(3), strict=True)
+    )
+    return z @ y @ x
+
+
+def read_graspqp(data: Any, name: str) -> Rows:
+    """GraspQP: `parameters` hold the joints by name, (n,) each, and `root_pose` (n, 7).
+
+    The squeeze follows `grasp_velocities_off` and a tenth of `grasp_velocities`.
+    """
+    parameters = data["parameters"]
+    poses = numbers(entry(parameters, "root_pose"), (None, 7), "parameters.root_pose")
+    n = len(poses)
+    joints = {str(k): numbers(v, (n,), f"parameters.{k}") for k, v in parameters.items() if k != "root_pose"}
+    if not joints:
+        raise InputError("has no joints", field="parameters")
+
+    def velocity(key: str, joint: str) -> Array:
+        found = data.get(key)
+        known = isinstance(found, Mapping) and joint in found
+        return numbers(found[joint], (n,), f"{key}.{joint}") if known else np.zeros(n)
+
+    factor = 0.1 if "grasp_velocities_off" in data else 1.0
+    speeds = {k: factor * velocity("grasp_velocities", k) + velocity("grasp_velocities_off", k) for k in joints}
+    scores = numbers(np.ravel(data["values"]), (n,), "values").tolist() if "values" in data else [None] * n
+
+    def grasp(i: int) -> RecordedGrasp:
+        at = Posture(pose_of(poses[i], "parameters.root_pose"), {k: float(v[i]) for k, v in joints.items()})
+        most = max(abs(float(v[i])) for v in speeds.values())
+        further = {k: float(v[i] + SQUEEZE * speeds[k][i] / most) for k, v in joints.items()} if most else None
+        squeeze = None if further is None else Posture(at.root, further)
+        return RecordedGrasp(i, at, squeeze, object=name, score=scores[i])
+
+    return rows(n, grasp)
+
+
+def read_multidex(data: Any, name: str) -> Rows:
+    """MultiDex and GenDexGrasp: `metadata` is a list of (q, "set+object", robot).
+
+    q is position [m], 6-D rotation, joints; the hand is posed in the frame of what stands after the "+".
+    """
+    found = entry(data, "metadata")
+
+    def grasp(i: int) -> RecordedGrasp:
+        row = found[i]
+        if not isinstance(row, list | tuple) or not 2 <= len(row) <= 3:
+            raise InputError("is no triple of joints, object and robot", field="metadata")
+        q = numbers(row[0], (None,), "metadata.q")
+        if len(q) < 9:
+            raise InputError(f"has {len(q)} numbers; position, 6-D rotation and joints are needed", field="metadata.q")
+        at = Posture(transform(q[:3], rotation_6d(q[3:9])), q[9:])
+        return RecordedGrasp(i, at, object=text(row[1]), hand=text(row[2]) if len(row) == 3 else "")
+
+    return rows(len(found), grasp)
+
+
+def rotation_6d(six: Array) -> Array:
+    """(3, 3) whose first two columns are the given ones (6,), made unit and turned apart evenly until square."""
+    x, y = (v / max(float(np.linalg.norm(v)), 1e-12) for v in (six[:3], six[3:]))
+    between, across = x + y, x - y
+    lengths = np.linalg.norm(between), np.linalg.norm(across)
+    if min(lengths) < 1e-6:
+        raise InputError("has a 6-D rotation of parallel columns", field="metadata.q")
+    a, b = between / lengths[0], across / lengths[1]
+    x, y = (a + b) / np.sqrt(2), (a - b) / np.sqrt(2)
+    return np.column_stack([x, y, np.cross(x, y)])
+
+
+def read_mj_grasp_sim(data: Any, name: str) -> Rows:
+    """mj_grasp_sim: npz with `pose` (n, 4, 4) of the hand and `joints` (n, k)."""
+    poses, joints = np.asarray(entry(data, "pose")), np.asarray(entry(data, "joints"))
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or joints.ndim != 2 or len(joints) != len(poses):
+        problem = f"have shapes {poses.shape} and {joints.shape}; (N, 4, 4) and (N, k) are needed"
+        raise InputError(problem, field="pose and joints")
+
+    def grasp(i: int) -> RecordedGrasp:
+        at = Posture(matrix_pose(poses[i], f"pose[{i}]"), numbers(joints[i], (None,), f"joints[{i}]"))
+        return RecordedGrasp(i, at, object=name)
+
+    return rows(len(poses), grasp)
+
+
+def read_graspgen(data: Any, name: str) -> Rows:
+    """GraspGen: JSON with `object` {file, scale} and `grasps` {transforms (n, 4, 4), object_in_gripper (n,)}.
+
+    Transforms are of the gripper's base; its joints are the mapping's, as the files have none. A grasp that the file
+    says failed is kept with the score 0.
+    """
+    about, found = data.get("object"), data["grasps"]
+    about = about if isinstance(about, Mapping) else {}
+    poses = entry(found, "transforms")
+    held = found.get("object_in_gripper")
+    if not isinstance(poses, list) or (held is not None and len(held) != len(poses)):
+        raise InputError("are no list, or not as many as object_in_gripper", field="grasps.transforms")
+    scale = positive(about.get("scale", 1.0), "object.scale")
+
+    def grasp(i: int) -> RecordedGrasp:
+        at = Posture(matrix_pose(poses[i], f"grasps.transforms[{i}]"), {})
+        score = None if held is None else float(bool(held[i]))
+        return RecordedGrasp(i, at, object=text(about.get("file")) or name, scale=scale, score=score)
+
+    return rows(len(poses), grasp)
+
+
+def read_isaac_grasp(data: Any, name: str) -> Rows:
+    """isaac_grasp 1.0: YAML with the gripper's pose and its joints by name, for each named grasp."""
+    version = data.get("format_version")
+    if version is not None and number(version, "format_version") != 1.0:
+        raise InputError(f"is {version}; 1.0 is understood", field="format_version")
+    found = entry(data, "grasps")
+    if not isinstance(found, Mapping):
+        raise InputError("is no dictionary of named grasps", field="grasps")
+    names = list(found)
+
+    def grasp(i: int) -> RecordedGrasp:
+        try:
+            return _isaac_grasp(found[names[i]], i, name)
+        except InputError as fault:
+            raise fault.within(f"grasps.{names[i]}") from None
+
+    return rows(len(names), grasp)
+
+
+def _isaac_grasp(row: Any, index: int, name: str) -> RecordedGrasp:
+    turn = entry(row, "orientation")
+    quaternion = [number(entry(turn, "w"), "orientation.w"), *numbers(entry(turn, "xyz"), (3,), "orientation.xyz")]
+    root = pose_of([*numbers(entry(row, "position"), (3,), "position"), *quaternion], "orientation")
+    at, before = (named_numbers(row.get(key) or {}, key) for key in ("cspace_position", "pregrasp_cspace_position"))
+    score = number(row["confidence"], "confidence") if "confidence" in row else None
+    pregrasp = Posture(root, before) if before else None
+    return RecordedGrasp(index, Posture(root, at), pregrasp=pregrasp, object=name, score=score)
