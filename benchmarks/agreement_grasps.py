@@ -34,8 +34,8 @@ from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
+from handfast.readers.grasp_file import load_grasp
 
 INDEX = Path(__file__).parent / "grasps" / "agreement.json"
 SIZES = range(3, 11)  # contacts

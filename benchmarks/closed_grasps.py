@@ -30,10 +30,10 @@ from handfast.geometry.contacts import grasp_of
 from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
-from handfast.model.hand.load import load_hand
 from handfast.planning.candidates import palm_poses
 from handfast.planning.candidates.palm_poses import STANDARD, Palm, palm_of
 from handfast.planning.evaluation.attempt import PENETRATION, Attempts, Placed, Runner, squeezing
+from handfast.readers.load_hand import load_hand
 from handfast.stability.loads import Loads
 
 NAMES = {"barrett": "barrett-bh8-280", "sah": "schunk-sah"} | {n: FILES[n] for n in ("allegro", "shadow", "adroit")}

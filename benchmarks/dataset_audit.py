@@ -53,10 +53,12 @@ from handfast.geometry.contacts import grasp_of
 from handfast.measures.chosen_forces import smallest_forces
 from handfast.measures.measuring import measure_columns
 from handfast.measures.wrench_scale import WrenchScale
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.model.grasp import LARGEST, Contact, Grasp
-from handfast.model.hand import Hand, load_hand
+from handfast.model.hand import Hand
 from handfast.model.servo import servo_commands
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from handfast.simulation.ending import Ending
 from handfast.simulation.loaded_twin import simulate
 from handfast.stability.batch import max_many

@@ -31,10 +31,10 @@ from handfast import load_grasp
 from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import to_dict
 from handfast.proofs.existence import Proved, nearby, prove
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.states import Problem, State
+from handfast.readers.grasp_file import to_dict
 from handfast.stability.queries import check, maximum
 from handfast.stability.settings import Settings
 from handfast.stability.witness import Witness

@@ -41,11 +41,11 @@ from handfast.datasets.labels.label_files import load_labels, write_durably
 from handfast.datasets.labels.labeller import Labelling
 from handfast.datasets.scene_source import SceneSource
 from handfast.geometry.contacts import grasp_of
-from handfast.model.body import load_body
-from handfast.model.hand.load import load_hand
 from handfast.planning.candidates import palm_poses
 from handfast.planning.candidates.palm_poses import STANDARD, palm_of
 from handfast.planning.evaluation.attempt import PENETRATION, Attempts, Placed, Runner, squeezing
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from handfast.stability.loads import Loads
 
 OBJECTS = ("ball", "block", "bottle", "can", "dumbbell", "egg", "mallet", "mug", "pear", "ring", "torch", "wedge")

@@ -41,12 +41,13 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.model.grasp_file import from_dict, to_dict
 from handfast.model.hand.hand import Hand
-from handfast.model.hand.load import load_hand
 from handfast.model.shape import Shape
+from handfast.readers.grasp_file import from_dict, to_dict
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from handfast.stability.model import reaction_range
 
 DATA = Path(__file__).parent / "grasps"

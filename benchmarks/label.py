@@ -38,9 +38,9 @@ from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.label_files import load_labels
 from handfast.datasets.labels.labeller import Labelling, label
 from handfast.datasets.scene_source import SceneSource
-from handfast.model.configuration import load_configuration
-from handfast.model.grasp_file import file_dict, from_dict
-from handfast.model.hand.load import load_hand
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.grasp_file import file_dict, from_dict
+from handfast.readers.load_hand import load_hand
 
 RESULTS = Path(__file__).parent / "results" / "label.json"
 COURSE = {c.name for c in COLUMNS if c.course}

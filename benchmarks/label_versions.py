@@ -35,7 +35,7 @@ CLOSED = 2e-3  # relative distance of bounds that no limit kept apart
 
 def answer() -> None:
     """The process of one version: a grasp file per line in, its label and processor time [s] out."""
-    from handfast.model.grasp_file import from_dict
+    from handfast.readers.grasp_file import from_dict
 
     try:
         from handfast.datasets.labels.labeller import Labelling, label
@@ -60,7 +60,7 @@ def texts(allegro: str, each: int) -> Iterator[tuple[str, str]]:
     from benchmarks.grasps import cases
     from handfast.datasets.dataset_rows import GraspChanges, PosedRow
     from handfast.datasets.scene_source import SceneSource
-    from handfast.model.grasp_file import file_dict
+    from handfast.readers.grasp_file import file_dict
 
     for case in cases(("random", "barrett", "allegro")):
         if case.contacts <= 5:

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from handfast.core.parallel import default_jobs
-from handfast.model.grasp_file import load_grasp
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability.many import Case, Options, max_answers, maxima
 from handfast.stability.queries import maximum
 

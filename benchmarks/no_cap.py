@@ -27,8 +27,8 @@ from benchmarks.machine import describe
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability import scaled_problem
 from handfast.stability.queries import check, maximum
 from handfast.stability.queries.max_query import max_goal

@@ -28,7 +28,7 @@ from benchmarks.machine import describe
 from handfast.core.arrays import Array
 from handfast.measures.conic_program import ConicProgram
 from handfast.model.grasp import Contact, Grasp
-from handfast.model.grasp_file import load_grasp
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability.maps import Curve, force_map
 from handfast.stability.queries import maximum
 from handfast.stability.settings import Settings

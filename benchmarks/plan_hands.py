@@ -32,10 +32,10 @@ from benchmarks.real_hands import FRICTION, MASSES
 from handfast import Verdict, check, load_body, load_hand
 from handfast.core.errors import InputError
 from handfast.model.body import Body
-from handfast.model.grasp_file import load_grasp, save_grasp
 from handfast.model.hand import Hand
 from handfast.planning.plan_grasps import plan
 from handfast.planning.results.planned import Plan
+from handfast.readers.grasp_file import load_grasp, save_grasp
 
 HERE = Path(__file__).parent
 HANDS = {

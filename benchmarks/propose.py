@@ -19,10 +19,10 @@ from benchmarks.machine import describe
 from handfast.geometry.collision import Collisions
 from handfast.geometry.guess_regions import regions_of
 from handfast.geometry.scene import Scene
-from handfast.model.body import load_body
-from handfast.model.hand.load import load_hand
 from handfast.planning.evaluation.evaluator import requests
 from handfast.planning.propose_tasks import Proposals, propose
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 
 RESULTS = Path(__file__).parent / "results" / "propose.json"
 SHARED = Path(__file__).parents[2] / "shared"

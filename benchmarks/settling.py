@@ -40,8 +40,8 @@ from handfast.core.transforms import transform
 from handfast.geometry.contacts import contact_grasp
 from handfast.geometry.scene import Scene
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
 from handfast.planning.closing import close
+from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.settling import GraspInScene, settle
 from handfast.stability.answers import finite
 from handfast.stability.queries import check, maximum

@@ -21,7 +21,7 @@ from benchmarks import simulation_agreement
 from benchmarks.machine import describe
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
+from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.drag_step import StepProblem, drag_step
 from handfast.simulation.loaded_twin import force_unit
 from handfast.simulation.slow_motion import HARDER, STIFFNESS

@@ -26,12 +26,13 @@ from handfast.core import bundled
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.model.body import load_body
-from handfast.model.configuration import Configuration, save_configuration
+from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
-from handfast.model.hand.load import load_hand
 from handfast.planning.plan_grasps import plan
+from handfast.readers.configuration_file import save_configuration
+from handfast.readers.grasp_file import load_grasp
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from handfast.simulation.loaded_bodies import simulate_bodies
 from handfast.simulation.loaded_twin import simulate
 from handfast.stability.queries import maximum

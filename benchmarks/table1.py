@@ -22,8 +22,8 @@ import numpy as np
 
 from benchmarks.machine import describe
 from handfast.core.errors import InputError
-from handfast.model.grasp_file import load_grasp
 from handfast.papers import algorithm1, mip
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability import scaled_problem
 from handfast.stability.goal import SMALLEST_PRELOAD
 from handfast.stability.queries import maximum

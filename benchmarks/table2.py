@@ -39,7 +39,7 @@ from handfast import load_body, load_configuration, load_grasp
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import to_dict
+from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import Answer, finite
 from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, check, maximum, torques

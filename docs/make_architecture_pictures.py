@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 IMAGES = Path(__file__).parent / "img"
 ROOMS = {"in": "#e8e8e8", "ours": "#d6e4f5", "proof": "#d9efd9", "out": "#f6e7c8"}
 VERDICT = [
-    ("in", "grasp file, hand + object", "model/grasp_file.py\ngeometry/contacts.py"),
+    ("in", "grasp file, hand + object", "readers/grasp_file.py\ngeometry/contacts.py"),
     ("in", "Grasp, load", "model/grasp.py\nstability/loads.py"),
     ("ours", "ScaledProblem and Goal", "stability/scaled_problem.py\nstability/goal.py"),
     ("ours", "Reduced: equations\neliminated", "search/reduced.py"),

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 from handfast import load_hand
 from handfast.core.files import write_bytes
-from handfast.model.hand.load import TABLE_1_PREFIX
 from handfast.model.hand.structures import TABLE_1
 from handfast.pictures.drawing import INK, picture, solids
 from handfast.pictures.scene import Mesh
+from handfast.readers.load_hand import TABLE_1_PREFIX
 
 IMAGE = Path(__file__).parent / "img" / "table1.png"
 COLUMNS, ROWS = 6, 2

@@ -32,9 +32,8 @@ from PIL import Image
 from handfast import Settings, load_body, load_configuration, load_grasp, load_hand
 from handfast.core.arrays import Array
 from handfast.core.files import write_bytes
-from handfast.model.configuration import Configuration, save_configuration
+from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import save_grasp
 from handfast.model.hand import Hand
 from handfast.pictures.drawing import picture
 from handfast.pictures.scene import View, scene_meshes
@@ -43,6 +42,8 @@ from handfast.planning.evaluation.attempt import PlannedGrasp
 from handfast.planning.plan_grasps import plan
 from handfast.planning.requirements import Limits
 from handfast.planning.results.planned import Plan
+from handfast.readers.configuration_file import save_configuration
+from handfast.readers.grasp_file import save_grasp
 
 HAND = "barrett-bh8-280"
 CONTACTS = {  # object: contacts, in the order of Fig. 13's letters

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from handfast.geometry.contacts import contact_grasp
-from handfast.model.body import load_body
-from handfast.model.configuration import load_configuration
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp, save_grasp
-from handfast.model.hand.load import load_hand
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.grasp_file import load_grasp, save_grasp
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 
 DATA = Path(__file__).parents[1] / "src" / "handfast" / "data" / "grasps"
 NAMES = ("tendon-block", "milling-fixture", "four-feet")

@@ -47,13 +47,13 @@ from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.geometry.scene import Scene
 from handfast.model import decompose
-from handfast.model.grasp_file import from_dict, to_dict
 from handfast.model.hand.coupling import driver_ranges
-from handfast.model.hand_regions import load_hand_regions
 from handfast.planning.grasp_for import grasp_for
 from handfast.planning.results.search_file import load_search, save_search
 from handfast.proofs import answers as saved_answers
 from handfast.proofs.certificate import file_to_dict
+from handfast.readers.grasp_file import from_dict, to_dict
+from handfast.readers.region_file import load_hand_regions
 from handfast.saved import verify
 from handfast.stability.loads import Loads
 from handfast.stability.loads_file import load_loads

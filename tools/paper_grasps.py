@@ -23,11 +23,13 @@ from scipy.spatial.transform import Rotation
 from handfast.core.arrays import Array
 from handfast.core.files import same_json
 from handfast.geometry.contacts import contact_grasp
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.model.configuration import Configuration
-from handfast.model.grasp_file import file_dict
-from handfast.model.hand import Hand, load_hand
+from handfast.model.hand import Hand
 from handfast.planning.closing import close
+from handfast.readers.grasp_file import file_dict
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 
 DATA = Path(__file__).parents[1] / "src" / "handfast" / "data"
 HAND = "barrett-bh8-280"

@@ -26,19 +26,12 @@ if TYPE_CHECKING:
     from handfast.measures.measuring import measure as measure
     from handfast.measures.measuring import measure_columns as measure_columns
     from handfast.model.body import Body as Body
-    from handfast.model.body import load_body as load_body
     from handfast.model.configuration import Configuration as Configuration
-    from handfast.model.configuration import load_configuration as load_configuration
     from handfast.model.cylinder_side import CylinderSide as CylinderSide
     from handfast.model.grasp import Contact as Contact
     from handfast.model.grasp import Grasp as Grasp
     from handfast.model.grasp import GraspJoint as GraspJoint
-    from handfast.model.grasp_file import load_grasp as load_grasp
-    from handfast.model.grasp_file import save_grasp as save_grasp
-    from handfast.model.graspit_scene import load_graspit_world as load_graspit_world
     from handfast.model.hand import Hand as Hand
-    from handfast.model.hand import load_hand as load_hand
-    from handfast.model.hand_regions import load_hand_regions as load_hand_regions
     from handfast.model.mechanism import Mechanism as Mechanism
     from handfast.model.provenance import Provenance as Provenance
     from handfast.model.provenance import SourceFile as SourceFile
@@ -56,6 +49,13 @@ if TYPE_CHECKING:
     from handfast.planning.plan_grasps import plan as plan
     from handfast.planning.propose_tasks import propose as propose
     from handfast.planning.requirements import Limits as Limits
+    from handfast.readers.configuration_file import load_configuration as load_configuration
+    from handfast.readers.grasp_file import load_grasp as load_grasp
+    from handfast.readers.grasp_file import save_grasp as save_grasp
+    from handfast.readers.graspit.graspit_world import load_graspit_world as load_graspit_world
+    from handfast.readers.load_body import load_body as load_body
+    from handfast.readers.load_hand import load_hand as load_hand
+    from handfast.readers.region_file import load_hand_regions as load_hand_regions
     from handfast.saved import verify as verify
     from handfast.simulation.loaded_bodies import simulate_bodies as simulate_bodies
     from handfast.simulation.loaded_twin import simulate as simulate
@@ -97,7 +97,7 @@ _HOME = {
     "draw_map": "pictures.map_picture",
     "draw_sweep": "pictures.map_picture",
     "Provenance": "model.provenance",
-    "load_hand_regions": "model.hand_regions",
+    "load_hand_regions": "readers.region_file",
     "Entry": "pictures",
     "write_report": "pictures",
     "SourceFile": "model.provenance",
@@ -108,17 +108,17 @@ _HOME = {
     "contact_grasp": "geometry.contacts",
     "find_contacts": "geometry.contacts",
     "Body": "model.body",
-    "load_body": "model.body",
+    "load_body": "readers.load_body",
     "Configuration": "model.configuration",
-    "load_configuration": "model.configuration",
+    "load_configuration": "readers.configuration_file",
     "Contact": "model.grasp",
     "Grasp": "model.grasp",
     "GraspJoint": "model.grasp",
-    "load_grasp": "model.grasp_file",
-    "save_grasp": "model.grasp_file",
+    "load_grasp": "readers.grasp_file",
+    "save_grasp": "readers.grasp_file",
     "Hand": "model.hand",
-    "load_graspit_world": "model.graspit_scene",
-    "load_hand": "model.hand",
+    "load_graspit_world": "readers.graspit.graspit_world",
+    "load_hand": "readers.load_hand",
     "measure": "measures.measuring",
     "measure_columns": "measures.measuring",
     "Mechanism": "model.mechanism",

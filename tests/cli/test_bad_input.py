@@ -16,10 +16,10 @@ from handfast.core.errors import InputError
 from handfast.core.files import DEPTH, DIGITS, parse_json
 from handfast.core.transforms import FARTHEST, transform
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
-from handfast.model.grasp_file import from_dict
-from handfast.model.hand_regions import load_hand_regions
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import SMALLEST, Shape
+from handfast.readers.grasp_file import from_dict
+from handfast.readers.region_file import load_hand_regions
 from handfast.saved import verify
 from handfast.stability import scaled_problem
 from handfast.stability.goal import GOALS, SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS

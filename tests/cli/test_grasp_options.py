@@ -10,9 +10,10 @@ import pytest
 
 from handfast import load_task
 from handfast.core.errors import InputError
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.planning import grasp_for
 from handfast.planning.requirements import link_pairs
+from handfast.readers.load_body import load_body
 from tests.support.program import complains, run
 
 Ask = Callable[..., tuple[Body, dict[str, Any]]]

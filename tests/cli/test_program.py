@@ -14,7 +14,7 @@ import pytest
 from benchmarks.grasps import random_case
 from handfast.cli import console
 from handfast.cli.app import COMMANDS, option_name
-from handfast.model.grasp_file import save_grasp
+from handfast.readers.grasp_file import save_grasp
 from tests.support.interruptions import interrupted_program
 from tests.support.program import ask, run
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from handfast.model.grasp_file import save_grasp
+from handfast.readers.grasp_file import save_grasp
 from handfast.stability.maps import force_map
 from handfast.stability.settings import Settings
 from tests.support.problems import pinch

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from benchmarks.simulation_floor import pinch
-from handfast.model.grasp_file import load_grasp, save_grasp
+from handfast.readers.grasp_file import load_grasp, save_grasp
 from handfast.simulation.settling import LOADS
 from tests.support.program import ask, complains, run
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from handfast.model.configuration import load_configuration
-from handfast.model.hand import load_hand
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.load_hand import load_hand
 from tests.support.driven_page import embedded
 from tests.support.program import ask, complains, run
 from tests.support.shown_hands import write_wristed

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from benchmarks.simulation_floor import pinch
-from handfast.model.grasp_file import save_grasp
+from handfast.readers.grasp_file import save_grasp
 from tests.support.program import ask, complains, run
 
 

@@ -11,8 +11,8 @@ import pytest
 from handfast import contact_grasp, load_hand
 from handfast.core.errors import InputError
 from handfast.model.body import Body
-from handfast.model.grasp_file import save_grasp
 from handfast.model.shape import Shape
+from handfast.readers.grasp_file import save_grasp
 from tests.support.program import ask, complains, run
 from tests.support.soft_fingers import coin
 

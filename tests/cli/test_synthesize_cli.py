@@ -17,7 +17,7 @@ import pytest
 from handfast.cli import console, main, synthesis_tables
 from handfast.cli.app import ABOUT
 from handfast.core import bundled
-from handfast.model.hand import load_hand
+from handfast.readers.load_hand import load_hand
 from handfast.synthesis.query import SynthesisProgress
 from handfast.synthesis.task_file import save_task
 from tests.support.holds import HARD, LARGE, grip_file, pinch

@@ -20,7 +20,7 @@ from handfast import (
     sweep,
     torques,
 )
-from handfast.model.grasp_file import to_dict
+from handfast.readers.grasp_file import to_dict
 from tests.support.problems import bell, pinch
 from tests.support.program import ask, complains, run
 

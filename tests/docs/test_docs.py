@@ -31,15 +31,15 @@ from handfast.cli import main
 from handfast.cli.app import ALIASES, COMMANDS, option_name
 from handfast.core.files import Strict
 from handfast.datasets.published.mapping_file import read_mapping
-from handfast.model.body import load_body
-from handfast.model.configuration import Configuration, load_configuration
-from handfast.model.grasp_file import GraspFile, load_grasp
-from handfast.model.hand.load import load_hand
-from handfast.model.hand_regions import load_hand_regions
-from handfast.model.region_file import KINDS
+from handfast.model.configuration import Configuration
 from handfast.proofs import configurations
 from handfast.proofs.certificate import NODES, ROWS, file_to_dict
 from handfast.proofs.states import State
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.grasp_file import GraspFile, load_grasp
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
+from handfast.readers.region_file import KINDS, load_hand_regions
 from handfast.stability.loads_file import load_loads
 from handfast.synthesis.synthesis_file import SynthesisAnswerEntry, SynthesisFile, SynthesisStateEntry
 from handfast.synthesis.task_file import TaskFile, load_task
@@ -242,7 +242,7 @@ def test_every_field_is_in_its_table(heading: str, model: type[Strict]) -> None:
 
 
 def test_every_field_of_a_body_is_in_its_table() -> None:
-    from handfast.model.body_file import BodyFile, ShapeFile
+    from handfast.readers.body_file import BodyFile, ShapeFile
 
     table = section((DOCS / "file-formats.md").read_text("utf-8"), "Body: `handfast/body/1`")
     written = {line.split("`")[1] for line in table.splitlines() if line.startswith("| `")}

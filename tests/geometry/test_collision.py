@@ -14,10 +14,12 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.collision import Collisions, Requested, SeparationVector, always_meeting, samples
 from handfast.geometry.scene import Scene
-from handfast.model.body import Body, load_body
-from handfast.model.hand import Hand, Joint, Link, load_hand
+from handfast.model.body import Body
+from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible
 from tests.support.places import FEASIBLE as FEASIBLE_FILE

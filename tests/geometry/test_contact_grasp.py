@@ -9,8 +9,8 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.contacts import contact_grasp, grasp_of
 from handfast.model.body import Body
-from handfast.model.hand import load_hand
 from handfast.model.shape import Shape
+from handfast.readers.load_hand import load_hand
 from tests.support.contact_cases import (
     contact_on,
     linked_finger,

@@ -12,10 +12,12 @@ from handfast.core.transforms import quaternion_matrix, transform
 from handfast.geometry.contacts import _merged, contact_grasp, deepest, find_contacts
 from handfast.geometry.patch import few, outline, overlap
 from handfast.geometry.scene import Scene
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.model.grasp import Contact
-from handfast.model.hand import Hand, Link, load_hand
+from handfast.model.hand import Hand, Link
 from handfast.model.shape import SIZES, Shape
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from tests.support.contact_cases import (
     NO_MOTION,
     contacts_of,

@@ -23,11 +23,12 @@ from handfast.geometry.dexterity import (
 )
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.model.hand import Hand, Joint, Link, load_hand
+from handfast.model.hand import Hand, Joint, Link
 from handfast.model.hand.hand import Coupling, coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 from handfast.planning.closing import close
+from handfast.readers.load_hand import load_hand
 from tests.support.four_bar import FourBar
 
 L1, L2 = 0.05, 0.03

@@ -18,7 +18,7 @@ from handfast import (
     scene_grasp,
 )
 from handfast.geometry.scene import checked_pose
-from handfast.model.grasp_file import file_dict
+from handfast.readers.grasp_file import file_dict
 
 PLACED = load_configuration("fig9")
 HAND, Q = PLACED.applied(load_hand("barrett-bh8-280"))

@@ -12,7 +12,7 @@ from handfast import CylinderSide, InputError
 from handfast.core.files import validate
 from handfast.geometry.curvature import curvature_at, principal_curvatures
 from handfast.model.region import Bezier, Cap, Region
-from handfast.model.region_file import RegionEntry, region_to_dict
+from handfast.readers.region_file import RegionEntry, region_to_dict
 from tests.support.planted import bump, moved, pose, turn
 
 X, Y, Z = np.eye(3)

@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handfast.core.errors import InputError
-from handfast.model.hand import Hand, load_hand
+from handfast.model.hand import Hand
 from handfast.model.hand.hand import Joint, Link
-from handfast.model.hand.load import BUNDLED
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
+from handfast.readers.load_hand import BUNDLED, load_hand
 from tests.support.places import ROOT, SHARED
 
 SHARED = SHARED / "hands"
@@ -395,8 +395,9 @@ def test_hull_is_closed_outward_and_contains_its_points(seed: int) -> None:
 
 def test_slow_libraries_are_imported_late() -> None:
     code = (
-        "import sys, handfast.model.hand, handfast.model.body, handfast.geometry.contacts, handfast.planning.closing;"
-        "handfast.model.hand.load_hand('schunk-sah');"
+        "import sys, handfast.readers.load_hand, handfast.readers.load_body;"
+        "import handfast.geometry.contacts, handfast.planning.closing;"
+        "handfast.readers.load_hand.load_hand('schunk-sah');"
         "print([m for m in ('mujoco', 'trimesh', 'pydantic', 'coacd') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

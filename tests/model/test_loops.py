@@ -11,8 +11,9 @@ import pytest
 from handfast.core.errors import InputError
 from handfast.geometry.contacts import grasp_of
 from handfast.model.grasp import Contact
-from handfast.model.hand import Hand, load_hand
+from handfast.model.hand import Hand
 from handfast.model.hand.coupling import coupled
+from handfast.readers.load_hand import load_hand
 from handfast.synthesis.task import Task
 from tests.support.four_bar import FourBar
 

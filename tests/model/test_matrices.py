@@ -9,7 +9,7 @@ import pytest
 
 from handfast import Body, Grasp, InputError, Mechanism, Verdict, check, load_grasp, maximum
 from handfast.core.arrays import Array
-from handfast.model.grasp_file import from_dict, to_dict
+from handfast.readers.grasp_file import from_dict, to_dict
 from tests.support.problems import pinch
 
 UP = [0.0, 1.0, 0, 0, 0, 0]

@@ -12,9 +12,9 @@ import pytest
 from handfast import Grasp, InputError, load_body, load_configuration, load_grasp, load_hand, save_grasp
 from handfast.core import bundled
 from handfast.geometry.contacts import contact_grasp
-from handfast.model.grasp_file import file_dict, from_dict, to_dict
 from handfast.model.provenance import Provenance, SourceFile
 from handfast.pictures.scene import source_meshes
+from handfast.readers.grasp_file import file_dict, from_dict, to_dict
 from tests.support.problems import pinch
 
 CLOSED = {

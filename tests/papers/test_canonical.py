@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from handfast.model.bernstein import evaluate
-from handfast.model.hand import load_hand
 from handfast.model.region import Bezier, Cap
 from handfast.papers.canonical_build import canonical
 from handfast.papers.patch_form import PatchForm, cap_parameters
+from handfast.readers.load_hand import load_hand
 from handfast.synthesis.task import Task
 from tests.support.canonical_systems import TIGHT, at, check_solution, jacobian, nullity, sah_system, tip
 from tests.support.places import SHARED

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.model.hand import Coupling, load_hand
+from handfast.model.hand import Coupling
 from handfast.papers.canonical_build import canonical, point
 from handfast.papers.loops import Kind
+from handfast.readers.load_hand import load_hand
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.canonical_systems import TIGHT, at, check_solution, nullity, sah_system, tip
 from tests.support.planted import HOME, X, Y, Z, bump, chain, joint, plant, pose, turn

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from handfast.core.branch import BranchAndPrune, Discarded, Order
 from handfast.core.errors import InputError
-from handfast.model.hand import load_hand
 from handfast.model.region import Cap
 from handfast.papers.box_shrinking import (
     Emptiness,
@@ -28,6 +27,7 @@ from handfast.papers.canonical import Canonical
 from handfast.papers.canonical_build import canonical, point
 from handfast.papers.highs import LinearProgram
 from handfast.papers.polytopes import relaxation
+from handfast.readers.load_hand import load_hand
 from tests.support.exact_programs import exact_below, finger, gripper, touching, wall
 from tests.support.planted import bump, plant
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
 from handfast.papers import mip, relaxation
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.refinement import SolverResult, SolverStatus
 from handfast.stability.settings import Settings

@@ -12,7 +12,7 @@ from matplotlib.colors import to_rgb
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.body import Body
-from handfast.model.hand import Hand, load_hand
+from handfast.model.hand import Hand
 from handfast.model.hand.hand import Link
 from handfast.model.hand_regions import HandRegion, HandRegions
 from handfast.model.region import Cap
@@ -23,6 +23,7 @@ from handfast.pictures.hand_facts import HandFacts, facts_of, shown_hand, stated
 from handfast.pictures.hand_picture import draw_hand
 from handfast.pictures.hand_scene import tint
 from handfast.pictures.scene import coarse
+from handfast.readers.load_hand import load_hand
 from tests.support.shown_hands import many_jointed, write_wristed
 
 

@@ -18,7 +18,7 @@ import pytest
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.body import Body
-from handfast.model.hand import Hand, load_hand
+from handfast.model.hand import Hand
 from handfast.model.hand.coupling import coupled
 from handfast.model.hand_regions import HandRegion, HandRegions
 from handfast.model.region import Cap
@@ -27,6 +27,7 @@ from handfast.pictures.hand_facts import facts_of, shown_hand
 from handfast.pictures.hand_page import hand_page, report_hand
 from handfast.pictures.hand_scene import OF_HAND, OF_OBJECT, hand_scene
 from handfast.planning.candidates.palm_poses import palm_of
+from handfast.readers.load_hand import load_hand
 from tests.support.driven_page import drive, embedded
 from tests.support.four_bar import FourBar
 from tests.support.shown_hands import many_jointed, write_wristed

@@ -178,8 +178,8 @@ def test_grasp_from_several_sides(grasp: Grasp, count: int) -> None:
 
 def test_scene_shows_the_solids(grasp: Grasp) -> None:
     from handfast.model.body import Body
-    from handfast.model.hand import load_hand
     from handfast.model.shape import Shape
+    from handfast.readers.load_hand import load_hand
 
     hand = load_hand("parallel-gripper")
     body = Body.of([Shape("box", (0.1, 0.04, 0.04))])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.simulation_floor import pinch
-from handfast.model.grasp_file import load_grasp
 from handfast.pictures.scene import moving_scene, source_meshes
+from handfast.readers.grasp_file import load_grasp
 
 
 def test_a_displaced_joint_moves_its_finger_and_nothing_else() -> None:

@@ -12,12 +12,14 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import transform
 from handfast.geometry.contacts import contact_grasp
 from handfast.geometry.scene import Scene
-from handfast.model.body import Body, load_body
-from handfast.model.hand import Coupling, Hand, Joint, Link, load_hand
+from handfast.model.body import Body
+from handfast.model.hand import Coupling, Hand, Joint, Link
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 from handfast.planning.closing import GAP, close
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from tests.support.four_bar import FourBar
 from tests.support.places import SHARED
 

@@ -15,7 +15,7 @@ from handfast.core.errors import InputError
 from handfast.geometry.guess_regions import regions_of
 from handfast.geometry.region_fit import fit_grid
 from handfast.geometry.scene import Scene
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.model.hand_regions import HandRegions
 from handfast.model.shape import Shape
 from handfast.planning.candidates.hand_shapes import HandShapes, _aligned
@@ -25,6 +25,7 @@ from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
 from handfast.planning.propose_tasks import Proposals, propose
 from handfast.planning.rejection import RejectionReason, Tally
+from handfast.readers.load_body import load_body
 
 BARRETT = load_hand("barrett-bh8-280")
 

@@ -13,13 +13,13 @@ from handfast.core.arrays import Array
 from handfast.model.hand import Hand
 from handfast.model.hand.hand import Coupling
 from handfast.model.region import Cap
-from handfast.model.region_file import region_to_dict
 from handfast.proofs.chains import CROOKED, Arms, Drive, orthonormal
 from handfast.proofs.contact_equations import rotations
 from handfast.proofs.fields import Fields
 from handfast.proofs.intervals import TINY, ULP, Dual, Interval
 from handfast.proofs.regions import ContactSide, _weights, read_region
 from handfast.proofs.replay import Refused
+from handfast.readers.region_file import region_to_dict
 from handfast.synthesis.task import ContactPair, Task
 from tests.support.planted import bump, chain, joint, pose
 from tests.support.planted_proofs import data_of

@@ -8,13 +8,13 @@ import pytest
 from benchmarks.exact_states import FAMILIES, drawn
 from handfast.core import bundled
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
 from handfast.proofs.balls import refined
 from handfast.proofs.existence import nearby, polished, prove
 from handfast.proofs.newton import System
 from handfast.proofs.states import Problem, State, choices, modes_of
 from handfast.proofs.tolerance import EPS, load_scale
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability.queries import check, maximum
 from tests.support.exact_states import data, moved, problem, state
 from tests.support.law_grasps import DOWN, jaw

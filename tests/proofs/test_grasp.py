@@ -13,9 +13,9 @@ from flint import fmpq
 
 from handfast.core import bundled
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp, to_dict
 from handfast.proofs.fields import BadFile
 from handfast.proofs.grasp import MANY, NOTHING, STOPS, UNIT_TOLERANCE, GraspData, read_grasp
+from handfast.readers.grasp_file import load_grasp, to_dict
 from tests.support.law_grasps import random_law_grasp
 from tests.support.problems import bell, nest, pinch, solved
 from tests.support.refused import refused

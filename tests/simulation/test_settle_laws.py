@@ -11,7 +11,7 @@ import pytest
 
 from handfast.geometry.contacts import grasp_of
 from handfast.model.grasp import Contact, Grasp
-from handfast.model.hand.load import load_hand
+from handfast.readers.load_hand import load_hand
 from handfast.simulation.drag_step import StepProblem, drag_step
 from handfast.simulation.grasp_laws import locked_joints, motors_of
 from handfast.simulation.settled import Rest, Settled

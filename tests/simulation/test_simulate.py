@@ -10,8 +10,8 @@ import pytest
 from benchmarks.simulation_floor import Damped, Rubbing, across, block, on_slope, pinch, pushed_pinch
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
+from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.ending import EVIDENT, LOST, REST, SLIP, Ending, judge
 from handfast.simulation.loaded_twin import force_unit, simulate
 from handfast.simulation.stepper import Stepper

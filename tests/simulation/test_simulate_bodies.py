@@ -11,8 +11,8 @@ import pytest
 from benchmarks.simulation_floor import across, pinch
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
 from handfast.model.shape import Shape
+from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.bodies import Bodies
 from handfast.simulation.ending import Ending
 from handfast.simulation.loaded_bodies import simulate_bodies

@@ -22,9 +22,9 @@ from handfast import (
     torques,
 )
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import from_dict, to_dict
 from handfast.model.mechanism import Mechanism
 from handfast.proofs.answers import read_answer, replay
+from handfast.readers.grasp_file import from_dict, to_dict
 from handfast.stability import model
 from handfast.stability.loads import Loads
 from tests.support.law_grasps import BACKDRIVABLE, DOWN, OPENS, curled, jaw

@@ -10,8 +10,8 @@ import pytest
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool
-from handfast.model.grasp_file import load_grasp
 from handfast.proofs.checker import verify
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability import many
 from handfast.stability.many import max_answers
 from handfast.stability.queries import MaxAnswer, maximum

@@ -17,7 +17,7 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
 from handfast.core.parallel import default_jobs
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import save_grasp
+from handfast.readers.grasp_file import save_grasp
 from handfast.stability import maps
 from handfast.stability.many import Case, maxima
 from handfast.stability.maps import force_map, sweep

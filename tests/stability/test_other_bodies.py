@@ -9,8 +9,8 @@ from benchmarks.other_bodies import own_motors, weight_at
 from handfast import Settings, check, load_configuration, load_grasp, load_hand, maximum, torques
 from handfast.core.answer import Verdict
 from handfast.geometry.contacts import contact_grasp
-from handfast.model.body import load_body
 from handfast.pictures import words
+from handfast.readers.load_body import load_body
 
 PERCENT = Settings(gap=1e-2, verify=False)
 

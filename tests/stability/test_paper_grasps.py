@@ -10,12 +10,12 @@ import pytest
 
 from handfast.core.answer import Verdict
 from handfast.geometry.contacts import contact_grasp
-from handfast.model.body import load_body
-from handfast.model.configuration import load_configuration
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
-from handfast.model.hand import load_hand
 from handfast.proofs import checker
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.grasp_file import load_grasp
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from handfast.stability.maps import force_map
 from handfast.stability.queries import MaxAnswer, check, maximum, torques
 from handfast.stability.settings import Settings

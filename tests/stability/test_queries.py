@@ -12,9 +12,9 @@ import pytest
 from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.model.grasp_file import load_grasp
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import checker
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability import model, queries
 from handfast.stability.answers import Answer
 from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer

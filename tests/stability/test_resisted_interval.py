@@ -15,9 +15,9 @@ from handfast.cli import main
 from handfast.cli.map import csv
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.model.grasp_file import load_grasp, save_grasp
 from handfast.pictures import words
 from handfast.pictures.map_picture import draw_map
+from handfast.readers.grasp_file import load_grasp, save_grasp
 from handfast.stability.maps import MapAnswer, force_map
 from handfast.stability.queries import MaxAnswer, check, maximum
 from handfast.stability.search.interval_search import _Magnitudes, resisted

@@ -10,8 +10,8 @@ import pytest
 from benchmarks.simulation_floor import pinch
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
-from handfast.model.grasp_file import load_grasp
 from handfast.pictures.sampled_picture import conclusion, draw_sampled
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability.perturbation import Perturbation
 from handfast.stability.sampled_maximum import SampledMaximum, sampled_maximum
 

@@ -14,8 +14,8 @@ from handfast import verify
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact
-from handfast.model.grasp_file import from_dict, load_grasp, save_grasp, to_dict
 from handfast.proofs import checker
+from handfast.readers.grasp_file import from_dict, load_grasp, save_grasp, to_dict
 from handfast.stability import model
 from handfast.stability.batch import check_many, max_many
 from handfast.stability.margin_search import margin

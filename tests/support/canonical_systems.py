@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from handfast.model.hand import load_hand
 from handfast.model.region import Cap
 from handfast.papers.canonical import Canonical
 from handfast.papers.canonical_build import point
+from handfast.readers.load_hand import load_hand
 from tests.support.planted import bump, plant
 
 TIGHT = 1e-12  # rounding, in units of length and of direction

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import to_dict
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.states import Problem, State
+from handfast.readers.grasp_file import to_dict
 from handfast.stability import model
 
 

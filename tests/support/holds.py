@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from handfast.model.hand import load_hand
 from handfast.model.region import Bezier, Cap
+from handfast.readers.load_hand import load_hand
 from handfast.synthesis.task import ContactPair, Task
 
 OPEN = 0.08  # [m] between the gripper's fingertips when it is open: wider objects do not fit

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from handfast.core.arrays import Array
 from handfast.model.cylinder_side import CylinderSide
-from handfast.model.hand import Coupling, Hand, Joint, Link, load_hand
+from handfast.model.hand import Coupling, Hand, Joint, Link
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap, Region
@@ -24,6 +24,7 @@ from handfast.proofs.configurations import AND, ContactPoint, Existence
 from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.replay import Replay
 from handfast.proofs.tasks import TaskData, read_task
+from handfast.readers.load_hand import load_hand
 from handfast.synthesis import existence
 from handfast.synthesis.embedded import task_to_dict
 from handfast.synthesis.task import ContactPair, PoseBounds, Task

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from handfast.geometry.contacts import contact_grasp
-from handfast.model.body import load_body
-from handfast.model.configuration import load_configuration
 from handfast.model.grasp import Grasp
-from handfast.model.hand.load import load_hand
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 
 JAWS = """<mujoco model="jaws"><worldbody><body name="palm"><geom type="box" size=".05 .05 .005" pos="0 0 -.1"/>
 <body name="left" pos="-.03 0 0">

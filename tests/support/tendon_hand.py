@@ -11,8 +11,8 @@ from pathlib import Path
 
 import mujoco
 
-from handfast.model.hand import load_hand
 from handfast.model.hand.hand import Hand
+from handfast.readers.load_hand import load_hand
 
 FRICTION = 0.01  # [N m] of every joint
 FINGER = """

@@ -18,8 +18,9 @@ from handfast.core import bundled
 from handfast.core.arrays import Array
 from handfast.core.transforms import transform
 from handfast.geometry.scene import Scene
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.model.region import Bezier, Cap, Region
+from handfast.readers.load_body import load_body
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible, missed

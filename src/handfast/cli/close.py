@@ -47,9 +47,10 @@ class Close(SceneOptions, Command):
     def run(self) -> int:
         from handfast.geometry.contacts import contact_grasp
         from handfast.geometry.scene import Scene
-        from handfast.model.configuration import Configuration, save_configuration
-        from handfast.model.grasp_file import save_grasp
+        from handfast.model.configuration import Configuration
         from handfast.planning.closing import close
+        from handfast.readers.configuration_file import save_configuration
+        from handfast.readers.grasp_file import save_grasp
 
         check_writable(self.output, self.force, (".json",))
         check_writable(self.grasp, self.force, (".json",))

@@ -56,8 +56,8 @@ class Contacts(SceneOptions, Command):
     def run(self) -> int:
         from handfast.cli import tables
         from handfast.geometry.contacts import contact_grasp
-        from handfast.model.grasp_file import file_dict, save_grasp
         from handfast.pictures import words
+        from handfast.readers.grasp_file import file_dict, save_grasp
 
         check_writable(self.output, self.force, (".json",))
         check_writable(self.report, self.force, (".html", ".htm"))

@@ -38,8 +38,8 @@ class Demo(Command):
         import numpy as np
 
         from handfast.cli import map as map_command
-        from handfast.model.grasp_file import save_grasp
         from handfast.pictures import Entry, words, write_report
+        from handfast.readers.grasp_file import save_grasp
         from handfast.stability.maps import force_map
         from handfast.stability.queries import check, maximum, torques
         from handfast.stability.settings import Settings
@@ -91,9 +91,9 @@ def build() -> tuple[Grasp, list[Mesh]]:
     """
     from handfast.cli.scene_options import load_placed
     from handfast.geometry.contacts import contact_grasp
-    from handfast.model.body import load_body
-    from handfast.model.hand import load_hand
     from handfast.pictures.scene import scene_meshes
+    from handfast.readers.load_body import load_body
+    from handfast.readers.load_hand import load_hand
 
     placed = load_placed(CONFIGURATION)
     hand, q = placed.applied(load_hand(placed.hand or HAND))

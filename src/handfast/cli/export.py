@@ -34,8 +34,8 @@ class ExportGrasps(Command):
     def run(self) -> int:
         from handfast.datasets.published.exporting import ENDING, export, exported_from
         from handfast.datasets.published.mapping_file import HandMapping, load_mapping
-        from handfast.model.hand import load_hand
         from handfast.pictures import words
+        from handfast.readers.load_hand import load_hand
 
         if self.layout not in ENDING:
             given = "missing" if self.layout is None else f"unknown layout '{self.layout}'"

@@ -76,7 +76,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
         from handfast.datasets.published.import_folder import TABLES, refuse_target, write_folder, write_table
         from handfast.datasets.published.importing import Importer, Treatment, imported
         from handfast.datasets.published.published_file import published_files, sources
-        from handfast.model.hand import load_hand
+        from handfast.readers.load_hand import load_hand
 
         if not self.files:
             raise InputError("missing: FILE..., files of published grasps, or folders of them", source="import")

@@ -62,8 +62,8 @@ class List(Command):
 
 def table_1() -> dict[str, str]:
     """The hands of the synthesis paper's Table 1, which are built and have no files."""
-    from handfast.model.hand.load import TABLE_1_PREFIX
     from handfast.model.hand.structures import TABLE_1
+    from handfast.readers.load_hand import TABLE_1_PREFIX
 
     return {
         TABLE_1_PREFIX + name: f"{design.title}: {design.dof} motors, nominal dimensions"

@@ -131,7 +131,7 @@ class GraspOptions:
 
     def load(self) -> Grasp:
         """The grasp as asked for."""
-        from handfast.model.grasp_file import load_grasp
+        from handfast.readers.grasp_file import load_grasp
 
         return self.changed(load_grasp(self.grasp), self.grasp)
 

@@ -57,11 +57,11 @@ class Propose(Command):
 
     def run(self) -> int:
         from handfast.core import bundled
-        from handfast.model.body_copy import save_body_copy
-        from handfast.model.hand.load import load_hand
-        from handfast.model.hand_regions import load_hand_regions
         from handfast.planning.propose_tasks import propose
         from handfast.planning.sizes import compared
+        from handfast.readers.body_file import save_body_copy
+        from handfast.readers.load_hand import load_hand
+        from handfast.readers.region_file import load_hand_regions
 
         check_folder(self.output)
         check_writable(self.report, self.force, (".html", ".htm"))

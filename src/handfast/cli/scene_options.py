@@ -44,7 +44,7 @@ class SceneOptions(JointLawOptions):
 
     def load_scene(self) -> tuple[Hand, Body]:
         """Hand and object."""
-        from handfast.model.hand import load_hand
+        from handfast.readers.load_hand import load_hand
 
         hand = load_hand(self.hand, root=self.root, srdf=self.srdf)
         if self.root:  # saved files load it again by its source, from anywhere
@@ -56,7 +56,7 @@ class SceneOptions(JointLawOptions):
 
 def load_object(name: str, *, scale: float, center_of_mass: Numbers = (), **about: Any) -> Body:
     """The object that a command names; `InputError` for a scale that its file would not take."""
-    from handfast.model.body import load_body
+    from handfast.readers.load_body import load_body
 
     file = bundled.resolve("objects", name)
     if scale != 1 and file.lower().endswith(".json"):
@@ -75,6 +75,6 @@ def weight_note(body: Body) -> str:
 
 def load_placed(path: str) -> Configuration:
     """A configuration by path or bundled name."""
-    from handfast.model.configuration import load_configuration
+    from handfast.readers.configuration_file import load_configuration
 
     return load_configuration(bundled.resolve("configurations", path))

@@ -44,8 +44,8 @@ class Show(Command):
 
     def run(self) -> int:
         from handfast.cli.scene_options import load_object, load_placed
-        from handfast.model.hand.load import load_hand
-        from handfast.model.hand_regions import load_hand_regions
+        from handfast.readers.load_hand import load_hand
+        from handfast.readers.region_file import load_hand_regions
 
         check_writable(self.output, self.force, (".html", ".htm", ".png", ".svg"))
         hand, q, pose = load_hand(self.hand), None, None

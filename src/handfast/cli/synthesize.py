@@ -73,7 +73,7 @@ class Synthesize(Command):
             answer.save(self.save, force=self.force)
             written.append(self.save)
         for path, solution in zip(self._configurations(len(answer.solutions)), answer.solutions, strict=False):
-            from handfast.model.configuration import save_configuration
+            from handfast.readers.configuration_file import save_configuration
 
             save_configuration(solution.configuration, path, force=self.force)
             written.append(path)

@@ -8,7 +8,7 @@ from typing import Any
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import from_dict
+from handfast.readers.grasp_file import from_dict
 
 
 @dataclass(frozen=True)

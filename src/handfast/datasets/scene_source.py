@@ -13,9 +13,9 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.datasets.dataset_rows import GraspChanges, PosedRow
-from handfast.model.body import load_body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
+from handfast.readers.load_body import load_body
 
 if TYPE_CHECKING:
     from handfast.geometry.scene import Scene
@@ -48,8 +48,8 @@ class SceneSource:
     @classmethod
     def of(cls, hand: str, object: str, **others: Any) -> SceneSource:
         """With absolute paths and checksums; raises `InputError` as the loaders do."""
-        from handfast.model.hand import load_hand
         from handfast.model.provenance import SourceFile
+        from handfast.readers.load_hand import load_hand
 
         bare = cls(_absolute(hand), _absolute(object), **others)
         known = SourceFile.of(load_hand(bare.hand, root=bare.root).source, "hand"), SourceFile.of(bare.object, "object")
@@ -62,8 +62,8 @@ class SceneSource:
         """The compiled scene, of this thread; `InputError` if files are missing or others."""
         if getattr(_own, "source", None) != self:
             from handfast.geometry.scene import Scene
-            from handfast.model.hand import load_hand
             from handfast.model.provenance import SourceFile
+            from handfast.readers.load_hand import load_hand
 
             hand = load_hand(self.hand, root=self.root)
             body = load_body(self.object, scale=self.scale)

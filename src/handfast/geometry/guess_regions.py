@@ -20,9 +20,10 @@ from handfast.core.transforms import normal_frame
 from handfast.geometry.region_fit import fit
 from handfast.model.hand.anatomy import Anatomy, above
 from handfast.model.hand.hand import Hand
-from handfast.model.hand_regions import HandRegion, HandRegions, Role, load_hand_regions
+from handfast.model.hand_regions import HandRegion, HandRegions, Role
 from handfast.model.region import Cap, Region
 from handfast.model.shape import Faces, Shape
+from handfast.readers.region_file import load_hand_regions
 
 FORWARD = 0.25  # a tip also touches with its end: share of the outward direction in its facing one
 FACING = np.cos(np.radians(50))  # of the angle between a facing triangle's normal and the facing direction

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import os
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from handfast.core import bundled
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
-from handfast.model.body_models import MODEL_FILES, read_body_model, read_folder
-from handfast.model.graspit_body import GraspitBody
-from handfast.model.mesh_file import MESH_FILES, checked_mesh, read_mesh
-from handfast.model.mesh_pieces import checked_scale, joined, pieces_of
-from handfast.model.shape import Faces, Shape
+from handfast.model.mesh_pieces import checked_mesh, checked_scale, joined, pieces_of
+from handfast.model.shape import Faces, Mesh, Shape
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -65,7 +59,7 @@ class Body:
         mass: float | None = None,
         friction: float = 0.5,
         center_of_mass: object = None,
-        mesh: tuple[Array, Faces] | None = None,
+        mesh: Mesh | None = None,
     ) -> Body:
         """A body from shapes; the centre of mass defaults to the pieces' centre of volume.
 
@@ -161,75 +155,3 @@ def weight(mass: float, center_of_mass: object, direction: object, g: float = 9.
     d = d / np.abs(d).max()  # no square overflows
     force = mass * g * d / np.linalg.norm(d)
     return np.concatenate([force, np.cross(frozen(center_of_mass, (3,), "center of mass"), force)])
-
-
-def load_body(
-    source: str | Path,
-    mass: float | None = None,
-    friction: float | None = None,
-    center_of_mass: object = None,
-    scale: float = 1.0,
-) -> Body:
-    """An object from a mesh, URDF, SDF, GraspIt! or `handfast/body/1` file, a folder of meshes, or a bundled one.
-
-    A mesh may consist of several convex parts (groups, or connected components): they are taken as they
-    are, each as its convex hull. A part that is not convex is decomposed into convex pieces with CoACD,
-    with a fixed seed. The centre of mass defaults to the centre of the volume (of the pieces, if there
-    are several). Of a URDF or SDF file count collision shapes, masses and (SDF) the smallest friction; the meshes of a
-    folder are pieces of one object.
-
-    Args:
-        source: OBJ, STL, PLY, OFF, Inventor (.iv), VRML (.wrl), URDF, SDF, JSON, a folder, or XML of GraspIt!, which
-            states mm and grams.
-        mass: [kg]; unknown if absent here and in the file.
-        friction: coefficient; 0.5 if absent here and in the file.
-        center_of_mass: (3,) [m] in the object frame, after scaling.
-        scale: metres per unit of a mesh, a folder's meshes, or a URDF or SDF file; other files state their own.
-
-    Raises:
-        InputError: no such file, no triangles, NaN, flat, negative mass or friction, zero scale, a
-            field that the JSON schema does not know. One line, naming the file.
-    """
-    path = Path(bundled.resolve("objects", str(source)))
-    if not os.path.isfile(path) and not os.path.isdir(path):  # False, too, for what can be no name
-        known = "an OBJ, STL, PLY, OFF, IV, WRL, URDF, SDF, JSON or XML file"
-        raise InputError(f"no such file; {known} is needed", source=str(path))
-    try:
-        drawn: tuple[Array, Faces] | None = None
-        stored: tuple[object, ...] = (None, None, None)
-        if path.suffix.lower() in MESH_FILES:
-            checked_scale(scale)
-            groups = read_mesh(path)
-            name, pieces = path.stem, pieces_of(groups, path.name, scale)
-            vertices, faces = joined(groups)
-            drawn = (vertices * scale, faces)
-        elif path.is_dir() or path.suffix.lower() in MODEL_FILES:
-            parts = read_folder(path, scale) if path.is_dir() else read_body_model(path, scale)
-            name, pieces, stored = parts.name, parts.pieces, (parts.mass, parts.friction, parts.center_of_mass)
-        elif path.suffix.lower() == ".xml":
-            thing = GraspitBody.read(path)
-            pieces, drawn = thing.solids()
-            name, stored, scale = path.stem, (thing.mass, None, thing.center_of_mass), 1.0
-            if friction is None:
-                thing.say_friction()
-        else:
-            from handfast.model.body_file import read_body_file  # pydantic, slow to import
-
-            file = read_body_file(path)
-            pieces = file.shapes_in(path.parent)
-            name, stored = file.name or path.stem, (file.mass, file.friction, file.center_of_mass)
-            scale = 1.0
-        given = (mass, friction, center_of_mass)
-        found: Any = [s if v is None else v for v, s in zip(given, stored, strict=True)]
-        body = Body.of(
-            pieces,
-            name=name,
-            mass=found[0],
-            friction=0.5 if found[1] is None else found[1],
-            center_of_mass=found[2],
-            mesh=drawn,
-        )
-        named = str(source) if str(source) in bundled.names("objects") else str(path)
-        return replace(body, source=named, scale=scale)
-    except InputError as fault:
-        raise fault.at(str(path)) from None

@@ -1,4 +1,4 @@
-"""The `handfast/configuration/1` file: where the joints and the object are.
+"""Configuration: where the joints and the object are, as the `handfast/configuration/1` file states it.
 
 {"schema": "handfast/configuration/1", "hand": "barrett-bh8-280", "object": "can.obj",
  "joints": {"finger_1_prox": 1.2}, "preload": {"finger_1_prox": 0.1},
@@ -8,19 +8,34 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, model_validator
 
-from handfast.core import bundled
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
-from handfast.core.files import Finite, Strict, read_json, validate, write_text
-from handfast.core.transforms import matrix_quaternion
-from handfast.model.body_file import PoseFile
-from handfast.model.graspit_world import read_graspit_world
+from handfast.core.files import Finite, Strict, Vector
+from handfast.core.transforms import matrix_quaternion, quaternion_matrix, transform
 from handfast.model.hand.hand import Hand
+
+
+class PoseFile(Strict):
+    """A rigid motion: position [m] and unit quaternion (w, x, y, z)."""
+
+    position: Vector = (0.0, 0.0, 0.0)
+    quaternion: tuple[Finite, Finite, Finite, Finite] = (1.0, 0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _turns(self) -> PoseFile:
+        length = float(np.linalg.norm(self.quaternion))
+        if abs(length - 1) > 1e-3:
+            raise ValueError(f"quaternion has length {length:.4g}; a unit quaternion w, x, y, z is needed")
+        return self
+
+    @property
+    def matrix(self) -> Array:
+        """(4, 4)."""
+        return transform(self.position, quaternion_matrix(self.quaternion))
 
 
 class Configuration(Strict):
@@ -61,36 +76,3 @@ class Configuration(Strict):
     def dumped(self) -> str:
         """The file's text; absent fields are left out."""
         return json.dumps(self.model_dump(by_alias=True, exclude_none=True), indent=2) + "\n"
-
-
-def load_configuration(path: str | Path) -> Configuration:
-    """Read a configuration file, or a bundled one by name, or the configuration in a GraspIt! world.
-
-    Of a world (XML), hand and object are named by their files. `world.xml#Barrett,mug` chooses among several; a robot
-    that carries another, an arm, is not the hand. Obstacles are left out.
-
-    Raises:
-        InputError: no such file, not JSON, or the first field that is wrong. One line, naming the file.
-    """
-    name, _, chosen = str(path).partition("#")
-    if name.lower().endswith(".xml"):
-        world = read_graspit_world(Path(name), tuple(filter(None, chosen.split(","))))
-        pose = PoseFile(position=tuple(world.pose[:3, 3]), quaternion=tuple(matrix_quaternion(world.pose[:3, :3])))
-        return Configuration(
-            schema="handfast/configuration/1",
-            hand=str(world.robot),
-            object=str(world.body),
-            joints=world.joints,
-            object_pose=pose,
-        )
-    file = bundled.resolve("configurations", str(path))
-    data = read_json(file, "configuration")
-    try:
-        return validate(Configuration, data)
-    except InputError as fault:
-        raise fault.at(str(path)) from None
-
-
-def save_configuration(configuration: Configuration, path: str | Path, *, force: bool = False) -> None:
-    """Write a configuration file; `InputError` if it exists, unless `force`, or cannot be written."""
-    write_text(path, configuration.dumped(), force=force)

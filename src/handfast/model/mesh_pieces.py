@@ -1,4 +1,4 @@
-"""Convex pieces of meshes: their parts as they are where they are convex, decomposed where they are not."""
+"""Triangle meshes as convex pieces: their parts as they are where they are convex, decomposed where they are not."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.interrupts import deferred_interrupt
+from handfast.core.limited import limited
+from handfast.core.parallel import default_jobs
 from handfast.core.transforms import rigid
-from handfast.model.decompose import decompose
-from handfast.model.shape import Faces, Shape, refuse_far, volume_and_centroid
+from handfast.model.shape import Faces, Mesh, Shape, refuse_far, volume_and_centroid
 
+SECONDS, MEMORY = 300, 4 << 30  # [bytes]; solids of a hundred thousand triangles take a minute
 CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
 
 
@@ -21,7 +24,19 @@ def checked_scale(scale: float) -> None:
         raise InputError(f"is {scale}; metres per unit of the mesh are needed, more than 0", field="scale")
 
 
-def pieces_of(meshes: list[tuple[Array, Faces]], name: str, scale: float = 1.0, pose: object = None) -> list[Shape]:
+def checked_mesh(v: Array, f: Faces, source: str) -> Mesh:
+    """Vertices (n, 3) and faces (k, 3) with duplicates merged; `InputError` if they are no triangle mesh."""
+    if v.ndim != 2 or v.shape[1] != 3:
+        raise InputError(f"has vertices of {v.shape[-1]} coordinates; three are needed", source=source)
+    if f.ndim != 2 or f.shape[1] != 3 or f.min() < 0 or f.max() >= len(v):
+        raise InputError(f"has a triangle with a corner that is none of its {len(v)} vertices", source=source)
+    if not np.isfinite(v).all():
+        raise InputError("has a vertex that is NaN or infinite", source=source)
+    unique, inverse = np.unique(v, axis=0, return_inverse=True)
+    return unique, inverse.reshape(-1)[f]
+
+
+def pieces_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = None) -> list[Shape]:
     """Convex pieces of triangle meshes (n, 3), (k, 3) of one object, scaled to metres and placed at `pose` (4, 4)."""
     pose = rigid(np.eye(4) if pose is None else pose)
     groups = [(v * scale, f) for v, f in meshes]
@@ -36,7 +51,7 @@ def pieces_of(meshes: list[tuple[Array, Faces]], name: str, scale: float = 1.0, 
     return [Shape.hull(points, pose, f"{Path(name).stem}/{i}") for i, points in enumerate(hulls)]
 
 
-def _hollow(parts: list[tuple[Array, Faces]]) -> bool:
+def _hollow(parts: list[Mesh]) -> bool:
     """Whether one part is the inner surface of another: inside it, and wound the other way."""
     outer = max(parts, key=lambda part: abs(volume_and_centroid(*part)[0]))
     size, hull = volume_and_centroid(*outer)[0], None
@@ -54,7 +69,7 @@ def closed(faces: Faces) -> bool:
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
 
-def components(vertices: Array, faces: Faces) -> list[tuple[Array, Faces]]:
+def components(vertices: Array, faces: Faces) -> list[Mesh]:
     """The connected parts of a triangle mesh, in the order of their first triangles."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -80,15 +95,40 @@ def is_convex(vertices: Array, faces: Faces) -> bool:
     return bool(hull.depth(points).max() <= CONVEX * np.ptp(vertices, axis=0).max())
 
 
-def joined(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:
+def joined(meshes: list[Mesh]) -> Mesh:
     """Several triangle meshes as one."""
     starts = np.cumsum([0] + [len(v) for v, _ in meshes])
     vertices = np.vstack([v for v, _ in meshes])
     return vertices, np.vstack([f + start for (_, f), start in zip(meshes, starts, strict=False)])
 
 
-def _merged(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:
+def _merged(meshes: list[Mesh]) -> Mesh:
     """Several triangle meshes as one, with the vertices that they share merged."""
     vertices, faces = joined(meshes)
     unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
     return unique, inverse.reshape(-1)[faces]
+
+
+def decompose(vertices: Array, faces: Faces) -> list[Array]:
+    """Vertices of convex pieces that together approximate a solid, by CoACD, with a fixed seed.
+
+    On a surface that cuts itself CoACD may come to no end, or end the process that it runs in.
+
+    Raises:
+        InputError: it cannot be done within `SECONDS` and `MEMORY`.
+    """
+    limits = {"memory": MEMORY, "seconds": SECONDS, "threads": default_jobs()}
+    try:  # its threads (OpenMP) do not work in a forked process
+        return limited(_pieces, vertices, faces, new=True, **limits)
+    except InputError as fault:
+        problem = "cannot be taken apart into convex pieces; is its surface closed, and does not cut itself?"
+        raise InputError(f"{problem} (CoACD {fault.problem})") from None
+
+
+def _pieces(vertices: Array, faces: Faces) -> list[Array]:
+    with deferred_interrupt():
+        import coacd  # slow to import
+
+    coacd.set_log_level("off")
+    parts = coacd.run_coacd(coacd.Mesh(vertices, faces), threshold=0.05, seed=0)
+    return [np.asarray(v, dtype=float) for v, _ in parts]

@@ -14,7 +14,8 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import FARTHEST, rigid
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
-Faces = NDArray[np.int64]
+Faces = NDArray[np.int64]  # (k, 3) indices of vertices
+Mesh = tuple[Array, Faces]  # with vertices (n, 3)
 
 SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "mesh": 0}
 RIM = 16  # points that stand for the rim of a cylinder

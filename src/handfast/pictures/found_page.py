@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from handfast.core.errors import InputError
 from handfast.geometry.contacts import grasp_of
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.model.grasp import Contact
 from handfast.model.shape import Shape
 from handfast.pictures import Entry, words, write_report
 from handfast.pictures.grasp_picture import draw_scene
 from handfast.pictures.law_words import laws_text
 from handfast.pictures.scene import scene_meshes
+from handfast.readers.load_body import load_body
 
 if TYPE_CHECKING:
     from handfast.core.arrays import Array

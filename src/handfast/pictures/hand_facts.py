@@ -22,10 +22,10 @@ from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Hand
-from handfast.model.hand.urdf import parse_xml
 from handfast.model.hand_regions import HandRegions
 from handfast.model.shape import Shape
 from handfast.planning.candidates.palm_poses import Palm, palm_of
+from handfast.readers.xml_file import read_robot_xml
 
 FAR = 10.0  # [m] from the hand, where a body that nobody asked about is
 
@@ -283,7 +283,7 @@ def stated_masses(hand: Hand) -> dict[str, float]:
     if not os.path.isfile(hand.source):
         return {}
     try:
-        root = parse_xml(Path(hand.source))
+        root = read_robot_xml(Path(hand.source))
         found = limited(_of_mjcf, hand.source) if root.tag == "mujoco" else _of_urdf(root)
     except (InputError, ValueError):  # a hand that was read by other means: there is nothing to add
         return {}

@@ -133,10 +133,10 @@ def source_meshes(grasp: Grasp) -> tuple[list[Mesh], list[str]]:
 
 def moving_scene(grasp: Grasp) -> tuple[MovingScene | None, list[str]]:
     """The same for any displacement [rad, m] of joints by name; the object stays where it is. None if unknown."""
-    from handfast.model.body import load_body
-    from handfast.model.configuration import load_configuration
-    from handfast.model.hand.load import load_hand
     from handfast.model.provenance import Provenance
+    from handfast.readers.configuration_file import load_configuration
+    from handfast.readers.load_body import load_body
+    from handfast.readers.load_hand import load_hand
 
     came = grasp.provenance or Provenance()
     faults = came.faults()

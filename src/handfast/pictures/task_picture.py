@@ -18,10 +18,10 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from handfast.core.arrays import Array
-from handfast.model.body import load_body
 from handfast.model.region import Region
 from handfast.pictures.drawing import GREY, INK, SOLID
 from handfast.pictures.scene import View
+from handfast.readers.load_body import load_body
 from handfast.synthesis.task import Task
 
 HAND_REGION, OBJECT_REGION = "#1f5fb4", "#d0530c"

@@ -23,7 +23,7 @@ from handfast.geometry.contacts import of_body
 from handfast.geometry.dexterity import dexterity
 from handfast.geometry.rest_overlaps import rest_overlaps
 from handfast.geometry.scene import Scene
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.planning.evaluation.evaluator import NEAR, Allowed, Evaluator, requests
 from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, LocalSearch
 from handfast.planning.filters.balance import friction_margin
@@ -33,6 +33,7 @@ from handfast.planning.question import fingerprint, refuse_another, refuse_negat
 from handfast.planning.requirements import Limits, Requirements, link_pairs
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.search_file import FoundGrasp, SavedSearch
+from handfast.readers.load_body import load_body
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
 from handfast.synthesis.curvatures import relative_curvatures

@@ -49,9 +49,9 @@ def bodies_of(grasp: Grasp) -> Bodies:
         InputError: a file that is missing or has changed; a contact on a link that the hand does not have, or on
             none; soft fingers.
     """
-    from handfast.model.body import load_body
-    from handfast.model.configuration import load_configuration
-    from handfast.model.hand.load import load_hand
+    from handfast.readers.configuration_file import load_configuration
+    from handfast.readers.load_body import load_body
+    from handfast.readers.load_hand import load_hand
 
     grasp.refuse_soft_fingers("the simulation of bodies")
     came = grasp.provenance or Provenance()

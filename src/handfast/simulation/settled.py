@@ -16,7 +16,7 @@ from handfast.core.errors import InputError
 from handfast.core.files import write_text
 from handfast.core.transforms import matrix_quaternion
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import save_grasp, to_dict
+from handfast.readers.grasp_file import save_grasp, to_dict
 from handfast.stability.answers import finite
 from handfast.stability.queries import CheckAnswer, MaxAnswer
 
@@ -162,7 +162,7 @@ class Settled:
         Raises:
             InputError: one of them exists and `force` is not set, or cannot be written; then none is.
         """
-        from handfast.model.configuration import save_configuration
+        from handfast.readers.configuration_file import save_configuration
 
         there = Path(folder)
         names = ["settled.json", "first.grasp.json"]

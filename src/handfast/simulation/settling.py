@@ -14,12 +14,14 @@ from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.geometry.contacts import THRESHOLD, contact_grasp
 from handfast.geometry.scene import Scene
-from handfast.model.body import Body, load_body
-from handfast.model.configuration import Configuration, load_configuration
+from handfast.model.body import Body
+from handfast.model.configuration import Configuration
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.hand import Hand
-from handfast.model.hand.load import load_hand
 from handfast.model.provenance import Provenance
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from handfast.simulation.grasp_laws import backdrivable_motors, locked_joints, motors_of, other_joints, with_laws_of
 from handfast.simulation.loaded_twin import force_unit, simulate
 from handfast.simulation.settled import PathPoint, Rest, Settled

@@ -23,9 +23,9 @@ from handfast.core.errors import InputError
 from handfast.core.files import write_text
 from handfast.core.limits import SearchLimits
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import to_dict
 from handfast.proofs import holds
 from handfast.proofs.replay import Replay
+from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import Answer, finite
 from handfast.stability.equivalent_grasp import equivalent_of
 from handfast.stability.loads import Loads

@@ -13,8 +13,8 @@ from handfast.core.answer import Stop, Verdict, header
 from handfast.core.arrays import Array, Mask, frozen
 from handfast.core.errors import InputError, unknown_name
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import to_dict
 from handfast.proofs.replay import Replay
+from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import finite
 from handfast.stability.many import Case, OnItem, Options, maxima
 from handfast.stability.queries import MaxAnswer

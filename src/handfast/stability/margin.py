@@ -12,8 +12,8 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.files import same_json
 from handfast.model.grasp import Contact, Grasp
-from handfast.model.grasp_file import to_dict
 from handfast.proofs.replay import Replay
+from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import Answer
 from handfast.stability.witness import Witness
 

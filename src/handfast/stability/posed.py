@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.question import Question
 from handfast.proofs.states import State as StateData
+from handfast.readers import grasp_file
 from handfast.stability.goal import Goal
 from handfast.stability.model import State
 from handfast.stability.scaled_problem import ScaledProblem

@@ -11,12 +11,12 @@ import numpy as np
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
 from handfast.proofs.answers import STOPS, VERDICTS
 from handfast.proofs.fields import SAME, BadFile, Fields, number, numbers
 from handfast.proofs.question import MAX_ETA
 from handfast.proofs.replay import Replay
+from handfast.readers import grasp_file
 from handfast.stability.ask_again import Asking, BoundsClaim, Claim, IntervalClaim, asked, together
 from handfast.stability.many import Options
 from handfast.stability.maps import PLANES, forces_at, in_plane, of_all

@@ -18,7 +18,7 @@ from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, Vector, validate
 from handfast.model.hand.hand import Coupling, Hand, Joint, Link, coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.model.region_file import RegionEntry, region_to_dict
+from handfast.readers.region_file import RegionEntry, region_to_dict
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 
 Row = tuple[Finite, Finite, Finite, Finite]

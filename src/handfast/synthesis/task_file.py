@@ -24,9 +24,9 @@ from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, read_json, validate, write_text
 from handfast.model.hand.hand import Coupling, Hand
-from handfast.model.hand.load import bundled_hands, load_hand
-from handfast.model.mesh_file import MESH_FILES
-from handfast.model.region_file import RegionEntry, region_to_dict
+from handfast.readers.load_hand import bundled_hands, load_hand
+from handfast.readers.mesh_file import MESH_FILES
+from handfast.readers.region_file import RegionEntry, region_to_dict
 from handfast.synthesis.pose_check import refuse_contradiction
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 

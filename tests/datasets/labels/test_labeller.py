@@ -14,7 +14,7 @@ from handfast.datasets.labels.questions import LargestLoad, Questions
 from handfast.measures.catalogue import CATALOGUE
 from handfast.measures.measuring import measure
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import from_dict
+from handfast.readers.grasp_file import from_dict
 from handfast.stability.queries import check, maximum, torques
 from tests.support.labelled import MASS, fixture, heavy
 

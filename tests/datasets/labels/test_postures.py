@@ -19,7 +19,7 @@ from handfast.datasets.labels.labeller import Labelling
 from handfast.datasets.open_dataset import open_dataset
 from handfast.datasets.scene_source import SceneSource
 from handfast.geometry.contacts import contact_grasp
-from handfast.model.configuration import load_configuration
+from handfast.readers.configuration_file import load_configuration
 
 LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), node_limit=300)
 

@@ -16,7 +16,7 @@ from handfast.datasets.dataset_rows import GraspChanges
 from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.labeller import Labelling
 from handfast.datasets.labels.verify_labels import CommandsClaim
-from handfast.model.grasp_file import to_dict
+from handfast.readers.grasp_file import to_dict
 from handfast.stability.ask_again import Clock
 from handfast.stability.many import Options
 from tests.support.labelled import write_lines

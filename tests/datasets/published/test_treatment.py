@@ -15,8 +15,9 @@ from handfast.geometry.contact_reduction import reduced_contacts
 from handfast.geometry.contacts import find_contacts
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
-from handfast.model.hand import Hand, load_hand
+from handfast.model.hand import Hand
 from handfast.model.shape import Shape
+from handfast.readers.load_hand import load_hand
 from tests.support.published import tiny
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.model.grasp_file import save_grasp
 from handfast.pictures.live.album import Album
+from handfast.readers.grasp_file import save_grasp
 from tests.support.viewed import jaws, two_fingers
 
 

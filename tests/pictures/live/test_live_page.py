@@ -18,8 +18,8 @@ import pytest
 import handfast
 from handfast.core.errors import InputError
 from handfast.core.transforms import matrix_quaternion
-from handfast.model.grasp_file import save_grasp
 from handfast.pictures.live.open_page import LivePage, free_port
+from handfast.readers.grasp_file import save_grasp
 from tests.support.interruptions import LONGEST
 from tests.support.viewed import jaws, until
 

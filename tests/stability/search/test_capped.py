@@ -10,7 +10,7 @@ import pytest
 from benchmarks.grasps import random_case
 from benchmarks.no_cap import question
 from handfast.core.answer import Verdict
-from handfast.model.grasp_file import load_grasp
+from handfast.readers.grasp_file import load_grasp
 from handfast.stability.queries import check, maximum, torques
 
 DATA = Path(__file__).parents[2] / "data"

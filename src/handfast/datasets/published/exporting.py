@@ -20,8 +20,9 @@ from handfast.datasets.published.import_folder import SUMMARY
 from handfast.datasets.published.mapping_file import HandMapping
 from handfast.datasets.published.placing import root_of, turned
 from handfast.datasets.published.qpos_layouts import AT_ORIGIN
-from handfast.model.configuration import Configuration, load_configuration
+from handfast.model.configuration import Configuration
 from handfast.model.hand.hand import Hand
+from handfast.readers.configuration_file import load_configuration
 
 ENDING = {"isaac_grasp": ".yaml", "graspgen": ".json", "dexgraspbench": ""}
 

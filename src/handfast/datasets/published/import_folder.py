@@ -13,10 +13,11 @@ from typing import Any
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
 from handfast.datasets.published.importing import ImportedGrasp
-from handfast.model.configuration import Configuration, save_configuration
+from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import save_grasp
 from handfast.model.provenance import Provenance, SourceFile
+from handfast.readers.configuration_file import save_configuration
+from handfast.readers.grasp_file import save_grasp
 
 SUMMARY, SCHEMA = "import.json", "handfast/import/1"
 FILES = "{:05d}.configuration.json", "{:05d}.grasp.json"

@@ -21,11 +21,12 @@ from handfast.datasets.published.separating import Separator
 from handfast.geometry.contact_reduction import TOLERANCE, reduced_contacts
 from handfast.geometry.contacts import THRESHOLD, find_contacts, grasp_of, of_body
 from handfast.geometry.scene import Scene
-from handfast.model.body import Body, load_body
+from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.model.servo import servo_commands
+from handfast.readers.load_body import load_body
 
 DEEPEST = 0.02  # [m] a grasp deeper than this is none: another hand, frame or scale
 KEPT = 4  # objects whose scenes are kept

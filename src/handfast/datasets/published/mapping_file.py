@@ -15,7 +15,7 @@ from pydantic import Field
 from handfast.core import bundled
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict, read_json, validate
-from handfast.model.body_file import PoseFile
+from handfast.model.configuration import PoseFile
 from handfast.model.hand.hand import Hand
 
 KIND = "mappings"

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from handfast.core.errors import InputError
-from handfast.model.body_file import BodyFile, MeshFile, ShapeFile
-from handfast.model.mesh_file import MESH_FILES
+from handfast.readers.body_file import BodyFile, MeshFile, ShapeFile
+from handfast.readers.mesh_file import MESH_FILES
 
 PIECES = ("coacd/decomposed.obj", "urdf/meshes", "meshes", "mesh/coacd.obj", "mesh/simplified.obj", "")
 INNER = ("mesh", "meshes", "urdf", "coacd")  # folders in an object's own

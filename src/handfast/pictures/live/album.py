@@ -11,7 +11,7 @@ from pathlib import Path
 
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp
+from handfast.readers.grasp_file import load_grasp
 
 ENDING = "*.grasp.json"  # as the programs of this package name them
 SCHEMA = "handfast/grasp/1"

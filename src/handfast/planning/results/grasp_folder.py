@@ -9,11 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from handfast.model.configuration import save_configuration
-from handfast.model.grasp_file import save_grasp
 from handfast.planning.journal import SearchFolder
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.search_file import SavedSearch, load_search, save_search
+from handfast.readers.configuration_file import save_configuration
+from handfast.readers.grasp_file import save_grasp
 from handfast.synthesis.task import Task
 
 SEARCH, GRASPS = "search.json", "grasps.json"

@@ -14,7 +14,6 @@ from handfast.core.answer import Reach, Stop, header
 from handfast.core.arrays import Array
 from handfast.geometry.collision import Clearances
 from handfast.geometry.dexterity import Dexterity
-from handfast.model import grasp_file
 from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
@@ -27,6 +26,7 @@ from handfast.planning.results.grasps_file import ObjectEntry, SavedGrasp, Saved
 from handfast.planning.results.search_file import REASONS, SavedSearch
 from handfast.planning.results.verify_grasps import verify
 from handfast.proofs.replay import Replay
+from handfast.readers import grasp_file
 from handfast.stability.answers import finite
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads

@@ -21,10 +21,10 @@ from handfast.core.answer import Reach
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Six, Strict, Vector, validate, write_text
-from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
 from handfast.planning.requirements import Requirements
 from handfast.planning.results.motors import MotorsEntry, driven, motors_to_dict
+from handfast.readers import grasp_file
 from handfast.stability.answers import state_json
 from handfast.stability.loads import Loads, Weight
 from handfast.stability.model import State

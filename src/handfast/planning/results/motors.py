@@ -12,10 +12,10 @@ from pydantic import Field
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Strict
-from handfast.model.grasp_file import ActuatorEntry
 from handfast.model.hand.hand import Hand, coupling_rows
 from handfast.model.hand.joint_law import NO_LAW, JointLaw, PassiveTendon
 from handfast.model.mechanism import Mechanism
+from handfast.readers.grasp_file import ActuatorEntry
 
 Sense = Annotated[int, Field(ge=-1, le=1)]
 

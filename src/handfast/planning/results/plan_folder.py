@@ -17,8 +17,7 @@ from pydantic import ConfigDict, Field
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate, write_text
-from handfast.model.configuration import Configuration, load_configuration, save_configuration
-from handfast.model.grasp_file import load_grasp, save_grasp
+from handfast.model.configuration import Configuration
 from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
 from handfast.planning.evaluation.holding import held_again
 from handfast.planning.evaluation.preload_search import SearchedContacts, checking_settings_for
@@ -26,6 +25,8 @@ from handfast.planning.journal import SearchFolder
 from handfast.planning.question import refuse_another
 from handfast.planning.rejection import OverlapEntry, Tally
 from handfast.planning.results.planned import Plan
+from handfast.readers.configuration_file import load_configuration, save_configuration
+from handfast.readers.grasp_file import load_grasp, save_grasp
 
 PLAN = "plan.json"
 FILES = "{:03d}.configuration.json", "{:03d}.grasp.json", "{:03d}.hold.json"

@@ -13,7 +13,6 @@ from typing import Any
 from handfast.core.answer import Reach
 from handfast.core.errors import InputError
 from handfast.core.files import SAME
-from handfast.model import grasp_file
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.derived import Derived, contacts_at, grasp_at
 from handfast.planning.requirements import Requirements
@@ -23,6 +22,7 @@ from handfast.planning.results.motors import motors_to_dict
 from handfast.proofs import grasps
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
+from handfast.readers import grasp_file
 from handfast.stability.loads import Loads
 from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
 

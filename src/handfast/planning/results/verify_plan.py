@@ -17,15 +17,15 @@ from handfast.core.errors import InputError
 from handfast.core.files import read_json
 from handfast.geometry.contacts import find_contacts, grasp_of
 from handfast.geometry.scene import Scene
-from handfast.model.body import load_body
-from handfast.model.configuration import load_configuration
 from handfast.model.grasp import Grasp
-from handfast.model.grasp_file import load_grasp, to_dict
-from handfast.model.hand import load_hand
 from handfast.planning.evaluation.attempt import PENETRATION, Attempts, PlannedGrasp
 from handfast.planning.evaluation.preload_search import PreloadSearch
 from handfast.planning.results.verify_grasps import difference
 from handfast.proofs.replay import Replay
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.grasp_file import load_grasp, to_dict
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 
 CLOSE = 1e-6  # [m] a contact lies as near to one that is measured
 LIMITS = "eta", "torque_limits", "force_limit"

@@ -1,0 +1,127 @@
+"""GraspIt! bodies: the file of an object or a link, its mesh and its material."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.model.mesh_pieces import joined, pieces_of
+from handfast.model.shape import Mesh, Shape
+from handfast.readers.graspit.graspit_xml import MILLI, numbers_in, parse, pose_of, text_of
+from handfast.readers.mesh_file import MESH_FILES, read_mesh, read_meshes
+from handfast.readers.registry import ObjectParts
+
+# Static friction of two materials, from the tables that come with GraspIt!; any material on a frictionless one has 0.
+_PAIRS = {
+    "glass": {"glass": 0.2, "metal": 0.2, "plastic": 0.2, "wood": 0.3, "rubber": 1.0},
+    "metal": {"metal": 0.2, "plastic": 0.2, "wood": 0.3, "rubber": 1.0},
+    "plastic": {"plastic": 0.3, "wood": 0.4, "rubber": 1.0},
+    "wood": {"wood": 0.4, "rubber": 1.0},
+    "rubber": {"rubber": 2.0},
+    "stone": {"stone": 0.7, "glass": 0.3, "metal": 0.4, "plastic": 0.4, "wood": 0.6, "rubber": 1.5},
+}
+MATERIALS = ("frictionless", *_PAIRS)
+DEFAULT_MATERIAL = "wood"  # of a body that names none
+
+
+def friction_of(first: str, second: str) -> float:
+    """GraspIt!'s coefficient of static friction between two of `MATERIALS`."""
+    if "frictionless" in (first, second):
+        return 0.0
+    return _PAIRS[first][second] if second in _PAIRS[first] else _PAIRS[second][first]
+
+
+@dataclass(frozen=True, eq=False)
+class GraspitBody:
+    """What a GraspIt! body file says.
+
+    Attributes:
+        path: of the file. geometry: the mesh file that it names.
+        scale: (3,) metres per unit of the mesh, along its axes. offset: (4, 4) [m] of the scaled mesh in the body.
+        material: one of `MATERIALS`. mass: [kg] or None. center_of_mass: (3,) [m] or None.
+    """
+
+    path: Path
+    geometry: Path
+    scale: Array
+    offset: Array
+    material: str
+    mass: float | None
+    center_of_mass: Array | None
+
+    @classmethod
+    def read(cls, path: Path) -> GraspitBody:
+        """A body file, or a mesh alone. Inertia, elasticity and compliance are not read.
+
+        Raises:
+            InputError: not the format, an unknown material, no geometry file. One line, naming the file.
+        """
+        if path.suffix.lower() in MESH_FILES:
+            return cls(path, path, np.full(3, MILLI), np.eye(4), DEFAULT_MATERIAL, None, None)
+        root = parse(path, ("root", "body"))
+        try:
+            return cls._of(root, path)
+        except InputError as fault:
+            raise fault.at(str(path)) from None
+
+    @classmethod
+    def _of(cls, root: Element, path: Path) -> GraspitBody:
+        name = text_of(root, "geometryFile").replace("\\", "/")
+        geometry = path.parent / name
+        if not name or not os.path.isfile(geometry):  # False, too, for what can be no name
+            problem = f"is '{name}', which was not found in {path.parent}" if name else "is missing"
+            raise InputError(problem, field="geometryFile")
+        scale = np.ones(3)
+        if uniform := text_of(root, "geometryScaling"):
+            scale *= numbers_in(uniform, 1, "geometryScaling")[0]
+        else:
+            for i, axis in enumerate("XYZ"):
+                if along := text_of(root, f"geometryScaling{axis}"):
+                    scale[i] = numbers_in(along, 1, f"geometryScaling{axis}")[0]
+        if not (scale > 0).all():
+            raise InputError("is not positive", field="geometryScaling")
+        material = text_of(root, "material") or DEFAULT_MATERIAL
+        if material not in MATERIALS:
+            raise InputError(f"is '{material}'; known: {', '.join(MATERIALS)}", field="material")
+        mass = numbers_in(text_of(root, "mass"), 1, "mass")[0] * MILLI if text_of(root, "mass") else None
+        cog = text_of(root, "cog")
+        offset = root.find("geometryOffset")
+        return cls(
+            path,
+            geometry,
+            MILLI * scale,
+            np.eye(4) if offset is None else pose_of(offset, "geometryOffset"),
+            material,
+            mass,
+            MILLI * np.array(numbers_in(cog, 3, "cog")) if cog else None,
+        )
+
+    def groups(self) -> list[Mesh]:
+        """The surfaces of the geometry [m], before the offset; none if the file is empty."""
+        found = read_meshes([self.geometry], empty=True)[self.geometry]
+        return [(v * self.scale, f) for v, f in found]
+
+    def solids(self) -> tuple[list[Shape], Mesh]:
+        """Convex pieces, and the mesh as it is, [m] in the body's frame; `InputError` if the axes differ in scale."""
+        if np.ptp(self.scale) > 0:
+            raise InputError("differs along the axes; scale the mesh itself", field="geometryScaling")
+        meshes = read_mesh(self.geometry)
+        pieces = pieces_of(meshes, self.geometry.name, float(self.scale[0]), self.offset)
+        vertices, faces = joined([(v * self.scale, f) for v, f in meshes])
+        return pieces, (vertices @ self.offset[:3, :3].T + self.offset[:3, 3], faces)
+
+
+def read_object(path: Path, _scale: float) -> ObjectParts:
+    """The object of a GraspIt! body file, which states its own units; its friction depends on the hand."""
+    body = GraspitBody.read(path)
+    pieces, mesh = body.solids()
+    known = ", ".join(f"{friction_of(body.material, m):g} on {m}" for m in MATERIALS[1:])
+    warning = f"is of {body.material}; its friction depends on the hand (GraspIt!: {known})"
+    warning += "; 0.5 is taken unless you give it"
+    return ObjectParts(path.stem, pieces, body.mass, body.center_of_mass, mesh=mesh, without_friction=warning)

@@ -1,0 +1,98 @@
+"""Triangle meshes from files: OBJ, STL, PLY and OFF by trimesh within limits, others by the reader of their format."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handfast.core.errors import InputError
+from handfast.core.interrupts import deferred_interrupt
+from handfast.core.limited import limited
+from handfast.model.mesh_pieces import checked_mesh
+from handfast.model.shape import Mesh
+from handfast.readers import registry
+
+MESH_FILES = tuple(registry.MESHES)
+
+
+def read_mesh(path: Path) -> list[Mesh]:
+    """The groups of a mesh file as (vertices (n, 3), faces (k, 3)), file units, duplicates merged.
+
+    An OBJ file has one group per `o` or `g`, an Inventor or VRML file one per shape; other formats have one. It is
+    read within the limits of `limited`.
+
+    Raises:
+        InputError: no such file, a format that is not in `MESH_FILES`, unreadable, no triangles, corners that are no
+            vertices, NaN vertices, more memory or time than it may take.
+    """
+    return read_meshes([path])[path]
+
+
+def read_meshes(paths: Iterable[Path], *, empty: bool = False) -> dict[Path, list[Mesh]]:
+    """As `read_mesh`, of several files, which takes less time than one by one; `empty` files are [] if they may be."""
+    files = list(dict.fromkeys(paths))
+    found: dict[Path, list[Mesh]] = {}
+    for path in files:
+        if registry.ending(path) not in registry.MESHES:
+            raise InputError(f"is not a mesh file; known: {', '.join(registry.MESHES)}", source=str(path))
+        if not os.path.isfile(path):
+            raise InputError("no such file", source=str(path))
+        read = registry.reader(registry.MESHES, registry.ending(path))
+        if read is not read_by_trimesh:
+            found[path] = read(path)
+    found |= _by_trimesh([path for path in files if path not in found])
+    for path, meshes in found.items():
+        if not (meshes or empty):
+            raise InputError("has no triangles", source=str(path))
+    return found
+
+
+def read_by_trimesh(path: Path) -> list[Mesh]:
+    """The groups of one file that trimesh reads."""
+    return _by_trimesh([path])[path]
+
+
+def _by_trimesh(files: list[Path]) -> dict[Path, list[Mesh]]:
+    if not files:
+        return {}
+    with deferred_interrupt():
+        import trimesh  # noqa: F401, slow to import: once, here, and not in each process that reads
+
+    try:
+        return dict(zip(files, limited(_loaded, files), strict=True))
+    except InputError as fault:
+        if fault.source:
+            raise
+        if len(files) == 1:
+            raise fault.at(str(files[0])) from None
+    return {path: groups for one in files for path, groups in _by_trimesh([one]).items()}  # each has the whole limits
+
+
+def _loaded(files: list[Path]) -> list[list[Mesh]]:
+    """The groups of files that trimesh reads."""
+    import trimesh
+
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it tells of faults at length, and then raises them
+    return [_loaded_one(trimesh, path) for path in files]
+
+
+def _loaded_one(trimesh: Any, path: Path) -> list[Mesh]:
+    obj = path.suffix.lower() == ".obj"
+    split = ("split_object", "split_objects", "split_groups")  # trimesh 4 and 5 name them differently
+    options: dict[str, Any] = dict.fromkeys(split, True) | {"group_material": False} if obj else {}
+    try:
+        with np.errstate(all="ignore"):
+            scene: Any = trimesh.load(path, force="scene", process=False, skip_materials=True, **options)
+        meshes = [g for g in scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
+        found = [(np.asarray(m.vertices, dtype=float), np.asarray(m.faces, dtype=np.int64)) for m in meshes]
+    except MemoryError:
+        raise
+    except Exception as fault:  # whatever a library makes of bytes that are no mesh
+        reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
+        raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
+    return [checked_mesh(v, f, str(path)) for v, f in found]

@@ -1,0 +1,72 @@
+"""XML from strangers: parsed within limits, and without entities of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+from xml.parsers import expat
+
+from handfast.core.errors import InputError
+
+LARGEST = 1 << 25  # [bytes]
+DEEPEST = 500  # elements in each other
+
+
+def read_xml(path: Path, right: str = "") -> Element:
+    """The root element of an XML file.
+
+    Args:
+        right: what kind of file is needed, for the message.
+
+    Raises:
+        InputError: no such file, no XML, an unknown encoding, larger than `LARGEST`, elements more than `DEEPEST` deep
+            in each other, a document type, which could define entities that expand without end. One line, naming the
+            file.
+    """
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"is larger than {LARGEST >> 20} MiB")
+        data = path.read_bytes()
+        _refuse(data)
+        return ElementTree.fromstring(data)
+    except ElementTree.ParseError as fault:
+        problem = f"is not XML ({fault})" + (f"; {right} is needed" if right else "")
+    except InputError as fault:  # a ValueError, too
+        raise fault.at(str(path)) from None
+    except (LookupError, ValueError) as fault:  # an encoding that it declares
+        problem = f"has an encoding that cannot be read ({fault}); UTF-8 is right"
+    except OSError as fault:
+        problem = f"cannot be read ({fault.strerror})"
+    raise InputError(problem, source=str(path))
+
+
+def read_robot_xml(path: Path) -> Element:
+    """As `read_xml`, of a hand or an object."""
+    return read_xml(path, "a URDF or MJCF file")
+
+
+def _refuse(data: bytes) -> None:
+    depth = 0
+
+    def doctype(*_: object) -> None:
+        raise InputError("has a document type (<!DOCTYPE ...>), which is not read; leave it out")
+
+    def start(*_: object) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > DEEPEST:
+            raise InputError(f"has elements more than {DEEPEST} deep in each other")
+
+    def end(_: object) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler, parser.StartElementHandler, parser.EndElementHandler = doctype, start, end
+    try:
+        parser.Parse(data, True)
+    except InputError:
+        raise
+    except (expat.ExpatError, LookupError, ValueError):
+        pass  # what is no XML is told by the parser that reads it next

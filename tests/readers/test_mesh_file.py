@@ -1,0 +1,72 @@
+"""Mesh files of several formats read at once, and files that end the process that reads them."""
+
+from __future__ import annotations
+
+import os
+import struct
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from handfast.core.errors import InputError
+from handfast.core.limited import limited
+from handfast.model.mesh_pieces import joined
+from handfast.model.shape import volume_and_centroid
+from handfast.readers import mesh_file
+from handfast.readers.mesh_file import read_mesh, read_meshes
+
+
+def test_several_files_are_read_as_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = [tmp_path / f"box.{kind}" for kind in ("obj", "stl", "ply", "off")]
+    for k, file in enumerate(files):
+        trimesh.creation.box((1, 2, 3 + k)).export(file)
+    (tmp_path / "box.iv").write_text("#Inventor V2.1 ascii\nCube { width 1 height 2 depth 7 }")
+    files.append(tmp_path / "box.iv")
+    asked: list[Any] = []
+    monkeypatch.setattr(mesh_file, "limited", lambda *given: asked.append(given) or limited(*given))
+    together = read_meshes([*files, files[0]])
+    assert list(map(len, together.values())) == [1] * 5
+    assert len(asked) == 1  # process for all
+    for k, file in enumerate(files):
+        assert volume_and_centroid(*joined(together[file]))[0] == pytest.approx(6 + 2 * k)
+        for (v, f), (w, g) in zip(together[file], read_mesh(file), strict=True):
+            assert np.array_equal(v, w)
+            assert np.array_equal(f, g)
+    assert read_meshes([]) == {}
+
+
+def test_the_file_that_is_wrong_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    good, bad = tmp_path / "a.stl", tmp_path / "b.stl"
+    trimesh.creation.box((1, 2, 3)).export(good)
+    bad.write_bytes(bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(100))
+    with pytest.raises(InputError, match=r"b\.stl: (has no triangles|cannot be read as a mesh)"):
+        read_meshes([good, bad])
+
+    usual = mesh_file._loaded_one
+
+    def crashes(library: Any, path: Path) -> Any:
+        return os.abort() if path == bad else usual(library, path)
+
+    monkeypatch.setattr(mesh_file, "_loaded_one", crashes)
+    with pytest.raises(InputError, match=r"b\.stl: ends its process \(SIGABRT\)"):
+        read_meshes([good, bad])
+
+
+def test_a_mesh_that_takes_too_much_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "box.ply"
+    trimesh.creation.box((1, 2, 3)).export(file)
+    usual = mesh_file._loaded_one
+
+    def takes(library: Any, path: Path) -> Any:
+        np.zeros(1 << 27)  # 1 GiB: more than is free inside a process that has run for long
+        return usual(library, path)
+
+    monkeypatch.setattr(mesh_file, "_loaded_one", takes)
+    assert len(read_mesh(file)) == 1
+    monkeypatch.setattr(mesh_file, "limited", partial(limited, memory=1 << 20))
+    with pytest.raises(InputError, match=r"box\.ply: takes more than .* GiB of memory"):
+        read_mesh(file)
