@@ -28,7 +28,6 @@ from handfast import (
     Body,
     Loads,
     Verdict,
-    bundled,
     check,
     grasp_for,
     load_body,
@@ -37,6 +36,7 @@ from handfast import (
     save_grasp,
     verify,
 )
+from handfast.core import bundled
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
 from handfast.planning.evaluation.evaluator import requests

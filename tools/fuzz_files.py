@@ -46,7 +46,7 @@ from handfast.core import bundled
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.geometry.scene import Scene
-from handfast.model import decompose
+from handfast.model import mesh_pieces
 from handfast.model.hand.coupling import driver_ranges
 from handfast.planning.grasp_for import grasp_for
 from handfast.planning.results.search_file import load_search, save_search
@@ -477,7 +477,7 @@ def sample_and_file(seed: int, index: int, files: dict[str, list[Path]], folder:
 
 def work(channel: Any, seed: int, indices: range, files: dict[str, list[Path]], folder: Path) -> None:
     """Send (index, kind, outcome, more) of each file."""
-    decompose.SECONDS = 10
+    mesh_pieces.SECONDS = 10
     for mesh in files.get("mesh", []):
         (folder / mesh.name).write_bytes(mesh.read_bytes())  # what other files name
     for file in bundled.folder("objects").iterdir():
