@@ -47,8 +47,17 @@ WRONG = {
     "missing file": (["check", "no.json", "--wrench", "0", "1", "0"], ["no.json", "no such file"]),
     "unknown command": (
         ["chekc", "g"],
-        ["chekc", f"known: {', '.join(COMMANDS)}"],
+        ["chekc", f"known: {', '.join(COMMANDS)}", "did you mean 'check'?"],
     ),
+    "nearly a name": (["check", "fig12", "--wrench", "0", "1", "0"], ["bundled grasp", "did you mean 'fig1'?"]),
+    "nearly a task": (["synthesize", "guitar-tunig"], ["bundled task", "did you mean 'guitar-tuning'?"]),
+    "nearly a hand": (["show", "barret"], ["did you mean 'barrett-bh8-280'?", "menagerie:ROBOT", "handfast[hands]"]),
+    "a hand for a grasp": (
+        ["check", "schunk-sah", "--wrench", "0", "1", "0"],
+        ["schunk-sah: is a hand, and a grasp is needed", "handfast plan schunk-sah OBJECT"],
+    ),
+    "a hand's file for a grasp": (["max", "hand.urdf", "--direction", "0", "1", "0"], ["hand.urdf: is a hand"]),
+    "a grasp for a task": (["grasp", "fig1"], ["fig1: is a bundled grasp; a task is needed"]),
     "no command": ([], ["check, max"]),
     "unknown option": (
         ["check", "grasp.json", "--wrnch", "0", "1", "0"],
@@ -71,8 +80,16 @@ WRONG = {
     ),
     "two numbers": (["check", "grasp.json", "--wrench", "0", "1"], ["--wrench", "2 numbers", "six"]),
     "no numbers": (["check", "grasp.json", "--wrench", "up"], ["--wrench", "'up' is not a number"]),
-    "missing option": (["check", "grasp.json"], ["missing", "--wrench"]),
-    "missing grasp": (["check", "--wrench", "0", "1", "0"], ["GRASP"]),
+    "missing option": (["check", "grasp.json"], ["missing", "--wrench", "--loads", "--gravity"]),
+    "missing grasp": (["check", "--wrench", "0", "1", "0"], ["missing: GRASP; GRASP is a file"]),
+    "all that is missing": (["sweep"], ["missing: GRASP --joint NAME --to VALUE; --direction FX FY FZ TX TY TZ, or"]),
+    "missing beside a grasp": (["sweep", "g", "--to=1"], ["missing: --joint NAME; --direction FX FY FZ TX TY TZ, or"]),
+    "one of two": (["max", "grasp.json"], ["missing: --direction FX FY FZ TX TY TZ, or --gravity GX GY GZ"]),
+    "both of two": (
+        ["max", "grasp.json", "--direction", "0", "1", "0", "--gravity", "0", "0", "-1"],
+        ["give one of the two: --direction"],
+    ),
+    "a mass without gravity": (["max", "grasp.json", "--direction", "0", "1", "0", "--mass", "1"], ["--mass is for"]),
     "missing value": (["check", "grasp.json", "--wrench", "0", "1", "0", "--eta"], ["--eta"]),
     "bad choice": (["map", "grasp.json", "--plane", "yx"], ["yx", "--plane", "xz"]),
     "no pair": (

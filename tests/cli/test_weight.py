@@ -22,7 +22,7 @@ from handfast import (
 )
 from handfast.readers.grasp_file import to_dict
 from tests.support.problems import bell, pinch
-from tests.support.program import ask, complains, run
+from tests.support.program import ask, complains, planar, run
 
 SIX = ("+x", "-x", "+y", "-y", "+z", "-z")
 
@@ -113,6 +113,24 @@ def test_the_program_and_python_answer_alike(capsys: pytest.CaptureFixture[str])
     assert "Weight of 0.1 kg at (0, 0, 10) mm: mass and centre of mass as the grasp file says." in out
     _, out, _ = run(capsys, "check", "both.json", "--gravity", "0", "-1", "0", "--mass", "0.05")
     assert "Weight of 0.05 kg at (0, 0, 10) mm: the mass as given, the rest as the grasp file says." in out
+
+
+def test_a_direction_of_gravity_asks_for_multiples_of_the_weight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`planar` resists 2.222 N in +y (by hand): a weight of 0.5 N 4.444 times."""
+    monkeypatch.chdir(tmp_path)
+    Path("grasp.json").write_text(json.dumps(planar()))
+    up = ["--gravity", "0", "1", "0", "--mass", f"{0.5 / 9.81}", "--com", "0", "0", "0"]
+    lower = [
+        ask(capsys, "max", "grasp.json", *up)["lower"],
+        ask(capsys, "sweep", "grasp.json", *up, "--joint", "right", "--from", "0.1", "--to", "0.2", "--steps", "2")[
+            "rows"
+        ][0]["lower"][0],
+        ask(capsys, "robust", "grasp.json", *up, "--commands", "1e-9", "--samples", "1")["nominal"][0],
+    ]
+    assert lower == pytest.approx([4.444] * 3, rel=2e-3)
+    assert "It resists 4.4" in run(capsys, "max", "grasp.json", *up)[1]
 
 
 def test_a_centre_of_mass_that_no_file_knows_is_given_once(

@@ -16,6 +16,7 @@ import ast
 import contextlib
 import importlib.util
 import io
+import itertools
 import json
 import re
 import shlex
@@ -158,6 +159,27 @@ def test_the_tutorial_is_of_ten_commands_at_most_and_ends_with_a_report() -> Non
     assert 0 < len(commands) <= 10
     assert not any(b.skip for b in found)
     assert "--report" in commands[-1]
+
+
+def test_pages_that_are_read_first_write_to_files_of_their_own() -> None:
+    """README, front page and tutorial can be followed in one folder: nothing asks for --force."""
+    first = [ROOT / "README.md", DOCS / "index.md", DOCS / "tutorial.md"]
+    written = {page: {file for block in blocks(page) for file in _written(block)} for page in first}
+    assert all(written.values())
+    for one, other in itertools.combinations(first, 2):
+        assert not written[one] & written[other], f"{one.name} and {other.name}"
+
+
+def _written(block: Block) -> set[str]:
+    """The files and folders that the commands of a block write."""
+    named = {"close": "--grasp", "synthesize": "--configuration"}  # beside those of every command
+    commands = block.commands() if block.kind == "console" else []
+    return {
+        file
+        for words in commands
+        for option, file in itertools.pairwise(words)
+        if option in ("-o", "--output", "--save", "--report", named.get(words[0]))
+    }
 
 
 def test_the_python_page_has_every_name_and_every_name_is_there() -> None:

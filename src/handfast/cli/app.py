@@ -39,7 +39,7 @@ from handfast.cli.synthesize import Synthesize
 from handfast.cli.torques import Torques
 from handfast.cli.verify import Verify
 from handfast.cli.view import ViewGrasps
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, unknown_name
 from handfast.core.interrupts import patient_interrupt
 
 COMMANDS: dict[str, type[Command]] = {
@@ -70,9 +70,10 @@ COMMANDS: dict[str, type[Command]] = {
 }
 
 ALIASES = dict.fromkeys(
-    ("check", "torques", "hold", "simulate", "settle", "propose", "grasp", "plan", "label", "contacts", "close"),
+    ("check", "max", "torques", "hold", "sweep", "robust", "simulate", "settle", "propose", "grasp", "plan", "label",
+     "contacts", "close"),
     ("--com",),
-)  # second names of options
+)  # second names of options  # fmt: skip
 
 ABOUT = """Will this grasp hold, and can the hand take that hold? Both for robot hands, both with proofs.
 
@@ -141,7 +142,7 @@ def parse(arguments: list[str]) -> Command:
     name = arguments[0]
     if not name.startswith("-"):
         if name not in COMMANDS:
-            raise InputError(f"unknown command '{name}'; known: {', '.join(COMMANDS)}")
+            raise unknown_name("command", name, COMMANDS)
         _check_options(name, arguments[1:])
     elif name not in ("-h", "--help"):
         raise InputError(f"unknown option '{name}'; a command comes first: {', '.join(COMMANDS)}")
@@ -170,8 +171,10 @@ def parse(arguments: list[str]) -> Command:
     except SystemExit as stop:
         if not stop.code:
             raise
-        _check_grasp(name, arguments[1:])
-        raise InputError(_one_line(said.getvalue()), source=name if name in COMMANDS else None) from None
+        complaint = _one_line(said.getvalue())
+        if name in COMMANDS:
+            complaint = _missing(name, arguments[1:], complaint)
+        raise InputError(complaint, source=name if name in COMMANDS else None) from None
 
 
 def _hide_absent_defaults(command: Any) -> None:
@@ -195,18 +198,34 @@ def _check_options(name: str, arguments: Sequence[str]) -> None:
     command: Any = COMMANDS[name]
     known = ["--help", *(option_name(f) for f in fields(command)), *ALIASES.get(name, ())]
     for word in arguments:
-        option = word.split("=")[0].replace("_", "-")
+        option = option_of(word)
         if word.startswith("--") and len(word) > 2 and option not in known:
             near = difflib.get_close_matches(option, known, 1)
             hint = f"did you mean {near[0]}?" if near else f"see handfast {name} --help"
             raise InputError(f"unknown option '{option}'; {hint}", source=name)
 
 
-def _check_grasp(name: str, arguments: Sequence[str]) -> None:
-    """Where nothing but numbers was given, the last one was taken for the grasp: say that it is missing."""
+def _missing(name: str, arguments: Sequence[str], complaint: str) -> str:
+    """The parser's complaint; where something is missing, all of it, options of which one is needed included."""
+    command = COMMANDS[name]
     words = [word for word in arguments if not word.startswith("--")]
-    if issubclass(COMMANDS[name], GraspOptions) and all(is_number(word) for word in words):
-        raise InputError("missing: GRASP, a file or the name of a bundled grasp", source=name)
+    if issubclass(command, GraspOptions) and all(is_number(word) for word in words):
+        # where nothing but numbers was given, the parser took the last one for the grasp
+        missing = complaint.removeprefix("missing: ") if complaint.startswith("missing: GRASP") else "GRASP"
+    elif complaint.startswith("missing: "):
+        missing = complaint.removeprefix("missing: ")
+    else:
+        return complaint
+    given = {option_of(word) for word in arguments}
+    if command.one_of and not any(option_of(option) in given for option in command.one_of):
+        missing += f"; {command.needed()}"
+    about = "; GRASP is a file or the name of a bundled grasp" if missing.startswith("GRASP") else ""
+    return f"missing: {missing}{about}"
+
+
+def option_of(word: str) -> str:
+    """The option that a word of the command line begins with: "--eta" of "--eta=2"."""
+    return re.split("[= ]", word)[0].replace("_", "-")
 
 
 def option_name(field: Any) -> str:

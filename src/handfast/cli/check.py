@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, Disturbances, FrictionModel, QueryOptions, Saved
+from handfast.cli.options import Disturbances, FrictionModel, QueryOptions, Saved
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Check(Disturbances, QueryOptions, Saved, FrictionModel, Command):
+class Check(Disturbances, QueryOptions, Saved, FrictionModel):
     """Does the grasp resist this disturbance? Several are asked about one by one."""
 
     margin: bool = False

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, Disturbances, QueryOptions, Saved, check_folder
+from handfast.cli.options import Disturbances, QueryOptions, Saved, check_folder
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ TOGETHER = (".jsonl", ".ndjson")  # files of many grasps
 
 
 @dataclass(kw_only=True)
-class Hold(Disturbances, QueryOptions, Saved, Command):
+class Hold(Disturbances, QueryOptions, Saved):
     """Is there one preload under which every load is resisted, each on its own, and how small can it be?
 
     GRASP may be a folder of grasp files, such as `import` writes, or JSON lines: a line each is said of its grasps.

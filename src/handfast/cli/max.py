@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from handfast.cli import console
-from handfast.cli.options import Command, FrictionModel, QueryOptions, Saved, Wrench
+from handfast.cli.options import Direction, FrictionModel, QueryOptions, Saved, Wrench
 
 
 @dataclass(kw_only=True)
-class Max(QueryOptions, Saved, FrictionModel, Command):
+class Max(Direction, QueryOptions, Saved, FrictionModel):
     """How large a disturbance along a direction does the grasp resist?
 
     The answer is a pair of bounds: the largest magnitude shown to be resisted, and one that no larger
     magnitude exceeds. Magnitudes below the largest are not always resisted too; --interval tells which.
     """
 
-    direction: Wrench
-    """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
     base: Wrench = ()
     """a constant load beside it, such as the weight"""
     interval: bool = False
@@ -26,22 +24,26 @@ class Max(QueryOptions, Saved, FrictionModel, Command):
     def run(self) -> int:
         from handfast.cli import tables
         from handfast.pictures import Entry
-        from handfast.pictures.words import direction_text, load_text
+        from handfast.pictures.words import direction_text, load_text, num
         from handfast.stability.queries import maximum
 
         grasp, options = self.load(), self.options()
+        direction = self.along(grasp, self.grasp)
         options |= {"base": self.base or None, "mdp": self.mdp, "interval": self.interval}
         with console.watch("max") as watch:
-            answer = maximum(grasp, self.direction, on_step=watch.step, **options)
+            answer = maximum(grasp, direction, on_step=watch.step, **options)
         if self.save:
             answer.save(self.save, force=self.force)
         if self.report:
             beside = f" beside {load_text(self.base)}" if self.base else ""
-            title = f"How much {direction_text(self.direction)} does it resist{beside}?"
-            entry = Entry(title, answer, eta=options["eta"], mdp=self.mdp, direction=self.direction)
+            title = f"How much {direction_text(direction)} does it resist{beside}?"
+            entry = Entry(title, answer, eta=options["eta"], mdp=self.mdp, direction=direction)
             self.write_report(grasp, [entry], options)
         if self.json:
             console.print_json(answer.to_json())
         else:
-            tables.show_max(console.out(), grasp, self.direction, answer, self)
+            tables.show_max(console.out(), grasp, direction, answer, self)
+            if self.gravity:
+                times = "any multiple of" if answer.unbounded else f"{num(answer.lower)} times"
+                console.out().print(f"It resists {times} the weight. {self.weight_text(grasp)}", style="dim")
         return console.status(answer.verdict, answer.stop)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 from tyro.constructors import PrimitiveConstructorSpec
 
+from handfast.core import bundled
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -106,8 +108,26 @@ def assigned(groups: Sequence[Pairs], field: str) -> dict[str, float]:
     return out
 
 
+HAND = re.compile(r"(menagerie|table1):.*|[a-z0-9_]+_description(:\w+)?|.*\.(urdf|xml|mjcf)(#.*)?", re.IGNORECASE)
+
+
+def refuse_hand(name: str) -> None:
+    """`InputError` for a hand where a grasp is needed."""
+    if HAND.fullmatch(name) or (name in bundled.names("hands") and name not in bundled.names("grasps")):
+        right = f"handfast plan {name} OBJECT finds grasps of it, handfast contacts makes one of a configuration"
+        raise InputError(f"is a hand, and a grasp is needed; {right}", source=name)
+
+
 class Command:
     """A subcommand: its fields are its arguments."""
+
+    one_of: ClassVar[tuple[str, ...]] = ()
+    """options of which one is needed, with their values"""
+
+    @classmethod
+    def needed(cls) -> str:
+        """The options of `one_of` as a complaint lists them."""
+        return ", or ".join(cls.one_of)
 
     @abstractmethod
     def run(self) -> int:
@@ -133,6 +153,7 @@ class GraspOptions:
         """The grasp as asked for."""
         from handfast.readers.grasp_file import load_grasp
 
+        refuse_hand(self.grasp)
         return self.changed(load_grasp(self.grasp), self.grasp)
 
     def changed(self, grasp: Grasp, source: str) -> Grasp:
@@ -231,7 +252,7 @@ class Saved:
 
 
 @dataclass(kw_only=True)
-class WeightOptions:
+class WeightOptions(Command):
     """What makes a weight of a direction of gravity: of the grasp file, unless given."""
 
     mass: Annotated[float | None, arg(metavar="KG")] = None
@@ -265,6 +286,20 @@ class WeightOptions:
         told = {0: both, 1: f"the {''.join(given)} as given, the rest as the grasp file says", 2: "both as given"}
         return f"Weight of {num(heavy.mass)} kg {place_text(heavy.center_of_mass)}: {told[len(given)]}."
 
+    def check_one(self, *given: object) -> None:
+        """`InputError` unless one of the options of `one_of` is given."""
+        if sum(map(bool, given)) != 1:
+            which = "give one of the two" if any(given) else "missing"
+            raise InputError(f"{which}: {self.needed()}")
+
+    def one_wrench(self, wrench: Numbers, gravity: Numbers, grasp: Grasp, source: str) -> Numbers:
+        """(6,) a wrench as it is given, or the object's weight in a direction of gravity."""
+        self.check_one(wrench, gravity)
+        if wrench:
+            self.refuse_weight()
+            return wrench
+        return tuple(self.weighed(grasp, source).gravity_wrench(gravity).tolist())
+
     def refuse_weight(self) -> None:
         """Mass or centre of mass without a direction of gravity would be passed over."""
         for name, value in (("--mass", self.mass is not None), ("--center-of-mass", self.center_of_mass)):
@@ -276,6 +311,7 @@ class WeightOptions:
 class Load(WeightOptions):
     """The disturbance: a wrench, or the weight of the object."""
 
+    one_of = "--wrench FX FY FZ TX TY TZ", "--gravity GX GY GZ"
     wrench: Wrench = ()
     """force [N] and torque [N m] on the object at its origin; three numbers are a force"""
     gravity: Triple = ()
@@ -283,19 +319,29 @@ class Load(WeightOptions):
 
     def disturbance(self, grasp: Grasp, source: str) -> Numbers:
         """(6,) the wrench that was asked about."""
-        if bool(self.wrench) == bool(self.gravity):
-            which = "give one of the two" if self.wrench else "missing"
-            raise InputError(f"{which}: --wrench FX FY FZ TX TY TZ, or --gravity GX GY GZ")
-        if self.wrench:
-            self.refuse_weight()
-            return self.wrench
-        return tuple(self.weighed(grasp, source).gravity_wrench(self.gravity).tolist())
+        return self.one_wrench(self.wrench, self.gravity, grasp, source)
+
+
+@dataclass(kw_only=True)
+class Direction(WeightOptions):
+    """What a disturbance is a multiple of: a wrench, or the weight of the object."""
+
+    one_of = "--direction FX FY FZ TX TY TZ", "--gravity GX GY GZ"
+    direction: Wrench = ()
+    """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
+    gravity: Triple = ()
+    """instead: the direction in which gravity pulls, object axes; the answer multiplies the object's weight"""
+
+    def along(self, grasp: Grasp, source: str) -> Numbers:
+        """(6,) the direction that was asked about."""
+        return self.one_wrench(self.direction, self.gravity, grasp, source)
 
 
 @dataclass(kw_only=True)
 class Disturbances(WeightOptions):
     """The disturbances, one or several, each a question of its own: wrenches, or weights of the object."""
 
+    one_of = "--wrench FX FY FZ TX TY TZ", "--loads FILE", "--gravity GX GY GZ"
     wrench: UseAppendAction[tuple[Wrench, ...]] = ()
     """force [N] and torque [N m] on the object at its origin; three numbers are a force; once for each question"""
     gravity: UseAppendAction[tuple[Gravity, ...]] = ()
@@ -330,12 +376,14 @@ class Disturbances(WeightOptions):
             raise InputError(f"'{twice[0]}' is asked about twice")
         return Loads(tuple(name for name, _ in named), np.array([w for _, w in named], dtype=float))
 
+    @classmethod
+    def needed(cls) -> str:
+        wrench, loads, gravity = cls.one_of
+        return f"{wrench} (or {loads}), or {gravity}"
+
     def check_given(self) -> None:
         """`InputError` unless wrenches or weights are asked about."""
-        wrenches = bool(self.wrench or self.loads)
-        if wrenches == bool(self.gravity):
-            which = "give one of the two" if wrenches else "missing"
-            raise InputError(f"{which}: --wrench FX FY FZ TX TY TZ (or --loads FILE), or --gravity GX GY GZ")
+        self.check_one(self.wrench or self.loads, self.gravity)
 
 
 def _along(axis: str) -> Numbers:

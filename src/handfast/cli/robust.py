@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, GraspOptions, Wrench, check_writable
+from handfast.cli.options import Direction, GraspOptions, Wrench, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,15 +18,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Robust(GraspOptions, Command):
+class Robust(Direction, GraspOptions):
     """How large a disturbance do grasps resist that are off by no more than stated bounds?
 
     Contacts, normals, friction and commands are drawn at random within them, each by itself. Beside the spread stands
     what equation (17) promises for normals that are off: the maximum with --eta.
     """
 
-    direction: Wrench
-    """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
     base: Wrench = ()
     """a constant load beside it, such as the weight"""
     positions: Annotated[float, arg(metavar="MM")] = 0.0
@@ -56,9 +54,10 @@ class Robust(GraspOptions, Command):
 
         check_writable(self.output, self.force, (".png", ".svg", ".json"))
         grasp, bounds = self.load(), self._bounds()
+        direction = self.along(grasp, self.grasp)
         with console.watch("robust") as watch:
             found = sampled_maximum(
-                grasp, self.direction, bounds, samples=self.samples, seed=self.seed, base=self.base or None,
+                grasp, direction, bounds, samples=self.samples, seed=self.seed, base=self.base or None,
                 settings=Settings(time_limit=self.time_limit), on_item=watch.item,
             )  # fmt: skip
         if self.output:

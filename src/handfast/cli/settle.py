@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, GraspOptions, Load, check_folder, check_writable
+from handfast.cli.options import GraspOptions, Load, check_folder, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Settle(GraspOptions, Load, Command):
+class Settle(GraspOptions, Load):
     """Where does the grasp end up under a load that it does not resist?
 
     It is followed in slow steps, contacts found anew in the shapes of hand and object, until nothing moves or the

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Command, GraspOptions, Load, check_writable
+from handfast.cli.options import GraspOptions, Load, check_writable
 
 if TYPE_CHECKING:
     from handfast.simulation.result import SimulationResult
 
 
 @dataclass(kw_only=True)
-class Simulate(GraspOptions, Load, Command):
+class Simulate(GraspOptions, Load):
     """What happens to the grasp under this load in a dynamics engine (mujoco)?
 
     Its contacts as stiff points with friction on its joints, or with --bodies hand and object themselves; geared motors

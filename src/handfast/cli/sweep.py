@@ -10,7 +10,7 @@ from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
 from handfast.cli.map import ENDINGS, number
-from handfast.cli.options import Command, QueryOptions, Wrench, check_writable
+from handfast.cli.options import QueryOptions, Triple, WeightOptions, Wrench, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Sweep(QueryOptions, Command):
+class Sweep(QueryOptions, WeightOptions):
     """The largest resisted disturbances while one actuator's command varies.
 
     Figure 12 of the stability paper. The other commands stay as in the grasp.
     """
 
+    one_of = "--direction FX FY FZ TX TY TZ", "--gravity GX GY GZ"
     joint: Annotated[str, arg(metavar="NAME")]
     """the actuator whose command varies"""
     to: Annotated[float, arg(metavar="VALUE")]
@@ -32,8 +33,10 @@ class Sweep(QueryOptions, Command):
     """first command"""
     steps: Annotated[int, arg(metavar="N")] = 21
     """number of commands, first and last included"""
-    direction: UseAppendAction[tuple[Wrench, ...]]
+    direction: UseAppendAction[tuple[Wrench, ...]] = ()
     """direction of a disturbance, once for each curve; three numbers are a force"""
+    gravity: Triple = ()
+    """instead: the direction in which gravity pulls, object axes; the answer multiplies the object's weight"""
     output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
     """picture (.png, .svg) or numbers (.csv, .json)"""
 
@@ -45,17 +48,17 @@ class Sweep(QueryOptions, Command):
         from handfast.stability.maps import sweep
 
         grasp, options = self.load(), self.options()
+        self.check_one(self.direction, self.gravity)
+        directions = self.direction or (self.one_wrench((), self.gravity, grasp, self.grasp),)
         check_writable(self.output, self.force, ENDINGS)
         if self.steps < 2:
             raise InputError(f"is {self.steps}; at least 2 commands are needed", field="--steps")
-        if not self.direction:
-            raise InputError("is missing; give at least one", field="--direction")
         for value, field in ((self.from_, "--from"), (self.to, "--to")):
             if not np.isfinite(value):
                 raise InputError(f"is {value}; a finite number is needed", field=field)
         values = np.linspace(self.from_, self.to, self.steps)
         with console.watch("sweep") as watch:
-            answer = sweep(grasp, self.joint, values, self.direction, on_item=watch.item, **options)
+            answer = sweep(grasp, self.joint, values, directions, on_item=watch.item, **options)
         if self.output:
             save(answer, self.output, force=self.force)
         if self.report:

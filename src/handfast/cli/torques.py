@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from handfast.cli import console
-from handfast.cli.options import Command, Load, QueryOptions, Saved
+from handfast.cli.options import Load, QueryOptions, Saved
 
 
 @dataclass(kw_only=True)
-class Torques(Load, QueryOptions, Saved, Command):
+class Torques(Load, QueryOptions, Saved):
     """Which motor commands resist this disturbance with the least effort?
 
     Sought are the commands of the actuators that the grasp preloads, or of all if it preloads none.

@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, nearest
 
 KINDS = ("grasps", "hands", "objects", "configurations", "tasks", "hand_regions")
 
@@ -29,15 +29,25 @@ def names(kind: str) -> list[str]:
 def resolve(kind: str, name: str) -> str:
     """The path behind a bundled name; anything else is returned as it is, a path for the loader to judge.
 
-    A name without ending that is neither a file nor bundled is an `InputError` that lists the bundled ones.
+    A name without ending that is neither a file nor bundled is an `InputError` that lists the bundled ones, and says
+    so where the name is that of something else, such as a hand where a grasp is needed.
     """
     for file in sorted(folder(kind).glob(f"{name}.*")) if name in names(kind) else []:
         return str(file)
     if not os.path.exists(name) and not Path(name).suffix:
-        known = ", ".join(names(kind)) or "none"
-        problem = f"no such file, and no bundled {kind[:-1]} of that name; bundled: {known}"
+        known, what = names(kind), _singular(kind)
+        listed = f"bundled: {', '.join(known) or 'none'}"
+        others = [other for other in KINDS if name in names(other)]
+        if others:
+            problem = f"is a bundled {_singular(others[0])}; a {what} is needed; {listed}"
+        else:
+            problem = f"no such file, and no bundled {what} of that name; {listed}{nearest(name, known)}"
         raise InputError(problem, source=name)
     return name
+
+
+def _singular(kind: str) -> str:
+    return kind.removesuffix("s").replace("_", " ")
 
 
 def read(kind: str, name: str) -> dict[str, Any]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class InputError(ValueError):
     """Bad input: the message is one line that names the place, the fault and what would be right.
@@ -24,7 +27,16 @@ class InputError(ValueError):
         return InputError(self.problem, source=self.source, field=f"{field}.{self.field}" if self.field else field)
 
 
-def unknown_name(kind: str, name: str, known: object, *, field: str | None = None) -> InputError:
-    """`InputError` for a name that does not exist, listing the names that do."""
-    names = ", ".join(str(k) for k in known) or "none"  # type: ignore[attr-defined]
-    return InputError(f"unknown {kind} '{name}'; known: {names}", field=field)
+def unknown_name(kind: str, name: str, known: Iterable[object], *, field: str | None = None) -> InputError:
+    """`InputError` for a name that does not exist: the nearest of the names that do, and all of them."""
+    names = [str(k) for k in known]
+    return InputError(
+        f"unknown {kind} '{name}'; known: {', '.join(names) or 'none'}{nearest(name, names)}", field=field
+    )
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The known name that is most like a mistyped one, or begins like it: "; did you mean 'fig1'?"; '' if none is."""
+    names = list(known)
+    near = difflib.get_close_matches(name, names, 1) or [k for k in names if len(name) > 2 and k.startswith(name)]
+    return f"; did you mean '{near[0]}'?" if near else ""

@@ -8,13 +8,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import InputError, nearest
 from handfast.model.hand.anatomy import with_guessed_senses
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.structures import TABLE_1, table_1_hand
 from handfast.readers import registry
 from handfast.readers.mjcf import hand_of_model, hand_of_spec
-from handfast.readers.named_models import collected
+from handfast.readers.named_models import EXTRA, collected
 from handfast.readers.urdf import read_srdf
 from handfast.readers.xml_file import read_robot_xml
 
@@ -86,7 +86,9 @@ def load_hand(source: Any, *, root: str | None = None, srdf: str | Path | None =
     if not os.path.isfile(path):  # False, too, for what can be no name
         if path.suffix:
             raise InputError("no such file", source=str(path))
-        raise unknown_name("hand", str(source), bundled_hands())
+        known = bundled_hands()
+        others = f"others are files, or menagerie:ROBOT and ROBOT_description of collections ({EXTRA})"
+        raise InputError(f"unknown hand '{name}'; known: {', '.join(known)}; {others}{nearest(name, known)}")
     hand = _read(path, root)
     if root:
         hand = replace(hand, source=f"{path}#{root}")
