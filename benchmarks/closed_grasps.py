@@ -87,10 +87,10 @@ class ClosedHands:
         rng, thing = drawn(name, number)
         known = self.hand(name)
         assert known is not None
-        hand, palm = known
+        hand, _ = known
         if (name, thing) not in self._runners:
             body = replace(self.things[thing], mass=1.0)  # no mass is asked for, but loads of attempts have one
-            self._runners[name, thing] = Runner(Attempts(hand, body, palm, Loads.gravity(body), seed=0))
+            self._runners[name, thing] = Runner(Attempts(hand, body, Loads.gravity(body)))
         grasp = closed(self._runners[name, thing], name, number, rng)
         return None if grasp is None else Case(f"closed {name} {number}", name, *grasp)
 

@@ -42,7 +42,7 @@ from handfast.datasets.labels.labeller import Labelling
 from handfast.datasets.scene_source import SceneSource
 from handfast.geometry.contacts import grasp_of
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.palm_poses import STANDARD, palm_of
+from handfast.planning.candidates.palm_poses import STANDARD
 from handfast.planning.evaluation.attempt import PENETRATION, Attempts, Placed, Runner, squeezing
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
@@ -64,7 +64,7 @@ KEPT = (
 
 def runner(hand: str, thing: str) -> Runner:
     model, body = load_hand(hand), load_body(thing, mass=1.0)
-    return Runner(Attempts(model, body, palm_of(model), Loads.gravity(body), seed=0))
+    return Runner(Attempts(model, body, Loads.gravity(body)))
 
 
 def postures_of(made: Runner, thing: str, number: int, draws: int, most: int) -> list[dict[str, Any]]:

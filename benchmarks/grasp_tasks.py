@@ -40,8 +40,8 @@ from handfast.core import bundled
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
 from handfast.planning.evaluation.evaluator import requests
-from handfast.planning.journal import Journal
 from handfast.planning.results.grasps import Grasps
+from handfast.planning.search import Journal
 
 RESULTS = Path(__file__).parent / "results" / "grasp_tasks.json"
 

@@ -34,7 +34,7 @@ from handfast.core.errors import InputError
 from handfast.model.body import Body
 from handfast.model.hand import Hand
 from handfast.planning.plan_grasps import plan
-from handfast.planning.results.planned import Plan
+from handfast.planning.results.plan import Plan
 from handfast.readers.grasp_file import load_grasp, save_grasp
 
 HERE = Path(__file__).parent

@@ -37,7 +37,7 @@ from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.planning.plan_grasps import plan
 from handfast.planning.rejection import RejectionReason
-from handfast.planning.results.planned import Plan
+from handfast.planning.results.plan import Plan
 from handfast.stability.loads import Loads
 
 HERE = Path(__file__).parent

@@ -40,8 +40,8 @@ from handfast.pictures.scene import View, scene_meshes
 from handfast.planning.candidates.palm_poses import Sampling, palm_of
 from handfast.planning.evaluation.attempt import PlannedGrasp
 from handfast.planning.plan_grasps import plan
-from handfast.planning.requirements import Limits
-from handfast.planning.results.planned import Plan
+from handfast.planning.question import Limits
+from handfast.planning.results.plan import Plan
 from handfast.readers.configuration_file import save_configuration
 from handfast.readers.grasp_file import save_grasp
 

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from handfast.planning.grasp_for import grasp_for as grasp_for
     from handfast.planning.plan_grasps import plan as plan
     from handfast.planning.propose_tasks import propose as propose
-    from handfast.planning.requirements import Limits as Limits
+    from handfast.planning.question import Limits as Limits
     from handfast.readers.configuration_file import load_configuration as load_configuration
     from handfast.readers.grasp_file import load_grasp as load_grasp
     from handfast.readers.grasp_file import save_grasp as save_grasp
@@ -134,7 +134,7 @@ _HOME = {
     "plan": "planning.plan_grasps",
     "propose": "planning.propose_tasks",
     "grasp_for": "planning.grasp_for",
-    "Limits": "planning.requirements",
+    "Limits": "planning.question",
     "verify": "saved",
     "SimulationResult": "simulation.result",
     "simulate": "simulation.loaded_twin",

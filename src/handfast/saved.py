@@ -79,7 +79,7 @@ def verify(
 def _of_path(path: Path, replay: bool, how: How) -> Replay:
     """What a file or a folder claims. Raises `BadFile` and `InputError`."""
     if _is_folder(path):
-        from handfast.planning.results.verify_plan import measured_plan
+        from handfast.planning.results.verify import measured_plan
 
         proved = files.verify_path(path)
         return replace(proved, parts=(*proved.parts, measured_plan(path)))
@@ -106,9 +106,9 @@ def _is_folder(path: Path) -> bool:
 def _measured(data: Any) -> Replay | None:
     """What of a file is geometry and was measured anew; None if nothing is."""
     if data["schema"] == "handfast/grasps/1":
-        from handfast.planning.results import grasps_file, verify_grasps
+        from handfast.planning.results import grasps_file, verify
 
-        return verify_grasps.measured(grasps_file.from_dict(data))
+        return verify.measured(grasps_file.from_dict(data))
     if data["schema"] == "handfast/synthesis/1":
         from handfast.synthesis import synthesis_file
 

@@ -12,7 +12,7 @@ from handfast import load_task
 from handfast.core.errors import InputError
 from handfast.model.body import Body
 from handfast.planning import grasp_for
-from handfast.planning.requirements import link_pairs
+from handfast.planning.question import link_pairs
 from handfast.readers.load_body import load_body
 from tests.support.program import complains, run
 
@@ -48,7 +48,7 @@ def test_the_centre_of_mass_goes_into_the_object(asked: Ask) -> None:
     assert body.mass == 0.3
     body, how = asked()
     np.testing.assert_array_equal(body.center_of_mass, load_body("scalpel").center_of_mass)
-    assert how["ignored"] == ()
+    assert how["options"].ignored == ()
 
 
 def test_pairs_that_may_overlap_are_left_out_of_the_scene_and_stand_in_the_question(
@@ -56,7 +56,7 @@ def test_pairs_that_may_overlap_are_left_out_of_the_scene_and_stand_in_the_quest
 ) -> None:
     pair = ("ring_distal", "middle_distal")
     body, how = asked("--ignore-pair", *pair)
-    assert how["ignored"] == (pair,)
+    assert how["options"].ignored == (pair,)
     monkeypatch.undo()
     questions = []
 

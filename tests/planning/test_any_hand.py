@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,10 +25,10 @@ from handfast.planning.candidates.palm_poses import STANDARD, palm_of
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.evaluation.attempt import Attempts, Runner
 from handfast.planning.filters.quick_look import QuickLook
-from handfast.planning.fruitless import diagnosis, fruitless
 from handfast.planning.plan_grasps import plan
-from handfast.planning.rejection import RejectionReason, Tally
-from handfast.planning.results.plan_folder import PlanFolder
+from handfast.planning.question import PlanOptions
+from handfast.planning.rejection import RejectionReason, Tally, diagnosis, fruitless
+from handfast.planning.results.folder import PlanFolder
 from handfast.planning.sizes import compared, hand_size
 from handfast.stability.loads import Loads
 from tests.support.unprepared_hands import jaws, overlapping, wristed
@@ -42,8 +43,8 @@ def hand(tmp_path_factory: pytest.TempPathFactory) -> Hand:
     return load_hand(wristed(tmp_path_factory.mktemp("hands")))
 
 
-def runner(hand: Hand, body: Body = BLOCK, **more: object) -> Runner:
-    return Runner(Attempts(hand, body, palm_of(hand), Loads.gravity(body), 0, **more))  # type: ignore[arg-type]
+def runner(hand: Hand, body: Body = BLOCK, **more: Any) -> Runner:
+    return Runner(Attempts(hand, body, Loads.gravity(body), PlanOptions(**more)))
 
 
 # --- a wrist --------------------------------------------------------------------------------------
@@ -139,7 +140,7 @@ def test_an_ignored_pair_is_not_looked_at(tmp_path: Path) -> None:
         Scene(hand, BLOCK, [("left", "nothing")])
     with pytest.raises(InputError, match=r"'nothing'"):
         plan(hand, BLOCK, ignored=[("nothing", "left")])
-    asked = [Attempts(hand, BLOCK, palm_of(hand), Loads.gravity(BLOCK), 0, ignored=p) for p in ((), (("a", "b"),))]
+    asked = [Attempts(hand, BLOCK, Loads.gravity(BLOCK), PlanOptions(ignored=p)) for p in ((), (("a", "b"),))]
     assert asked[0].question != asked[1].question
 
 

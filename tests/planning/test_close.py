@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from handfast import Verdict, check
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
 from handfast.geometry.contacts import contact_grasp
@@ -17,11 +18,12 @@ from handfast.model.hand import Coupling, Hand, Joint, Link
 from handfast.model.hand.hand import coupling_rows
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
-from handfast.planning.closing import GAP, close
+from handfast.planning.closing import GAP, close, stands_open, waiting
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from tests.support.four_bar import FourBar
 from tests.support.places import SHARED
+from tests.support.tendon_hand import FINGERS, tendon_hand
 
 R = 0.005  # finger radius
 
@@ -165,7 +167,7 @@ def test_the_same_twice() -> None:
 real = pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared")
 
 
-def check(hand: Hand, q0: np.ndarray, body: Body, pose: np.ndarray) -> None:
+def closes(hand: Hand, q0: np.ndarray, body: Body, pose: np.ndarray) -> None:
     scene = Scene(hand, body)
     closed = close(hand, q0, body, pose, scene=scene)
     assert len(closed.contacts) >= 3
@@ -192,7 +194,7 @@ def test_barrett_on_real_objects(which: str, name: str) -> None:
     body = load_body(SHARED / "objects" / "ycb" / f"{name}.obj", mass=0.4)
     x, y, _ = body.center_of_mass
     pose = transform([-x, -y, 0.095 - body.vertices[:, 2].min()])
-    check(hand, hand.configuration(), body, pose)
+    closes(hand, hand.configuration(), body, pose)
 
 
 @real
@@ -201,7 +203,7 @@ def test_allegro_on_real_objects(name: str) -> None:
     hand = load_hand(SHARED / "hands" / "allegro_hand" / "allegro_hand_right.urdf").with_closing({"joint_12.0": 0})
     body = load_body(SHARED / "objects" / "ycb" / f"{name}.obj", mass=0.4)
     across = transform([0.07, 0, 0.02], np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))
-    check(hand, hand.configuration({"joint_12.0": 1.2}), body, across @ transform(-body.center_of_mass))
+    closes(hand, hand.configuration({"joint_12.0": 1.2}), body, across @ transform(-body.center_of_mass))
 
 
 def test_a_four_bar_finger_closes_along_its_loop(tmp_path: Path) -> None:
@@ -232,3 +234,41 @@ def test_a_loop_stops_where_it_is_stretched(tmp_path: Path) -> None:
     stretched = np.arccos((0.04**2 + 0.05**2 - 0.07**2) / (2 * 0.04 * 0.05)) - np.pi / 2
     assert closed.q[0] == pytest.approx(stretched, abs=1e-3)
     assert closed.stopped["crank"] == "loop"
+
+
+BALL = Body.of([Shape("sphere", [0.012])], friction=0.8)
+AT = transform([0.0, 0.0, 0.092])
+
+
+def test_the_inner_of_two_joints_on_a_tendon_waits() -> None:
+    hand = tendon_hand()
+    named = {hand.joint_names[j]: [hand.joint_names[i] for i in outer] for j, outer in waiting(hand).items()}
+    assert named == {"left_middle": ["left_distal"], "right_middle": ["right_distal"]}
+    assert stands_open(hand, hand.joint("left_middle"), 5e-4)
+    assert not stands_open(hand, hand.joint("left_middle"), 2e-3)
+
+
+@pytest.mark.parametrize("name", ["barrett-bh8-280", "schunk-sah", "parallel-gripper"])
+def test_nothing_waits_where_joints_are_coupled_or_driven_alone(name: str) -> None:
+    assert waiting(load_hand(name)) == {}
+    assert waiting(tendon_hand().with_laws("friction")) == {}  # without a stop there is nothing to wait at
+
+
+def test_a_fingertip_leaves_the_inner_joint_at_its_stop() -> None:
+    """Closing without stops bends both joints alike, and slips; with them, it holds under the same command."""
+    preload = {f"{n}_pull": 0.02 for n in FINGERS}
+    for laws, verdict in (("stops", Verdict.HOLDS), ("none", Verdict.SLIPS)):
+        hand = tendon_hand().with_laws(laws)
+        closed = close(hand, np.zeros(6), BALL, AT, {f"{n}_proximal": 0 for n in FINGERS})
+        assert set(closed.touching) == {"left_distal", "right_distal"}
+        middle, distal = (closed.q[[hand.joint(f"{n}_{part}") for n in FINGERS]] for part in ("middle", "distal"))
+        assert (distal > 0.1).all()
+        assert middle == pytest.approx([0.0, 0.0] if laws == "stops" else distal, abs=1e-9)
+        grasp = contact_grasp(hand, closed.q, BALL, AT, preload=preload)
+        assert check(grasp, np.zeros(6)).verdict is verdict
+
+
+def test_a_joint_that_is_bent_already_does_not_wait() -> None:
+    hand = tendon_hand()
+    closed = close(hand, {"left_middle": 0.1, "right_middle": 0.1}, BALL, AT, {f"{n}_proximal": 0 for n in FINGERS})
+    assert (closed.q[[hand.joint(f"{n}_middle") for n in FINGERS]] > 0.15).all()

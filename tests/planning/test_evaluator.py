@@ -15,8 +15,9 @@ from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
-from handfast.planning.evaluation.evaluator import DEEP, Allowed, Evaluator, GraspCandidate
+from handfast.planning.evaluation.evaluator import DEEP, Evaluator, GraspCandidate
 from handfast.planning.evaluation.steps import Steps
+from handfast.planning.question import Allowed
 from handfast.planning.rejection import RejectionReason
 from handfast.stability.loads import Loads
 from handfast.synthesis.search.starts import Certified

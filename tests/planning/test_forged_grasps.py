@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from handfast import InputError, Task
-from handfast.planning.evaluation.derived import Derived, contacts_at, grasp_at
-from handfast.planning.requirements import Requirements
+from handfast.planning.evaluation.evaluator import Derived, contacts_at, grasp_at
+from handfast.planning.question import Requirements
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
-from handfast.planning.results.verify_grasps import difference, question_of
+from handfast.planning.results.verify import difference, question_of
 from handfast.stability.loads import Loads
 from handfast.synthesis.embedded import task_to_dict
 from handfast.synthesis.solution import Solution

@@ -30,13 +30,13 @@ from handfast import (
 from handfast.cli import main
 from handfast.geometry.collision import Collisions
 from handfast.geometry.scene import Scene
-from handfast.planning.evaluation.evaluator import NEAR, Allowed, Evaluator, requests
-from handfast.planning.evaluation.gradient import Gradients
-from handfast.planning.evaluation.steps import Steps
+from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
+from handfast.planning.evaluation.steps import Gradients, Steps
 from handfast.planning.filters.non_contacting import NonContactingFingers
-from handfast.planning.journal import Journal
-from handfast.planning.ranking.rank import BETTER, rank
+from handfast.planning.question import Allowed
+from handfast.planning.ranking import BETTER, rank
 from handfast.planning.results.grasps import Grasps
+from handfast.planning.search import Journal
 from handfast.stability.loads import Loads
 from handfast.synthesis.placed import whole
 from handfast.synthesis.search.diverse import Walks
@@ -147,8 +147,8 @@ def test_what_cannot_balance_is_never_returned() -> None:
 @pytest.mark.parametrize(
     ("options", "match"),
     [
-        ({"count": 0}, "count: is 0; at least 1"),
-        ({"timeout": -1.0}, "timeout: is -1 s; a positive number"),
+        ({"count": 0}, "count: is 0; a positive number"),
+        ({"timeout": -1.0}, "timeout: is -1; a positive number"),
         ({"seed": -1}, "seed: is -1; a number from 0 on is needed"),
         ({"actuators": ["elbow"]}, "elbow"),
         ({"body": load_body("jar")}, None),
@@ -326,7 +326,7 @@ def test_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
     ("arguments", "match"),
     [
         (["nowhere"], "bundled: guitar-holding"),
-        ([NAME, "-n", "0"], "--count: is 0; at least 1"),
+        ([NAME, "-n", "0"], "--count: is 0; a positive number"),
         ([NAME, "--object", "jug"], "no bundled object of that name"),
         ([NAME, "--tilt", "z", "60"], "--tilt: is about z; x or y is needed, z points up"),
         ([NAME, "--loads", "none.json"], "none.json: no such file"),

@@ -33,7 +33,7 @@ def gripper(tmp_path_factory: pytest.TempPathFactory) -> Hand:
 
 
 def runner(hand: Hand, body: Body) -> Runner:
-    return Runner(Attempts(hand, body, palm_of(hand), Loads.gravity(body), 0))
+    return Runner(Attempts(hand, body, Loads.gravity(body)))
 
 
 # --- what a linkage makes of a jaw ------------------------------------------------------------------

@@ -70,5 +70,5 @@ def test_it_closes_on_a_block_with_upright_jaws(gripper: Hand) -> None:
 
 def test_it_plans(gripper: Hand) -> None:
     body = Body.of([Shape("box", (0.04, 0.03, 0.03))], mass=0.05)
-    runner = Runner(Attempts(gripper, body, palm_of(gripper), Loads.gravity(body), 0))
+    runner = Runner(Attempts(gripper, body, Loads.gravity(body)))
     assert any(runner.run(n).found for n in range(6))

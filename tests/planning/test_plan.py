@@ -33,10 +33,10 @@ from handfast.planning.candidates.palm_poses import STANDARD, Sampling, palm_of,
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.evaluation.attempt import REASONS, Attempts, Runner, squeezing
 from handfast.planning.plan_grasps import plan
-from handfast.planning.ranking.distinct import difference, most_different
+from handfast.planning.question import Limits
+from handfast.planning.ranking import difference, most_different
 from handfast.planning.rejection import RejectionReason
-from handfast.planning.requirements import Limits
-from handfast.planning.results.planned import Plan
+from handfast.planning.results.plan import Plan
 from handfast.stability.loads import Loads
 
 HAND = load_hand("barrett-bh8-280")
@@ -238,7 +238,7 @@ def test_a_look_ahead_sees_what_the_fingers_pass() -> None:
 def test_a_gripper_pushes_the_object_to_its_middle() -> None:
     hand = load_hand("parallel-gripper")
     body = Body.of([Shape("box", (0.04, 0.05, 0.06))], mass=0.1)
-    runner = Runner(Attempts(hand, body, palm_of(hand), Loads.gravity(body), 0))
+    runner = Runner(Attempts(hand, body, Loads.gravity(body)))
     pose = np.eye(4)
     pose[:3, 3] = [0, 0.004, 0.1]
     closed, moved = runner._closed(np.zeros(2), pose)

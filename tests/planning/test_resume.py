@@ -83,7 +83,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @needs_fork
 def test_a_plan_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path, planned: Path) -> None:
     folder = tmp_path / "out"
-    kill([*PLAN[:-1], "200"], folder, "handfast.planning.results.plan_folder.save_grasp", 2)
+    kill([*PLAN[:-1], "200"], folder, "handfast.planning.results.folder.save_grasp", 2)
     kept = json.loads((folder / "plan.json").read_text("utf-8"))
     assert len(kept["grasps"]) == 1
     assert (folder / "001.grasp.json").exists()
@@ -175,7 +175,7 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @needs_fork
 def test_a_search_that_was_killed_goes_on_as_if_it_had_not_been(tmp_path: Path, searched: Path) -> None:
     folder = tmp_path / "out"
-    kill([*GRASP, "--timeout", "inf"], folder, "handfast.planning.results.grasp_folder.save_search", 1)
+    kill([*GRASP, "--timeout", "inf"], folder, "handfast.planning.results.folder.save_search", 1)
     assert len(load_search(folder / "search.json", load_task(TASK)).found) == 3
     assert verify(folder / "grasps.json").ok
     assert grasp(folder, count=3, resume=True, timeout=float("inf")).run() == 0
@@ -192,7 +192,7 @@ def test_a_search_goes_on_to_more_grasps(tmp_path: Path, searched: Path) -> None
     kept = ("contacts", "joints", "preload", "mass")  # its rank, which its sources name, may be another
     assert [first[key] for key in kept] in [[g[key] for key in kept] for g in now]
     here, there = (load_search(f / "search.json", load_task(TASK)) for f in (folder, searched))
-    assert [f.existence.coordinates for f in here.found] == [f.existence.coordinates for f in there.found]
+    assert [f.existence for f in here.found] == [f.existence for f in there.found]
     names = ("configuration-{}.json", "grasp-{}.json")
     for name in (n.format(k) for n in names for k in (1, 2, 3)):
         assert contents(folder)[name] == contents(searched)[name]

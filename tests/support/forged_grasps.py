@@ -8,11 +8,11 @@ from functools import cache
 from typing import Any
 
 from handfast import InputError, grasp_for, load_body, load_task
-from handfast.planning.requirements import Limits
+from handfast.planning.question import Limits
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.grasps_file import asked_digest
-from handfast.planning.results.verify_grasps import verify
+from handfast.planning.results.verify import verify
 from handfast.proofs.replay import Replay
 from handfast.stability.loads import Loads
 from handfast.synthesis.embedded import digest

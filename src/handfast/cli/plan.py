@@ -10,20 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.joint_options import SOLID
-from handfast.cli.load_options import LoadsOptions
-from handfast.cli.options import Assignments, Command, Triple, assigned, check_writable
-from handfast.cli.scene_options import LinkPairs, SceneOptions
+from handfast.cli.options import Assignments, Command, Triple, assigned
+from handfast.cli.scene_options import SceneOptions
+from handfast.cli.search_options import SearchFlags
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.body import Body
-    from handfast.planning.results.planned import Plan
+    from handfast.planning.results.plan import Plan
     from handfast.stability.loads import Loads
 
 
 @dataclass(kw_only=True)
-class PlanGrasps(SceneOptions, LoadsOptions, Command):
+class PlanGrasps(SceneOptions, SearchFlags, Command):
     """Look for grasps that hold an object, and differ from each other.
 
     Starts the hand at random before the object's surface, closes it, and keeps what holds every load under one
@@ -31,12 +30,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     gives the same grasps.
     """
 
-    joint_laws: Annotated[str, arg(metavar="LAWS")] = SOLID
-    """what counts of the joints' stops, friction and springs in the hand's file: all, none, or names with commas"""
     count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 20
     """grasps to look for"""
-    seed: int = 0
-    """of the random starts"""
     timeout: Annotated[float, arg(metavar="S")] = 300.0
     """seconds after which what was found is returned"""
     attempts: Annotated[int, arg(metavar="N")] = 100_000
@@ -47,43 +42,21 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
     """direction in which the palm approaches, in the hand's base frame; guessed"""
     closing: Assignments = ()
     """sense in which a joint closes: JOINT=1, JOINT=-1, or JOINT=0 to sample it as a spread"""
-    ignore_pair: LinkPairs = ()
-    """two links of the hand that may overlap, as their shapes do and the real links do not; repeatable"""
     give_up: Annotated[int, arg(metavar="N")] = 1000
     """end after so many starts of which none came through the filters, with what is the matter"""
-    command_limit: Annotated[float | None, arg(metavar="V")] = None
-    """largest command of a grasp [N m or N]; by default ten times the largest load at the grasp's size"""
-    torque_limit: Assignments = ()
-    """largest torque (force) of an actuator with its gearing, passive reaction included"""
-    force_limit: Annotated[float | None, arg(metavar="N")] = None
-    """largest normal force at any contact [N]"""
-    eta: Annotated[float, arg(metavar="DEG")] = 0.0
-    """how far the contact normals may be off [degrees]"""
-    jobs: Annotated[int | None, arg(metavar="N")] = None
-    """processes to use; all cores by default"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
     """write a configuration and a grasp file for each grasp as it is found, and plan.json"""
-    resume: bool = False
-    """go on from what FOLDER holds; the same question, but for how many and how long, --pool and --jobs"""
-    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
-    """write a self-contained page about the grasps that were found, the first to be turned with the mouse"""
-    json: bool = False
-    """print one JSON object instead of a table"""
-    force: bool = False
-    """write over files that exist"""
 
     def run(self) -> int:
-        import numpy as np
-
         from handfast.cli.grasp_tables import starts_text
         from handfast.planning.candidates.palm_poses import Sampling
-        from handfast.planning.journal import Journal
         from handfast.planning.plan_grasps import plan
-        from handfast.planning.requirements import Limits
-        from handfast.planning.results.plan_folder import PlanFolder
+        from handfast.planning.question import PlanOptions
+        from handfast.planning.results.folder import PlanFolder
+        from handfast.planning.search import Journal
         from handfast.planning.sizes import compared
 
-        check_writable(self.report, self.force, (".html", ".htm"))
+        options: PlanOptions = self.options(PlanOptions, sampling=Sampling(approach=self.approach or None))
         PlanFolder.refuse(self.output, resume=self.resume, force=self.force)
         hand, body = self.load_scene()
         senses = {name: int(s) for name, s in self._senses().items()}
@@ -98,27 +71,8 @@ class PlanGrasps(SceneOptions, LoadsOptions, Command):
 
             names = _from_anywhere(self.hand), _from_anywhere(self.object)
             folder = PlanFolder(self.output, *names, senses, resume=self.resume, on_note=note) if self.output else None
-            planned = plan(
-                hand,
-                body,
-                count=self.count,
-                loads=loads,
-                limits=Limits(
-                    command_limit=self.command_limit,
-                    torque_limits=assigned(self.torque_limit, "--torque-limit"),
-                    force_limit=self.force_limit,
-                    eta=float(np.radians(self.eta)),
-                ),
-                seed=self.seed,
-                timeout=self.timeout,
-                attempts=self.attempts,
-                pool=self.pool,
-                sampling=Sampling(approach=self.approach or None),
-                jobs=self.jobs,
-                journal=folder or Journal(note),
-                ignored=self.ignore_pair,
-                give_up=self.give_up,
-            )
+            journal = folder or Journal(note)
+            planned = plan(hand, body, loads=loads, options=options, jobs=self.jobs, journal=journal)
         if self.report and planned.grasps:
             from handfast.pictures.found_page import report_plan
 

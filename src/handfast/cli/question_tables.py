@@ -12,7 +12,7 @@ from handfast.cli.table import table
 from handfast.pictures import words
 from handfast.pictures.words import num
 from handfast.planning.results.grasps_file import from_dict as grasps_from_dict
-from handfast.planning.results.verify_grasps import question_of
+from handfast.planning.results.verify import question_of
 from handfast.readers import grasp_file
 from handfast.synthesis.embedded import digest, fingerprint, task_from_dict, task_to_dict
 

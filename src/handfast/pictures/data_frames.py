@@ -9,7 +9,7 @@ import numpy as np
 
 from handfast.core.errors import InputError
 from handfast.planning.results.grasps import Grasps
-from handfast.planning.results.planned import Plan
+from handfast.planning.results.plan import Plan
 from handfast.stability.answers import Answer
 from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.hold import HoldAnswer

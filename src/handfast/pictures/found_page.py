@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from handfast.model.hand.hand import Hand
     from handfast.pictures.scene import Mesh
     from handfast.planning.propose_tasks import Proposals
-    from handfast.planning.results.planned import Plan
+    from handfast.planning.results.plan import Plan
     from handfast.synthesis.solution import Solution
     from handfast.synthesis.synthesis_answer import Synthesis
 
@@ -47,6 +47,7 @@ def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None
         InputError: the plan has no grasps; the file exists and `force` is not set, or cannot be written.
     """
     items = []
+    options = planned.asked.options
     for g in planned.grasps:
         preload = f"preload {words.preload_text(g.grasp)}"
         about = f"Grasp {planned.number(g)}, of start {g.index}: {words.grasp_text(g.grasp)}; {preload}."
@@ -55,11 +56,11 @@ def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None
     entries = []
     if planned.grasps:
         asked = zip(planned.loads.names, planned.grasps[0].answer.checks, strict=True)
-        entries = [Entry(f"Does it hold “{name}”?", a, eta=planned.asked.limits.eta) for name, a in asked]
+        entries = [Entry(f"Does it hold “{name}”?", a, eta=options.limits.eta) for name, a in asked]
     facts = [
         (
             "grasps",
-            f"{len(planned.grasps)} of {planned.count} asked for, {planned.tried} starts, seed {planned.asked.seed}",
+            f"{len(planned.grasps)} of {planned.count} asked for, {planned.tried} starts, seed {options.seed}",
         ),
         ("each holds", words.listed(planned.loads.names)),
     ]

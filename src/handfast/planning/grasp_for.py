@@ -9,8 +9,8 @@ exact model. That nothing was found proves nothing, except where synthesis answe
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,15 +24,13 @@ from handfast.geometry.dexterity import dexterity
 from handfast.geometry.rest_overlaps import rest_overlaps
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
-from handfast.planning.evaluation.evaluator import NEAR, Allowed, Evaluator, requests
+from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
 from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, LocalSearch
 from handfast.planning.filters.balance import friction_margin
-from handfast.planning.gathering import Gathering, UnitResult
-from handfast.planning.journal import Journal
-from handfast.planning.question import fingerprint, refuse_another, refuse_negative
-from handfast.planning.requirements import Limits, Requirements, link_pairs
+from handfast.planning.question import Requirements, TaskGraspOptions, fingerprint, link_pairs, refuse_another
 from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
-from handfast.planning.results.search_file import FoundGrasp, SavedSearch
+from handfast.planning.results.search_file import REASONS, FoundEntry, SavedSearch
+from handfast.planning.search import Gathering, Journal, UnitResult
 from handfast.readers.load_body import load_body
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
@@ -55,61 +53,44 @@ def grasp_for(
     body: Body | None = None,
     loads: Loads | None = None,
     *,
-    limits: Limits | None = None,
-    count: int = 1,
-    seed: int = 0,
-    timeout: float | None = 60.0,
-    actuators: Sequence[str] | None = None,
-    friction: float | None = None,
-    allowed: Allowed | None = None,
-    ignored: Sequence[tuple[str, str]] = (),
+    options: TaskGraspOptions | None = None,
     jobs: int | None = None,
     journal: Journal[Grasps] | None = None,
+    **changes: Any,
 ) -> Grasps:
     """Certified, collision-free, passively stable grasps for a task, with the torques to apply.
 
     Args:
         body: the object; `task.object` is loaded unless given.
         loads: what one preload must hold; the weight from all six axis directions unless given.
-        limits: of commands and forces. No `command_limit` is ten times the largest load at the size of the grasp
-            (`hold.moderate`).
-        count: of grasps that differ from each other.
-        seed: of the random numbers; the same seed finds the same grasps on any number of cores.
-        timeout: [s] after start-up; None goes on until there are `count`.
-        actuators: that may be commanded, those that close the hand unless given.
-        friction: coefficient; the object's unless given.
-        allowed: how deep solids may be in each other; two links beyond what they are in the hand at rest.
-        ignored: pairs of links, by name, that may overlap: where the collision shapes do and the real links do not.
+        options: see `TaskGraspOptions`.
         jobs: processes; by default all cores.
         journal: hears of the grasps so far after each unit of work, and may give a search to go on from.
+        changes: options by name, in place of those of `options`: `grasp_for(task, count=3, timeout=None)`.
 
     Raises:
         InputError: no object, an object without mass where the loads are left to its weight, an unknown actuator or
             link, a number out of range, limits and couplings that leave nothing; an earlier search of another
             question, or with grasps that are not proved or do not hold.
     """
+    o = replace(options or TaskGraspOptions(), **changes)
     if body is None:
         if task.object is None:
             raise InputError("names no object; give one, its shape is needed", source=task.name or None, field="object")
         body = load_body(task.object)
-    if count < 1:
-        raise InputError(f"is {count}; at least 1 is needed", field="count")
-    if timeout is not None and not timeout > 0:
-        raise InputError(f"is {timeout:g} s; a positive number is needed", field="timeout")
-    refuse_negative(seed)
     loads = Loads.gravity(body) if loads is None else loads
-    names = tuple(task.hand.closing_actuators if actuators is None else actuators)
+    names = tuple(task.hand.closing_actuators if o.actuators is None else o.actuators)
     for name in names:
         if name not in task.hand.mechanism.actuators:
             raise unknown_name("actuator", name, task.hand.mechanism.actuators, field="actuators")
-    friction = body.friction if friction is None else friction
-    scene = Scene(task.hand, body, link_pairs(task.hand, ignored))
+    friction = body.friction if o.friction is None else o.friction
+    scene = Scene(task.hand, body, link_pairs(task.hand, o.ignored))
     problem = TaskProblem.of(task)
     collisions = Collisions(scene, cutoff=NEAR, at_rest=rest_overlaps(scene, at_zero=True))
-    evaluator = Evaluator(problem, collisions, loads, friction, allowed or Allowed())
-    work = LocalSearch(evaluator, seed, Requirements.of(limits or Limits(), friction, names))
-    search = _TaskSearch(work, body, count, journal or Journal())
-    return search.run(timeout, jobs or default_jobs())
+    evaluator = Evaluator(problem, collisions, loads, friction, o.allowed)
+    work = LocalSearch(evaluator, o.seed, Requirements.of(o.limits, friction, names))
+    search = _TaskSearch(work, body, o.count, journal or Journal())
+    return search.run(o.timeout, jobs or default_jobs())
 
 
 def question_of(work: LocalSearch, body: Body) -> str:
@@ -147,7 +128,7 @@ class _TaskSearch:
         self.gathered: Gathering[_Found] = Gathering(count, _alike)
         self.grasps: list[ProvedGrasp] = []
         self.evaluated = self.starts = self.unproved = self.units = 0
-        self.done = SavedSearch(self.question)  # after the last unit that was done before the time was up
+        self.done = self.counted()  # after the last unit that was done before the time was up
         self.cut = False
         self.synthesis: Synthesis | None = None
         self.begin, self.spent = time.monotonic(), 0.0
@@ -160,7 +141,7 @@ class _TaskSearch:
             try:
                 self.go_on(earlier)
             except InputError as fault:
-                raise fault.at(earlier.source) from None
+                raise fault.at(self.journal.source) from None
         self.begin = time.monotonic()
         self.work.end = np.inf if timeout is None else self.begin + timeout
         with WorkerPool(self.work, jobs) as pool:
@@ -178,13 +159,14 @@ class _TaskSearch:
         """From where an earlier search was, every grasp of it proved again."""
         refuse_another(earlier.question, self.question)
         self.done, self.spent, self.units = earlier, earlier.seconds, earlier.units
-        self.evaluated, self.starts, self.unproved = earlier.evaluated, earlier.starts, earlier.unproved
+        self.evaluated, self.starts, self.unproved = earlier.judged, earlier.starts, earlier.unproved
         kept = []
         for i, found in enumerate(earlier.found):
-            report = verify_existence(self.evaluator.task, found.existence)
+            proof = found.proof(self.evaluator.task, f"found[{i}]")
+            report = verify_existence(self.evaluator.task, proof)
             if not report.ok:
                 raise InputError(f"is not proved: {report.reason}", field=f"found[{i}].existence")
-            certified = Certified.of(found.existence, self.evaluator.problem)
+            certified = Certified.of(proof, self.evaluator.problem)
             known = found.preload, found.lower, found.upper
             answer = self.work.answer_again(certified, known, found.nodes, f"found[{i}]")
             kept.append(replace(self.found(certified, found.repaired), answer=answer))
@@ -231,14 +213,27 @@ class _TaskSearch:
         if pool.alone:
             self.work.end += time.monotonic() - begin  # the time is for the search
         if not self.cut:
-            counted = self.units, self.gathered.tally.copy(), self.evaluated, self.starts, self.unproved
-            self.done = SavedSearch(self.question, *counted)
+            self.done = self.counted()
+
+    def counted(self) -> SavedSearch:
+        """How far the search has come, without what it found."""
+        return SavedSearch(
+            schema="handfast/search/1",
+            question=self.question,
+            units=self.units,
+            fates=self.gathered.tally.to_json("holds", REASONS),
+            judged=self.evaluated,
+            starts=self.starts,
+            unproved=self.unproved,
+            seconds=0.0,
+            found=[],
+        )
 
     def answer(self, stop: Stop) -> Grasps:
         """What is known so far."""
         none = self.synthesis is not None and self.synthesis.verdict is Reach.NONE
         seconds = self.spent + time.monotonic() - self.begin
-        found = tuple(self.remembered(f) for f in self.gathered.kept if f.answer)
+        found = [self.remembered(f) for f in self.gathered.kept if f.answer]
         return Grasps(
             self.evaluator.task,
             self.body,
@@ -255,16 +250,22 @@ class _TaskSearch:
             self.unproved,
             self.synthesis,
             requirements=self.work.requirements,
-            search=replace(self.done, found=found, seconds=seconds),
+            search=self.done.model_copy(update={"found": found, "seconds": seconds}),
         )
 
-    def remembered(self, f: _Found) -> FoundGrasp:
+    def remembered(self, f: _Found) -> FoundEntry:
         """A grasp as it stands in the file of a search."""
         a = f.answer
         assert a is not None
         assert a.preload is not None
-        existence = f.certified.existence(self.evaluator.problem)
-        return FoundGrasp(existence, f.repaired, a.preload, a.lower, a.upper, a.nodes)
+        return FoundEntry(
+            existence=f.certified.existence(self.evaluator.problem).to_json(),
+            repaired=f.repaired,
+            preload=a.preload,
+            lower=a.lower,
+            upper=a.upper,
+            nodes=a.nodes,
+        )
 
     def possible(self) -> Synthesis:
         """Whether there is any configuration at all, asked of synthesis with the time that is left."""

@@ -1,57 +1,190 @@
-"""What a search was asked: a search that was cut short is gone on with only where the question is the same."""
+"""What `plan` and `grasp_for` are asked: limits and options, and the fingerprint that tells two questions apart."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, unknown_name
 from handfast.model.body import Body
+from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
-from handfast.model.shape import Shape
+from handfast.planning.candidates.palm_poses import STANDARD, Sampling
+from handfast.planning.rejection import GIVE_UP
 from handfast.stability.loads import Loads
+from handfast.stability.settings import Settings
 from handfast.synthesis.embedded import digest
 
 
-def fingerprint(hand: Hand, body: Body, loads: Loads, seed: int, **others: object) -> str:
-    """What tells two questions apart: every number of hand, object and loads, the seed, and `others` as text."""
-    m = hand.mechanism
-    laws = [[j.law.friction, j.law.stiffness, *j.law.rest, *map(str, j.law.stops)] for j in hand.joints]
-    tendons = [[*t.row.tolist(), str(t.law)] for t in hand.tendons]
-    loops = [[o.first, o.second, o.on_first.tolist(), o.on_second.tolist()] for o in hand.loops]
-    more: dict[str, list[Any]] = {
-        "loops": loops,
-        "non_colliding": sorted(map(sorted, hand.non_colliding)),
-        "tendons": tendons,
-    }
-    more |= {"laws": laws if any(j.law.any for j in hand.joints) else []}
-    more |= {"backdrivable": [n for n, yes in zip(m.actuators, m.backdrivable, strict=True) if yes]}
-    return digest(
-        {key: value for key, value in more.items() if value}
-        | {
-            "links": [
-                [k.name, k.parent, k.pose.tolist(), list(k.joints), [_shape(s) for s in k.shapes]] for k in hand.links
-            ],
-            "joints": [
-                [j.name, j.type, j.axis.tolist(), j.anchor.tolist(), j.lower, j.upper, j.ref] for j in hand.joints
-            ],
-            "couplings": [[c.joint, c.driver, c.ratio, c.offset] for c in hand.couplings],
-            "mechanism": [list(m.actuators), m.R.tolist(), list(m.tendon)],
-            "closing": [hand.closing.tolist(), hand.breakaway],
-            "pieces": [_shape(s) for s in body.pieces],
-            "body": [body.mass, np.asarray(body.center_of_mass).tolist(), body.friction],
-            "loads": loads.by_name,
-            "seed": seed,
-            "others": {name: str(value) for name, value in others.items()},
-        }
-    )
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Limits:
+    """Within what a grasp has to hold.
+
+    Attributes:
+        command_limit: largest command [N m or N]; None where none was stated.
+        torque_limits: actuator -> largest force of motor and gearing [N m or N].
+        force_limit: largest normal force at any contact [N].
+        eta: uncertainty of the contact normals [rad].
+        settings: of each query about stability; None for the planner's own.
+    """
+
+    command_limit: float | None = None
+    torque_limits: Mapping[str, float] | None = None
+    force_limit: float | None = None
+    eta: float = 0.0
+    settings: Settings | None = None
+
+    @property
+    def of_a_load(self) -> dict[str, Any]:
+        """What `check` and `hold` take of these."""
+        return {"torque_limits": self.torque_limits, "force_limit": self.force_limit, "eta": self.eta}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Requirements(Limits):
+    """The numbers of a question about grasps for a task.
+
+    Attributes:
+        friction: coefficient at every contact.
+        actuators: that may be commanded.
+    """
+
+    friction: float
+    actuators: tuple[str, ...]
+
+    @classmethod
+    def of(cls, limits: Limits, friction: float, actuators: Sequence[str]) -> Requirements:
+        """These limits, with the friction and the actuators."""
+        return cls(friction=friction, actuators=tuple(actuators), **vars(limits))
+
+    def driven(self, grasp: Grasp) -> list[str]:
+        """The actuators of a grasp that may be commanded; where none of those asked for moves it, all of its own."""
+        own = grasp.mechanism.actuators
+        return [n for n in self.actuators if n in own] or list(own)
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """How deep solids may be in each other [m]: link and object, at the requested contacts, link and link.
+
+    Raises:
+        InputError: a depth below 0, or none.
+    """
+
+    depth: float = 1e-3
+    at_contacts: float = 1e-3
+    self_depth: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for field_, value in vars(self).items():
+            if not value >= 0:
+                raise InputError(f"is {value:g} m; 0 or more is needed", field=field_)
+
+
+# --- options ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SearchOptions:
+    """What `plan` and `grasp_for` have in common.
+
+    Attributes:
+        count: of grasps that differ from each other.
+        seed: of the random numbers: the same seed finds the same grasps on any number of cores, if the time allows.
+        timeout: [s] wall time after start-up; None goes on until there are `count`.
+        limits: of commands and forces. No `command_limit` is ten times the largest load at the size of the grasp.
+        ignored: pairs of links, by name, that may overlap: where the collision shapes do and the real links do not.
+
+    Raises:
+        InputError: a count or a time that is not positive, a negative seed.
+    """
+
+    count: int = 1
+    seed: int = 0
+    timeout: float | None = 60.0
+    limits: Limits = field(default_factory=Limits)
+    ignored: Sequence[tuple[str, str]] = ()
+
+    def __post_init__(self) -> None:
+        refuse_no_positive({"count": self.count, "timeout": self.timeout, "command_limit": self.limits.command_limit})
+        refuse_negative(self.seed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlanOptions(SearchOptions):
+    """Options of `plan`, beside those of every search. Without `limits.settings` a query has some hundred to thousand
+    nodes, so that the outcome does not hang on the clock (but no grasp is thought about for more than 30 s).
+
+    Attributes:
+        attempts: largest number of random starts.
+        pool: gather so many that differ, then return the `count` that differ most.
+        sampling: how the starts are drawn.
+        give_up: the search ends after so many attempts of which none came through the filters, or after three tenths
+            of these if one reason rejected all of them.
+    """
+
+    count: int = 20
+    timeout: float | None = 300.0
+    attempts: int = 100_000
+    pool: int | None = None
+    sampling: Sampling = STANDARD
+    give_up: int = GIVE_UP
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        refuse_no_positive({"attempts": self.attempts, "pool": self.pool, "give_up": self.give_up})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TaskGraspOptions(SearchOptions):
+    """Options of `grasp_for`, beside those of every search.
+
+    Attributes:
+        actuators: that may be commanded; None for those that close the hand.
+        friction: coefficient; None for the object's.
+        allowed: how deep solids may be in each other; two links beyond what they are in the hand at rest.
+    """
+
+    actuators: Sequence[str] | None = None
+    friction: float | None = None
+    allowed: Allowed = field(default_factory=Allowed)
 
 
 def refuse_negative(seed: int) -> None:
     """`InputError` for a seed below 0, of which no random numbers can be drawn."""
     if seed < 0:
         raise InputError(f"is {seed}; a number from 0 on is needed", field="seed")
+
+
+def refuse_no_positive(numbers: Mapping[str, float | None]) -> None:
+    """`InputError` for a number that is 0, below, or none; None is not stated."""
+    for name, value in numbers.items():
+        if value is not None and not value > 0:
+            raise InputError(f"is {value:g}; a positive number is needed", field=name)
+
+
+def link_pairs(hand: Hand, ignored: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """Pairs of two links in an order of their own, each once and known to the hand; `InputError` otherwise."""
+    for name in (name for pair in ignored for name in pair):
+        if name not in hand.link_names:
+            raise unknown_name("link", name, hand.link_names, field="ignored")
+    for one, other in ignored:
+        if one == other:
+            raise InputError(f"has {one} with itself; two links are needed", field="ignored")
+    return tuple(sorted({(min(pair), max(pair)) for pair in ignored}))
+
+
+# --- which question it is ---------------------------------------------------------------------------
+
+
+def fingerprint(hand: Hand, body: Body, loads: Loads, seed: int, **others: object) -> str:
+    """SHA-256 of a question: every number of hand, object and loads, the seed, and `others` as text."""
+    of_body = {"pieces": body.pieces, "mass": body.mass, "center": body.center_of_mass, "friction": body.friction}
+    asked = {"hand": replace(hand, name="", source=""), "body": of_body, "loads": loads.by_name, "seed": seed}
+    return digest(_plain(asked | {"others": {name: str(value) for name, value in others.items()}}))
 
 
 def refuse_another(found: str, question: str) -> None:
@@ -63,5 +196,16 @@ def refuse_another(found: str, question: str) -> None:
         )
 
 
-def _shape(s: Shape) -> list[Any]:
-    return [s.kind, list(s.size), s.pose.tolist(), s.vertices.tolist()]
+def _plain(value: Any) -> Any:
+    """JSON of a value: dataclasses by their fields, arrays as lists, sets in order, numbers without an end as text."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(of) for key, of in value.items()}
+    if isinstance(value, frozenset):
+        return sorted(map(_plain, value))
+    if isinstance(value, list | tuple):
+        return [_plain(x) for x in value]
+    return str(value) if isinstance(value, float) and not np.isfinite(value) else value

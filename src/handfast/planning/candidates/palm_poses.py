@@ -19,7 +19,7 @@ from handfast.model.hand.anatomy import MIDWAY, Anatomy
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates.jaw_poses import Pads, antipodal, squeezed
 from handfast.planning.candidates.surface import SurfaceSampler, near, turned
-from handfast.planning.waiting import waiting
+from handfast.planning.closing import waiting
 
 JAWS = 2  # fingers of a gripper
 CHOICES = 3  # places for its jaws, of which that nearest to the centre of mass may be taken

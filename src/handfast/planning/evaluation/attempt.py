@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,18 +17,15 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates import palm_poses
-from handfast.planning.candidates.palm_poses import STANDARD, Palm, Sampling, Start
+from handfast.planning.candidates.palm_poses import Palm, Start, palm_of
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.closing import Closed, close
-from handfast.planning.evaluation.preload_search import PreloadSearch, SearchedContacts
+from handfast.planning.evaluation.preload_search import PreloadSearch, SearchedContacts, spanning
 from handfast.planning.filters.balance import balances
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
-from handfast.planning.filters.spanning import spanning
-from handfast.planning.fruitless import FILTERED
-from handfast.planning.gathering import UnitResult
-from handfast.planning.question import fingerprint
-from handfast.planning.rejection import Overlap, RejectionReason, Tally, of_verdict
-from handfast.planning.requirements import Limits
+from handfast.planning.question import PlanOptions, fingerprint
+from handfast.planning.rejection import FILTERED, Overlap, RejectionReason, Tally, of_verdict
+from handfast.planning.search import UnitResult
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
 
@@ -81,28 +78,28 @@ class Attempts:
     """All that attempts share.
 
     Attributes:
-        loads: what is to be held. limits: within which; no `command_limit` is `STRONG` times the largest load, no
-            `settings` a number of nodes, so that the outcome does not hang on the machine.
-        sampling: of the starts.
-        ignored: pairs of links, by name, that may overlap.
+        loads: what is to be held.
+        options: no `command_limit` is `STRONG` times the largest load, no `settings` a number of nodes, so that the
+            outcome does not hang on the machine.
     """
 
     hand: Hand
     body: Body
-    palm: Palm
     loads: Loads
-    seed: int
-    limits: Limits = field(default_factory=Limits)
-    sampling: Sampling = STANDARD
-    ignored: tuple[tuple[str, str], ...] = ()
+    options: PlanOptions = field(default_factory=PlanOptions)
+
+    @cached_property
+    def palm(self) -> Palm:
+        """Where the hand grasps and which way it approaches."""
+        return palm_of(self.hand, self.options.sampling.approach)
 
     @property
     def question(self) -> str:
         """The fingerprint of all this."""
-        names = ("command_limit", "torque_limits", "force_limit", "eta", "settings")
-        others = {name: getattr(self.limits, name) for name in names} | {"palm": self.palm, "sampling": self.sampling}
-        others |= {"ignored": self.ignored} if self.ignored else {}
-        return fingerprint(self.hand, self.body, self.loads, self.seed, **others)
+        o = self.options
+        others = vars(o.limits) | {"palm": self.palm, "sampling": o.sampling}
+        others |= {"ignored": o.ignored} if o.ignored else {}
+        return fingerprint(self.hand, self.body, self.loads, o.seed, **others)
 
 
 class Placed(NamedTuple):
@@ -120,16 +117,16 @@ class Runner:
 
     def __init__(self, asked: Attempts) -> None:
         self.asked = asked
-        self.scene = Scene(asked.hand, asked.body, asked.ignored)
+        self.scene = Scene(asked.hand, asked.body, asked.options.ignored)
         self.surface = SurfaceSampler(asked.body)
         self.clearance = QuickLook(self.scene)
 
     def run(self, number: int) -> UnitResult[PlannedGrasp]:
         """The attempt of a number: what became of it, and the grasp if it holds."""
         a, tally = self.asked, Tally()
-        rng = np.random.default_rng([a.seed, number])
-        start = palm_poses.draw(rng, a.hand, a.palm, self.surface, a.sampling)
-        placed = self.placed(start, rng.exponential(a.sampling.back))
+        rng = np.random.default_rng([a.options.seed, number])
+        start = palm_poses.draw(rng, a.hand, a.palm, self.surface, a.options.sampling)
+        placed = self.placed(start, rng.exponential(a.options.sampling.back))
         found = self.evaluated(*placed, number) if isinstance(placed, Placed) else placed
         if isinstance(found, tuple):
             tally.add(found[0], overlap=found[1])
@@ -176,7 +173,7 @@ class Runner:
         actuators = squeezing(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
         if not actuators:
             return RejectionReason.UNDECIDED, None
-        search = PreloadSearch(a.body, a.loads, a.limits)
+        search = PreloadSearch(a.body, a.loads, a.options.limits)
         answer, searched = search.run(grasp, len(closed.contacts), partial(self._grasp, closed, pose), actuators)
         reason = of_verdict(answer.verdict)
         if reason:

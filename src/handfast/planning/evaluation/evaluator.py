@@ -1,24 +1,29 @@
 """Certified configurations evaluated as grasps.
 
 What is wrong with a candidate is a number, its cost: how deep the hand is in the object and in itself, and what
-share of the loads no friction forces could balance.
+share of the loads no friction forces could balance. What follows from one that holds (`Derived`) is said by the search
+and again by the replay of a file: what differs is refused.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
 from handfast.geometry.collision import Clearances, Collisions, Requested
+from handfast.geometry.contacts import grasp_of
 from handfast.geometry.curvature import rim_depth
+from handfast.geometry.dexterity import Dexterity, dexterity
+from handfast.model.configuration import Configuration
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.evaluation.derived import contacts_at, grasp_at
-from handfast.planning.filters.balance import CIRCUMSCRIBED, imbalance
+from handfast.planning.filters.balance import CIRCUMSCRIBED, friction_margin, imbalance
 from handfast.planning.filters.non_contacting import NonContactingFingers
+from handfast.planning.question import Allowed
 from handfast.planning.rejection import RejectionReason
 from handfast.stability.loads import Loads
 from handfast.synthesis.curvatures import relative_curvatures
@@ -59,24 +64,6 @@ class GraspCandidate:
     def grasp(self) -> Grasp:
         """At the certified contacts, object frame; nothing commanded."""
         return grasp_at(self.solution, self.q, self.contacts)
-
-
-@dataclass(frozen=True)
-class Allowed:
-    """How deep solids may be in each other [m]: link and object, at the requested contacts, link and link.
-
-    Raises:
-        InputError: a depth below 0, or none.
-    """
-
-    depth: float = 1e-3
-    at_contacts: float = 1e-3
-    self_depth: float = 1e-3
-
-    def __post_init__(self) -> None:
-        for field_, value in vars(self).items():
-            if not value >= 0:
-                raise InputError(f"is {value:g} m; 0 or more is needed", field=field_)
 
 
 class Evaluator:
@@ -131,9 +118,73 @@ class Evaluator:
         return float(np.maximum(0.0, np.concatenate(over)).sum())
 
 
+# --- what follows from a certified configuration -----------------------------------------------------
+
+
 def requests(solution: Solution) -> list[Requested]:
     """The contacts of a configuration, for the collision check."""
     return [
         Requested(t.link, p, n)
         for t, p, n in zip(solution.task.contact_pairs, solution.points, solution.normals, strict=True)
     ]
+
+
+def contacts_at(solution: Solution, friction: float) -> tuple[Contact, ...]:
+    """The certified contacts, object frame."""
+    R, p = solution.pose[:3, :3], solution.pose[:3, 3]
+    points, normals = (solution.points - p) @ R, solution.normals @ R
+    links = [pair.link for pair in solution.task.contact_pairs]
+    return tuple(Contact(x, n, friction, link) for x, n, link in zip(points, normals, links, strict=True))
+
+
+def grasp_at(solution: Solution, q: Array, contacts: Sequence[Contact]) -> Grasp:
+    """The grasp of the task's hand at q (l,), object frame; nothing commanded."""
+    task = solution.task
+    return grasp_of(task.hand, q, contacts, solution.pose, name=task.name or None)
+
+
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """What is said of a grasp beside its proofs, computed from the configuration, the preload and the loads alone.
+
+    Attributes:
+        configuration: as a file, with the preload.
+        preload: actuator -> command [N m or N], 0 is locked.
+        friction_margin: share of the friction without which forces could still balance every load.
+        curvatures: (b,) [1/m] relative curvature at the contacts, negative where they curve into each other.
+        dexterity: manipulability and distance to the joint limits.
+    """
+
+    configuration: Configuration
+    preload: Mapping[str, float]
+    friction_margin: float
+    curvatures: Array
+    dexterity: Dexterity
+
+    @classmethod
+    def of(cls, solution: Solution, q: Array, grasp: Grasp, preload: Mapping[str, float], loads: Loads) -> Derived:
+        """Of a grasp (`grasp_at`, with its preload) at joints q (l,)."""
+        task = solution.task
+        named = {"hand": task.hand.source or task.hand.name, "object": task.object}
+        return cls(
+            Configuration.of(task.hand, q, solution.pose, preload=grasp.preload or None, **named),
+            preload,
+            friction_margin(grasp, loads.wrenches),
+            relative_curvatures(solution),
+            dexterity(task.hand, q, [t.link for t in task.contact_pairs], solution.points, grasp),
+        )
+
+    @property
+    def command(self) -> float:
+        """The largest command [N m or N]."""
+        return max(map(abs, self.preload.values()), default=0.0)
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "preload": dict(self.preload),
+            "upper": self.command,
+            "configuration": self.configuration.model_dump(by_alias=True, exclude_none=True, mode="json"),
+            "spare_friction": self.friction_margin,
+            "curvatures": self.curvatures.tolist(),
+            "dexterity": self.dexterity.to_json(),
+        }

@@ -18,12 +18,11 @@ from handfast.core.errors import InputError
 from handfast.core.parallel import START
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.evaluation.evaluator import Evaluator, GraspCandidate
-from handfast.planning.evaluation.holding import held, held_again
-from handfast.planning.evaluation.refinement import GraspRefinement
-from handfast.planning.evaluation.steps import Steps
-from handfast.planning.gathering import UnitResult
+from handfast.planning.evaluation.preload_search import held, held_again
+from handfast.planning.evaluation.steps import GraspRefinement, Steps
+from handfast.planning.question import Requirements
 from handfast.planning.rejection import RejectionReason, Tally, of_verdict
-from handfast.planning.requirements import Requirements
+from handfast.planning.search import UnitResult
 from handfast.stability.hold import HoldAnswer, moderate
 from handfast.stability.queries import check
 from handfast.stability.settings import Settings

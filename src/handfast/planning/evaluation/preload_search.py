@@ -9,17 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from handfast.core.answer import Verdict
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array
+from handfast.core.transforms import normal_frame
 from handfast.geometry.contact_reduction import reduced_contacts
+from handfast.geometry.patch import few
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.evaluation.holding import held, held_again
-from handfast.planning.requirements import Limits
-from handfast.stability.hold import STRONG, HoldAnswer
+from handfast.planning.question import Limits
+from handfast.stability.hold import STRONG, HoldAnswer, hold
 from handfast.stability.loads import Loads
+from handfast.stability.queries import CheckAnswer, check
 from handfast.stability.settings import Settings
 
 NODES = 150_000  # of a query of one contact, over the square of the contacts
@@ -114,6 +118,9 @@ class PreloadSearch:
         return float(np.max(np.abs(grasp.command) / np.where(torque, grasp.size, 1.0), initial=0.0)) / (STRONG * load)
 
 
+# --- asked within limits -----------------------------------------------------------------------------
+
+
 def settings_for(grasp: Grasp) -> Settings:
     """Of a query about a grasp, where none were stated."""
     return Settings(node_limit=NODES / grasp.m**2)
@@ -127,3 +134,78 @@ def bounding_settings_for(grasp: Grasp) -> Settings:
 def checking_settings_for(grasp: Grasp) -> Settings:
     """Of a query under a preload that is known, where none were stated."""
     return Settings(node_limit=max(CHECKED, NODES / grasp.m**2), verify=False)
+
+
+def held(grasp: Grasp, loads: Loads, limits: Limits, settings: Settings, **how: Any) -> HoldAnswer:
+    """One preload for all loads; `settings` where the limits state none, `how` as in `hold`."""
+    return hold(grasp, loads, settings=limits.settings or settings, **limits.of_a_load, **how)
+
+
+def held_again(
+    grasp: Grasp,
+    loads: Loads,
+    limits: Limits,
+    settings: Settings,
+    known: tuple[dict[str, float], float, float],
+    nodes: int,
+) -> HoldAnswer | None:
+    """What was found before, every load asked again under the preload of a grasp; None if one is not held.
+
+    Args:
+        known: preload, lower and upper bound of its largest command.
+        nodes: of the search that found it.
+    """
+    how = limits.of_a_load | {"settings": limits.settings or settings}
+    checks: list[CheckAnswer] = []
+    for wrench in loads.wrenches:
+        checks.append(check(grasp, wrench, **how))
+        if checks[-1].verdict is not Verdict.HOLDS:
+            return None
+    asked: dict[str, Any] = {"grasp": grasp, "limits": limits.of_a_load, "actuators": tuple(known[0])}
+    return HoldAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, nodes, loads, *known, tuple(checks), **asked)
+
+
+# --- contacts of a flat face -------------------------------------------------------------------------
+
+TURNED = 1e-3  # [rad] normals that differ by less are one
+OFF = 2e-5  # [m] points that are less out of a plane, or out of a line, are in it
+
+
+def spanning(contacts: Sequence[Contact]) -> tuple[Contact, ...]:
+    """Without those that lie between others of the same link, plane, normal and friction.
+
+    A force at a point between others is a sum of parallel forces at these, each within its friction cone, with the same
+    torque. Contacts of a pad that is made of many small solids, a dozen in a plane, would cost a search thousands of
+    times more, and answer the same. Of more than four corners the four stay that are spread most, as of a single pair
+    of solids: the others could do whatever these do, so that statics are judged too strictly, if anything.
+    """
+    left, kept = list(range(len(contacts))), set[int]()
+    while left:
+        lead = contacts[left[0]]
+        face = [i for i in left if _one_face(contacts[i], lead)]
+        left = [i for i in left if i not in face]
+        flat = np.array([contacts[i].position for i in face]) @ normal_frame(lead.normal)[:, 1:]
+        kept |= {face[k] for k in _corners(flat)}
+    return tuple(contacts[i] for i in sorted(kept))
+
+
+def _one_face(a: Contact, b: Contact) -> bool:
+    """Whether two contacts press one plane of the object with one link."""
+    apart = abs(float((a.position - b.position) @ b.normal))
+    same = a.link == b.link and a.friction == b.friction
+    return bool(same and a.normal @ b.normal >= np.cos(TURNED) and apart <= OFF)
+
+
+def _corners(points: Array) -> list[int]:
+    """Which of some points (n, 2) [m] span them: corners of their hull, four at most, ends of a line, or one alone."""
+    from scipy.spatial import ConvexHull
+
+    if len(points) < 3:
+        return list(range(len(points)))
+    axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
+    along, across = (points @ axes.T).T
+    if np.ptp(across) <= OFF:
+        return sorted({int(along.argmin()), int(along.argmax())})
+    hull = ConvexHull(points).vertices
+    kept = few(points[hull])
+    return sorted(int(k) for k in hull if (points[k] == kept).all(axis=1).any())

@@ -1,6 +1,7 @@
 """Steps from one candidate to a better one, along the set of certified configurations.
 
-They go where the distances grow (`gradient`) or anywhere, and each is certified anew before it counts.
+They go where the distances grow (`Gradients`), off the limits (`GraspRefinement`) or anywhere; each is certified anew
+before it counts. That a better grasp still holds is for the caller to decide anew.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from handfast.core.arrays import Array
+from handfast.core.arrays import Array, Mask
 from handfast.geometry.collision import SeparationVector
+from handfast.model.hand.coupling import drivers
 from handfast.planning.evaluation.evaluator import DEEP, Evaluator, GraspCandidate, requests
-from handfast.planning.evaluation.gradient import Gradients
 from handfast.synthesis.search.diverse import Walks
 from handfast.synthesis.search.starts import Certified
+from handfast.synthesis.task_problem import TaskProblem
 
 AIR = 5e-4  # [m] further apart than allowed: where a step away aims
 SLACK = 2e-3  # room to every bound below which a step does not press on it; in coordinates
@@ -64,3 +66,104 @@ class Steps:
         a = g.link(p.link_a, p.point_a, c.q)
         b = g.object(p.point_b, c.certified.x) if p.link_b is None else g.link(p.link_b, p.point_b, c.q)
         return np.asarray(p.direction @ (a - b))
+
+
+# --- which way bodies come apart ---------------------------------------------------------------------
+
+
+class Gradients:
+    """Derivatives of distances with respect to the coordinates x (n,) of a problem."""
+
+    def __init__(self, problem: TaskProblem) -> None:
+        self.problem, hand = problem, problem.task.hand
+        driven = drivers(hand)
+        self._joint = np.zeros((hand.l, problem.n))  # dq/dx: drivers and the joints that mimic them
+        for column, driver in enumerate(problem.free):
+            for j, (first, ratio, _) in driven.items():
+                if first == driver:
+                    self._joint[j, column] = ratio * problem.lengths[column]
+        self._pose = len(problem.free)
+
+    def link(self, link: int, point: Array, q: Array) -> Array:
+        """(3, n) of a point (3,) [m], base frame, fixed to a link of the hand at q (l,)."""
+        return np.asarray(self.problem.task.hand.jacobian(link, point, q) @ self._joint)
+
+    def object(self, point: Array, x: Array) -> Array:
+        """(3, n) of a point (3,) [m], base frame, fixed to the object, at coordinates x (n,)."""
+        first, unit = self._pose, self.problem.unit
+        J = np.zeros((3, self.problem.n))
+        J[:, first : first + 3] = unit * np.eye(3)
+        arm = point - unit * x[first : first + 3]
+        w, v = x[first + 3], x[first + 4 : first + 7]
+        size = w * w + v @ v
+        # omega = 2 vec(dq conj(q)) / |q|^2, and the point moves with omega x arm
+        turn = np.zeros((3, 4))
+        turn[:, 0] = -v
+        turn[:, 1:] = w * np.eye(3) + _cross(v)
+        J[:, first + 3 : first + 7] = -_cross(arm) @ (2 / size * turn)
+        return J
+
+
+def _cross(v: Array) -> Array:
+    """(3, 3) with _cross(v) @ u = v x u."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+# --- a grasp that holds, made a better one -----------------------------------------------------------
+
+ROUNDS = 12
+LENGTHS = (0.02, 0.06, 0.15)  # of the steps, in the measure of `distance`
+ENOUGH = 0.15  # of the range between a joint's limits, or of a patch's side: more room than that is not asked for
+SHALLOW = 1e-3  # [m] of overlap, or share of friction short, that weighs as much as `ENOUGH` of room
+
+
+class GraspRefinement:
+    """Improves candidates that nothing forbids."""
+
+    def __init__(self, evaluator: Evaluator, steps: Steps) -> None:
+        self.evaluator, self.steps = evaluator, steps
+        problem = evaluator.problem
+        self.width = problem.flat.coordinates.upper - problem.flat.coordinates.lower
+        self.bounded: Mask = np.array(
+            [
+                k.startswith("joint:") or (k.startswith("contact:") and w <= 1.0)
+                for k, w in zip(problem.labels, self.width, strict=True)
+            ]
+        )
+
+    def refined(self, c: GraspCandidate) -> GraspCandidate:
+        """The best candidate on the way, which may be the first."""
+        now, fails = c, 0
+        for round_ in range(ROUNDS):
+            inwards = self.inwards(now) if round_ % 2 == 0 else None
+            new = self.steps.anywhere(now, LENGTHS) if inwards is None else self.steps.along(now, inwards, LENGTHS)
+            found = [k for k in (self.evaluator.candidate(x) for x in new) if k and k.possible]
+            best = max(found, key=self.quality, default=now)
+            if self.quality(best) > self.quality(now) + 1e-3:
+                now, fails = best, 0
+            else:
+                fails += 1
+                if fails == 4:
+                    break
+        return now
+
+    def quality(self, c: GraspCandidate) -> float:
+        """Room to the limits, up to enough of it, less overlap and friction that is missing at a smaller share."""
+        overlap = min(c.clearances.least_to_object, c.clearances.least_between, 0.0)
+        return min(float(self.room(c).min(initial=ENOUGH)), ENOUGH) / ENOUGH + overlap / SHALLOW - c.cost
+
+    def room(self, c: GraspCandidate) -> Array:
+        """Distance of each bounded coordinate to its nearer bound, as a share of its range."""
+        flat, x = self.evaluator.problem.flat, c.certified.x
+        room = np.minimum(x - flat.coordinates.lower, flat.coordinates.upper - x)[self.bounded]
+        return np.asarray(room / self.width[self.bounded])
+
+    def inwards(self, c: GraspCandidate) -> Array | None:
+        """(n,) away from the bounds that are near, in coordinates times the weights of `Walks`; None if none is."""
+        flat, x = self.evaluator.problem.flat, c.certified.x
+        g = np.zeros(len(x))
+        short = np.maximum(0.0, ENOUGH - self.room(c))
+        middle = (flat.coordinates.lower + flat.coordinates.upper)[self.bounded] / 2
+        g[self.bounded] = short * np.sign(middle - x[self.bounded]) / self.width[self.bounded]
+        return np.asarray(g / self.steps.walks.weight) if g.any() else None

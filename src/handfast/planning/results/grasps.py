@@ -17,14 +17,14 @@ from handfast.geometry.dexterity import Dexterity
 from handfast.model.body import Body
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
-from handfast.planning.evaluation.derived import Derived
-from handfast.planning.ranking.rank import rank
+from handfast.planning.evaluation.evaluator import Derived
+from handfast.planning.question import Requirements
+from handfast.planning.ranking import rank
 from handfast.planning.rejection import Tally
-from handfast.planning.requirements import Requirements
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps_file import ObjectEntry, SavedGrasp, SavedGrasps
 from handfast.planning.results.search_file import REASONS, SavedSearch
-from handfast.planning.results.verify_grasps import verify
+from handfast.planning.results.verify import verify
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
 from handfast.stability.answers import finite
@@ -190,7 +190,7 @@ class Grasps:
         return SavedGrasps.of(self.task, thing, self.loads, self.requirements, self.verdict, saved, record)
 
     def verify(self) -> Replay:
-        """Everything that is proved of the grasps, checked again without any search, see `verify_grasps`."""
+        """Everything that is proved of the grasps, checked again without any search, see `results.verify`."""
         return verify(self.saved)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:

@@ -12,7 +12,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -22,9 +22,12 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import Finite, Six, Strict, Vector, validate, write_text
 from handfast.model.grasp import Grasp
-from handfast.planning.requirements import Requirements
-from handfast.planning.results.motors import MotorsEntry, driven, motors_to_dict
+from handfast.model.hand.hand import Hand, coupling_rows
+from handfast.model.hand.joint_law import NO_LAW, JointLaw, PassiveTendon
+from handfast.model.mechanism import Mechanism
+from handfast.planning.question import Requirements
 from handfast.readers import grasp_file
+from handfast.readers.grasp_file import ActuatorEntry
 from handfast.stability.answers import state_json
 from handfast.stability.loads import Loads, Weight
 from handfast.stability.model import State
@@ -34,9 +37,14 @@ from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task
 
 SCHEMA = "handfast/grasps/1"
+Sense = Annotated[int, Field(ge=-1, le=1)]
+
+# --- the file on disk -------------------------------------------------------------------------------
 
 
 class WeightEntry(Strict):
+    """As `Weight`."""
+
     along: Vector
     g: Finite
     factor: Finite
@@ -47,6 +55,15 @@ class LoadEntry(Strict):
 
     wrench: Six | None = None
     weight: WeightEntry | None = None
+
+    def load(self, mass: float | None, center_of_mass: Vector) -> tuple[Array, Weight | None]:
+        """(6,) the wrench, that of a weight computed from the object's."""
+        if (self.wrench is None) == (self.weight is None):
+            raise InputError("needs either a wrench or a weight")
+        if self.weight is None:
+            return np.array(self.wrench), None
+        weight = Weight(np.array(self.weight.along), self.weight.g, self.weight.factor)
+        return weight.wrench(mass or 0.0, np.array(center_of_mass)), weight
 
 
 class ObjectEntry(Strict):
@@ -98,6 +115,38 @@ class GraspsAnswerEntry(Strict):
     verdict: Reach
     loads: dict[str, Six]
     grasps: list[dict[str, Any]]
+
+
+class LawEntry(Strict):
+    """As `JointLaw`; null where nothing stops it."""
+
+    friction: Finite = 0.0
+    stiffness: Finite = 0.0
+    rest: tuple[Finite, Finite] = (0.0, 0.0)
+    stops: tuple[Finite | None, Finite | None] = (None, None)
+
+    def law(self, field: str) -> JointLaw:
+        low, high = self.stops
+        ends = (-np.inf if low is None else low, np.inf if high is None else high)
+        try:
+            return JointLaw(self.friction, self.stiffness, self.rest, ends)
+        except InputError as fault:
+            raise fault.within(field) from None
+
+
+class TendonEntry(LawEntry):
+    """A tendon with laws of its own: its length by joint, and these."""
+
+    joints: dict[str, Finite]
+
+
+class MotorsEntry(Strict):
+    """What the task's hand does not say: the rows of R, the senses in which joints close, and the joints' laws."""
+
+    actuators: list[ActuatorEntry]
+    closing: dict[str, Sense]
+    laws: dict[str, LawEntry] = Field(default_factory=dict)
+    tendons: dict[str, TendonEntry] = Field(default_factory=dict)
 
 
 class GraspsFile(Strict):
@@ -261,14 +310,8 @@ def from_dict(data: Any) -> SavedGrasps:
     q, said = entry.question, entry.answer
     if len(said.grasps) != len(entry.grasps):
         raise InputError(f"has {len(said.grasps)} entries for {len(entry.grasps)} grasps", field="answer.grasps")
-    requirements = Requirements(
-        friction=q.friction,
-        actuators=tuple(q.actuators),
-        eta=q.eta,
-        torque_limits=q.torque_limits,
-        force_limit=q.force_limit,
-        command_limit=q.command_limit,
-    )
+    stated = q.model_dump(exclude={"object", "loads", "actuators"})
+    requirements = Requirements(actuators=tuple(q.actuators), **stated)
     grasps = tuple(
         _grasp(task, e, answer, f"grasps[{i}]")
         for i, (e, answer) in enumerate(zip(entry.grasps, said.grasps, strict=True))
@@ -277,27 +320,18 @@ def from_dict(data: Any) -> SavedGrasps:
 
 
 def _loads(q: GraspsQuestionEntry) -> Loads:
-    """The loads with their wrenches, those of weights computed from the object's."""
-    wrenches: list[Array] = []
-    weights: list[Weight | None] = []
+    """The loads with their wrenches."""
+    made = []
     for name, e in q.loads.items():
-        field = f"question.loads.{name}"
-        if (e.wrench is None) == (e.weight is None):
-            raise InputError("needs either a wrench or a weight", field=field)
-        if e.weight is None:
-            wrenches.append(np.array(e.wrench))
-            weights.append(None)
-            continue
-        if q.object.mass is None:
+        if e.weight and q.object.mass is None:
             raise InputError("is null, but a load is its weight", field="question.object.mass")
-        weight = Weight(np.array(e.weight.along), e.weight.g, e.weight.factor)
         try:
-            wrenches.append(weight.wrench(q.object.mass, np.array(q.object.center_of_mass)))
+            made.append(e.load(q.object.mass, q.object.center_of_mass))
         except InputError as fault:
-            raise fault.within(field) from None
-        weights.append(weight)
+            raise fault.within(f"question.loads.{name}") from None
+    wrenches, weights = np.array([w for w, _ in made]).reshape(-1, 6), tuple(weight for _, weight in made)
     try:
-        return Loads(tuple(q.loads), np.array(wrenches).reshape(-1, 6), tuple(weights))
+        return Loads(tuple(q.loads), wrenches, weights)
     except InputError as fault:
         raise fault.within("question") from None
 
@@ -316,3 +350,59 @@ def _grasp(task: Task, e: GraspEntry, answer: dict[str, Any], field: str) -> Sav
         return SavedGrasp(solution, e.joints, grasp, e.grasp, witnesses, answer)
     except InputError as fault:
         raise fault.within(field) from None
+
+
+# --- motors -----------------------------------------------------------------------------------------
+
+
+def driven(hand: Hand, motors: MotorsEntry) -> Hand:
+    """The task's hand with what drives it; `InputError` with the field of what is wrong."""
+    names = hand.joint_names
+    for i, a in enumerate(motors.actuators):
+        for j in a.joints:
+            hand.joint(j, field=f"motors.actuators[{i}].joints")
+    if set(motors.closing) != set(names):
+        raise InputError(f"is not of the hand's joints: {', '.join(names)}", field="motors.closing")
+    try:
+        mechanism = Mechanism(
+            tuple(a.name for a in motors.actuators),
+            np.array([[a.joints.get(j, 0.0) for j in names] for a in motors.actuators]).reshape(-1, hand.l),
+            coupling_rows(hand.couplings, hand.l),
+            tuple(a.tendon for a in motors.actuators),
+            tuple(a.backdrivable for a in motors.actuators),
+        )
+    except InputError as fault:
+        raise fault.within("motors") from None
+    for j in motors.laws:
+        hand.joint(j, field="motors.laws")
+    for n, e in motors.tendons.items():
+        for j in e.joints:
+            hand.joint(j, field=f"motors.tendons.{n}.joints")
+    laws = {n: e.law(f"motors.laws.{n}") for n, e in motors.laws.items()}
+    joints = tuple(replace(j, law=laws.get(j.name, NO_LAW)) for j in hand.joints)
+    tendons = tuple(
+        PassiveTendon(n, np.array([e.joints.get(j, 0.0) for j in names]), e.law(f"motors.tendons.{n}"))
+        for n, e in motors.tendons.items()
+    )
+    closing = np.array([motors.closing[j] for j in names])
+    return replace(hand, joints=joints, tendons=tendons, mechanism=mechanism, closing=closing)
+
+
+def motors_to_dict(hand: Hand) -> dict[str, Any]:
+    """What drives a hand, and the sense in which its joints close."""
+    m, names = hand.mechanism, hand.joint_names
+    laws = {
+        "laws": {j.name: j.law.to_json() for j in hand.joints if j.law.any},
+        "tendons": {t.name: t.law.to_json() | {"joints": _named(t.row, names)} for t in hand.tendons},
+    }
+    return {
+        "actuators": [
+            {"name": n, "joints": _named(row, names), "tendon": t} | ({"backdrivable": True} if free else {})
+            for n, row, t, free in zip(m.actuators, m.R, m.tendon, m.backdrivable, strict=True)
+        ],
+        "closing": {n: int(s) for n, s in zip(names, hand.closing, strict=True)},
+    } | {name: of for name, of in laws.items() if of}
+
+
+def _named(row: Array, joints: Sequence[str]) -> dict[str, float]:
+    return {j: float(v) for j, v in zip(joints, row, strict=True) if v}

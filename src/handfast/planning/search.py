@@ -1,14 +1,15 @@
-"""Units of work one after the other: what became of their candidates, and those that passed and differ."""
+"""Searches of numbered units of work: what became of their candidates, what is kept, and who is told."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from handfast.planning.rejection import RejectionReason, Tally
 
 Found = TypeVar("Found")
+State = TypeVar("State")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,3 +61,35 @@ class Gathering(Generic[Found]):
             else:
                 self.kept.append(one)
         return len(self.kept) > before
+
+
+class Journal(Generic[State]):
+    """Hears how far a search has come. This one keeps nothing; `handfast.planning.results.folder` has one that does.
+
+    Args:
+        on_note: called after each unit of work with the answer so far.
+
+    Attributes:
+        source: the file that says how far an earlier search has come.
+    """
+
+    source = ""
+
+    def __init__(self, on_note: Callable[[State], None] | None = None) -> None:
+        self.on_note = on_note
+
+    def earlier(self, question: Any) -> Any:
+        """What to go on from; None to begin.
+
+        Raises:
+            InputError: what was kept is broken, or of another question.
+        """
+        return None
+
+    def note(self, state: State, *, new: bool) -> None:
+        """The search goes on; `new`: something was found."""
+        if self.on_note:
+            self.on_note(state)
+
+    def close(self, state: State) -> None:
+        """The search has ended."""

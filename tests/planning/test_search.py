@@ -8,9 +8,9 @@ import pytest
 
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
-from handfast.planning.gathering import Gathering, UnitResult
-from handfast.planning.journal import Journal, SearchFolder
 from handfast.planning.rejection import RejectionReason, Tally, of_verdict
+from handfast.planning.results.folder import SearchFolder
+from handfast.planning.search import Gathering, Journal, UnitResult
 
 REASONS = RejectionReason.SLIPS, RejectionReason.PENETRATES, RejectionReason.ALIKE
 
@@ -87,7 +87,7 @@ def test_a_folder_is_written_at_once_for_what_is_new_and_now_and_then_else(
 ) -> None:
     heard: list[int] = []
     clock = iter([10.0, 10.0, 11.0, 11.5, 13.0, 13.0, 13.0])
-    monkeypatch.setattr("handfast.planning.journal.time.monotonic", lambda: next(clock))
+    monkeypatch.setattr("handfast.planning.results.folder.time.monotonic", lambda: next(clock))
     folder = Kept(tmp_path, on_note=heard.append)
     for state, new in ((1, False), (2, False), (3, True), (4, False)):
         folder.note(state, new=new)

@@ -3,20 +3,63 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
 
 from handfast.core.answer import Stop, Verdict, header
+from handfast.core.files import Strict
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
-from handfast.planning.fruitless import diagnosis
-from handfast.planning.rejection import Tally
-from handfast.planning.results.verify_plan import verify_planned
+from handfast.planning.evaluation.preload_search import SearchedContacts
+from handfast.planning.rejection import OverlapEntry, Tally, diagnosis
+from handfast.planning.results.verify import verify_planned
 from handfast.proofs.replay import Replay
 from handfast.stability.loads import Loads
 
 STARTS = ("what became of the other starts, and that the grasps differ from each other",)
+
+
+class PreloadSearchEntry(Strict):
+    """As `SearchedContacts`."""
+
+    touching: int = Field(ge=1)
+    searched: int = Field(ge=1)
+    error: float = Field(ge=0)
+
+    def contacts(self) -> SearchedContacts:
+        return SearchedContacts(self.touching, self.searched, self.error)
+
+
+class PlannedEntry(Strict):
+    """What of a grasp in `plan.json` is needed to go on; it says more."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+
+    attempt: int = Field(ge=0)
+    nodes: int = Field(ge=0)
+    penetration: float
+    self_penetration: float
+    configuration_file: str
+    grasp_file: str
+    hold_file: str
+    preload_search: PreloadSearchEntry | None = None
+
+
+class PlanFile(Strict):
+    """What of `plan.json` is needed to go on; it says more."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+
+    query: Literal["plan"]
+    question: str
+    seconds: float
+    fates: dict[str, int]
+    overlaps: dict[str, list[OverlapEntry]] = Field(default_factory=dict)
+    grasps: list[PlannedEntry]
+    others: list[PlannedEntry]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +130,7 @@ class Plan:
 
     def verify(self) -> Replay:
         """Every grasp again: joints, mechanism and contacts of the hand, and each load's witness under its preload."""
-        scene = Scene(self.hand, self.body, self.asked.ignored)
+        scene = Scene(self.hand, self.body, self.asked.options.ignored)
         parts = (replace(verify_planned(self.asked, scene, g), name=f"grasp {self.number(g)}") for g in self.found)
         return Replay("plan", parts=tuple(parts), not_replayed=STARTS)
 
@@ -95,7 +138,7 @@ class Plan:
         """The keys that the command line prints and writes to plan.json, beside the files' names."""
         return header(self, "plan") | {
             "seconds": round(self.seconds, 3),
-            "seed": self.asked.seed,
+            "seed": self.asked.options.seed,
             "loads": self.loads.by_name,
             "tried": self.tried,
             "fates": self.tally.to_json("kept", REASONS),

@@ -1,4 +1,4 @@
-"""Checks grasps again: what is proved of them (`handfast.proofs.grasps`), and what is measured anew.
+"""Checks plans and grasps again: what is proved of them (`handfast.proofs`), and what is measured anew.
 
 Measured are contacts, joints and mechanism, by the hand's kinematics at the configuration, and what follows from these.
 What cannot be computed again stands in a file's `record`, of which nothing is claimed.
@@ -8,28 +8,45 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
-from handfast.core.answer import Reach
+import numpy as np
+
+from handfast.core.answer import Reach, Verdict
+from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.core.files import SAME
+from handfast.core.files import SAME, read_json
+from handfast.geometry.contacts import find_contacts, grasp_of
+from handfast.geometry.scene import Scene
 from handfast.model.grasp import Grasp
-from handfast.planning.evaluation.derived import Derived, contacts_at, grasp_at
-from handfast.planning.requirements import Requirements
+from handfast.planning.evaluation.attempt import PENETRATION, Attempts, PlannedGrasp
+from handfast.planning.evaluation.evaluator import Derived, contacts_at, grasp_at
+from handfast.planning.evaluation.preload_search import PreloadSearch
+from handfast.planning.question import Requirements
 from handfast.planning.results import grasps_file
-from handfast.planning.results.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict
-from handfast.planning.results.motors import motors_to_dict
+from handfast.planning.results.grasps_file import SavedGrasp, SavedGrasps, loads_to_dict, motors_to_dict
 from handfast.proofs import grasps
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
+from handfast.readers.configuration_file import load_configuration
+from handfast.readers.grasp_file import load_grasp
+from handfast.readers.load_body import load_body
+from handfast.readers.load_hand import load_hand
 from handfast.stability.loads import Loads
 from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
 
 LONG = 60  # characters of a value that are shown
 SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is
 
-CLAIM = "contacts, joints and mechanism are those of the hand at the configuration, and what follows from these"
+FOLLOWS = "contacts, joints and mechanism are those of the hand at the configuration, and what follows from these"
+OF_HAND = "contacts, joints and mechanism are those of the hand on the object"
+CLOSE = 1e-6  # [m] a contact lies as near to one that is measured
+LIMITS = "eta", "torque_limits", "force_limit"
+NOT_REPLAYED = ("that links overlap no deeper than said: measured on convex pieces, like the contacts",)
+
+# --- grasps for a task ------------------------------------------------------------------------------
 
 
 def verify(saved: SavedGrasps) -> Replay:
@@ -55,7 +72,7 @@ def measured(saved: SavedGrasps) -> Replay:
             fault = _fault(g, saved.loads, saved.requirements)
         except InputError as problem:
             fault = str(problem)
-        parts.append(Replay(f"grasp {k}", CLAIM, fault))
+        parts.append(Replay(f"grasp {k}", FOLLOWS, fault))
     return Replay("geometry", "", _answer_fault(saved), parts=tuple(parts))
 
 
@@ -125,6 +142,97 @@ def _commands_fault(grasp: Grasp, driven: list[str], asked: Requirements) -> str
         if asked.command_limit is not None and abs(value) > asked.command_limit * (1 + SAME):
             return f"{name} is commanded {value:g}; the limit is {asked.command_limit:g}"
     return ""
+
+
+# --- plans ------------------------------------------------------------------------------------------
+
+
+def verify_planned(asked: Attempts, scene: Scene, found: PlannedGrasp) -> Replay:
+    """Is a grasp the hand's on the object, within the limits, and does it hold every load under its preload?
+
+    Args:
+        scene: of the hand and the object of `asked`.
+    """
+    measured = Replay("geometry", OF_HAND, _planned_fault(asked, scene, found))
+    return Replay("grasp", parts=(replace(found.held.verify(), name="loads"), measured), not_replayed=NOT_REPLAYED)
+
+
+def measured_plan(folder: Path) -> Replay:
+    """Are the grasps in the folder of a plan the hand's on the object? Measured anew, from the files that it names.
+
+    Raises:
+        InputError: a file is missing or broken, or names no hand or no object.
+    """
+    plan, parts = read_json(folder / "plan.json", "plan"), []
+    for entry in (*plan["grasps"], *plan["others"]):
+        place = load_configuration(folder / entry["configuration_file"])
+        if place.hand is None or place.object is None:
+            raise InputError("names no hand or no object", source=str(folder / entry["configuration_file"]))
+        hand, q = place.applied(load_hand(place.hand))
+        scene, grasp = Scene(hand, load_body(place.object)), load_grasp(folder / entry["grasp_file"])
+        held = read_json(folder / entry["hold_file"], "hold")["question"]["grasp"]
+        same = _without_preload(held) == _without_preload(grasp_file.to_dict(grasp))
+        wrong = "" if same else "its proof is about another grasp"
+        parts.append(Replay(entry["grasp_file"], OF_HAND, wrong or _hand_fault(scene, q, place.pose, grasp)))
+    return Replay("geometry", parts=tuple(parts), not_replayed=NOT_REPLAYED)
+
+
+def _planned_fault(asked: Attempts, scene: Scene, found: PlannedGrasp) -> str:
+    """What is wrong with a grasp beside its answer; '' if nothing."""
+    grasp, answer, limits = found.grasp, found.answer, asked.options.limits
+    if answer.verdict is not Verdict.HOLDS:
+        return "its loads are not held"
+    if answer.loads.by_name != asked.loads.by_name:
+        return "its answer is about other loads"
+    if any(answer.limits.get(n) != limits.of_a_load[n] for n in LIMITS):
+        return "its answer is within other limits"
+    of_checks = [a.posed.problem.grasp for a in answer.checks if a.posed]
+    own = _without_preload(grasp_file.to_dict(grasp))
+    if any(_without_preload(grasp_file.to_dict(g)) != own for g in of_checks):
+        return "its answer is about another grasp"
+    if {n: f for n, f in (answer.preload or {}).items() if f} != grasp.preload:
+        return "its answer is about another preload"
+    if PreloadSearch(asked.body, asked.loads, limits).strength(grasp) > 1:
+        return "its commands are larger than allowed"
+    hand, body = asked.hand, asked.body
+    if len(found.q) != hand.l:
+        return f"its configuration has {len(found.q)} joints, the hand {hand.l}"
+    same_center = grasp.center_of_mass is None or np.array_equal(grasp.center_of_mass, body.center_of_mass)
+    if grasp.mass not in (None, body.mass) or not same_center:
+        return "its object has another mass or centre of mass"
+    try:
+        hand.configuration(dict(zip(hand.joint_names, found.q.tolist(), strict=True)))  # limits and loops
+        return _hand_fault(scene, found.q, found.pose, grasp)
+    except InputError as fault:
+        return str(fault)
+
+
+def _without_preload(data: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in data.items() if key != "preload"}
+
+
+def _hand_fault(scene: Scene, q: Array, pose: Array, grasp: Grasp) -> str:
+    """What of a grasp does not follow from hand, configuration q (l,) and contacts; '' if nothing."""
+    made = grasp_of(scene.hand, q, grasp.contacts, pose, name=grasp.name)
+    due, said = (grasp_file.to_dict(Grasp(g.contacts, g.joints, g.mechanism, None, g.name)) for g in (made, grasp))
+    return difference(due, said, "grasp") or touch_fault(scene, q, pose, grasp)
+
+
+def touch_fault(scene: Scene, q: Array, pose: Array, grasp: Grasp) -> str:
+    """Which contact is not where hand and object touch, or how deep they are in each other; '' if all is well.
+
+    q: (l,) configuration. pose: (4, 4) of the object in the hand's base frame.
+    """
+    measured = find_contacts(scene.hand, q, scene.body, pose, scene=scene)
+    for k, c in enumerate(grasp.contacts):
+        near = [m for m in measured if m.link == c.link and np.abs(m.position - c.position).max() <= CLOSE]
+        if not any(np.abs(m.normal - c.normal).max() <= CLOSE and m.friction == c.friction for m in near):
+            return f"contact {k} of {c.link}: hand and object do not touch there so"
+    deep = max(c.depth for c in measured)
+    return "" if deep <= PENETRATION else f"hand and object penetrate by {deep * 1e3:.3g} mm"
+
+
+# --- JSON -------------------------------------------------------------------------------------------
 
 
 def difference(due: Any, said: Any, at: str, small: float = SMALL) -> str:
