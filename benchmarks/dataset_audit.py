@@ -59,8 +59,8 @@ from handfast.model.hand import Hand
 from handfast.model.servo import servo_commands
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.simulation.ending import Ending
-from handfast.simulation.loaded_twin import simulate
+from handfast.simulation.result import Ending
+from handfast.simulation.simulate import simulate
 from handfast.stability.batch import max_many
 from handfast.stability.queries import check
 from handfast.stability.settings import Settings

@@ -23,7 +23,7 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.drag_step import StepProblem, drag_step
-from handfast.simulation.loaded_twin import force_unit
+from handfast.simulation.simulate import force_unit
 from handfast.simulation.slow_motion import HARDER, STIFFNESS
 from handfast.stability.model import commanded
 

@@ -36,9 +36,8 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.simulation.ending import Ending
-from handfast.simulation.loaded_twin import Loading, force_unit, simulate
-from handfast.simulation.result import SimulationResult
+from handfast.simulation.result import Ending, SimulationResult
+from handfast.simulation.simulate import Loading, force_unit, simulate
 from handfast.simulation.twin import STIFFNESS
 from handfast.stability.margin_search import margin
 from handfast.stability.model import State, joint_torques, residuals

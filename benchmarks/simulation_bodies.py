@@ -33,8 +33,7 @@ from handfast.readers.configuration_file import save_configuration
 from handfast.readers.grasp_file import load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.simulation.loaded_bodies import simulate_bodies
-from handfast.simulation.loaded_twin import simulate
+from handfast.simulation.simulate import simulate, simulate_bodies
 from handfast.stability.queries import maximum
 
 RESULTS = Path(__file__).parent / "results" / "simulation_bodies.json"

@@ -6,7 +6,7 @@ Two questions with answers by hand, put to the same twin as every grasp: a block
 slips where tan alpha > mu, and a pinch, one finger commanded to f against a fixed one, which carries 2 mu f across.
 Loads below and above the threshold; friction, the engine's step and contact stiffness varied. Then three ways to keep a
 joint from turning back, on the pinch pushed onto its driven finger by five times the command.
-Writes results/simulation_floor.json; REST and SLIP in simulation/ending.py are its summary.
+Writes results/simulation_floor.json; REST and SLIP in simulation/result.py are its summary.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from benchmarks.machine import describe
 from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.simulation.loaded_twin import Loading, simulate
+from handfast.simulation.simulate import Loading, simulate
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import build_twin
 

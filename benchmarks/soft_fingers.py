@@ -28,7 +28,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.proofs import checker
-from handfast.simulation.loaded_twin import simulate
+from handfast.simulation.simulate import simulate
 from handfast.stability.queries import check, maximum
 from handfast.stability.queries.max_query import MaxAnswer
 from handfast.stability.settings import Settings

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from handfast.datasets.scene_source import SceneSource as SceneSource
     from handfast.geometry.contacts import contact_grasp as contact_grasp
     from handfast.geometry.contacts import find_contacts as find_contacts
+    from handfast.geometry.contacts import scene_contacts as scene_contacts
+    from handfast.geometry.contacts import scene_grasp as scene_grasp
     from handfast.geometry.scene import Scene as Scene
-    from handfast.geometry.scene_grasps import scene_contacts as scene_contacts
-    from handfast.geometry.scene_grasps import scene_grasp as scene_grasp
     from handfast.measures.measuring import measure as measure
     from handfast.measures.measuring import measure_columns as measure_columns
     from handfast.model.body import Body as Body
@@ -57,12 +57,12 @@ if TYPE_CHECKING:
     from handfast.readers.load_hand import load_hand as load_hand
     from handfast.readers.region_file import load_hand_regions as load_hand_regions
     from handfast.saved import verify as verify
-    from handfast.simulation.loaded_bodies import simulate_bodies as simulate_bodies
-    from handfast.simulation.loaded_twin import simulate as simulate
     from handfast.simulation.result import SimulationResult as SimulationResult
     from handfast.simulation.settled import Settled as Settled
     from handfast.simulation.settling import GraspInScene as GraspInScene
     from handfast.simulation.settling import settle as settle
+    from handfast.simulation.simulate import simulate as simulate
+    from handfast.simulation.simulate import simulate_bodies as simulate_bodies
     from handfast.stability.batch import check_many as check_many
     from handfast.stability.batch import max_many as max_many
     from handfast.stability.batch import torques_many as torques_many
@@ -90,8 +90,8 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Scene": "geometry.scene",
-    "scene_contacts": "geometry.scene_grasps",
-    "scene_grasp": "geometry.scene_grasps",
+    "scene_contacts": "geometry.contacts",
+    "scene_grasp": "geometry.contacts",
     "servo_commands": "model.servo",
     "to_frame": "pictures.data_frames",
     "draw_map": "pictures.map_picture",
@@ -137,11 +137,11 @@ _HOME = {
     "Limits": "planning.question",
     "verify": "saved",
     "SimulationResult": "simulation.result",
-    "simulate": "simulation.loaded_twin",
+    "simulate": "simulation.simulate",
     "Settled": "simulation.settled",
     "GraspInScene": "simulation.settling",
     "settle": "simulation.settling",
-    "simulate_bodies": "simulation.loaded_bodies",
+    "simulate_bodies": "simulation.simulate",
     "hold": "stability.hold",
     "Loads": "stability.loads",
     "load_loads": "stability.loads_file",

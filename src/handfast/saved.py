@@ -138,7 +138,7 @@ def _map_or_sweep(data: Any, how: How) -> Replay:
 
 
 def _settled(data: Any, how: How) -> Replay:
-    from handfast.simulation.verify_settled import replay_settled
+    from handfast.simulation.settled import replay_settled
     from handfast.stability.ask_again import Asking
 
     return replay_settled(data, Asking(**how))

@@ -8,8 +8,7 @@ import pytest
 from handfast.core.arrays import Array
 from handfast.core.transforms import transform
 from handfast.geometry.collision import Collisions
-from handfast.geometry.rest_overlaps import beyond_rest, rest_overlaps
-from handfast.geometry.scene import Scene
+from handfast.geometry.scene import Scene, beyond_rest, rest_overlaps
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism

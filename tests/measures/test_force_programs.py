@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from handfast import Contact, Grasp, GraspJoint, InputError, Mechanism, load_grasp, measure
-from handfast.measures import map_conditioning
+from handfast.measures import wrench_space
 from handfast.measures.chosen_forces import largest_wrench, smallest_forces
-from handfast.measures.cone_edges import edge_wrenches
-from handfast.measures.internal_forces import internal_forces
-from handfast.measures.robustness import (
+from handfast.measures.internal_forces import (
     LOST,
     SLIDES,
     STICKS,
@@ -21,8 +19,9 @@ from handfast.measures.robustness import (
     _StateForces,
     contact_robustness,
     grasp_robustness,
+    internal_forces,
 )
-from handfast.measures.wrench_scale import WrenchScale
+from handfast.measures.wrench_scale import WrenchScale, edge_wrenches
 from handfast.measures.wrench_space import linf_epsilon
 from tests.support.round_grasps import four, pair, three
 
@@ -128,7 +127,7 @@ def test_a_joint_that_nothing_drives_yields():
 def test_contact_robustness(grasp, stiffness):
     """Equal normal forces are the best squeeze; G G^T is least for tilting, sum of the squared arms: m / 2."""
     G = SCALE.grasp_map(grasp)
-    assert map_conditioning.smallest_singular_value(G) == pytest.approx(np.sqrt(stiffness))
+    assert wrench_space.smallest_singular_value(G) == pytest.approx(np.sqrt(stiffness))
     expected = best_squeeze(MU) * np.sqrt(stiffness)
     assert contact_robustness(grasp, G) == pytest.approx(expected, rel=1e-6)
     assert contact_robustness(grasp, G, force=4.0) == pytest.approx(4 * expected, rel=1e-6)
@@ -192,12 +191,12 @@ def test_grasp_robustness_is_the_best_of_all_states():
 def test_singular_values():
     """G G^T of three contacts on a unit circle is diag(3, 3, 3, 1.5, 1.5, 3); of two it has no torque about x."""
     G = SCALE.grasp_map(three(MU))
-    assert map_conditioning.isotropy(G) == pytest.approx(np.sqrt(0.5))
-    assert map_conditioning.ellipsoid_volume(G) == pytest.approx(np.sqrt(3**4 * 1.5**2))
+    assert wrench_space.isotropy(G) == pytest.approx(np.sqrt(0.5))
+    assert wrench_space.ellipsoid_volume(G) == pytest.approx(np.sqrt(3**4 * 1.5**2))
     P = SCALE.grasp_map(pair(MU))
-    assert map_conditioning.isotropy(P) == pytest.approx(0.0, abs=1e-12)
+    assert wrench_space.isotropy(P) == pytest.approx(0.0, abs=1e-12)
     one = SCALE.grasp_map(Grasp(pair(MU).contacts[:1]))
-    assert (map_conditioning.smallest_singular_value(one), map_conditioning.isotropy(one)) == (0.0, 0.0)
+    assert (wrench_space.smallest_singular_value(one), wrench_space.isotropy(one)) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("length", [1e-6, 1.0, 1e6])

@@ -7,11 +7,9 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from handfast import InputError, load_grasp
-from handfast.measures.cone_edges import edge_forces, edge_wrenches
-from handfast.measures.force_closure import force_closure
-from handfast.measures.not_measured import NotMeasured
-from handfast.measures.wrench_scale import WrenchScale
-from handfast.measures.wrench_space import L1Space, linf_epsilon, linf_volume
+from handfast.measures.conic_program import NotMeasured
+from handfast.measures.wrench_scale import WrenchScale, edge_forces, edge_wrenches
+from handfast.measures.wrench_space import L1Space, force_closure, linf_epsilon, linf_volume
 from tests.support.round_grasps import four, pair, three
 
 MU = 0.2

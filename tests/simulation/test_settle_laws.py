@@ -13,7 +13,7 @@ from handfast.geometry.contacts import grasp_of
 from handfast.model.grasp import Contact, Grasp
 from handfast.readers.load_hand import load_hand
 from handfast.simulation.drag_step import StepProblem, drag_step
-from handfast.simulation.grasp_laws import locked_joints, motors_of
+from handfast.simulation.hand_drive import locked_joints, motors_of
 from handfast.simulation.settled import Rest, Settled
 from handfast.simulation.settling import settle
 from handfast.stability.queries import maximum

@@ -12,8 +12,8 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.readers.grasp_file import load_grasp
-from handfast.simulation.ending import EVIDENT, LOST, REST, SLIP, Ending, judge
-from handfast.simulation.loaded_twin import force_unit, simulate
+from handfast.simulation.result import EVIDENT, LOST, REST, SLIP, Ending, judge
+from handfast.simulation.simulate import force_unit, simulate
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import DRAG_TIME, STIFFNESS
 from tests.support.soft_fingers import MU, SQUEEZE, TORSION, coin

@@ -14,9 +14,8 @@ from handfast.model.grasp import Grasp
 from handfast.model.shape import Shape
 from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.bodies import Bodies
-from handfast.simulation.ending import Ending
-from handfast.simulation.loaded_bodies import simulate_bodies
-from handfast.simulation.loaded_twin import simulate
+from handfast.simulation.result import Ending
+from handfast.simulation.simulate import simulate, simulate_bodies
 from tests.support.sprung_jaws import sprung_jaws
 
 

@@ -44,9 +44,8 @@ class Simulate(GraspOptions, Load):
     """write over files that exist"""
 
     def run(self) -> int:
-        from handfast.simulation.ending import Ending
-        from handfast.simulation.loaded_bodies import simulate_bodies
-        from handfast.simulation.loaded_twin import simulate
+        from handfast.simulation.result import Ending
+        from handfast.simulation.simulate import simulate, simulate_bodies
 
         for path, ending in ((self.save, ".json"), (self.series, ".csv"), (self.strip, ".png"), (self.film, ".gif")):
             check_writable(path, self.force, (ending,))
@@ -87,7 +86,7 @@ class Simulate(GraspOptions, Load):
 def show_simulation(found: SimulationResult) -> None:
     """The ending in words."""
     from handfast.pictures.words import load_text
-    from handfast.simulation.ending import Ending
+    from handfast.simulation.result import Ending
 
     out, moved = console.out(), f"{1e3 * found.motion[-1]:.3g} mm"
     touching = ", ".join(str(i) for i in found.touching) or "none"

@@ -20,8 +20,7 @@ import numpy as np
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
-from handfast.geometry.rest_overlaps import beyond_rest
-from handfast.geometry.scene import HandObjectPair, Scene, checked_pose
+from handfast.geometry.scene import HandObjectPair, Scene, beyond_rest, checked_pose
 from handfast.model.grasp import unit
 from handfast.model.hand.coupling import coupled
 from handfast.model.shape import Shape

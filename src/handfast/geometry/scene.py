@@ -15,6 +15,7 @@ from handfast.core.quiet import quiet
 from handfast.core.transforms import matrix_quaternion, quaternion_matrix, rigid, transform
 from handfast.model.body import Body
 from handfast.model.grasp import UNIT_TOLERANCE
+from handfast.model.hand.anatomy import Anatomy
 from handfast.model.hand.hand import Hand
 from handfast.model.shape import Shape
 
@@ -25,6 +26,8 @@ PoseLike = Array | tuple[Sequence[float] | Array, Sequence[float] | Array]
 
 TOUCHING = 1e-7  # [m] below this the two nearest points no longer give a direction
 NUDGE = 1e-6  # [m]
+CUTOFF = 1e-3  # [m] what is further apart does not overlap
+FAR = transform(np.full(3, 1e3), np.eye(3))  # a place of the object where no hand reaches
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,3 +303,25 @@ def checked_joints(hand: Hand, q: Any, field: str = "q") -> Array:
     if np.shape(q) != (hand.l,) or not np.isfinite(np.asarray(q, dtype=float)).all():
         raise InputError(f"needs {hand.l} finite joint values, in the order of the hand's joints", field=field)
     return np.asarray(q, dtype=float)
+
+
+def rest_overlaps(scene: Scene, *, at_zero: bool = False) -> Array:
+    """(k,) [m] overlaps of the scene's pairs of links in the hand at rest (`Anatomy.neutral`), 0 if there is none.
+
+    Args:
+        at_zero: of pairs that joints at 0 hold so, no others: where limits may have been narrowed since the hand was
+            read, a joint that is not at 0 need not be at rest.
+    """
+    hand = scene.hand
+    rest = Anatomy.of(hand).neutral
+    overlaps = np.maximum(0.0, -scene.clearances(rest, FAR, CUTOFF)[1])
+    if at_zero:
+        turned = set(np.flatnonzero(rest).tolist())
+        moved = [bool(turned & (set(hand.moved_by(a)) ^ set(hand.moved_by(b)))) for a, b in scene.self_pairs]
+        overlaps[moved] = 0.0
+    return overlaps
+
+
+def beyond_rest(between: Array, at_rest: Array) -> Array:
+    """Distances of pairs [m], negative in penetration, without what overlaps at rest."""
+    return np.where(between < 0, np.minimum(0.0, between + at_rest), between)

@@ -10,13 +10,11 @@ from typing import Literal
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.measures import chosen_forces, energies, map_conditioning, wrench_space
-from handfast.measures.cone_edges import EDGES, edge_wrenches
-from handfast.measures.force_closure import LEAST, force_closure
-from handfast.measures.internal_forces import InternalForces, internal_forces
+from handfast.measures import chosen_forces, energies, wrench_space
+from handfast.measures.internal_forces import InternalForces, contact_robustness, grasp_robustness, internal_forces
 from handfast.measures.passive import PassiveMaxima, passive_maxima
-from handfast.measures.robustness import contact_robustness, grasp_robustness
-from handfast.measures.wrench_scale import WrenchScale
+from handfast.measures.wrench_scale import EDGES, WrenchScale, edge_wrenches
+from handfast.measures.wrench_space import LEAST, force_closure
 from handfast.model.grasp import Grasp
 from handfast.stability.settings import Settings
 
@@ -184,13 +182,13 @@ CATALOGUE: tuple[Measure, ...] = (
     ),
     Measure(
         "smallest_singular_value", "smallest singular value", "", "more", MAP,
-        "Li, Sastry 1988", lambda a: map_conditioning.smallest_singular_value(a.G),
+        "Li, Sastry 1988", lambda a: wrench_space.smallest_singular_value(a.G),
     ),
     Measure(
         "ellipsoid_volume", "volume of the ellipsoid", "", "more", MAP,
-        "Li, Sastry 1988", lambda a: map_conditioning.ellipsoid_volume(a.G),
+        "Li, Sastry 1988", lambda a: wrench_space.ellipsoid_volume(a.G),
     ),
-    Measure("isotropy", "isotropy", "", "more", MAP, "Kim et al. 2001", lambda a: map_conditioning.isotropy(a.G)),
+    Measure("isotropy", "isotropy", "", "more", MAP, "Kim et al. 2001", lambda a: wrench_space.isotropy(a.G)),
     Measure("q1", "Q1, as benchmarks scale it", "N", "more", ANY, "Ferrari, Canny 1992", lambda a: a.q1),
     Measure(
         "qp", "wrench error QP", "N", "less", ANY,

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.measures.not_measured import NotMeasured
+
+
+class NotMeasured(Exception):
+    """A measure is not to be had here: what computes it is not installed, or the grasp is too large for it.
+
+    Its text is one line that says why and what would help.
+    """
+
 
 TIGHT = 1e-9
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.measures.cone_edges import edge_forces
 from handfast.measures.conic_program import ConicProgram
-from handfast.measures.wrench_scale import WrenchScale
+from handfast.measures.wrench_scale import WrenchScale, edge_forces
 from handfast.model.grasp import Grasp
 
 DIRECTIONS = 1000  # of forces, over the sphere

@@ -12,12 +12,11 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
 from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Asked, Measure
 from handfast.measures.chosen_forces import check_limits
-from handfast.measures.cone_edges import EDGES, edge_forces
+from handfast.measures.conic_program import NotMeasured
 from handfast.measures.energies import benchmark_scale
-from handfast.measures.not_measured import NotMeasured
+from handfast.measures.internal_forces import LOST, SLIDES
 from handfast.measures.passive import PassiveMaxima
-from handfast.measures.robustness import LOST, SLIDES
-from handfast.measures.wrench_scale import WrenchScale
+from handfast.measures.wrench_scale import EDGES, WrenchScale, edge_forces
 from handfast.model.grasp import Grasp
 from handfast.stability.settings import Settings
 

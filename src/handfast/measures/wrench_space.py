@@ -1,4 +1,6 @@
-"""Grasp wrench spaces of Ferrari and Canny, *Planning optimal grasps* (ICRA 1992): radius and volume.
+"""Sets of wrenches that contacts can answer: grasp wrench spaces, force closure, singular values of the grasp map.
+
+Wrench spaces are those of Ferrari and Canny, *Planning optimal grasps* (ICRA 1992), with their radius and volume.
 
 A wrench space holds every wrench that contact forces inside the friction cones (here pyramids) can have together:
 if their normal parts sum to 1 N at most (L1), the convex hull of all edges; if each is 1 N at most (L infinity),
@@ -14,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.measures.not_measured import NotMeasured
+from handfast.measures.conic_program import NotMeasured
 
 FLAT = 1e-9  # singular values below this share of the largest are none
+LEAST = 1e-7  # a margin of force closure below is rounding
 OUTSIDE = 1e-6  # relative distance of the origin from a hull that rounding does not make
 MOST_SUMS = 1000  # corners whose hull is built for the volume of a Minkowski sum
 MOST_ROUNDS, BATCH = 100, 24  # of growing, facets that grow in one round
@@ -151,3 +154,56 @@ def linf_volume(wrenches: Array) -> float:
         points = (points[:, None] + np.vstack([np.zeros((1, 6)), cone])[None]).reshape(-1, 6)
     whole = _hull(points)
     return 0.0 if whole is None else float(whole.volume)
+
+
+def force_closure(wrenches: Array) -> tuple[bool, float]:
+    """Can contact forces balance every wrench? The test, and how far inside the cones forces balance each other.
+
+    Some forces strictly inside all friction cones must balance, and the cones' wrenches must span all six
+    dimensions (Prattichizzo and Trinkle, *Grasping*, in the Springer Handbook of Robotics, the linear program of
+    frictional form closure; there over the cones' faces, here over their edges). The margin is the smallest
+    coefficient of an edge, as a share of the mean one: 1 if equal forces at all contacts balance, 0 at the border.
+
+    Args:
+        wrenches: (m, edges, 6), see `edge_wrenches`.
+    """
+    from scipy.optimize import linprog
+
+    columns = wrenches.reshape(-1, 6).T
+    n = columns.shape[1]
+    # maximise d: columns @ x = 0, x >= d, mean of x = 1; with x = y + d, y >= 0
+    total = columns.sum(axis=1)
+    rows = np.vstack([np.c_[columns, total], np.r_[np.ones(n), n][None]])
+    found = linprog(np.r_[np.zeros(n), -1.0], A_eq=rows, b_eq=np.r_[np.zeros(6), n], bounds=[(0, None)] * (n + 1))
+    margin = float(found.x[-1]) if found.status == 0 else 0.0
+    sizes = np.linalg.svd(columns, compute_uv=False)
+    spans = n >= 6 and bool(sizes[-1] > FLAT * sizes[0])
+    return spans and margin > LEAST, margin
+
+
+def smallest_singular_value(G: Array) -> float:
+    """The smallest singular value of a (6, 3m) grasp map in a scale: 0 if contacts cannot press in some direction.
+
+    Li and Sastry, *Task-oriented optimal grasping by multifingered robot hands* (1988): how far the grasp is from
+    one whose map loses rank. Friction cones have no part in it.
+    """
+    return float(np.linalg.svd(G, compute_uv=False)[5]) if G.shape[1] >= 6 else 0.0
+
+
+def ellipsoid_volume(G: Array) -> float:
+    """sqrt(det(G G^T)), the volume of the ellipsoid of wrenches of unit contact forces up to a constant.
+
+    Li and Sastry (1988), their second measure.
+    """
+    return float(np.prod(np.linalg.svd(G, compute_uv=False)[:6])) if G.shape[1] >= 6 else 0.0
+
+
+def isotropy(G: Array) -> float:
+    """Smallest over largest singular value: 1 if contact forces count alike in all directions.
+
+    Kim, Oh, Yi and Suh, *Optimal grasping based on non-dimensionalized performance indices* (IROS 2001).
+    """
+    if G.shape[1] < 6:
+        return 0.0
+    sizes = np.linalg.svd(G, compute_uv=False)
+    return float(sizes[5] / sizes[0])

@@ -21,8 +21,7 @@ from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.geometry.collision import Collisions
 from handfast.geometry.contacts import of_body
 from handfast.geometry.dexterity import dexterity
-from handfast.geometry.rest_overlaps import rest_overlaps
-from handfast.geometry.scene import Scene
+from handfast.geometry.scene import Scene, rest_overlaps
 from handfast.model.body import Body
 from handfast.planning.evaluation.evaluator import NEAR, Evaluator, requests
 from handfast.planning.evaluation.local_search import SETTINGS, ConfigurationUnit, LocalSearch

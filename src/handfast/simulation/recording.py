@@ -10,8 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.simulation.ending import CREEPS, EVIDENT, LEAST, LOST, REST, SLIP, Ending, judge
-from handfast.simulation.result import SimulationResult
+from handfast.simulation.result import CREEPS, EVIDENT, LEAST, LOST, REST, SLIP, Ending, SimulationResult, judge
 from handfast.simulation.stepper import Moment, Stepper
 from handfast.simulation.twin import Twin, load_force
 

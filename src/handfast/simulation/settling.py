@@ -22,10 +22,17 @@ from handfast.model.provenance import Provenance
 from handfast.readers.configuration_file import load_configuration
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.simulation.grasp_laws import backdrivable_motors, locked_joints, motors_of, other_joints, with_laws_of
-from handfast.simulation.loaded_twin import force_unit, simulate
+from handfast.simulation.hand_drive import (
+    MotorDrive,
+    backdrivable_motors,
+    locked_joints,
+    motors_of,
+    other_joints,
+    with_laws_of,
+)
 from handfast.simulation.settled import PathPoint, Rest, Settled
-from handfast.simulation.slow_motion import CARRIES, FARTHEST, STILL, MotorDrive, Moved, PointLoad, SlowMotion
+from handfast.simulation.simulate import force_unit, simulate
+from handfast.simulation.slow_motion import CARRIES, FARTHEST, STILL, Moved, PointLoad, SlowMotion
 from handfast.stability import scaled_problem
 from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
 from handfast.stability.settings import Settings

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
-from handfast.core.arrays import Array, Mask
+from handfast.core.arrays import Array
 from handfast.core.transforms import cross, transform
 from handfast.geometry.scene import Scene
-from handfast.model.hand.hand import Hand
-from handfast.model.mechanism import Mechanism
 from handfast.simulation.drag_step import StepProblem, drag_step
-from handfast.simulation.joint_resistance import JointResistance
+from handfast.simulation.hand_drive import JointResistance, MotorDrive
 from handfast.simulation.touch_points import Pair, TouchPoints, touch_points
 
 STIFFNESS = 3e3  # of a contact [force units / grasp sizes]: the force unit presses it in by 3e-4 of the grasp's size
@@ -45,55 +42,6 @@ class PointLoad:
         R = pose[:3, :3]
         force = R.T @ self.force
         return np.r_[force, R.T @ self.torque + cross(self.at, force)]
-
-
-@dataclass(frozen=True, eq=False)
-class MotorDrive:
-    """What motors do, over all joints of a hand, in the senses in which commands close.
-
-    Attributes:
-        rows: (a, l) displacement of each actuator by joint values; closing is positive.
-        command: (a,) [N m, N].
-        moves: (a,) bool: commanded, a tendon that may go slack, or backdrivable; the others are locked.
-        holds: (a,) bool: does not turn back.
-        direct: is there a motor for each joint, named like it, in place of the hand's own?
-        held: (n, l) joints that are locked whatever the motors do.
-    """
-
-    names: tuple[str, ...]
-    rows: Array
-    command: Array
-    moves: Mask
-    holds: Mask
-    direct: bool
-    held: Array
-
-    @classmethod
-    def of(
-        cls,
-        hand: Hand,
-        preload: Mapping[str, float],
-        mechanism: Literal["hand", "direct"],
-        backdrivable: Collection[str] = (),
-        lock: Collection[str] = (),
-    ) -> MotorDrive:
-        """The hand's motors with commands as a grasp has them: positive ones close.
-
-        Args:
-            backdrivable: motors that give their command whichever way they turn, lock: joints that stand still.
-
-        Raises:
-            InputError: an unknown actuator or joint.
-        """
-        direct = mechanism == "direct"
-        whole = Mechanism.direct(hand.joint_names) if direct else hand.mechanism
-        command = whole.commands(dict(preload))
-        turns = np.array([name in backdrivable for name in whole.actuators], dtype=bool)
-        tendon = np.array(whole.tendon, dtype=bool) & ~turns
-        sense = np.where((whole.R @ hand.closing < 0) & ~tendon, -1.0, 1.0)
-        rows = sense[:, None] * whole.R
-        held = np.eye(hand.l)[[hand.joint(name, field="lock") for name in lock]]
-        return cls(whole.actuators, rows, command, (command != 0) | tendon | turns, ~turns, direct, held)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices
 from handfast.geometry.collision import Clearances, Collisions, Requested
-from handfast.geometry.rest_overlaps import beyond_rest
+from handfast.geometry.scene import beyond_rest
 from handfast.model.hand.coupling import coupled, driver_ranges, drivers
 from handfast.model.hand.hand import Hand
 from handfast.synthesis.solution import Solution

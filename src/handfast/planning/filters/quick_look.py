@@ -9,8 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.geometry.collision import always_meeting
-from handfast.geometry.rest_overlaps import CUTOFF, FAR, beyond_rest, rest_overlaps
-from handfast.geometry.scene import Scene
+from handfast.geometry.scene import CUTOFF, FAR, Scene, beyond_rest, rest_overlaps
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,72 @@
-"""What a grasp says of its joints beside its hand's file: which laws count, who is locked, who turns back."""
+"""What moves and holds the joints of a hand under a grasp: its motors and commands, springs, dry friction and stops."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from handfast.core.arrays import Array
+from handfast.core.arrays import Array, Mask
 from handfast.core.errors import InputError
 from handfast.geometry.contacts import grasp_of
 from handfast.model.grasp import Grasp, GraspJoint
 from handfast.model.hand.hand import Hand
-from handfast.model.hand.joint_law import LAWS
+from handfast.model.hand.joint_law import LAWS, JointLaw
+from handfast.model.mechanism import Mechanism
 
 FIELDS = {"stops": "stop", "friction": "friction", "springs": "torque"}  # of a grasp's joint, by law
 SAME = 1e-6  # relative difference of numbers that are the same but for rounding
+
+
+@dataclass(frozen=True, eq=False)
+class MotorDrive:
+    """What motors do, over all joints of a hand, in the senses in which commands close.
+
+    Attributes:
+        rows: (a, l) displacement of each actuator by joint values; closing is positive.
+        command: (a,) [N m, N].
+        moves: (a,) bool: commanded, a tendon that may go slack, or backdrivable; the others are locked.
+        holds: (a,) bool: does not turn back.
+        direct: is there a motor for each joint, named like it, in place of the hand's own?
+        held: (n, l) joints that are locked whatever the motors do.
+    """
+
+    names: tuple[str, ...]
+    rows: Array
+    command: Array
+    moves: Mask
+    holds: Mask
+    direct: bool
+    held: Array
+
+    @classmethod
+    def of(
+        cls,
+        hand: Hand,
+        preload: Mapping[str, float],
+        mechanism: Literal["hand", "direct"],
+        backdrivable: Collection[str] = (),
+        lock: Collection[str] = (),
+    ) -> MotorDrive:
+        """The hand's motors with commands as a grasp has them: positive ones close.
+
+        Args:
+            backdrivable: motors that give their command whichever way they turn, lock: joints that stand still.
+
+        Raises:
+            InputError: an unknown actuator or joint.
+        """
+        direct = mechanism == "direct"
+        whole = Mechanism.direct(hand.joint_names) if direct else hand.mechanism
+        command = whole.commands(dict(preload))
+        turns = np.array([name in backdrivable for name in whole.actuators], dtype=bool)
+        tendon = np.array(whole.tendon, dtype=bool) & ~turns
+        sense = np.where((whole.R @ hand.closing < 0) & ~tendon, -1.0, 1.0)
+        rows = sense[:, None] * whole.R
+        held = np.eye(hand.l)[[hand.joint(name, field="lock") for name in lock]]
+        return cls(whole.actuators, rows, command, (command != 0) | tendon | turns, ~turns, direct, held)
 
 
 def locked_joints(grasp: Grasp) -> list[str]:
@@ -107,3 +158,35 @@ def _made_of(hand: Hand, grasp: Grasp, q: Array, pose: Array) -> Grasp | None:
         return grasp_of(hand, q, grasp.contacts, pose, lock=locked_joints(grasp), mechanism=motors_of(grasp, hand))
     except InputError:
         return None
+
+
+@dataclass(frozen=True, eq=False)
+class JointResistance:
+    """The laws of joints and passive tendons that have friction or a spring, in the senses of their own values.
+
+    Attributes:
+        laws: of each.
+        rows: (k, l) what each moves by per joint value: a joint's own, or a tendon's length.
+    """
+
+    laws: Sequence[JointLaw]
+    rows: Array
+
+    @classmethod
+    def of(cls, hand: Hand) -> JointResistance:
+        """Those of a hand; without friction and spring there are none."""
+        each = [(joint.law, row) for joint, row in zip(hand.joints, np.eye(hand.l), strict=True)]
+        each += [(tendon.law, tendon.row) for tendon in hand.tendons]
+        found = [(law, row) for law, row in each if law.friction or law.springs]
+        return cls([law for law, _ in found], np.array([row for _, row in found]).reshape(len(found), hand.l))
+
+    def springs(self, q: Array) -> tuple[Array, Array]:
+        """(l,) what springs give at q [N m, N], and (l, l) by how much less per motion: their stiffness there."""
+        torques = np.array([law.torque(value) for law, value in zip(self.laws, self.rows @ q, strict=True)])
+        stretched = np.array([law.stiffness for law in self.laws]) * (torques != 0)
+        return self.rows.T @ torques, self.rows.T @ (stretched[:, None] * self.rows)
+
+    @property
+    def friction(self) -> Array:
+        """(k,) the most that each takes [N m, N]."""
+        return np.array([law.friction for law in self.laws])
