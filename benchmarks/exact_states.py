@@ -35,6 +35,7 @@ from handfast.proofs.existence import Proved, nearby, prove
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.states import Problem, State
 from handfast.readers.grasp_file import to_dict
+from handfast.stability.grasp_limits import NO_LIMITS
 from handfast.stability.queries import check, maximum
 from handfast.stability.settings import Settings
 from handfast.stability.witness import Witness
@@ -64,7 +65,7 @@ def drawn(k: int, first: int) -> tuple[str, Grasp, Array, dict[str, Any]]:
 def problem(w: Witness, along: Array | None, magnitude: float, base: Array, options: dict[str, Any]) -> Problem:
     """What a witness has to solve."""
     g = read_grasp(to_dict(w.grasp), "grasp").with_command(np.array(w.grasp.command))
-    limits = options.get("torque_limits", {})
+    limits = options.get("limits", NO_LIMITS)
     return Problem(
         grasp=g,
         wrench=np.array(w.wrench) if along is None else base,
@@ -73,8 +74,8 @@ def problem(w: Witness, along: Array | None, magnitude: float, base: Array, opti
         cos=float(np.cos(w.eta)),
         sin=float(np.sin(w.eta)),
         mdp=w.mdp,
-        torque_limit=np.array([limits.get(name, np.inf) for name in g.actuators]),
-        force_limit=options.get("force_limit", np.inf),
+        torque_limit=limits.largest_forces(w.grasp),
+        force_limit=limits.largest_normal_force,
     )
 
 

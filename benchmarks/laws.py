@@ -37,6 +37,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.stability import maps, queries
 from handfast.stability.answers import Answer
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.settings import Settings
 
@@ -250,13 +251,13 @@ class Change:
         return self.joints(grasp)[np.argmax(grasp.mechanism.R != 0, axis=1)]
 
     def options(self, grasp: Grasp, options: dict[str, Any]) -> dict[str, Any]:
-        out = dict(options)
-        if "torque_limits" in out:
-            units = dict(zip(grasp.mechanism.actuators, self.actuators(grasp), strict=True))
-            out["torque_limits"] = {n: v * units[n] for n, v in out["torque_limits"].items()}
-        if "force_limit" in out:
-            out["force_limit"] *= self.force
-        return out
+        if "limits" not in options:
+            return dict(options)
+        limits: GraspLimits = options["limits"]
+        units = dict(zip(grasp.mechanism.actuators, self.actuators(grasp), strict=True))
+        torques = {n: v * units[n] for n, v in limits.torque_limits.items()}
+        force = None if limits.force_limit is None else self.force * limits.force_limit
+        return options | {"limits": GraspLimits(limits.eta, torques, force)}
 
     def grasp(self, grasp: Grasp) -> Grasp:
         step = -1 if self.backwards else 1

@@ -30,6 +30,7 @@ from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability import scaled_problem
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.queries import check, maximum
 from handfast.stability.queries.max_query import max_goal
 from handfast.stability.search import exact
@@ -53,11 +54,11 @@ def question(k: int, first: int, sizes: tuple[int, ...] = SIZES) -> tuple[str, G
     if kind == "base load":
         options = {"base": rng.uniform(0.05, 0.5) * random_case(m, seed + 10**6).direction}
     elif kind == "torque limits":
-        options = {"torque_limits": {n: float(rng.uniform(0.2, 1.0)) for n in names[:3]}}
+        options = {"limits": GraspLimits(torque_limits={n: float(rng.uniform(0.2, 1.0)) for n in names[:3]})}
     elif kind == "force limit":
-        options = {"force_limit": float(rng.uniform(5.0, 50.0))}
+        options = {"limits": GraspLimits(force_limit=float(rng.uniform(5.0, 50.0)))}
     elif kind == "eta":
-        options = {"eta": float(np.radians(rng.uniform(0.5, 3.0)))}
+        options = {"limits": GraspLimits(float(np.radians(rng.uniform(0.5, 3.0))))}
     elif kind == "coupling":  # the last joint follows the one before it at a third
         A = np.zeros((1, grasp.l))
         A[0, -1], A[0, -2] = 1.0, -1.0 / 3.0

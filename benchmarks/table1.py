@@ -26,6 +26,7 @@ from handfast.papers import algorithm1, mip
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability import scaled_problem
 from handfast.stability.goal import SMALLEST_PRELOAD
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.queries import maximum
 from handfast.stability.settings import Settings
 
@@ -37,7 +38,7 @@ LEVELS = range(10)  # 4 * 2^q sectors
 
 def cell(solver: mip.Solver, q: int, full: bool, eta: float, limit: float) -> dict[str, Any]:
     """One run of Algorithm 1: value, seconds, programs, nodes, status."""
-    p = scaled_problem.build(load_grasp("fig9"), np.zeros(6), DIRECTION, eta=np.radians(eta))
+    p = scaled_problem.build(load_grasp("fig9"), np.zeros(6), DIRECTION, limits=GraspLimits(eta=np.radians(eta)))
     run = algorithm1.run(p, SMALLEST_PRELOAD, q=q, solver=solver, full=full, printed_robustness=True, time_limit=limit)
     try:
         steps = list(run)
@@ -64,7 +65,7 @@ def cell(solver: mip.Solver, q: int, full: bool, eta: float, limit: float) -> di
 def exact(solver: mip.Solver, eta: float, limit: float) -> dict[str, Any]:
     """The bracket that `handfast max` gives: witnessed and certified by the relaxation."""
     settings = Settings(solver=solver, gap=1e-3, time_limit=limit)
-    a = maximum(load_grasp("fig9"), DIRECTION, eta=np.radians(eta), settings=settings)
+    a = maximum(load_grasp("fig9"), DIRECTION, limits=GraspLimits(eta=np.radians(eta)), settings=settings)
     return {
         "solver": solver,
         "sectors": None,

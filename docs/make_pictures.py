@@ -34,6 +34,7 @@ from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.pictures.map_picture import draw_map, draw_sweep
 from handfast.pictures.scene import scene_meshes
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"
@@ -83,7 +84,7 @@ def main() -> None:
 
     def force(name: str, eta: float) -> Callable[[], Any]:
         def draw() -> Any:
-            answer = force_map(load_grasp(name), "xy", steps=STEPS, eta=eta, settings=quick)
+            answer = force_map(load_grasp(name), "xy", steps=STEPS, limits=GraspLimits(eta=eta), settings=quick)
             keep(f"{name}-{eta:.3f}", answer.to_json())
             return draw_map(answer)
 

@@ -40,7 +40,7 @@ from handfast.pictures.scene import View, scene_meshes
 from handfast.planning.candidates.palm_poses import Sampling, palm_of
 from handfast.planning.evaluation.attempt import PlannedGrasp
 from handfast.planning.plan_grasps import plan
-from handfast.planning.question import Limits
+from handfast.planning.question import PlanLimits
 from handfast.planning.results.plan import Plan
 from handfast.readers.configuration_file import save_configuration
 from handfast.readers.grasp_file import save_grasp
@@ -100,7 +100,7 @@ def made(name: str, contacts: int) -> tuple[PlannedGrasp, Configuration]:
     hand, body = load_hand(HAND).with_laws("none"), load_body(name)  # as in the paper: motors alone
     effort = {"count": ATTEMPTS, "attempts": ATTEMPTS, "timeout": 3600}
     sampling = replace(SAMPLING, approach=tuple(from_palm_to_fingertips(hand)))
-    planned = plan(hand, body, seed=SEED, limits=Limits(settings=SETTINGS), sampling=sampling, **effort)
+    planned = plan(hand, body, seed=SEED, limits=PlanLimits(settings=SETTINGS), sampling=sampling, **effort)
     counts = sorted(g.grasp.m for g in planned.grasps)
     print(f"{name}: {len(counts)} of {planned.tried} in {planned.seconds:.0f} s, contacts {counts}", file=sys.stderr)
     held = chosen(planned, contacts)

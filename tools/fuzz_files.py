@@ -55,6 +55,7 @@ from handfast.proofs.certificate import file_to_dict
 from handfast.readers.grasp_file import from_dict, to_dict
 from handfast.readers.region_file import load_hand_regions
 from handfast.saved import verify
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.loads import Loads
 from handfast.stability.loads_file import load_loads
 from handfast.stability.settings import Settings
@@ -106,7 +107,9 @@ def samples(folder: Path) -> dict[str, list[Path]]:
         for axis in ([0, 1, 0, 0, 0, 0], [0, -1, 0, 0, 0, 0], [0, 0, 0, 0.01, 0, 0]):
             answers[f"max-{name}-{axis}"] = maximum(grasp, axis, settings=small)
         answers[f"torques-{name}"] = torques(grasp, [0, 1, 0, 0, 0, 0], settings=small)
-    answers["limited"] = maximum(load_grasp("fig1"), [0, 1, 0, 0, 0, 0], base=[0, 0.3, 0, 0, 0, 0], force_limit=5.0)
+    answers["limited"] = maximum(
+        load_grasp("fig1"), [0, 1, 0, 0, 0, 0], base=[0, 0.3, 0, 0, 0, 0], limits=GraspLimits(force_limit=5.0)
+    )
     out["result"], out["certificate"] = [], []
     for name, answer in answers.items():
         out["result"].append(folder / f"{name}.result.json")
@@ -435,10 +438,8 @@ def contradicted(path: Path) -> str:
     saved = saved_answers.read_answer(data)
     q, said, grasp = saved.question, saved.said, from_dict(data["question"]["grasp"])
     settings = Settings(time_limit=20.0, workers=1)
-    limits: dict[str, Any] = {
-        "eta": q.eta, "mdp": q.mdp, "torque_limits": q.torque_limits, "settings": settings
-    }  # fmt: skip
-    limits["force_limit"] = q.force_limit if np.isfinite(q.force_limit) else None
+    within = GraspLimits(q.eta, q.torque_limits, q.force_limit if np.isfinite(q.force_limit) else None)
+    limits: dict[str, Any] = {"limits": within, "mdp": q.mdp, "settings": settings}
     if said["query"] == "check":
         fresh = check(grasp, q.wrench, **limits)
         if {fresh.verdict, said["verdict"]} == {Verdict.HOLDS, Verdict.SLIPS}:

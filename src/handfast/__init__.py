@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from handfast.planning.grasp_for import grasp_for as grasp_for
     from handfast.planning.plan_grasps import plan as plan
     from handfast.planning.propose_tasks import propose as propose
-    from handfast.planning.question import Limits as Limits
+    from handfast.planning.question import PlanLimits as PlanLimits
     from handfast.readers.configuration_file import load_configuration as load_configuration
     from handfast.readers.grasp_file import load_grasp as load_grasp
     from handfast.readers.grasp_file import save_grasp as save_grasp
@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from handfast.stability.batch import max_many as max_many
     from handfast.stability.batch import torques_many as torques_many
     from handfast.stability.batch_answer import BatchAnswer as BatchAnswer
+    from handfast.stability.grasp_limits import GraspLimits as GraspLimits
     from handfast.stability.hold import hold as hold
     from handfast.stability.loads import Loads as Loads
     from handfast.stability.loads_file import load_loads as load_loads
@@ -134,7 +135,8 @@ _HOME = {
     "plan": "planning.plan_grasps",
     "propose": "planning.propose_tasks",
     "grasp_for": "planning.grasp_for",
-    "Limits": "planning.question",
+    "PlanLimits": "planning.question",
+    "GraspLimits": "stability.grasp_limits",
     "verify": "saved",
     "SimulationResult": "simulation.result",
     "simulate": "simulation.simulate",

@@ -23,6 +23,7 @@ from handfast.readers.region_file import load_hand_regions
 from handfast.saved import verify
 from handfast.stability import scaled_problem
 from handfast.stability.goal import GOALS, SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.loads_file import load_loads
 from handfast.stability.search import rows
 from handfast.stability.search.reduced import reduce
@@ -177,11 +178,11 @@ def test_the_largest_grasp_is_one_that_the_search_can_name_by_a_byte(sizes: tupl
     """Of unknowns and of bounded values, with every limit there is."""
     grasp, byte = of_size(*sizes), 1 << (rows.KIND - rows.INDEX)
     assert byte == 256
-    limits = {"torque_limits": dict.fromkeys(grasp.mechanism.actuators, 1.0), "force_limit": 10.0}
+    limits = GraspLimits(0.0, dict.fromkeys(grasp.mechanism.actuators, 1.0), 10.0)
     for goal in GOALS:
         torques = goal in (SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS)
         driven = np.ones(sizes[2], dtype=bool) if torques else None
-        p = scaled_problem.build(grasp, np.zeros(6), grasp.G[:, 0], driven=driven, **limits)  # type: ignore[arg-type]
+        p = scaled_problem.build(grasp, np.zeros(6), grasp.G[:, 0], driven=driven, limits=limits)
         r = reduce(p, goal)
         assert len(r.cost) <= byte
         assert len(r.lo) <= byte

@@ -14,6 +14,7 @@ from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Grasp
 from handfast.papers import mip, relaxation
 from handfast.readers.grasp_file import load_grasp
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.refinement import SolverResult, SolverStatus
 from handfast.stability.settings import Settings
@@ -84,8 +85,8 @@ def random_case(seed: int):
 def test_the_engine_agrees(case) -> None:
     grasp, direction, eta = case
     d = np.resize(np.r_[direction, 0, 0, 0], 6) / np.linalg.norm(direction)
-    a = maximum(grasp, d, eta=eta, settings=settings(sectors=2048))
-    b = maximum(grasp, d, eta=eta)
+    a = maximum(grasp, d, limits=GraspLimits(eta=eta), settings=settings(sectors=2048))
+    b = maximum(grasp, d, limits=GraspLimits(eta=eta))
     for answer in (a, b):
         assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.COMPLETE)
         assert answer.witness.valid
@@ -132,7 +133,9 @@ def test_a_relaxation_contains_every_exact_solution(seed: int, m: int, eta: floa
     """A disturbance that a constructed exact solution resists is never said to slip, at any resolution."""
     s = solved(seed, m, eta)
     assume(s.wrench.any())
-    coarse, fine = (check(s.grasp, s.wrench, eta=eta, settings=settings(sectors=n)) for n in (4, 32))
+    coarse, fine = (
+        check(s.grasp, s.wrench, limits=GraspLimits(eta=eta), settings=settings(sectors=n)) for n in (4, 32)
+    )
     # coarse sectors may have solutions of their own with no exact one near
     found = (Verdict.HOLDS, Stop.COMPLETE), (Verdict.UNDECIDED, Stop.RESOLUTION)
     assert (coarse.verdict, coarse.stop) in found

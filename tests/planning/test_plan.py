@@ -33,7 +33,7 @@ from handfast.planning.candidates.palm_poses import STANDARD, Sampling, palm_of,
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.evaluation.attempt import REASONS, Attempts, Runner, squeezing
 from handfast.planning.plan_grasps import plan
-from handfast.planning.question import Limits
+from handfast.planning.question import PlanLimits
 from handfast.planning.ranking import difference, most_different
 from handfast.planning.rejection import RejectionReason
 from handfast.planning.results.plan import Plan
@@ -126,7 +126,7 @@ def test_time_ends_the_search() -> None:
 
 
 def test_a_command_limit_drops_what_needs_more() -> None:
-    found = plan(HAND, ball(), count=1, attempts=5, seed=5, jobs=1, limits=Limits(command_limit=1e-6))
+    found = plan(HAND, ball(), count=1, attempts=5, seed=5, jobs=1, limits=PlanLimits(command_limit=1e-6))
     assert found.tally[RejectionReason.STRONG] > 0
     assert all(g.answer.upper <= 1e-6 for g in found.grasps)
 
@@ -148,7 +148,7 @@ def test_loads_of_ones_own_need_no_mass() -> None:
         ({"seed": -1}, "seed: is -1; a number from 0 on is needed"),
         ({"loads": Loads.wrench([0.0] * 6)}, "loads: are all zero; a force or torque to hold is needed"),
         ({"sampling": Sampling(approach=(0, 0, 0))}, "direction in which the palm"),
-        ({"limits": Limits(command_limit=0.0)}, "command_limit.*positive"),
+        ({"limits": PlanLimits(command_limit=0.0)}, "command_limit.*positive"),
         ({"jobs": -1}, "jobs: is -1; at least 1 is needed"),
     ],
 )

@@ -15,7 +15,7 @@ from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
 from handfast.planning.evaluation.preload_search import MANY, TOLERANCE, PreloadSearch, spanning
 from handfast.planning.filters.balance import imbalance
-from handfast.planning.question import Limits
+from handfast.planning.question import PlanLimits
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
 
@@ -47,7 +47,7 @@ def clamped(contacts: Sequence[Contact]) -> Grasp:
 
 
 def search(**limits: float) -> PreloadSearch:
-    return PreloadSearch(BODY, Loads.gravity(BODY), Limits(**limits))  # type: ignore[arg-type]
+    return PreloadSearch(BODY, Loads.gravity(BODY), PlanLimits(**limits))  # type: ignore[arg-type]
 
 
 def test_of_many_contacts_a_part_is_asked_and_all_of_them_hold() -> None:
@@ -142,9 +142,9 @@ def test_the_strength_of_commands(command: dict[str, float], strength: float) ->
     grasp = Grasp(jaws(TURNED), joints, mechanism, command)
     assert grasp.size == pytest.approx(SIZE)
     wrenches = np.array([[6.0, 0, 0, 0, 0, 0], [0, 0, -10, 3 * SIZE, 0, 0]])
-    asked = PreloadSearch(BODY, Loads(("push", "tip"), wrenches), Limits())
+    asked = PreloadSearch(BODY, Loads(("push", "tip"), wrenches), PlanLimits())
     assert asked.strength(grasp) == pytest.approx(strength)
-    limited = PreloadSearch(BODY, Loads(("push", "tip"), wrenches), Limits(command_limit=26.0))
+    limited = PreloadSearch(BODY, Loads(("push", "tip"), wrenches), PlanLimits(command_limit=26.0))
     assert limited.strength(grasp) == pytest.approx(max(map(abs, command.values()), default=0.0) / 26.0)
 
 

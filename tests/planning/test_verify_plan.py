@@ -10,7 +10,7 @@ import pytest
 from handfast import load_body, load_hand
 from handfast.core.answer import Verdict
 from handfast.planning.plan_grasps import plan
-from handfast.planning.question import Limits
+from handfast.planning.question import PlanLimits
 from handfast.planning.results.plan import Plan
 from handfast.stability.loads import Loads
 
@@ -74,8 +74,8 @@ def test_the_question_has_to_be_the_plans(planned: Plan) -> None:
         return replace(planned, asked=replace(asked, **changed)).verify().reason  # type: ignore[arg-type]
 
     assert "other loads" in said(loads=Loads.gravity(planned.body, "-z"))
-    assert "other limits" in said(options=replace(asked.options, limits=Limits(force_limit=0.1)))
-    assert "larger than allowed" in said(options=replace(asked.options, limits=Limits(command_limit=1e-6)))
+    assert "other limits" in said(options=replace(asked.options, limits=PlanLimits(force_limit=0.1)))
+    assert "larger than allowed" in said(options=replace(asked.options, limits=PlanLimits(command_limit=1e-6)))
     moved = replace(planned.body, friction=0.4)
     assert "do not touch there so" in said(body=moved)
 

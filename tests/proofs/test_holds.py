@@ -16,6 +16,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.hold import hold
 from handfast.stability.loads import Loads
 from handfast.stability.queries import check, maximum, torques
@@ -246,15 +247,17 @@ def test_a_check_without_the_dissipation_principle() -> None:
     assert reason(data) == "answer: up: the answer is within other limits, or of another law of friction"
 
 
-@pytest.mark.parametrize("limits", [{"eta": 0.02}, {"force_limit": 50.0}, {"torque_limits": {"left": 9.0}}])
+@pytest.mark.parametrize(
+    "limits", [GraspLimits(0.02), GraspLimits(force_limit=50.0), GraspLimits(torque_limits={"left": 9.0})]
+)
 @pytest.mark.parametrize("part", ["checks", "bounding"])
-def test_parts_of_other_limits(part: str, limits: dict[str, Any]) -> None:
+def test_parts_of_other_limits(part: str, limits: GraspLimits) -> None:
     data, preload = saved(), saved()["answer"]["preload"]
     if part == "checks":
-        held = check(pinch().with_commands({name: 1.5 * x for name, x in preload.items()}), UP, **limits)
+        held = check(pinch().with_commands({name: 1.5 * x for name, x in preload.items()}), UP, limits=limits)
         data["checks"]["up"] = held.to_file()
     else:
-        bound = torques(pinch(), UP, **limits)
+        bound = torques(pinch(), UP, limits=limits)
         data["bounding"]["result"], data["answer"]["lower"] = bound.to_file(), bound.lower
     assert reason(data) == "answer: up: the answer is within other limits, or of another law of friction"
 
@@ -298,8 +301,8 @@ def test_locked_motors_do_not_show_that_no_commands_hold() -> None:
     }
     for answer, why in (
         (check(bare, UP), "answer: up: the answer is not about all commands that were sought"),
-        (torques(bare, UP, force_limit=1e-3), "answer: up: the answer is within other limits"),
-        (torques(bare, 2 * UP, force_limit=1e-3), "answer: up: the answer is about another load"),
+        (torques(bare, UP, limits=GraspLimits(force_limit=1e-3)), "answer: up: the answer is within other limits"),
+        (torques(bare, 2 * UP, limits=GraspLimits(force_limit=1e-3)), "answer: up: the answer is about another load"),
         (torques(bare, UP), "answer: up: the answer does not say that it slips"),
     ):
         data["refuted"] = {"load": "up", "result": answer.to_file()}

@@ -12,6 +12,7 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
 from handfast.stability import batch
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, nest, pinch, solved, table
 from tests.support.rounding_edges import hand
@@ -71,9 +72,9 @@ ASKED: dict[str, tuple[Grasp, dict[str, Any]]] = {
     "pinch": (pinch(), {}),
     "bell": (bell(), {}),
     "random": (solved(3, 4).grasp, {}),
-    "normals": (solved(5, 3, eta=0.1).grasp, {"eta": 0.1}),
-    "force limit": (solved(3, 4).grasp, {"force_limit": 3.0}),
-    "torque limit": (bell(), {"torque_limits": {"prox_1": 0.15}}),
+    "normals": (solved(5, 3, eta=0.1).grasp, {"limits": GraspLimits(0.1)}),
+    "force limit": (solved(3, 4).grasp, {"limits": GraspLimits(force_limit=3.0)}),
+    "torque limit": (bell(), {"limits": GraspLimits(torque_limits={"prox_1": 0.15})}),
     "coupled": (hand(), {}),
     "tendons": (tendons(bell()), {}),
     "fixture": (nest(), {}),

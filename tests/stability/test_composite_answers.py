@@ -10,6 +10,7 @@ import numpy as np
 
 from handfast import verify
 from handfast.core.answer import Verdict
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.hold import hold
 from handfast.stability.loads import Loads
 from handfast.stability.maps import force_map, sweep
@@ -45,7 +46,7 @@ def test_flips_of_a_margin_are_replayed() -> None:
     assert bare.verify().reason == "less friction: without an answer that it slips"
     crossed = replace(m, less=replace(m.less, holds=0.99)).verify()
     assert re.fullmatch(r"less friction: it slips at \S+, and holds up to 0.99", crossed.reason)
-    tight = check(rubbed(pinch(), 0.99), 0.05 * UP, force_limit=1e-3)
+    tight = check(rubbed(pinch(), 0.99), 0.05 * UP, limits=GraspLimits(force_limit=1e-3))
     assert tight.verdict is Verdict.SLIPS
     forged = replace(m, less=replace(m.less, holds=0.0, slips=0.01, answer=tight))
     assert forged.verify().reason == "less friction: the answer is about another change"

@@ -17,6 +17,7 @@ from benchmarks.time_limits import PULL, drawn
 from handfast import InputError, Settings, Stop, Verdict, check, load_body
 from handfast.model.body import Body
 from handfast.model.shape import Shape
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.hold import hold, moderate
 from handfast.stability.loads import Loads
 from handfast.stability.loads_file import load_loads
@@ -108,9 +109,9 @@ def test_only_the_actuators_asked_for_are_commanded() -> None:
 def test_torque_limits_hold_for_the_passive_reaction_too() -> None:
     loads = forces(5 * X)  # a locked right finger carries 5 N at 0.1 m
     assert hold(pinch(), loads).verdict is Verdict.HOLDS
-    less = hold(pinch(), loads, torque_limits={"left": 0.1, "right": 0.1})
+    less = hold(pinch(), loads, limits=GraspLimits(torque_limits={"left": 0.1, "right": 0.1}))
     assert (less.verdict, less.stop, less.hardest) == (Verdict.SLIPS, Stop.COMPLETE, "load 0")
-    assert hold(pinch(), loads, torque_limits={"left": 0.1, "right": 0.6}).verdict is Verdict.HOLDS
+    assert hold(pinch(), loads, limits=GraspLimits(torque_limits={"left": 0.1, "right": 0.6})).verdict is Verdict.HOLDS
 
 
 @pytest.mark.parametrize("eta", [0.0, 0.1])
@@ -120,17 +121,18 @@ def test_uncertain_normals_are_asked_about_throughout(eta: float) -> None:
     With certain normals this is 0.045 N m, see `bell`; where they may be off by 0.1 rad the fingers' lower contacts
     carry some of it, and it is 3 % less.
     """
-    a = hold(bell(), forces(Y), eta=eta, least=False)
+    a = hold(bell(), forces(Y), limits=GraspLimits(eta=eta), least=False)
     assert a.verdict is Verdict.HOLDS
     assert a.nodes < 10_000  # what is less than 1e-6 above the least level is found among hundreds of thousands
-    assert a.upper == pytest.approx(0.1 / maximum(bell(), [0, 1, 0, 0, 0, 0], eta=eta).lower, rel=1e-4)
+    most = maximum(bell(), [0, 1, 0, 0, 0, 0], limits=GraspLimits(eta=eta))
+    assert a.upper == pytest.approx(0.1 / most.lower, rel=1e-4)
     assert a.upper == pytest.approx(0.045 if eta == 0 else 0.0437, rel=1e-3)
     (answer,) = a.checks
     assert answer.question is not None
     assert answer.witness is not None
-    assert answer.question.eta == answer.witness.eta == a.limits["eta"] == eta
+    assert answer.question.eta == answer.witness.eta == a.limits.eta == eta
     assert a.verify().ok
-    assert replace(a, limits={"eta": 0.05}).verify().reason == (
+    assert replace(a, limits=GraspLimits(0.05)).verify().reason == (
         "answer: load 0: the answer is within other limits, or of another law of friction"
     )
 

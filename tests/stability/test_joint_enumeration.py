@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from handfast import Settings, maximum
+from handfast.stability.grasp_limits import GraspLimits
 from tests.support.law_enumeration import largest_load
 from tests.support.law_grasps import random_law_grasp
 
@@ -19,7 +20,7 @@ def test_the_largest_load_is_that_of_the_enumeration(seed: int, limited: bool) -
     back = dict(zip(grasp.mechanism.actuators, grasp.mechanism.backdrivable, strict=True))
     limits = {name: 0.2 for name in back if not back[name]} if limited else {}
     most = largest_load(grasp, direction, limits)
-    found = maximum(grasp, direction, torque_limits=limits, settings=Settings(gap=1e-6))
+    found = maximum(grasp, direction, limits=GraspLimits(torque_limits=limits), settings=Settings(gap=1e-6))
     verified = found.verify()
     assert verified.ok, verified.reason
     if most == np.inf:

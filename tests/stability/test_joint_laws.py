@@ -26,6 +26,7 @@ from handfast.model.mechanism import Mechanism
 from handfast.proofs.answers import read_answer, replay
 from handfast.readers.grasp_file import from_dict, to_dict
 from handfast.stability import model
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.loads import Loads
 from tests.support.law_grasps import BACKDRIVABLE, DOWN, OPENS, curled, jaw
 
@@ -121,10 +122,12 @@ def test_answers_of_any_precision_are_replayed(gap: float) -> None:
 
 def test_what_is_limited_is_beside_friction() -> None:
     """A limit is of motor and gears together: friction carries 0.2 N m beside them, 0.3 / 0.1 N in all."""
-    found = maximum(jaw(MOTOR, friction=0.2), OPENS, torque_limits={"hinge": 0.1})
+    found = maximum(jaw(MOTOR, friction=0.2), OPENS, limits=GraspLimits(torque_limits={"hinge": 0.1}))
     assert found.lower == pytest.approx(3.0, rel=1e-6)
     assert found.verify().ok
-    commanded = maximum(jaw(MOTOR, {"hinge": 0.3}, friction=0.2), OPENS, torque_limits={"hinge": 0.4})
+    commanded = maximum(
+        jaw(MOTOR, {"hinge": 0.3}, friction=0.2), OPENS, limits=GraspLimits(torque_limits={"hinge": 0.4})
+    )
     assert commanded.lower == pytest.approx(6.0, rel=1e-6)
     assert commanded.verify().ok
 
@@ -271,7 +274,10 @@ def test_nothing_moves_into_a_stop(stop: str) -> None:
     [
         (lambda g: check(g, OPENS, settings=Settings(method="algorithm1")), "Algorithm 1 knows no friction"),
         (lambda g: torques(g, OPENS, actuators=["motor"]), "'motor' is backdrivable: its command is given"),
-        (lambda g: check(g, OPENS, torque_limits={"motor": 0.05}), "'motor' is backdrivable and gives its command"),
+        (
+            lambda g: check(g, OPENS, limits=GraspLimits(torque_limits={"motor": 0.05})),
+            "'motor' is backdrivable and gives its command",
+        ),
     ],
 )
 def test_what_knows_no_laws_says_so(ask: Any, words: str) -> None:
@@ -290,9 +296,9 @@ def test_more_laws_than_can_be_searched_are_refused() -> None:
 def test_a_backdrivable_motor_may_have_a_limit():
     """Its command is within the limit or refused, so that a limit changes no maximum."""
     grasp = jaw(BACKDRIVABLE, {"motor": 0.5}, friction=0.2)
-    limited = maximum(grasp, OPENS, torque_limits={"motor": 0.6})
+    limited = maximum(grasp, OPENS, limits=GraspLimits(torque_limits={"motor": 0.6}))
     assert limited.lower == pytest.approx(7.0, rel=2e-3)
     assert limited.upper < 7.02
     assert limited.verify().ok
     with pytest.raises(InputError, match=r"gives its command, 0\.5"):
-        maximum(grasp, OPENS, torque_limits={"motor": 0.4})
+        maximum(grasp, OPENS, limits=GraspLimits(torque_limits={"motor": 0.4}))

@@ -20,6 +20,7 @@ from handfast.stability import least_motion as module
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer
 from handfast.stability.goal import ANY_STATE
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.least_motion import least_motion
 from handfast.stability.model import State
 from handfast.stability.same_modes import ROOM, least_in_same_modes
@@ -34,7 +35,9 @@ PULL = np.array([0, 2.2, 0, 0, 0, 0])  # [N] on Fig. 1
 
 def same_modes(w: Witness) -> Witness:
     """Of least motion in the modes of a witness."""
-    return least_in_same_modes(reduce(scaled_problem.build(w.grasp, w.wrench, eta=w.eta, mdp=w.mdp), ANY_STATE), w)
+    return least_in_same_modes(
+        reduce(scaled_problem.build(w.grasp, w.wrench, limits=GraspLimits(eta=w.eta), mdp=w.mdp), ANY_STATE), w
+    )
 
 
 def fixture_state(grasp: Grasp, wrench: Array, r: Array, c: Array) -> Witness:
@@ -132,8 +135,8 @@ def test_limits_are_kept() -> None:
     assert first is not None
     most = float(first.state.c[::3].max()) * (1 + 1e-6)
     for answer in (
-        check(nest(), push, force_limit=most),
-        check(load_grasp("fig1"), PULL, torque_limits={"finger_2_prox": 0.105}),
+        check(nest(), push, limits=GraspLimits(force_limit=most)),
+        check(load_grasp("fig1"), PULL, limits=GraspLimits(torque_limits={"finger_2_prox": 0.105})),
     ):
         assert answer.verdict is Verdict.HOLDS
         assert verify(answer).ok

@@ -13,6 +13,7 @@ from handfast.core.parallel import WorkerPool
 from handfast.proofs.checker import verify
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability import many
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.many import max_answers
 from handfast.stability.queries import MaxAnswer, maximum
 from handfast.stability.settings import Settings
@@ -87,7 +88,7 @@ def test_ctrl_c_leaves_none_in_processes_either() -> None:
 def test_base_loads_and_limits() -> None:
     answers = max_answers(table(), [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]], base=[0, 0, -10, 0, 0, 0])
     assert [a.lower for a in answers] == pytest.approx([4.0, 4.0], rel=1e-3)
-    (pressed,) = max_answers(table(), [[0, 0, -1, 0, 0, 0]], force_limit=2.0)
+    (pressed,) = max_answers(table(), [[0, 0, -1, 0, 0, 0]], limits=GraspLimits(force_limit=2.0))
     assert pressed.lower == pytest.approx(8.0, rel=1e-3)
 
 
@@ -124,7 +125,7 @@ def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
     loaded = maximum(table(), [length, 0, 0, 0, 0, 0], base=[0, 0, -10, 0, 0, 0])
     assert loaded.lower * length == pytest.approx(4.0, rel=1e-3)
     assert verify(loaded.certificate).ok
-    pressed = maximum(table(), [0, 0, -length, 0, 0, 0], force_limit=2.0)
+    pressed = maximum(table(), [0, 0, -length, 0, 0, 0], limits=GraspLimits(force_limit=2.0))
     assert pressed.lower * length == pytest.approx(8.0, rel=1e-3)
     (first, second) = max_answers(bell(), [[0, length, 0, 0, 0, 0], [0, 1e3 * length, 0, 0, 0, 0]], jobs=1)
     assert first.lower == pytest.approx(1e3 * second.lower, rel=1e-3)

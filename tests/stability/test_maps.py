@@ -19,6 +19,7 @@ from handfast.core.parallel import default_jobs
 from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import save_grasp
 from handfast.stability import maps
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.many import Case, maxima
 from handfast.stability.maps import force_map, sweep
 from handfast.stability.queries import MaxAnswer
@@ -90,7 +91,7 @@ def test_refusals() -> None:
     with pytest.raises(InputError, match="joint: unknown actuator 'thumb'; known: right, left"):
         sweep(pinch(), "thumb", [0.1], [[0, 1, 0, 0, 0, 0]])
     with pytest.raises(InputError, match="eta: is 60 degrees"):
-        force_map(pinch(), steps=4, eta=np.radians(60))
+        force_map(pinch(), steps=4, limits=GraspLimits(eta=np.radians(60)))
     with pytest.raises(InputError, match="direction: has 2 numbers; six are needed"):
         sweep(pinch(), "left", [0.1], [[0, 1]])
 

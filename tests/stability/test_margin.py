@@ -19,6 +19,7 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.pictures import Entry, write_report
 from handfast.stability import margin_search, model
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.margin import FRAGILE_MOTION, Flip, Margin
 from handfast.stability.margin_search import FRICTION_RESOLUTION, TILT_RESOLUTION, margin
 from handfast.stability.model import State
@@ -137,7 +138,7 @@ def test_a_stiffness_is_positive(stiffness: float) -> None:
 
 def least(s: Solved) -> tuple[Witness, Witness]:
     """The first witness, and that of least motion."""
-    answer = check(s.grasp, s.wrench, eta=s.eta)
+    answer = check(s.grasp, s.wrench, limits=GraspLimits(eta=s.eta))
     assert answer.found is not None
     assert answer.witness is not None
     return answer.found, answer.witness

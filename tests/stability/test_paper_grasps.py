@@ -16,6 +16,7 @@ from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.maps import force_map
 from handfast.stability.queries import MaxAnswer, check, maximum, torques
 from handfast.stability.settings import Settings
@@ -132,7 +133,7 @@ def test_fig1_hair_offset_wedges_to_one_side_and_eta_forgives_it() -> None:
     a = np.radians(30)
 
     def pushed(side: float, eta: float):
-        return maximum(g, [side * np.cos(a), np.sin(a), 0, 0, 0, 0], eta=np.radians(eta))
+        return maximum(g, [side * np.cos(a), np.sin(a), 0, 0, 0, 0], limits=GraspLimits(eta=np.radians(eta)))
 
     left, right = pushed(-1, 0), pushed(1, 0)
     assert left.unbounded != right.unbounded

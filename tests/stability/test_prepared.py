@@ -12,6 +12,7 @@ from benchmarks.grasps import random_case
 from handfast import InputError, check, maximum, prepare
 from handfast.model.grasp import Grasp
 from handfast.proofs import checker
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, solved
 
@@ -19,7 +20,12 @@ QUICK = Settings(verify=False)
 
 
 @pytest.mark.parametrize(
-    ("g", "asked"), [(bell(), {}), (bell(), {"force_limit": 2.0}), (solved(5, 3, eta=0.1).grasp, {"eta": 0.1})]
+    ("g", "asked"),
+    [
+        (bell(), {}),
+        (bell(), {"limits": GraspLimits(force_limit=2.0)}),
+        (solved(5, 3, eta=0.1).grasp, {"limits": GraspLimits(0.1)}),
+    ],
 )
 def test_loads_that_change_are_answered_as_by_check(g: Grasp, asked: dict[str, Any]) -> None:
     prepared = prepare(g, settings=QUICK, **asked)
@@ -77,7 +83,7 @@ def test_a_command_beyond_its_limit_is_refused_and_the_old_one_stays() -> None:
     i = int(np.argmax(np.abs(g.command)))
     back = tuple(k == i for k in range(len(g.command)))
     g = Grasp(g.contacts, g.joints, replace(g.mechanism, backdrivable=back), g.command)
-    prepared = prepare(g, torque_limits={g.mechanism.actuators[i]: 2 * abs(g.command[i])})
+    prepared = prepare(g, limits=GraspLimits(torque_limits={g.mechanism.actuators[i]: 2 * abs(g.command[i])}))
     idle = np.flatnonzero(g.command == 0)[0]
     for more in (0.0, 0.01):  # in the same senses, and in others
         command = 3 * g.command

@@ -17,6 +17,7 @@ from handfast.proofs import checker
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability import model, queries
 from handfast.stability.answers import Answer
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.search import search
 from handfast.stability.settings import Settings
@@ -109,14 +110,14 @@ def test_table_with_its_weight_is_coulomb() -> None:
 
 def test_largest_normal_force() -> None:
     """Four contacts of at most 2 N each carry at most 8 N of a centred load."""
-    answer = maximum(table(), w(0, 0, -1), force_limit=2.0)
+    answer = maximum(table(), w(0, 0, -1), limits=GraspLimits(force_limit=2.0))
     assert_bounds(answer, 8.0)
     assert answer.witness.state.c[0::3].max() <= 2.0 + 1e-9
 
 
 def test_largest_torque() -> None:
     """A locked finger 0.1 m below the contact carries 0.3 N m, so 3 N along x; the other one opens."""
-    answer = maximum(pinch(), w(1, 0, 0), torque_limits={"right": 0.3})
+    answer = maximum(pinch(), w(1, 0, 0), limits=GraspLimits(torque_limits={"right": 0.3}))
     assert answer.witness.valid
     # the left finger presses with torque / arm = 1 N as well, unless sliding lets go: never more than 3 N
     assert answer.lower <= 3.0 + 1e-9
@@ -124,16 +125,16 @@ def test_largest_torque() -> None:
     assert abs(answer.witness.state.f[0]) <= 0.3 + 1e-9
 
 
-@pytest.mark.parametrize("limits", [{"torque_limits": {"right": 0.3}}, {"force_limit": 5.0}])
+@pytest.mark.parametrize("limits", [GraspLimits(torque_limits={"right": 0.3}), GraspLimits(force_limit=5.0)])
 def test_limits_do_not_hold_what_slips_without_them(limits) -> None:
     """Nothing presses without a preload: any force across slips, along the fingers 0.3 / 0.1 N or 5 N are carried."""
     bare = pinch().with_preload(None)
-    answer = maximum(bare, w(0, 1, 0), settings=Settings(node_limit=1000), **limits)
+    answer = maximum(bare, w(0, 1, 0), settings=Settings(node_limit=1000), limits=limits)
     assert (answer.verdict, answer.lower, answer.upper) == (Verdict.SLIPS, 0.0, 0.0)
     assert answer.stop is Stop.COMPLETE
     assert answer.verified
     assert answer.verify().ok
-    assert_bounds(maximum(bare, w(1, 0, 0), **limits), 3.0 if "torque_limits" in limits else 5.0)
+    assert_bounds(maximum(bare, w(1, 0, 0), limits=limits), 3.0 if limits.torque_limits else 5.0)
 
 
 def test_least_torques() -> None:

@@ -18,6 +18,7 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.pictures import words
 from handfast.pictures.map_picture import draw_map
 from handfast.readers.grasp_file import load_grasp, save_grasp
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.maps import MapAnswer, force_map
 from handfast.stability.queries import MaxAnswer, check, maximum
 from handfast.stability.search.interval_search import _Magnitudes, resisted
@@ -85,7 +86,7 @@ def test_without_commands_magnitudes_make_no_difference() -> None:
 
 def test_limits_without_commands_are_one_ray() -> None:
     """Nothing but the load and a limit: multiples of one state."""
-    answer = maximum(table(), [0, 0, -1.0, 0, 0, 0], force_limit=5.0, interval=True)
+    answer = maximum(table(), [0, 0, -1.0, 0, 0, 0], limits=GraspLimits(force_limit=5.0), interval=True)
     assert answer.interval.holds_from_zero_to == answer.lower > 0
     (ray,) = answer.interval.arcs
     assert not any(getattr(ray.controls[0], name).any() for name in ("r", "q", "c", "f"))

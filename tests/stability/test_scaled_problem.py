@@ -8,6 +8,7 @@ import pytest
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp
 from handfast.stability import model, scaled_problem
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.scaled_problem import ScaledPoint
 from tests.support.problems import pinch, solved, table
 
@@ -51,15 +52,15 @@ def test_other_refusals() -> None:
     with pytest.raises(InputError, match="direction: is zero, or next to it; give a force"):
         scaled_problem.build(pinch(), np.zeros(6), np.zeros(6))
     with pytest.raises(InputError, match="eta: is 50 degrees; 0 to 45"):
-        scaled_problem.build(pinch(), Y6, eta=np.radians(50))
+        scaled_problem.build(pinch(), Y6, limits=GraspLimits(eta=np.radians(50)))
     with pytest.raises(InputError, match="eta: needs the maximum dissipation principle"):
-        scaled_problem.build(pinch(), Y6, eta=0.05, mdp=False)
+        scaled_problem.build(pinch(), Y6, limits=GraspLimits(eta=0.05), mdp=False)
     with pytest.raises(InputError, match="force limit: is -1; a largest normal force is positive"):
-        scaled_problem.build(pinch(), Y6, force_limit=-1.0)
+        scaled_problem.build(pinch(), Y6, limits=GraspLimits(force_limit=-1.0))
     with pytest.raises(InputError, match="torque limit: unknown actuator 'thumb'; known: right, left"):
-        scaled_problem.build(pinch(), Y6, torque_limits={"thumb": 1.0})
+        scaled_problem.build(pinch(), Y6, limits=GraspLimits(torque_limits={"thumb": 1.0}))
     with pytest.raises(InputError, match=r"torque limit.right: is 0; a limit is positive"):
-        scaled_problem.build(pinch(), Y6, torque_limits={"right": 0.0})
+        scaled_problem.build(pinch(), Y6, limits=GraspLimits(torque_limits={"right": 0.0}))
 
 
 def test_one_contact_and_no_joints_are_grasps_too() -> None:

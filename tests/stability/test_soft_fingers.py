@@ -18,6 +18,7 @@ from handfast.proofs import checker
 from handfast.readers.grasp_file import from_dict, load_grasp, save_grasp, to_dict
 from handfast.stability import model
 from handfast.stability.batch import check_many, max_many
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.margin_search import margin
 from handfast.stability.model import State
 from handfast.stability.prepared import prepare
@@ -147,7 +148,7 @@ def test_a_soft_finger_in_a_sum_of_commands() -> None:
 
 def test_what_knows_point_contacts_only_says_so() -> None:
     with pytest.raises(InputError, match=r"contacts\[0\].torsion: is 0.004 m; uncertainty of the normals knows point"):
-        check(coin(), np.zeros(6), eta=0.1)
+        check(coin(), np.zeros(6), limits=GraspLimits(eta=0.1))
     with pytest.raises(InputError, match="Algorithm 1 knows point contacts only"):
         check(coin(), np.zeros(6), settings=Settings(method="algorithm1"))
 

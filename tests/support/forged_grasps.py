@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from handfast import InputError, grasp_for, load_body, load_task
-from handfast.planning.question import Limits
+from handfast.planning.question import PlanLimits
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.grasps_file import asked_digest
@@ -29,7 +29,7 @@ def scalpel_grasps() -> Grasps:
     """For weights and a wrench."""
     body = load_body("scalpel")
     loads = Loads.gravity(body, ["-z", "-y"]).scaled(1.25) + Loads.wrench([0.1, 0, -0.2, 0, 0.001, 0], "cut")
-    limits = Limits(eta=0.02, **LIMITS)
+    limits = PlanLimits(eta=0.02, **LIMITS)
     return grasp_for(load_task("scalpel-incision"), body, loads, count=2, timeout=120, jobs=1, limits=limits)
 
 

@@ -15,6 +15,7 @@ from handfast.proofs.certificate import Certificate, proof_to_dict, read_certifi
 from handfast.proofs.kinds import Row
 from handfast.proofs.question import read_question
 from handfast.stability.answers import Answer
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, nest, pinch, solved, table
@@ -25,26 +26,28 @@ def w(*force: float) -> np.ndarray:
 
 
 HOLED = random_case(3, 510)  # resists 4.7 N, but slips at 2 to 3 N: the paper's warning in section VII-B
-LIMITS: dict[str, Any] = {"torque_limits": {"right": 0.3}, "force_limit": 50.0}
+LIMITS = GraspLimits(torque_limits={"right": 0.3}, force_limit=50.0)
 ANSWERS = {
     "check holds": lambda: check(bell(), w(0, 2.2, 0)),
     "check slips": lambda: check(bell(), w(0, 2.3, 0)),
     "check slips narrowly": lambda: check(bell(), w(0, 2.25, 0)),  # with eta 0.05 it holds
-    "check with eta": lambda: check(bell(), w(0, 2.5, 0), eta=0.05),
-    "check with a limit": lambda: check(solved(5, 4).grasp, solved(5, 4).wrench, force_limit=2.0),
-    "check with limits": lambda: check(pinch(), w(0.5, 0.1, 0), **LIMITS),
+    "check with eta": lambda: check(bell(), w(0, 2.5, 0), limits=GraspLimits(eta=0.05)),
+    "check with a limit": lambda: check(solved(5, 4).grasp, solved(5, 4).wrench, limits=GraspLimits(force_limit=2.0)),
+    "check with limits": lambda: check(pinch(), w(0.5, 0.1, 0), limits=LIMITS),
     "check without dissipation": lambda: check(bell().with_preload(None), w(0, 1, 0), mdp=False),
     "max": lambda: maximum(bell(), w(0, 1, 0)),
     "max of another direction": lambda: maximum(bell(), w(0, 0.01, 0)),
     "max with base": lambda: maximum(table(), w(1, 0, 0), base=w(0, 0, -10)),
-    "max with limits": lambda: maximum(pinch(), w(1, 0, 0), **LIMITS),
+    "max with limits": lambda: maximum(pinch(), w(1, 0, 0), limits=LIMITS),
     "max unbounded": lambda: maximum(pinch(), w(1, 0, 0)),
     "max unbounded without preload": lambda: maximum(nest(), w(0, 0, -1)),
     "max slips": lambda: maximum(pinch().with_preload({"right": -0.1, "left": -0.1}), w(0, 1, 0)),
     "max slips without preload": lambda: maximum(nest(), w(0, 0, 1)),
     "max slips with base": lambda: maximum(table(), w(0, 0, 1), base=w(0, 0, 1)),
     "torques": lambda: torques(bell(), w(0, 1, 0)),
-    "sum of torques": lambda: torques(bell(), w(0, 1, 0), objective="sum", torque_limits={"prox_1": 0.2}),
+    "sum of torques": lambda: torques(
+        bell(), w(0, 1, 0), objective="sum", limits=GraspLimits(torque_limits={"prox_1": 0.2})
+    ),
     "torques of one": lambda: torques(bell(), w(0, 1, 0), actuators=["prox_1"]),
     "no torques needed": lambda: torques(pinch(), w(1, 0, 0)),
     "torques do not exist": lambda: torques(pinch().with_friction(0.0), w(0, 1, 0)),

@@ -73,7 +73,12 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
         named = zip(loads.names, loads.wrenches, answers, strict=True)
         many = len(loads) > 1
         entries = [
-            Entry(f"Does it hold “{name}”?" if many else f"Does it resist {load_text(w)}?", a, options["eta"], self.mdp)
+            Entry(
+                f"Does it hold “{name}”?" if many else f"Does it resist {load_text(w)}?",
+                a,
+                options["limits"].eta,
+                self.mdp,
+            )
             for name, w, a in named
         ]
         self.write_report(grasp, entries, options)

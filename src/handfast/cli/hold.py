@@ -95,7 +95,7 @@ class Hold(Disturbances, QueryOptions, Saved):
         if answer.preload is None:
             raise InputError("shows loads under a preload, and none was found", field="--report")
         named = zip(answer.loads.names, answer.checks, strict=True)
-        entries = [Entry(f"Does it hold “{name}”?", a, options["eta"]) for name, a in named]
+        entries = [Entry(f"Does it hold “{name}”?", a, options["limits"].eta) for name, a in named]
         self.write_report(grasp.with_commands(answer.preload), entries, options)
 
     def _why(self, answer: HoldAnswer) -> str:

@@ -59,7 +59,7 @@ class Map(QueryOptions, Command):
             save(answer, self.output, limit=self.limit, weight=self.weight, force=self.force)
         if self.report:
             title = f"Which forces in the {self.plane} plane does it resist?"
-            entry = Entry(title, answer, eta=options["eta"], limit=self.limit, weight=self.weight)
+            entry = Entry(title, answer, eta=options["limits"].eta, limit=self.limit, weight=self.weight)
             self.write_report(grasp, [entry], options)
         if self.json:
             console.print_json(answer.to_json())

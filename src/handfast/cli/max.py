@@ -37,7 +37,7 @@ class Max(Direction, QueryOptions, Saved, FrictionModel):
         if self.report:
             beside = f" beside {load_text(self.base)}" if self.base else ""
             title = f"How much {direction_text(direction)} does it resist{beside}?"
-            entry = Entry(title, answer, eta=options["eta"], mdp=self.mdp, direction=direction)
+            entry = Entry(title, answer, eta=options["limits"].eta, mdp=self.mdp, direction=direction)
             self.write_report(grasp, [entry], options)
         if self.json:
             console.print_json(answer.to_json())

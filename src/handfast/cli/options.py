@@ -232,13 +232,15 @@ class QueryOptions(GraspOptions):
         """Keyword arguments that all queries take."""
         import numpy as np
 
+        from handfast.stability.grasp_limits import GraspLimits
+
         check_writable(self.report, self.force, (".html", ".htm"))
         if isinstance(self, Saved):
             check_writable(self.save, self.force, (".json",))
         return {
-            "eta": float(np.radians(self.eta)),
-            "torque_limits": assigned(self.torque_limit, "--torque-limit"),
-            "force_limit": self.force_limit,
+            "limits": GraspLimits(
+                float(np.radians(self.eta)), assigned(self.torque_limit, "--torque-limit"), self.force_limit
+            ),
             "settings": self.settings(),
         }
 

@@ -51,10 +51,10 @@ class SearchFlags(LoadsOptions):
         """The options of the API, of a kind: by their names, `more` where these are others on the command line."""
         import numpy as np
 
-        from handfast.planning.question import Limits
+        from handfast.planning.question import PlanLimits
 
         check_writable(self.report, self.force, (".html", ".htm"))
-        limits = Limits(
+        limits = PlanLimits(
             command_limit=self.command_limit,
             torque_limits=assigned(self.torque_limit, "--torque-limit"),
             force_limit=self.force_limit,

@@ -63,7 +63,7 @@ class Sweep(QueryOptions, WeightOptions):
             save(answer, self.output, force=self.force)
         if self.report:
             title = f"How does the command of {self.joint} change what it resists?"
-            entry = Entry(title, answer, eta=options["eta"])
+            entry = Entry(title, answer, eta=options["limits"].eta)
             self.write_report(grasp, [entry], options)
         if self.json:
             console.print_json(answer.to_json())

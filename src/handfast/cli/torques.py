@@ -33,7 +33,7 @@ class Torques(Load, QueryOptions, Saved):
             answer.save(self.save, force=self.force)
         if self.report:
             title = f"Which commands resist {load_text(wrench)}?"
-            entry = Entry(title, answer, eta=options["eta"])
+            entry = Entry(title, answer, eta=options["limits"].eta)
             self.write_report(grasp, [entry], options)
         if self.json:
             console.print_json(answer.to_json())

@@ -124,7 +124,7 @@ def relaxation(p: ScaledProblem, goal: Goal, edges: Sequence[Edges], printed_rob
     for i in range(k):
         P.row([(q, p.A[i])], 0.0, 0.0)
 
-    cos, sin = np.cos(p.eta), np.sin(p.eta)
+    cos, sin = np.cos(p.limits.eta), np.sin(p.limits.eta)
     for i, e in enumerate(edges):
         motion = [(r, p.G[:, 3 * i : 3 * i + 3].T), (q, -p.J[3 * i : 3 * i + 3])]  # d over (r, q), (3)
         gap = int(P.variables(1, 0.0)[0])  # c_n + d^_n >= 0

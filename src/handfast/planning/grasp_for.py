@@ -100,7 +100,7 @@ def question_of(work: LocalSearch, body: Body) -> str:
     ignored = evaluator.collisions.scene.ignored
     regions |= {"ignored": ignored} if ignored else {}
     settings = r.settings or SETTINGS
-    others = said | r.of_a_load | regions | {"settings": settings}
+    others = said | r.of_a_load.to_json() | regions | {"settings": settings}
     return fingerprint(evaluator.task.hand, body, evaluator.loads, work.seed, **others)
 
 

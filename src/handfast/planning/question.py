@@ -14,13 +14,14 @@ from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates.palm_poses import STANDARD, Sampling
 from handfast.planning.rejection import GIVE_UP
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.loads import Loads
 from handfast.stability.settings import Settings
 from handfast.synthesis.embedded import digest
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Limits:
+class PlanLimits:
     """Within what a grasp has to hold.
 
     Attributes:
@@ -38,13 +39,13 @@ class Limits:
     settings: Settings | None = None
 
     @property
-    def of_a_load(self) -> dict[str, Any]:
+    def of_a_load(self) -> GraspLimits:
         """What `check` and `hold` take of these."""
-        return {"torque_limits": self.torque_limits, "force_limit": self.force_limit, "eta": self.eta}
+        return GraspLimits(self.eta, self.torque_limits or {}, self.force_limit)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Requirements(Limits):
+class Requirements(PlanLimits):
     """The numbers of a question about grasps for a task.
 
     Attributes:
@@ -56,7 +57,7 @@ class Requirements(Limits):
     actuators: tuple[str, ...]
 
     @classmethod
-    def of(cls, limits: Limits, friction: float, actuators: Sequence[str]) -> Requirements:
+    def of(cls, limits: PlanLimits, friction: float, actuators: Sequence[str]) -> Requirements:
         """These limits, with the friction and the actuators."""
         return cls(friction=friction, actuators=tuple(actuators), **vars(limits))
 
@@ -105,7 +106,7 @@ class SearchOptions:
     count: int = 1
     seed: int = 0
     timeout: float | None = 60.0
-    limits: Limits = field(default_factory=Limits)
+    limits: PlanLimits = field(default_factory=PlanLimits)
     ignored: Sequence[tuple[str, str]] = ()
 
     def __post_init__(self) -> None:

@@ -77,7 +77,7 @@ class Answer(ABC):
         from handfast.stability.least_motion import least_motion  # needs the engine, and only what is shown needs it
 
         p = self.posed.problem
-        least = least_motion(self.found, p.torque_limits, p.force_limit)
+        least = least_motion(self.found, p.limits)
         known = self._of_found if least is self.found else self._proved(least)
         as_good = known.exact or (known.tolerant and not self._of_found.exact)
         return (least, known) if as_good and self._reaches(known) else (self.found, self._of_found)

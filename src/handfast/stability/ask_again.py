@@ -106,15 +106,13 @@ class Claim(ABC):
     @property
     def terms(self) -> dict[str, Any]:
         """Arguments of queries."""
-        o = self.options
-        return {"eta": o.eta, "mdp": o.mdp, "torque_limits": o.torque_limits, "force_limit": o.force_limit}
+        return {"limits": self.options.limits, "mdp": self.options.mdp}
 
     def no_forces(self) -> Replay:
         """The equations (1) contradict themselves: proved without any search."""
         o, none = self.options, np.zeros(6)
-        limit = INF if o.force_limit is None else o.force_limit
-        g, limits = grasp_data(self.grasp), dict(o.torque_limits or {})
-        question = Question(g, CHECK, False, self.load, none, o.eta, o.mdp, limits, limit, ())
+        g, torques, force = grasp_data(self.grasp), o.limits.torque_limits, o.limits.largest_normal_force
+        question = Question(g, CHECK, False, self.load, none, o.limits.eta, o.mdp, torques, force, ())
         done = checker.verify(Certificate.of_root(question, None))
         return Replay(self.place, UNBALANCED, done.reason, {"leaves": done.leaves, "motion_cap": done.cap})
 

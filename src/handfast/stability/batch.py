@@ -22,7 +22,7 @@ forces, s x solves it under s w for all s >= 0.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -39,6 +39,7 @@ from handfast.stability.answers import Answer
 from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.equivalent_grasp import equivalent_of
 from handfast.stability.goal import ANY_STATE, LARGEST, SMALLEST_PRELOAD, Effort, Goal
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, check, maximum, torques
 from handfast.stability.queries.max_query import MaxAnswer
@@ -59,18 +60,12 @@ class BatchOptions:
     """What all questions share."""
 
     query: Literal["check", "max", "torques"]
-    eta: float = 0.0
+    limits: GraspLimits = NO_LIMITS
     mdp: bool = True
-    torque_limits: Mapping[str, float] | None = None
-    force_limit: float | None = None
     settings: Settings = field(default_factory=Settings)
     objective: Effort = "max"
     actuators: Sequence[str] | None = None
     answers: bool = False
-
-    @property
-    def limits(self) -> dict[str, Any]:
-        return {"eta": self.eta, "torque_limits": self.torque_limits, "force_limit": self.force_limit}
 
 
 class _RowBlock(dict[str, Any]):
@@ -101,10 +96,8 @@ def check_many(
     grasps: Grasp | Sequence[Grasp],
     wrenches: Any,
     *,
-    eta: float = 0.0,
+    limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
     settings: Settings | None = None,
     jobs: int | None = None,
     answers: bool = False,
@@ -130,7 +123,7 @@ def check_many(
     Raises:
         InputError: wrenches of another shape; no grasps.
     """
-    options = BatchOptions("check", eta, mdp, torque_limits, force_limit, settings or Settings(), answers=answers)
+    options = BatchOptions("check", limits, mdp, settings or Settings(), answers=answers)
     return _ask(grasps, wrenches, None, options, jobs, on_item)
 
 
@@ -139,10 +132,8 @@ def max_many(
     directions: Any,
     *,
     base: Any = None,
-    eta: float = 0.0,
+    limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
     settings: Settings | None = None,
     jobs: int | None = None,
     answers: bool = False,
@@ -158,7 +149,7 @@ def max_many(
 
     The other arguments, what is returned and raised are those of `check_many` and `maximum`.
     """
-    options = BatchOptions("max", eta, mdp, torque_limits, force_limit, settings or Settings(), answers=answers)
+    options = BatchOptions("max", limits, mdp, settings or Settings(), answers=answers)
     return _ask(grasps, directions, np.zeros(6) if base is None else base, options, jobs, on_item)
 
 
@@ -168,9 +159,7 @@ def torques_many(
     *,
     objective: Effort = "max",
     actuators: Sequence[str] | None = None,
-    eta: float = 0.0,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
+    limits: GraspLimits = NO_LIMITS,
     settings: Settings | None = None,
     jobs: int | None = None,
     answers: bool = False,
@@ -183,9 +172,7 @@ def torques_many(
 
     The arguments are those of `torques` and `check_many`.
     """
-    options = BatchOptions(
-        "torques", eta, True, torque_limits, force_limit, settings or Settings(), objective, actuators, answers
-    )
+    options = BatchOptions("torques", limits, True, settings or Settings(), objective, actuators, answers)
     return _ask(grasps, wrenches, None, options, jobs, on_item)
 
 
@@ -327,10 +314,10 @@ def _goals(grasp: Grasp, part: _RowBlock, options: BatchOptions) -> Iterator[tup
         return
     sound &= np.abs(W).max(axis=1) >= scaled_problem.LEAST
     beside = B.any(axis=1)
-    limited = bool(options.torque_limits) or options.force_limit is not None
     commanded = bool(grasp.command.any())
     given = equivalent_of(grasp).is_given
-    homogeneous = sound & ~beside if (commanded or given) and not limited else np.zeros(len(W), bool)
+    grows = (commanded or given) and not options.limits.limits_forces
+    homogeneous = sound & ~beside if grows else np.zeros(len(W), bool)
     yield np.flatnonzero(homogeneous), SMALLEST_PRELOAD
     yield np.flatnonzero(sound & ~homogeneous & (beside | commanded | given)), LARGEST
 
@@ -342,16 +329,9 @@ class GraspBatch:
         grasp: with the preload in force.
     """
 
-    def __init__(
-        self,
-        grasp: Grasp,
-        *,
-        eta: float = 0.0,
-        torque_limits: Mapping[str, float] | None = None,
-        force_limit: float | None = None,
-    ) -> None:
+    def __init__(self, grasp: Grasp, *, limits: GraspLimits = NO_LIMITS) -> None:
         self.grasp = grasp
-        self._options = BatchOptions("check", eta, True, torque_limits, force_limit)
+        self._options = BatchOptions("check", limits)
         self._kernel = RowKernel(grasp, self._options.limits)
 
     def checks(self, wrenches: Any, settings: Settings) -> BatchAnswer:
@@ -377,10 +357,11 @@ def _alone(grasp: Grasp, part: _RowBlock, i: int, options: BatchOptions) -> Answ
     settings, limits = options.settings, options.limits
     w = part.wrenches[i]
     if options.query == "check":
-        return check(grasp, w, mdp=options.mdp, settings=settings, **limits)
+        return check(grasp, w, mdp=options.mdp, settings=settings, limits=limits)
     if options.query == "torques":
-        return torques(grasp, w, objective=options.objective, actuators=options.actuators, settings=settings, **limits)
-    ask: dict[str, Any] = {"base": part.base[i], "mdp": options.mdp} | limits
+        sought: dict[str, Any] = {"objective": options.objective, "actuators": options.actuators}
+        return torques(grasp, w, limits=limits, settings=settings, **sought)
+    ask: dict[str, Any] = {"base": part.base[i], "mdp": options.mdp, "limits": limits}
     if options.answers or not settings.verify:
         return maximum(grasp, w, settings=settings, **ask)
     quick = maximum(grasp, w, settings=replace(settings, verify=False), **ask)

@@ -28,6 +28,7 @@ from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import Answer, finite
 from handfast.stability.equivalent_grasp import equivalent_of
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.loads import Loads
 from handfast.stability.margin_search import OnSample
 from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
@@ -37,7 +38,6 @@ from handfast.stability.solve import LEAST, compiled
 
 A = TypeVar("A", bound=Answer)
 STRONG = 10.0  # times the largest load: a moderate command
-NO_LIMITS: Mapping[str, Any] = {"eta": 0.0, "torque_limits": {}, "force_limit": None}
 NEGLIGIBLE = 1e-6  # share of the largest command below which one is rounding
 MARGINS = 0.25  # share of the time that is left for them, where they are asked
 HARD = 0.5  # share of the time that is left in which a load is to be decided under a preload
@@ -62,7 +62,7 @@ class HoldAnswer:
         bounding: name and answer of the load whose least commands are `lower`; None where nothing is behind it.
         grasp, command_limit: as asked.
         actuators: whose commands were sought.
-        limits: `eta`, `torque_limits` and `force_limit` as asked.
+        limits: as asked.
         margins: how much of each load is resisted under `preload`; empty where that was not asked, none of a load of 0.
     """
 
@@ -81,7 +81,7 @@ class HoldAnswer:
     grasp: Grasp | None = field(default=None, repr=False)
     command_limit: float = field(default=np.inf, repr=False)
     actuators: tuple[str, ...] = field(default=(), repr=False)
-    limits: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    limits: GraspLimits = field(default=NO_LIMITS, repr=False)
     margins: Mapping[str, MaxAnswer] = field(default_factory=dict, repr=False)
 
     def verify(self) -> Replay:
@@ -96,8 +96,8 @@ class HoldAnswer:
         """The `handfast/hold/1` object: question, answer, what backs it. `InputError` without a grasp."""
         if self.grasp is None:
             raise InputError("does not know its grasp; save what `hold` returned", field="answer")
-        limits = {name: self.limits.get(name) or none for name, none in NO_LIMITS.items()}
-        asked = {"loads": self.loads.by_name, "actuators": list(self.actuators)} | limits
+        asked = {"loads": self.loads.by_name, "actuators": list(self.actuators)}
+        asked |= self.limits.to_json()
         checks = zip(self.loads.names, self.checks, strict=False)
         return {
             "schema": holds.SCHEMA,
@@ -171,9 +171,7 @@ def hold(
     least: bool = True,
     margins: bool = False,
     command_limit: float | None = None,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
-    eta: float = 0.0,
+    limits: GraspLimits = NO_LIMITS,
     settings: Settings | None = None,
     bounding: Settings | None = None,
     timeout: float | None = None,
@@ -203,7 +201,7 @@ def hold(
     search = _HoldSearch(grasp, loads, names, asked, clock, on_query)
     search.bounds = bounding or search.settings
     search.most = np.inf if command_limit is None else command_limit
-    search.limits = {"torque_limits": torque_limits, "force_limit": force_limit, "eta": eta}
+    search.limits = limits
     try:
         answer = search.run(least)
     except KeyboardInterrupt:
@@ -241,7 +239,7 @@ class _HoldSearch:
         self.bounds = settings
         self.tried: set[tuple[tuple[str, float], ...]] = set()
         self.clock, self.on_query = clock, on_query
-        self.limits: dict[str, Any] = {}
+        self.limits = NO_LIMITS
         self.nodes = 0
         self.lower, self.most = 0.0, np.inf
         self.bounding: tuple[str, TorquesAnswer] | None = None
@@ -354,8 +352,8 @@ class _HoldSearch:
             return np.inf  # any multiple of nothing, if the preload alone is resisted
         self.say(f"level of a preload for {self.loads.names[k]}")
         settings = replace(self.within(self.settings, HARD), gap=1e-2, verify=False)
-        grasp, eta = self.grasp.with_commands(preload), self.limits["eta"]
-        a = self.counted(maximum(grasp, self.loads.wrenches[k], eta=eta, settings=settings))
+        grasp, exact = self.grasp.with_commands(preload), GraspLimits(self.limits.eta)
+        a = self.counted(maximum(grasp, self.loads.wrenches[k], limits=exact, settings=settings))
         if not a.lower > 0:
             self.first(k, a.stop if a.verdict is Verdict.UNDECIDED else Stop.COMPLETE)
         return a.lower
@@ -370,7 +368,7 @@ class _HoldSearch:
             self.say(f"{self.loads.names[k]} under a preload")
             # what slips is tried differently, so that its proof is not needed
             settings = replace(self.within(self.settings, HARD), verify=False)
-            a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, **self.limits))
+            a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, limits=self.limits))
             if a.verdict is not Verdict.HOLDS:
                 self.first(k, a.stop)
                 return ()
@@ -385,7 +383,7 @@ class _HoldSearch:
         """The least commands for a load alone, in a share of the time that is left."""
         settings = self.within(settings, share)
         self.say(f"least commands for {self.loads.names[k]}")
-        asked = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=settings, **self.limits)
+        asked = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=settings, limits=self.limits)
         a = self.counted(asked)
         if a.verdict is not Verdict.HOLDS:
             self.first(k, a.stop)
@@ -399,7 +397,7 @@ class _HoldSearch:
             for k, (name, w) in enumerate(asked):
                 self.say(f"margin of {name}")
                 settings = self.within(self.settings, 1 / (len(asked) - k))
-                found[name] = self.counted(maximum(grasp, w, settings=settings, **self.limits))
+                found[name] = self.counted(maximum(grasp, w, settings=settings, limits=self.limits))
         except KeyboardInterrupt:
             stop = Stop.INTERRUPTED
         return replace(answer, margins=found, nodes=self.nodes, stop=stop)

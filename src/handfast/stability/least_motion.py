@@ -9,15 +9,15 @@ proved.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from handfast.core.errors import InputError
 from handfast.stability import scaled_problem
 from handfast.stability.goal import ANY_STATE
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.same_modes import ROOM, least_in_same_modes
 from handfast.stability.search.reduced import Reduced, padded, reduce
 from handfast.stability.search.search import Search
@@ -35,20 +35,17 @@ AXES = np.array(
 AXES /= np.hypot(1, _GOLDEN)
 
 
-def least_motion(
-    found: Witness, torque_limits: Mapping[str, float] | None = None, force_limit: float | None = None
-) -> Witness:
+def least_motion(found: Witness, limits: GraspLimits | None = None) -> Witness:
     """The witness of the same question whose `largest_motion` is as small as is found; never larger than before.
 
     Args:
         found: an exact equilibrium; returned as it is if nothing better is found.
-        torque_limits, force_limit: of the question, as in `scaled_problem.build`.
+        limits: of the question; none of forces by default.
     """
     if not found.valid or found.largest_motion == 0:
         return found
-    limits: dict[str, Any] = {"torque_limits": torque_limits, "force_limit": force_limit}
     try:
-        p = scaled_problem.build(found.grasp, found.wrench, eta=found.eta, mdp=found.mdp, **limits)
+        p = scaled_problem.build(found.grasp, found.wrench, limits=limits or GraspLimits(found.eta), mdp=found.mdp)
     except InputError:  # a load of a maximum is a sum, and rounding may take it out of what contacts can balance
         return found
     r = reduce(p, ANY_STATE)

@@ -154,7 +154,7 @@ class _Path:
         """y itself, the gradients and the values of all equations there."""
         r = self.r
         (m, a, _), nu, n = r.sizes, r.M.shape[1], len(y)
-        cos, sin = np.cos(r.p.eta), np.sin(r.p.eta)
+        cos, sin = np.cos(r.p.limits.eta), np.sin(r.p.limits.eta)
         c, d = self.base(y)
         C = np.hstack([np.zeros((len(r.C), nu)), r.C[:, nu:]])
         D = np.hstack([r.D[:, :nu], np.zeros((len(r.D), n - nu))])
@@ -202,7 +202,7 @@ class _Path:
             return None
         (m, a, _), r = self.r.sizes, self.r
         c, d = self.base(y)
-        gap = np.cos(r.p.eta) * d[: 3 * m : 3] + np.sin(r.p.eta) * np.linalg.norm(
+        gap = np.cos(r.p.limits.eta) * d[: 3 * m : 3] + np.sin(r.p.limits.eta) * np.linalg.norm(
             d[: 3 * m].reshape(-1, 3)[:, 1:], axis=1
         )
         force = c[: 3 * m].reshape(-1, 3)

@@ -7,7 +7,7 @@ be forked or few cases do not pay for them: the engine's kernel holds no interpr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from threading import Event
 from typing import Any
@@ -21,6 +21,7 @@ from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.goal import SMALLEST_PRELOAD
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.queries.max_query import MaxAnswer, largest, max_goal, with_interval
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search.reduced import Reduced, reduce
@@ -45,10 +46,8 @@ class Case:
 class Options:
     """What all cases share, as in `maximum`; proofs: are witnesses, states and certificates wanted, too?"""
 
-    eta: float = 0.0
+    limits: GraspLimits = NO_LIMITS
     mdp: bool = True
-    torque_limits: Mapping[str, float] | None = None
-    force_limit: float | None = None
     settings: Settings | None = None
     proofs: bool = True
     interval: bool = False
@@ -65,12 +64,10 @@ class Options:
 
     def to_json(self) -> dict[str, Any]:
         """What was asked, as files of answers have it beside the grasp."""
-        limits = {"torque_limits": dict(self.torque_limits or {}), "force_limit": self.force_limit}
-        return {"eta": self.eta, "mdp": self.mdp, "gap": self.gap} | limits
+        return self.limits.to_json() | {"mdp": self.mdp, "gap": self.gap}
 
     def build(self, case: Case) -> ScaledProblem:
-        limits = {"torque_limits": self.torque_limits, "force_limit": self.force_limit}
-        return scaled_problem.build(case.grasp, case.base, case.direction, eta=self.eta, mdp=self.mdp, **limits)  # type: ignore[arg-type]
+        return scaled_problem.build(case.grasp, case.base, case.direction, limits=self.limits, mdp=self.mdp)
 
 
 def max_answers(
@@ -78,10 +75,8 @@ def max_answers(
     directions: Sequence[Sequence[float]] | Array,
     *,
     base: Sequence[float] | Array | None = None,
-    eta: float = 0.0,
+    limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
     settings: Settings | None = None,
     jobs: int | None = None,
     on_item: OnItem | None = None,
@@ -98,7 +93,7 @@ def max_answers(
     Returns:
         One answer per direction, in order; None where Ctrl-C came first.
     """
-    options = Options(eta, mdp, torque_limits, force_limit, settings)
+    options = Options(limits, mdp, settings)
     w0 = np.zeros(6) if base is None else scaled_problem.as_wrench(base, "base")
     towards = [scaled_problem.as_wrench(d, "direction") for d in np.atleast_2d(np.asarray(directions, float))]
     return maxima([Case(grasp, d, w0) for d in towards], options, jobs, on_item)

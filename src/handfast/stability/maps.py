@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -16,6 +16,7 @@ from handfast.model.grasp import Grasp
 from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import finite
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.many import Case, OnItem, Options, maxima
 from handfast.stability.queries import MaxAnswer
 from handfast.stability.resisted_interval import ResistedInterval
@@ -132,7 +133,6 @@ class MapAnswer(_Curves):
 
     grasp: Grasp
     plane: Plane
-    eta: float
     directions: Array
     passive: Curve
     preloaded: Curve | None
@@ -140,6 +140,11 @@ class MapAnswer(_Curves):
     nodes: int
     at: Array = field(default_factory=lambda: np.zeros(3))
     options: Options = field(default_factory=Options, repr=False)
+
+    @property
+    def eta(self) -> float:
+        """[rad] uncertainty of the contact normals."""
+        return self.options.limits.eta
 
     @property
     def curves(self) -> tuple[Curve, ...]:  # type: ignore[override]
@@ -206,9 +211,7 @@ def force_map(
     *,
     at: Sequence[float] | Array = (0.0, 0.0, 0.0),
     steps: int = 360,
-    eta: float = 0.0,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
+    limits: GraspLimits = NO_LIMITS,
     interval: bool = False,
     settings: Settings | None = None,
     jobs: int | None = None,
@@ -237,7 +240,7 @@ def force_map(
     point = frozen(at, (3,), "at")
     directions = in_plane(plane, steps)
     grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
-    options = Options(eta, True, torque_limits, force_limit, settings, proofs=False, interval=interval)
+    options = Options(limits, settings=settings, proofs=False, interval=interval)
     base = np.zeros(6)
     wrenches = forces_at(point, directions)
     cases = [Case(g, w, base) for g in grasps for w in wrenches]
@@ -249,7 +252,6 @@ def force_map(
     return MapAnswer(
         grasp=grasp,
         plane=plane,
-        eta=eta,
         directions=directions,
         passive=Curve.of(answers[:steps], interval=interval),
         preloaded=Curve.of(answers[steps:], interval=interval) if grasp.preload else None,
@@ -282,9 +284,7 @@ def sweep(
     values: Sequence[float] | Array,
     directions: Sequence[Sequence[float]] | Array,
     *,
-    eta: float = 0.0,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
+    limits: GraspLimits = NO_LIMITS,
     settings: Settings | None = None,
     jobs: int | None = None,
     on_item: OnItem | None = None,
@@ -302,7 +302,7 @@ def sweep(
         raise unknown_name("actuator", actuator, grasp.mechanism.actuators, field="joint")
     d = np.array([as_wrench(row, "direction") for row in np.atleast_2d(np.asarray(directions, dtype=float))])
     x = np.asarray(values, dtype=float)
-    options = Options(eta, True, torque_limits, force_limit, settings, proofs=False)
+    options = Options(limits, settings=settings, proofs=False)
     base = np.zeros(6)
     grasps = [grasp.with_preload(grasp.preload | {actuator: float(value)}) for value in x]
     cases = [Case(g, direction, base) for direction in d for g in grasps]

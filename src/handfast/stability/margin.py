@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from handfast.model.grasp import Contact, Grasp
 from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import to_dict
 from handfast.stability.answers import Answer
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.witness import Witness
 
 FRAGILE_MOTION = 1.0  # [mm] a grasp that moves farther than this, and
@@ -56,12 +57,12 @@ class Flip:
         """Is there a proof that it slips?"""
         return self.answer is not None and self.answer.certificate is not None
 
-    def fault(self, witness: Witness, changed: Callable[[float], Grasp], limits: tuple[Any, Any]) -> str:
+    def fault(self, witness: Witness, changed: Callable[[float], Grasp], limits: GraspLimits) -> str:
         """What is missing for the claim that a changed grasp slips under a witness's load, if the answer is right.
 
         Args:
             changed: the grasp after a change.
-            limits: of torques and of normal forces, as asked.
+            limits: as asked.
         """
         if self.slips is None:
             return ""
@@ -71,8 +72,7 @@ class Flip:
             return f"it slips at {self.slips:.6g}, and holds up to {self.holds:.6g}"
         p = self.answer.posed.problem
         same = same_json(to_dict(p.grasp), to_dict(changed(self.slips))) and np.array_equal(p.wrench, witness.wrench)
-        same = same and (p.eta, p.mdp) == (witness.eta, witness.mdp)
-        if not same or (p.torque_limits, p.force_limit) != limits:
+        if not same or p.mdp != witness.mdp or p.limits != limits:
             return "the answer is about another change"
         return ""
 
@@ -93,7 +93,7 @@ class Margin:
         tilt: normals tilted, by angles in degrees: one at a time, or all at once.
         checks: how many changed grasps were asked.
         stop: `COMPLETE`, or `INTERRUPTED` by Ctrl-C.
-        torque_limits, force_limit: as asked.
+        limits: as asked.
     """
 
     stiffness: float
@@ -103,8 +103,7 @@ class Margin:
     tilt: Flip
     checks: int
     stop: Stop
-    torque_limits: Mapping[str, float] = field(default_factory=dict, repr=False)
-    force_limit: float | None = field(default=None, repr=False)
+    limits: GraspLimits = field(default=NO_LIMITS, repr=False)
 
     @property
     def witness(self) -> Witness:
@@ -155,8 +154,8 @@ class Margin:
             "more friction": lambda x: rubbed(w.grasp, 1 + x),
             "tilted normals": lambda x: tilted(w.grasp, self.tilt.contacts, self.tilt.towards, np.radians(x)),
         }
-        limits = dict(self.torque_limits), self.force_limit
-        faults = (f"{name}: {fault}" for name, flip in flips.items() if (fault := flip.fault(w, changed[name], limits)))
+        found = {name: flip.fault(w, changed[name], self.limits) for name, flip in flips.items()}
+        faults = (f"{name}: {fault}" for name, fault in found.items() if fault)
         return Replay("margin", "", next(faults, ""), parts=(known, *proofs), not_replayed=UNPROVED)
 
     def to_json(self) -> dict[str, Any]:

@@ -7,7 +7,7 @@ belongs to one friction and to one set of normals, which nobody knows exactly: o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import cross
 from handfast.model.grasp import Contact, Grasp
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.margin import Flip, Margin, rubbed, tilted
 from handfast.stability.queries import CheckAnswer, check
 from handfast.stability.scaled_problem import as_wrench
@@ -45,10 +46,8 @@ def margin(
     wrench: Sequence[float] | Array,
     *,
     stiffness: float = RUBBER_PAD,
-    eta: float = 0.0,
+    limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
     settings: Settings | None = None,
     answer: CheckAnswer | None = None,
     on_sample: OnSample | None = None,
@@ -80,10 +79,8 @@ def margin(
     if not (np.isfinite(stiffness) and stiffness > 0):
         raise InputError(f"is {stiffness:g}; a positive number is needed", field="stiffness")
     options: dict[str, Any] = {
-        "eta": eta,
+        "limits": limits,
         "mdp": mdp,
-        "torque_limits": torque_limits,
-        "force_limit": force_limit,
         "settings": settings,
     }
     answer = answer or check(grasp, wrench, **options)
@@ -97,8 +94,7 @@ def margin(
     more = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 + x))])
     patterns = list(_patterns(sides(grasp, w)))
     tilt = ask.flip("tilt", TILTS, TILT_RESOLUTION, lambda x: [_tilted(grasp, p, np.radians(x)) for p in patterns])
-    limits = dict(torque_limits or {}), force_limit
-    return Margin(float(stiffness), answer, less, more, tilt, ask.count, ask.stop, *limits)
+    return Margin(float(stiffness), answer, less, more, tilt, ask.count, ask.stop, limits)
 
 
 def sides(grasp: Grasp, wrench: Array) -> Array:

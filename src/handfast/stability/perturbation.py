@@ -12,7 +12,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import normal_frame
 from handfast.model.grasp import Contact, Grasp
-from handfast.stability.scaled_problem import MAX_ETA
+from handfast.stability.grasp_limits import MAX_ETA
 
 BOUNDS = {  # what is too large, and what is right
     "positions": (np.inf, "0 m or more"),

@@ -44,10 +44,10 @@ class Posed(NamedTuple):
             sums=goal.sums_commands,
             wrench=np.zeros(6) if goal.homogeneous else p.wrench,
             direction=p.along if goal.has_direction else np.zeros(6),
-            eta=p.eta,
+            eta=p.limits.eta,
             mdp=p.mdp,
-            torque_limits=p.torque_limits,
-            force_limit=np.inf if p.force_limit is None else p.force_limit,
+            torque_limits=p.limits.torque_limits,
+            force_limit=p.limits.largest_normal_force,
             driven=self.driven,
         )
 
@@ -66,9 +66,6 @@ class Posed(NamedTuple):
             "objective": "sum" if q.sums else "max",
             "wrench": q.wrench.tolist(),
             "direction": q.direction.tolist() if self.goal.has_direction else None,
-            "eta": q.eta,
             "mdp": q.mdp,
-            "torque_limits": dict(q.torque_limits),
-            "force_limit": p.force_limit,
             "driven": list(q.driven),
-        }
+        } | p.limits.to_json()

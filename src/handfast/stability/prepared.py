@@ -24,6 +24,7 @@ from handfast.proofs.certificate import Certificate
 from handfast.stability import scaled_problem
 from handfast.stability.batch_judge import Judge
 from handfast.stability.goal import ANY_STATE
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.least_motion import least_motion
 from handfast.stability.model import State
 from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
@@ -47,7 +48,7 @@ class PreparedAnswer:
         found: an exact state of the model, as it was found; None unless HOLDS.
         certificate: of a load that slips; replayed, unless that was switched off.
         stop: why the search ended. nodes, seconds: its cost.
-        limits: `eta`, `torque_limits` and `force_limit` as asked.
+        limits: as asked.
     """
 
     verdict: Verdict
@@ -58,7 +59,7 @@ class PreparedAnswer:
     stop: Stop
     nodes: int
     seconds: float
-    limits: Mapping[str, Any] = field(repr=False)
+    limits: GraspLimits = field(repr=False)
 
     def __bool__(self) -> bool:
         return self.verdict is Verdict.HOLDS
@@ -68,7 +69,7 @@ class PreparedAnswer:
         """The state of least motion with what it answers for, see `least_motion`; sought when it is read."""
         if self.found is None:
             return None
-        return least_motion(self.found, self.limits["torque_limits"], self.limits["force_limit"])
+        return least_motion(self.found, self.limits)
 
     @property
     def state(self) -> State | None:
@@ -89,8 +90,8 @@ class PreparedGrasp:
         settings: of the searches.
     """
 
-    def __init__(self, grasp: Grasp, limits: Mapping[str, Any], settings: Settings) -> None:
-        self.grasp, self.settings, self._limits = grasp, settings, dict(limits)
+    def __init__(self, grasp: Grasp, limits: GraspLimits, settings: Settings) -> None:
+        self.grasp, self.settings, self._limits = grasp, settings, limits
         self._kernels: dict[bytes, _Kernel] = {}
         self._kernel = self._prepared(grasp)
 
@@ -118,14 +119,14 @@ class PreparedGrasp:
         refused = scaled_problem.unbalanced(self.grasp, w)  # `check` says why
         found = self._kernel.ask(self.grasp, w) if self._kernel and not refused else None
         if found is not None and found[1] <= VALID:
-            state = Witness(self.grasp, w, found[0], self._limits["eta"], True)
+            state = Witness(self.grasp, w, found[0], self._limits.eta, True)
             return self._said(Verdict.HOLDS, w, start, state, None, Stop.COMPLETE, found[2])
-        answer: CheckAnswer = check(self.grasp, w, settings=self.settings, **self._limits)
+        answer: CheckAnswer = check(self.grasp, w, settings=self.settings, limits=self._limits)
         return self._said(answer.verdict, w, start, answer.found, answer.certificate, answer.stop, answer.nodes)
 
     def maximum(self, direction: Sequence[float] | Array, **options: Any) -> MaxAnswer:
         """The largest disturbance along a direction, see `handfast.maximum`; options: `base`, `interval`."""
-        return maximum(self.grasp, direction, settings=self.settings, **self._limits, **options)
+        return maximum(self.grasp, direction, settings=self.settings, limits=self._limits, **options)
 
     def _said(
         self,
@@ -142,7 +143,7 @@ class PreparedGrasp:
 
     def _prepared(self, grasp: Grasp) -> _Kernel | None:
         """What is prepared for the commanded actuators and their senses; None with soft fingers, which are searched."""
-        scaled_problem.check_backdrivable(grasp, self._limits["torque_limits"] or {})
+        self._limits.check_backdrivable(grasp)
         if len(grasp.soft):
             return None
         key = np.sign(grasp.command).tobytes()
@@ -155,34 +156,29 @@ def prepare(
     grasp: Grasp,
     *,
     preload: Mapping[str, float] | Array | None = None,
-    eta: float = 0.0,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
+    limits: GraspLimits = NO_LIMITS,
     settings: Settings | None = None,
 ) -> PreparedGrasp:
     """A grasp to be asked again and again, as in a controller: `prepared.holds(wrench)`.
 
     Args:
         preload: commands in force; those of the grasp by default. `PreparedGrasp.preload` changes them.
-        eta: as in `check`.
-        torque_limits: as in `check`.
-        force_limit: as in `check`.
+        limits: as in `check`.
         settings: as in `check`.
 
     Raises:
         InputError: see `check`.
     """
-    limits = {"eta": eta, "torque_limits": torque_limits, "force_limit": force_limit}
     return PreparedGrasp(grasp if preload is None else grasp.with_preload(preload), limits, settings or Settings())
 
 
 class _Kernel:
     """The kernel's arrays for one choice of commanded actuators, with the states found last."""
 
-    def __init__(self, grasp: Grasp, limits: Mapping[str, Any], settings: Settings) -> None:
-        self.template = Template.of(scaled_problem.build(grasp, np.zeros(6), **limits), ANY_STATE)
+    def __init__(self, grasp: Grasp, limits: GraspLimits, settings: Settings) -> None:
+        self.template = Template.of(scaled_problem.build(grasp, np.zeros(6), limits=limits), ANY_STATE)
         self._search, self._next = BatchSearch(self.template, settings), 0
-        self._judge = Judge(grasp, eta=limits["eta"])
+        self._judge = Judge(grasp, eta=limits.eta)
         self._rows: QuestionRows | None = None
 
     def ask(self, grasp: Grasp, w: Array) -> tuple[State, float, int] | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +15,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.batch_judge import Judge, StateRows
 from handfast.stability.goal import ANY_STATE, FARTHER, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.idle_joints import runs_away
 from handfast.stability.queries.max_query import max_goal
 from handfast.stability.search.batch_search import BatchSearch, FoundRows
@@ -30,12 +30,12 @@ class RowKernel:
     """Asks the kernel many rows about one grasp under its preload; templates are made at the first row of a goal.
 
     Attributes:
-        grasp: with the preload in force. limits: `eta`, `torque_limits`, `force_limit`, as `check` has them.
+        grasp: with the preload in force. limits: as `check` has them.
     """
 
-    def __init__(self, grasp: Grasp, limits: Mapping[str, Any]) -> None:
-        self.grasp, self.limits = grasp, dict(limits)
-        self._judge = Judge(grasp, eta=self.limits["eta"])
+    def __init__(self, grasp: Grasp, limits: GraspLimits) -> None:
+        self.grasp, self.limits = grasp, limits
+        self._judge = Judge(grasp, eta=self.limits.eta)
         self._searches: dict[tuple[Goal, float], BatchSearch] = {}
 
     def ask(self, goal: Goal, W: Array, B: Array, settings: Settings) -> Settled | None:
@@ -62,7 +62,7 @@ class RowKernel:
         if (goal, reach) not in self._searches:
             of_max = goal != ANY_STATE
             try:
-                p = scaled_problem.build(self.grasp, base if of_max else w, w if of_max else None, **self.limits)
+                p = scaled_problem.build(self.grasp, base if of_max else w, w if of_max else None, limits=self.limits)
                 if of_max and max_goal(p) != goal:
                     return None
                 self._searches[goal, reach] = BatchSearch(Template.of(p, goal, reach), settings)

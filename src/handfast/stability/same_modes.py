@@ -123,7 +123,7 @@ class _ModeStates:
         sticks = self.closed & ~slips & p.mdp
         forward = self._forward
         across = v.slides - u[:, :, None] * forward[:, None]
-        gap = v.normal + np.cos(p.eta) * v.d_n + np.sin(p.eta) * slips[:, None] * forward
+        gap = v.normal + np.cos(p.limits.eta) * v.d_n + np.sin(p.limits.eta) * slips[:, None] * forward
         opposed = v.rubs + (p.mu[:, None] * u)[:, :, None] * v.normal[:, None]
         opposed_0 = v.rubs_0 + p.mu[:, None] * u * v.normal_0[:, None]
         equations = [  # (4), (5) to (7), (8)
@@ -153,7 +153,7 @@ class _ModeStates:
         v, r, p = self.values, self.r, self.r.p
         m, a, F = r.sizes
         opens, grips = ~self.closed, self.closed & ~self.slides
-        gap, none = np.cos(p.eta) * v.d_n + np.sin(p.eta) * self._forward, np.zeros(len(opens))
+        gap, none = np.cos(p.limits.eta) * v.d_n + np.sin(p.limits.eta) * self._forward, np.zeros(len(opens))
         first = 3 * m + 2 * a
         bounds, bounds_0 = r.C[first:F], r.off[first:F]
         lo, hi = r.lo[: F - first], r.hi[: F - first]

@@ -20,6 +20,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import finite
 from handfast.stability.batch import INTERRUPTED, max_many
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.many import OnItem
 from handfast.stability.perturbation import Perturbation
 from handfast.stability.queries import MaxAnswer, maximum
@@ -164,7 +165,8 @@ def sampled_maximum(
     towards = scaled_problem.as_wrench(direction, "direction")
     beside = np.zeros(6) if base is None else scaled_problem.as_wrench(base, "base")
     nominal = maximum(grasp, towards, base=beside, settings=settings)
-    uncertain = maximum(grasp, towards, base=beside, eta=bounds.normals, settings=settings) if bounds.normals else None
+    tilted = GraspLimits(eta=bounds.normals)
+    uncertain = maximum(grasp, towards, base=beside, limits=tilted, settings=settings) if bounds.normals else None
     drawn = [bounds.sample(grasp, seed, i) for i in range(samples)]
     found = max_many(drawn, [towards], base=beside, settings=settings, jobs=jobs, on_item=on_item)
     verdict, error = found.verdict[:, 0], found.error[:, 0]

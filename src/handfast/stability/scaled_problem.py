@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,9 @@ from handfast.core.transforms import cross
 from handfast.model.grasp import Grasp
 from handfast.stability import model
 from handfast.stability.equivalent_grasp import EquivalentGrasp, equivalent_of
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.model import State
 
-MAX_ETA = np.radians(45.0)
 BALANCED = 1e-9  # relative: forces that miss a disturbance by less balance it
 ENDLESS = 1e4  # a disturbance this many times the other forces in play counts as unbounded
 RUBS = 0.1  # share of a joint's dry friction that is a force in play: it is the most that may act, not what acts
@@ -50,8 +50,7 @@ class ScaledProblem:
     Attributes:
         grasp: the question's grasp; equivalent: what stands for it.
         wrench, along: (6,) the disturbance wrench + s along [N, N m], as asked.
-        torque_limits, force_limit: as asked.
-        eta: uncertainty of contact normals [rad].
+        limits: uncertainty of contact normals, limits of forces, as asked.
         mdp: with the maximum dissipation principle.
         w0, direction: (6,) scaled: the disturbance is w0 + s / direction_scale * direction.
         direction_scale: a power of two that brings the direction to the size of the other forces, however long it was
@@ -72,9 +71,7 @@ class ScaledProblem:
     equivalent: EquivalentGrasp
     wrench: Array
     along: Array
-    torque_limits: Mapping[str, float]
-    force_limit: float | None
-    eta: float
+    limits: GraspLimits
     mdp: bool
     w0: Array
     direction: Array
@@ -112,7 +109,7 @@ class ScaledProblem:
     @property
     def strongest(self) -> float:
         """[N] the largest of the forces in play beside a disturbance that is sought, limits included."""
-        limits = _limits(self.grasp, self.torque_limits, self.force_limit)
+        limits = _limits(self.grasp, self.limits)
         return max([self.force, *limits, self.equivalent.largest_friction])
 
     @property
@@ -149,16 +146,6 @@ class ScaledProblem:
         """(a,) [N m or N] of a scaled unit of each actuator's force."""
         return np.abs(self.force * self.actuator_scale)
 
-    @property
-    def limits(self) -> dict[str, Any]:
-        """What `build` takes beside grasp and loads: uncertainty of the normals, law and limits."""
-        return {
-            "eta": self.eta,
-            "mdp": self.mdp,
-            "torque_limits": self.torque_limits,
-            "force_limit": self.force_limit,
-        }
-
     def relative_motion(self, r: Array, q: Array) -> Array:
         """(m, 3) scaled d = G^T r - J q, equation (3)."""
         return (self.G.T @ r - self.J @ q).reshape(-1, 3)
@@ -166,9 +153,9 @@ class ScaledProblem:
     def towards(self, direction: Sequence[float] | Array) -> ScaledProblem:
         """The same question with another direction (6,), in the same scales; raises as `build`."""
         d = _direction(direction)
-        others = _others(self.grasp, self.equivalent, self.wrench, self.torque_limits, self.force_limit)
+        others = _others(self.grasp, self.equivalent, self.wrench, self.limits)
         if not others:  # nothing else gives the scale
-            return build(self.grasp, self.wrench, d, **self.limits)
+            return build(self.grasp, self.wrench, d, limits=self.limits, mdp=self.mdp)
         scale = _direction_scale(self.grasp, d, others)
         p = replace(self, along=d, direction=self.lengths * (scale * d) / self.force, direction_scale=scale)
         _check_range(p, True)
@@ -220,10 +207,8 @@ def build(
     w0: Sequence[float] | Array,
     direction: Sequence[float] | Array | None = None,
     *,
-    eta: float = 0.0,
+    limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
     driven: Mask | None = None,
 ) -> ScaledProblem:
     """Scale a question.
@@ -232,33 +217,34 @@ def build(
         grasp: the grasp with its preload.
         w0: (6,) constant part of the disturbance [N, N m].
         direction: (6,) part multiplied by s.
-        eta: uncertainty of the contact normals [rad], 0 <= eta < 45 degrees.
+        limits: uncertainty of the contact normals, limits of forces.
         mdp: with the maximum dissipation principle.
-        torque_limits: actuator name -> largest |f| that actuator and gearing carry [N m or N].
-        force_limit: largest normal force at any contact [N].
         driven: (a,) bool, actuators whose command is sought, in the sense of the grasp's; the others are locked.
 
     Raises:
-        InputError: a wrench that is not three or six finite numbers, a zero direction, eta out of range, limits
-            that are not positive, a disturbance that the contacts cannot balance (outside the range of G).
+        InputError: a wrench that is not three or six finite numbers, a zero direction, a limit of an unknown
+            actuator, a disturbance that the contacts cannot balance (outside the range of G).
     """
     w0 = as_wrench(w0, "wrench")
     d = np.zeros(6) if direction is None else _direction(direction)
-    _check_terms(grasp, eta, mdp, force_limit)
-    same = equivalent_of(grasp, driven, torque_limits or {})
+    if limits.eta > 0 and not mdp:
+        raise InputError("needs the maximum dissipation principle; leave one of the two out", field="eta")
+    if limits.eta > 0:
+        grasp.refuse_soft_fingers("uncertainty of the normals")
+    same = equivalent_of(grasp, driven, limits.torque_limits)
     plain, back = same.plain, np.array(grasp.mechanism.backdrivable, dtype=bool)
-    check_backdrivable(grasp, torque_limits or {})
+    limits.check_backdrivable(grasp)
     row = _lengths(grasp.size)
     units = _joint_units(same)
     # the force scale is what is asked about: it must not depend on an answer that is not known yet, nor, where
     # other forces are in play, on the direction, of which a map has many, or on the size of commands that are sought
     posed = grasp if driven is None else grasp.with_preload(np.where(back, grasp.command, 0.0))
-    others = _others(posed, same, w0, torque_limits or {} if direction is not None else {}, force_limit)
+    others = _others(posed, same, w0, limits, with_torques=direction is not None)
     direction_scale = _direction_scale(grasp, d, others) if direction is not None else 1.0
     force = others or (_size(grasp, d) if direction is not None else 0.0) or 1.0
 
     drive, f_c, f_max = np.zeros(plain.mechanism.a, dtype=bool), plain.command, np.full(plain.mechanism.a, np.inf)
-    f_max[: len(same.kept)] = _largest_forces(grasp, torque_limits or {})[same.kept]
+    f_max[: len(same.kept)] = limits.largest_forces(grasp)[same.kept]
     if driven is not None:
         drive[: len(same.kept)], f_c = driven[same.kept], np.zeros(plain.mechanism.a)
     p = ScaledProblem(
@@ -266,9 +252,7 @@ def build(
         equivalent=same,
         wrench=w0,
         along=d,
-        torque_limits=dict(torque_limits or {}),
-        force_limit=force_limit,
-        eta=float(eta),
+        limits=limits,
         mdp=mdp,
         w0=row * w0 / force,
         direction=row * (direction_scale * d) / force,
@@ -277,7 +261,7 @@ def build(
         moves=model.commanded(plain, f_c) | drive,
         driven=drive,
         f_max=f_max / np.abs(force * units.actuators),
-        cn_max=np.inf if force_limit is None else force_limit / force,
+        cn_max=limits.largest_normal_force / force,
         G=row[:, None] * grasp.G,
         J=plain.J / units.joints,
         R=units.actuators[:, None] * units.R,
@@ -314,38 +298,6 @@ def _joint_units(same: EquivalentGrasp) -> _JointUnits:
     return _JointUnits(joints, sense / np.sqrt((R * R).sum(axis=1)), 1.0 / np.sqrt((A * A).sum(axis=1)), R, A)
 
 
-def _check_terms(grasp: Grasp, eta: float, mdp: bool, force_limit: float | None) -> None:
-    """Refuse an uncertainty or a limit that is out of range."""
-    if not 0 <= eta < MAX_ETA:
-        raise InputError(f"is {np.degrees(eta):g} degrees; 0 to 45 is possible", field="eta")
-    if eta > 0 and not mdp:
-        raise InputError("needs the maximum dissipation principle; leave one of the two out", field="eta")
-    if eta > 0:
-        grasp.refuse_soft_fingers("uncertainty of the normals")
-    if force_limit is not None and not force_limit > 0:
-        raise InputError(f"is {force_limit:g}; a largest normal force is positive", field="force limit")
-
-
-def check_backdrivable(grasp: Grasp, torque_limits: Mapping[str, float]) -> None:
-    """Refuse a limit that a backdrivable motor's command is beyond: such a motor has nothing but its command."""
-    for i in np.flatnonzero(grasp.mechanism.backdrivable):
-        name, command = grasp.mechanism.actuators[i], abs(grasp.command[i])
-        if command > torque_limits.get(name, np.inf):
-            problem = f"is {torque_limits[name]:g}; '{name}' is backdrivable and gives its command, {command:g}"
-            raise InputError(problem, field=f"torque limit.{name}")
-
-
-def _largest_forces(grasp: Grasp, torque_limits: Mapping[str, float]) -> Array:
-    """(a,) [N m or N] the largest |f| of each actuator; inf where there is no limit."""
-    f_max = np.full(grasp.mechanism.a, np.inf)
-    for name, limit in torque_limits.items():
-        i = int(np.flatnonzero(grasp.mechanism.commands({name: 1.0}, field="torque limit"))[0])
-        if not limit > 0:
-            raise InputError(f"is {limit:g}; a limit is positive", field=f"torque limit.{name}")
-        f_max[i] = limit
-    return f_max
-
-
 class Scales(NamedTuple):
     """(k,) each, of many loads: as `ScaledProblem.force`, `direction_scale` and `last_magnitude` of each of them."""
 
@@ -359,13 +311,12 @@ def scales(
     same: EquivalentGrasp,
     base: Array,
     along: Array | None,
-    torque_limits: Mapping[str, float],
-    force_limit: float | None,
+    limits: GraspLimits,
 ) -> Scales:
     """The scales that `build` finds for each of the loads base + s along, (k, 6) each, or base alone."""
     others = np.maximum(_sizes(grasp, base), max(_largest_command(grasp), _given(same)))
     if not others.all():
-        at_most = _limits(grasp, torque_limits if along is not None else {}, force_limit)
+        at_most = _limits(grasp, limits, with_torques=along is not None)
         others = np.where(others > 0, others, max(at_most, default=0.0))
     none = np.ones(len(base))
     if along is None:
@@ -374,7 +325,7 @@ def scales(
     with np.errstate(divide="ignore"):
         direction = np.where(others > 0, 2.0 ** np.round(np.log2(others / size)), 1.0)
     force = np.where(others > 0, others, size)
-    strongest = np.maximum(force, max([*_limits(grasp, torque_limits, force_limit), same.largest_friction]))
+    strongest = np.maximum(force, max([*_limits(grasp, limits), same.largest_friction]))
     return Scales(force, direction, ENDLESS * strongest / size)
 
 
@@ -398,21 +349,20 @@ def _sizes(grasp: Grasp, w: Array) -> Array:
     return out
 
 
-def _others(
-    grasp: Grasp, same: EquivalentGrasp, w0: Array, torque_limits: Mapping[str, float], force_limit: float | None
-) -> float:
+def _others(grasp: Grasp, same: EquivalentGrasp, w0: Array, limits: GraspLimits, *, with_torques: bool = True) -> float:
     """[N] the forces in play beside a disturbance that is sought: base load and drives, else limits; 0 for none."""
     commands = (np.abs(grasp.command) / model.actuator_arms(grasp))[_takes_part(grasp)]
     scale = max(_size(grasp, w0), float(commands.max(initial=0.0)), _given(same))
-    return scale or max(_limits(grasp, torque_limits, force_limit), default=0.0)
+    return scale or max(_limits(grasp, limits, with_torques=with_torques), default=0.0)
 
 
-def _limits(grasp: Grasp, torque_limits: Mapping[str, float], force_limit: float | None) -> list[float]:
-    """[N] each limit as a force at a contact."""
+def _limits(grasp: Grasp, limits: GraspLimits, *, with_torques: bool = True) -> list[float]:
+    """[N] each limit as a force at a contact, those of actuators included or not."""
     arms = dict(zip(grasp.mechanism.actuators, model.actuator_arms(grasp), strict=True))
     takes_part = dict(zip(grasp.mechanism.actuators, _takes_part(grasp), strict=True))
-    limits = [v / arms[name] for name, v in torque_limits.items() if takes_part.get(name)]
-    return [*limits, *([] if force_limit is None else [force_limit])]
+    torques = limits.torque_limits.items() if with_torques else ()
+    at_most = [v / arms[name] for name, v in torques if takes_part.get(name)]
+    return [*at_most, *([] if limits.force_limit is None else [limits.force_limit])]
 
 
 def _takes_part(grasp: Grasp) -> Mask:

@@ -79,5 +79,5 @@ def held_under(
 ) -> Outcome | None:
     """`found` with the witness of a check under the commands of this grasp; None if it is not resisted."""
     settings = replace(time_left(settings, limits), verify=False)
-    there = solve(scaled_problem.build(grasp, p.wrench, **p.limits), ANY_STATE, settings, None)
+    there = solve(scaled_problem.build(grasp, p.wrench, limits=p.limits, mdp=p.mdp), ANY_STATE, settings, None)
     return replace(found.after(there), witness=there.witness) if there.witness is not None else None

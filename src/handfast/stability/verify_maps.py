@@ -18,6 +18,7 @@ from handfast.proofs.question import MAX_ETA
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
 from handfast.stability.ask_again import Asking, BoundsClaim, Claim, IntervalClaim, asked, together
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.many import Options
 from handfast.stability.maps import PLANES, forces_at, in_plane, of_all
 from handfast.stability.settings import INF, Settings
@@ -81,7 +82,7 @@ def read_question(f: Fields) -> tuple[Grasp, Options]:
     f.done()
     if not (eta < MAX_ETA and 0 < gap < INF):
         raise BadFile("has an eta beyond 45 degrees, or a gap that is not above 0", f.place)
-    return grasp, Options(eta, mdp, limits, force, Settings(gap=gap))
+    return grasp, Options(GraspLimits(eta, limits, force), mdp, Settings(gap=gap))
 
 
 def grasp_of(f: Fields, name: str = "grasp") -> Grasp:
@@ -177,7 +178,7 @@ def _same_question(grasp: Grasp, options: Options, preload: dict[str, float], et
         if preload.get(name) != grasp.preload.get(name):
             fault = f"is {preload.get(name)}; the question's is {grasp.preload.get(name)}"
             out.append(Replay(f"preload.{name}", "it is that of the question", fault))
-    degrees = float(np.degrees(options.eta))
+    degrees = float(np.degrees(options.limits.eta))
     if abs(eta - degrees) > SAME:
         fault = f"is {eta:g} degrees; the question's is {degrees:g}"
         out.append(Replay("eta", "it is that of the question", fault))

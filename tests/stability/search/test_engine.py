@@ -19,6 +19,7 @@ from handfast.proofs.certificate import Certificate
 from handfast.proofs.kinds import ContactState
 from handfast.stability import scaled_problem
 from handfast.stability.goal import INF, SMALLEST_PRELOAD, Goal
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.search import front
 from handfast.stability.search.outcome import Outcome
@@ -39,7 +40,7 @@ def compiled() -> None:
 def hard(eta: float = 0.1):
     """Fourteen contacts with uncertain normals: hundreds of nodes."""
     s = solved(1, 14, eta)
-    return s.grasp, s.wrench, {"eta": eta}
+    return s.grasp, s.wrench, GraspLimits(eta)
 
 
 # --- constructed solutions ------------------------------------------------------------------------------
@@ -65,7 +66,7 @@ def test_a_constructed_solution_that_is_not_found(case: tuple[int, float, bool, 
 
 def resists(m: int, eta: float, stick: bool, seed: int, *, nodes: float) -> None:
     s = solved(seed, m, eta, stick)
-    answer = check(s.grasp, s.wrench, eta=eta, settings=Settings(node_limit=nodes))
+    answer = check(s.grasp, s.wrench, limits=GraspLimits(eta=eta), settings=Settings(node_limit=nodes))
     assert answer.verdict is Verdict.HOLDS
     assert answer.witness.residuals.worst <= 1e-9
     np.testing.assert_allclose(answer.witness.wrench, s.wrench, rtol=1e-12, atol=1e-12)
@@ -79,11 +80,11 @@ def test_bounds_of_random_grasps_are_proved(seed: int, m: int, eta: float) -> No
     s = solved(seed, m, eta)
     if not s.wrench.any():
         return
-    answers = [check(s.grasp, 3 * s.wrench, eta=eta)]
-    answers.append(maximum(s.grasp, s.wrench, eta=eta))
+    answers = [check(s.grasp, 3 * s.wrench, limits=GraspLimits(eta=eta))]
+    answers.append(maximum(s.grasp, s.wrench, limits=GraspLimits(eta=eta)))
     assert answers[1].upper >= 1 - 1e-9
     if s.grasp.preload:
-        answers.append(torques(s.grasp, s.wrench, eta=eta))
+        answers.append(torques(s.grasp, s.wrench, limits=GraspLimits(eta=eta)))
         assert answers[2].lower <= np.abs(s.grasp.command).max() * (1 + 1e-9)
     for answer in answers:
         assert answer.witness is None or answer.witness.valid
@@ -148,8 +149,8 @@ def test_a_limit_that_nothing_comes_near_is_left_out() -> None:
 @pytest.mark.parametrize(("limit", "stop"), [({"time_limit": 1e-6}, Stop.TIME), ({"node_limit": 1}, Stop.NODES)])
 def test_a_limit_leaves_it_undecided(limit: dict, stop: Stop) -> None:
     settings = Settings(gap=1e-12, **limit)
-    grasp, wrench, eta = hard()
-    answer = check(grasp, -wrench, settings=settings, **eta)
+    grasp, wrench, limits = hard()
+    answer = check(grasp, -wrench, settings=settings, limits=limits)
     assert (answer.verdict, answer.stop) == (Verdict.UNDECIDED, stop)
     best = maximum(bell(), w(0, 1, 0), settings=settings)
     assert best.stop is stop
@@ -268,11 +269,11 @@ def test_ctrl_c_leaves_the_bounds_so_far(monkeypatch: pytest.MonkeyPatch) -> Non
 
 PROVED = {
     "check": lambda: check(bell(), w(0, 2.3, 0)),
-    "check with eta": lambda: check(bell(), w(0, 2.5, 0), eta=0.05),
+    "check with eta": lambda: check(bell(), w(0, 2.5, 0), limits=GraspLimits(eta=0.05)),
     "nest": lambda: check(nest(), w(0.1, 0, 1)),
     "smallest preload": lambda: maximum(bell(), w(0, 1, 0)),
     "largest": lambda: maximum(table(), w(1, 0, 0), base=w(0, 0, -10)),
-    "limits": lambda: maximum(pinch(), w(1, 0, 0), torque_limits={"right": 0.3}),
+    "limits": lambda: maximum(pinch(), w(1, 0, 0), limits=GraspLimits(torque_limits={"right": 0.3})),
     "largest command": lambda: torques(bell(), w(0, 1, 0)),
     "sum of commands": lambda: torques(bell(), w(0, 1, 0), objective="sum"),
 }

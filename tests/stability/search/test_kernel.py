@@ -29,6 +29,7 @@ from handfast.stability.goal import (
     SMALLEST_SUM_OF_COMMANDS,
     Goal,
 )
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays, rows
 from handfast.stability.search.kernel import simplex, tree
@@ -91,7 +92,7 @@ def test_the_balance_of_energy_holds_for_exact_solutions(goal: Goal) -> None:
         if not s.wrench.any():
             continue
         given = (s.wrench, None) if goal == ANY_STATE else (np.zeros(6), s.wrench)
-        r = reduce(scaled_problem.build(s.grasp, *given, eta=s.eta), goal)
+        r = reduce(scaled_problem.build(s.grasp, *given, limits=GraspLimits(eta=s.eta)), goal)
         search = Search(r)
         for _ in search:
             pass
@@ -309,14 +310,15 @@ def question(seed: int) -> tuple[Solved, ScaledProblem, Goal]:
     goal = list(GOALS)[seed % 5]
     if not s.grasp.preload and goal != LARGEST:
         goal = ANY_STATE
-    limits = {}
+    limits = GraspLimits(s.eta)
     if goal != SMALLEST_PRELOAD and rng.random() < 0.3:
-        limits = {"force_limit": 2 * float(s.state.c.max()) + 0.1, "torque_limits": {"j0": 2 * abs(s.state.f[0]) + 0.1}}
+        force, torque = 2 * float(s.state.c.max()) + 0.1, 2 * abs(float(s.state.f[0])) + 0.1
+        limits = GraspLimits(s.eta, {"j0": torque}, force)
     driven = s.grasp.command != 0 if goal in (SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS) else None
     if goal == SMALLEST_PRELOAD:
-        return s, scaled_problem.build(s.grasp, np.zeros(6), s.wrench, eta=s.eta), goal
+        return s, scaled_problem.build(s.grasp, np.zeros(6), s.wrench, limits=GraspLimits(eta=s.eta)), goal
     direction = s.grasp.G @ rng.normal(size=3 * s.grasp.m) if goal == LARGEST else None
-    p = scaled_problem.build(s.grasp, s.wrench, direction, eta=s.eta, driven=driven, **limits)
+    p = scaled_problem.build(s.grasp, s.wrench, direction, limits=limits, driven=driven)
     return s, p, goal
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from handfast.core.groups import Block, Layout
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.many import max_answers
 from handfast.stability.queries import maximum
 from handfast.stability.search import arrays
@@ -53,8 +54,10 @@ def answers() -> list[tuple[float, float, int]]:
     for seed in range(8):
         s = solved(seed, 3 + seed % 4, 0.05 * (seed % 2))
         if s.wrench.any():
-            out.append(maximum(s.grasp, s.wrench, eta=s.eta, settings=Settings(node_limit=3000)))
-    out += max_answers(bell(), [[np.cos(x), np.sin(x), 0, 0, 0, 0] for x in np.linspace(0, 1, 6)], force_limit=5.0)
+            out.append(maximum(s.grasp, s.wrench, limits=GraspLimits(eta=s.eta), settings=Settings(node_limit=3000)))
+    out += max_answers(
+        bell(), [[np.cos(x), np.sin(x), 0, 0, 0, 0] for x in np.linspace(0, 1, 6)], limits=GraspLimits(force_limit=5.0)
+    )
     return [(a.lower, a.upper, a.nodes) for a in out]
 
 

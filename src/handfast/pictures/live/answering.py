@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.pictures.live.view_state import ViewState
+from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.maps import Curve
 from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
 from handfast.stability.scaled_problem import unbalanced
@@ -98,14 +99,18 @@ def answer(state: ViewState, before: Reply | None, outdated: Callable[[], bool],
 
     try:
         possible = not unbalanced(state.grasp, state.wrench)
-        found = check(state.asked, state.wrench, eta=state.eta, settings=QUICK, on_step=late) if possible else None
+        found = (
+            check(state.asked, state.wrench, limits=GraspLimits(state.eta), settings=QUICK, on_step=late)
+            if possible
+            else None
+        )
         kept = before.map if before and before.map and before.map.key == state.map_key else None
         reply = Reply(state, found, map=kept)
         tell(reply)
         if outdated():
             return
         if not unbalanced(state.grasp, state.direction):
-            most = maximum(state.asked, state.direction, eta=state.eta, settings=QUICK, on_step=leave)
+            most = maximum(state.asked, state.direction, limits=GraspLimits(state.eta), settings=QUICK, on_step=leave)
             reply = replace(reply, most=most)
             tell(reply)
         for piece in _pieces(state, kept, leave):
@@ -141,7 +146,7 @@ def _pieces(state: ViewState, known: PlaneMap | None, leave: OnStep) -> Iterator
         possible = np.array([not unbalanced(state.grasp, wrenches[i]) for i in asked])
         answers = []
         for w in wrenches[asked[possible]]:
-            answers.append(maximum(state.asked, w, eta=state.eta, settings=OF_MAP, on_step=leave))
+            answers.append(maximum(state.asked, w, limits=GraspLimits(state.eta), settings=OF_MAP, on_step=leave))
         indices, curve = _merged(indices, curve, asked[possible], Curve.of(answers))
         indices, curve = _merged(indices, curve, asked[~possible], _nothing(int((~possible).sum())))
         yield PlaneMap(key, state.at, directions, state.is_torque, indices, curve)

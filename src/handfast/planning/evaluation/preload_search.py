@@ -20,7 +20,7 @@ from handfast.geometry.contact_reduction import reduced_contacts
 from handfast.geometry.patch import few
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
-from handfast.planning.question import Limits
+from handfast.planning.question import PlanLimits
 from handfast.stability.hold import STRONG, HoldAnswer, hold
 from handfast.stability.loads import Loads
 from handfast.stability.queries import CheckAnswer, check
@@ -61,7 +61,7 @@ class PreloadSearch:
 
     body: Body
     loads: Loads
-    limits: Limits
+    limits: PlanLimits
 
     def run(
         self, grasp: Grasp, touching: int, rebuilt: Callable[[Sequence[Contact]], Grasp], actuators: tuple[str, ...]
@@ -136,15 +136,15 @@ def checking_settings_for(grasp: Grasp) -> Settings:
     return Settings(node_limit=max(CHECKED, NODES / grasp.m**2), verify=False)
 
 
-def held(grasp: Grasp, loads: Loads, limits: Limits, settings: Settings, **how: Any) -> HoldAnswer:
+def held(grasp: Grasp, loads: Loads, limits: PlanLimits, settings: Settings, **how: Any) -> HoldAnswer:
     """One preload for all loads; `settings` where the limits state none, `how` as in `hold`."""
-    return hold(grasp, loads, settings=limits.settings or settings, **limits.of_a_load, **how)
+    return hold(grasp, loads, settings=limits.settings or settings, limits=limits.of_a_load, **how)
 
 
 def held_again(
     grasp: Grasp,
     loads: Loads,
-    limits: Limits,
+    limits: PlanLimits,
     settings: Settings,
     known: tuple[dict[str, float], float, float],
     nodes: int,
@@ -155,7 +155,7 @@ def held_again(
         known: preload, lower and upper bound of its largest command.
         nodes: of the search that found it.
     """
-    how = limits.of_a_load | {"settings": limits.settings or settings}
+    how: dict[str, Any] = {"limits": limits.of_a_load, "settings": limits.settings or settings}
     checks: list[CheckAnswer] = []
     for wrench in loads.wrenches:
         checks.append(check(grasp, wrench, **how))

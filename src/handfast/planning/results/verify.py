@@ -43,7 +43,6 @@ SMALL = 1e-3  # what is computed in several steps has an error of this size time
 FOLLOWS = "contacts, joints and mechanism are those of the hand at the configuration, and what follows from these"
 OF_HAND = "contacts, joints and mechanism are those of the hand on the object"
 CLOSE = 1e-6  # [m] a contact lies as near to one that is measured
-LIMITS = "eta", "torque_limits", "force_limit"
 NOT_REPLAYED = ("that links overlap no deeper than said: measured on convex pieces, like the contacts",)
 
 # --- grasps for a task ------------------------------------------------------------------------------
@@ -184,7 +183,7 @@ def _planned_fault(asked: Attempts, scene: Scene, found: PlannedGrasp) -> str:
         return "its loads are not held"
     if answer.loads.by_name != asked.loads.by_name:
         return "its answer is about other loads"
-    if any(answer.limits.get(n) != limits.of_a_load[n] for n in LIMITS):
+    if answer.limits != limits.of_a_load:
         return "its answer is within other limits"
     of_checks = [a.posed.problem.grasp for a in answer.checks if a.posed]
     own = _without_preload(grasp_file.to_dict(grasp))

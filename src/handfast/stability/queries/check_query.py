@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, overload
 
@@ -14,6 +14,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer
 from handfast.stability.goal import ANY_STATE, INF
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.loads import Loads
 from handfast.stability.margin import Margin
 from handfast.stability.posed import Posed
@@ -49,10 +50,8 @@ def check(
     grasp: Grasp,
     wrench: Sequence[float] | Array,
     *,
-    eta: float = ...,
+    limits: GraspLimits = ...,
     mdp: bool = ...,
-    torque_limits: Mapping[str, float] | None = ...,
-    force_limit: float | None = ...,
     settings: Settings | None = ...,
     on_step: OnStep | None = ...,
 ) -> CheckAnswer: ...
@@ -61,10 +60,8 @@ def check(
     grasp: Grasp,
     wrench: Loads | Sequence[Sequence[float]] | Sequence[Array],
     *,
-    eta: float = ...,
+    limits: GraspLimits = ...,
     mdp: bool = ...,
-    torque_limits: Mapping[str, float] | None = ...,
-    force_limit: float | None = ...,
     settings: Settings | None = ...,
     on_step: OnStep | None = ...,
 ) -> list[CheckAnswer]: ...
@@ -72,10 +69,8 @@ def check(
     grasp: Grasp,
     wrench: Any,
     *,
-    eta: float = 0.0,
+    limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
     settings: Settings | None = None,
     on_step: OnStep | None = None,
 ) -> CheckAnswer | list[CheckAnswer]:
@@ -85,19 +80,16 @@ def check(
         grasp: with the preload in force; an actuator without a command is locked.
         wrench: (6,) force [N] and torque [N m] on the object, object frame, at its origin; three numbers are a
             force. Several, (n, 6), (n, 3) or `Loads`, are asked about one by one: a list of n answers, in order.
-        eta: uncertainty of the contact normals [rad], section VI.
+        limits: uncertainty of the contact normals, largest forces of actuators and at contacts.
         mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
             literature), for comparison only: it creates energy out of nothing.
-        torque_limits: actuator -> largest |f| of motor and gearing together, passive reaction included.
-        force_limit: largest normal force at any contact [N].
         settings: method, precision, limits; of each question, if there are several.
         on_step: called while it runs, with the bounds so far.
 
     Raises:
         InputError: see `handfast.stability.scaled_problem.build`.
     """
-    limits: dict[str, Any] = {"torque_limits": torque_limits, "force_limit": force_limit}
-    asked: dict[str, Any] = {"eta": eta, "mdp": mdp, "settings": settings or Settings(), "on_step": on_step} | limits
+    asked: dict[str, Any] = {"limits": limits, "mdp": mdp, "settings": settings or Settings(), "on_step": on_step}
     if isinstance(wrench, Loads):
         return [_check(grasp, w, **asked) for w in wrench.wrenches]
     if not _is_table(wrench):
@@ -118,21 +110,19 @@ def _check(
     grasp: Grasp,
     wrench: Sequence[float] | Array,
     *,
-    eta: float,
+    limits: GraspLimits,
     mdp: bool,
-    torque_limits: Mapping[str, float] | None,
-    force_limit: float | None,
     settings: Settings,
     on_step: OnStep | None,
 ) -> CheckAnswer:
     """The answer for one wrench."""
-    p = scaled_problem.build(grasp, wrench, eta=eta, mdp=mdp, torque_limits=torque_limits, force_limit=force_limit)
+    p = scaled_problem.build(grasp, wrench, limits=limits, mdp=mdp)
     if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
-        limits = clock_of(settings)
+        clock = clock_of(settings)
         modest = _any_state(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_step)
         if modest.verdict is Verdict.HOLDS:
             return modest
-        settings = time_left(settings, limits)
+        settings = time_left(settings, clock)
     return _any_state(p, settings, on_step)
 
 

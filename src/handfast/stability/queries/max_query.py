@@ -21,6 +21,7 @@ from handfast.proofs.states import State as StateData
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer, finite, state_json
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.idle_joints import runs_away
 from handfast.stability.model import State
 from handfast.stability.posed import Posed, stated
@@ -146,10 +147,8 @@ def maximum(
     direction: Sequence[float] | Array,
     *,
     base: Sequence[float] | Array | None = None,
-    eta: float = 0.0,
+    limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
     interval: bool = False,
     settings: Settings | None = None,
     on_step: OnStep | None = None,
@@ -169,8 +168,7 @@ def maximum(
     settings = settings or Settings()
     clock = clock_of(settings)
     w0 = np.zeros(6) if base is None else base
-    limits: dict[str, Any] = {"torque_limits": torque_limits, "force_limit": force_limit}
-    answer = largest(scaled_problem.build(grasp, w0, direction, eta=eta, mdp=mdp, **limits), settings, on_step)
+    answer = largest(scaled_problem.build(grasp, w0, direction, limits=limits, mdp=mdp), settings, on_step)
     return with_interval(answer, time_left(settings, clock)) if interval else answer
 
 
@@ -185,7 +183,7 @@ def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
     p, goal = answer.posed
 
     def least(found: Witness) -> State:
-        return least_motion(found, p.torque_limits, p.force_limit).state
+        return least_motion(found, p.limits).state
 
     shown = resisted(p, goal, answer.lower, answer.upper, answer.witness.state, settings, least)
     return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
@@ -208,7 +206,7 @@ def _in_modes(p: Problem, x: StateData, modes: Modes) -> StateData:
 def max_goal(p: ScaledProblem) -> Goal:
     """How a maximum is posed: limits and a base load break homogeneity; without commands, or anything that is given to
     joints, there is only yes or no."""
-    if p.torque_limits or np.isfinite(p.cn_max) or p.w0.any():  # limits also of backdrivable motors, which have no row
+    if p.limits.limits_forces or p.w0.any():  # limits also of backdrivable motors, which have no row
         return LARGEST
     return SMALLEST_PRELOAD if p.f_c.any() or p.is_given else ANY_STATE
 
@@ -253,14 +251,14 @@ def _search(
     if not goal.has_scalar:  # nothing but the disturbance: resisted at every magnitude or at none
         p = replace(p, w0=p.direction, wrench=p.along)
     if goal.maximised and p.is_given and not p.w0.any():  # what slips without limits slips with them
-        free = scaled_problem.build(p.grasp, p.wrench, p.along, eta=p.eta, mdp=p.mdp)
+        free = scaled_problem.build(p.grasp, p.wrench, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
         posed, alone = _search(free, settings, on_step, {})
         if alone.bound == INF:
             return posed, alone
         settings = time_left(settings, limits)
     elif goal.maximised and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
         # no search tells small magnitudes from 0, which every limit allows; what slips without limits slips with them
-        free = scaled_problem.build(p.grasp, p.along, eta=p.eta, mdp=p.mdp)
+        free = scaled_problem.build(p.grasp, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
         alone = solve(free, ANY_STATE, settings, on_step)
         if alone.bound == INF:
             return Posed(free, ANY_STATE), alone

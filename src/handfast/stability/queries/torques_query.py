@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer, finite
 from handfast.stability.goal import INF, Effort, SmallestCommands
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.posed import Posed
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.settings import OnStep, Settings
@@ -60,9 +61,7 @@ def torques(
     *,
     objective: Effort = "max",
     actuators: Sequence[str] | None = None,
-    eta: float = 0.0,
-    torque_limits: Mapping[str, float] | None = None,
-    force_limit: float | None = None,
+    limits: GraspLimits = NO_LIMITS,
     settings: Settings | None = None,
     on_step: OnStep | None = None,
 ) -> TorquesAnswer:
@@ -89,8 +88,7 @@ def torques(
     chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
     sense = {n: v for n, v in grasp.preload.items() if n in names}
     asked = grasp.with_commands({n: np.sign(sense.get(n, 1.0)) for n in names})
-    limits: dict[str, Any] = {"torque_limits": torque_limits, "force_limit": force_limit}
-    p = scaled_problem.build(asked, wrench, eta=eta, driven=chosen, **limits)
+    p = scaled_problem.build(asked, wrench, limits=limits, driven=chosen)
     goal = SmallestCommands(objective)
     clock = clock_of(settings)
     found = _search(grasp, p, goal, settings, on_step, clock)
@@ -115,25 +113,25 @@ def _search(
     goal: SmallestCommands,
     settings: Settings,
     on_step: OnStep | None,
-    limits: SearchLimits,
+    clock: SearchLimits,
 ) -> Outcome:
     """The least commands that were found, raised by a little so that they hold by more than luck."""
     finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
     found = solve(p, goal, finer, on_step)
     if found.bound == INF and settings.method == "engine":
-        found = without_end(p, goal, finer, on_step, found, limits)
+        found = without_end(p, goal, finer, on_step, found, clock)
     if found.stop is Stop.INTERRUPTED:
         return found
     if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
         same = p.equivalent
         little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
-        held = held_under(little, p, settings, found, limits)
+        held = held_under(little, p, settings, found, clock)
         return found if held is None else replace(held, stop=Stop.COMPLETE)  # nothing is less than none
-    if found.witness is not None and settings.method == "engine" and not limits.late:
+    if found.witness is not None and settings.method == "engine" and not clock.late:
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         command = found.witness.grasp.command
         back = np.array(grasp.mechanism.backdrivable, dtype=bool)
         factors = 1 + settings.gap * np.array(MORE)
         raised = (grasp.with_preload(np.where(back, command, factor * command)) for factor in factors)
-        return next((held for g in raised if (held := held_under(g, p, settings, found, limits))), found)
+        return next((held for g in raised if (held := held_under(g, p, settings, found, clock))), found)
     return found

@@ -162,8 +162,8 @@ class Reduced:
             m=m,
             a=a,
             F=F,
-            cos=float(np.cos(p.eta)),
-            sin=float(np.sin(p.eta)),
+            cos=float(np.cos(p.limits.eta)),
+            sin=float(np.sin(p.limits.eta)),
             dissipation=p.mdp,
             objective=self.objective,
             capped=self.cap < np.inf,
@@ -255,7 +255,7 @@ class Reduced:
         if p.is_given and not wrench.any() and np.abs(x.c).max() < SOLVED:  # rounding of what rests by itself
             x = replace(x, c=np.zeros(len(x.c)), twist=np.zeros(len(x.twist)))
         grasp = p.grasp.with_laws_times(share).with_preload(p.command(f_c, share))
-        return Witness(grasp, wrench, p.unscale(x, share), p.eta, p.mdp)
+        return Witness(grasp, wrench, p.unscale(x, share), p.limits.eta, p.mdp)
 
 
 def reduce(

@@ -187,7 +187,7 @@ class Search:
         self.pool, self._pool_table = grown(self.pool, self.used + CHILDREN * len(leaves) + SPARE, self.used)
         pool, first, split = self.pool, self.used, 0
         for node in leaves:
-            part, children = cases.split(pool.states[node], m, r.p.mdp, r.p.eta > 0, r.soft_fingers >= 0)
+            part, children = cases.split(pool.states[node], m, r.p.mdp, r.p.limits.eta > 0, r.soft_fingers >= 0)
             if part < 0:
                 continue
             split += 1

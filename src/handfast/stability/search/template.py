@@ -115,7 +115,7 @@ class Template:
         p, r = self.problem, self.reduced
         grasp = grasp or p.grasp
         k = len(base)
-        scales = scaled_problem.scales(grasp, p.equivalent, base, along, p.torque_limits, p.force_limit)
+        scales = scaled_problem.scales(grasp, p.equivalent, base, along, p.limits)
         lengths = p.lengths
         direction = np.zeros((k, 6)) if along is None else along
         scaled_base = lengths * base / scales.force[:, None]
