@@ -72,6 +72,16 @@ def test_an_object_that_left_its_contacts_may_touch_the_hand_elsewhere() -> None
     assert found.points[-1] > 2
 
 
+def test_on_flat_faces_a_contact_belongs_to_the_solids_on_whose_surfaces_it_lies() -> None:
+    """The nearest points of plate and cube are anywhere on their faces; those of what is behind, at the contact."""
+    grasp, b = pinched(0.4)
+    plate, behind = cube(0.2, (0.15, 0, 0)), Shape("sphere", 0.01, cube(1.0, (0.067, 0, 0)).pose)
+    for shapes in ((plate, behind), (behind, plate)):
+        finger = replace(b, shapes=((), shapes, b.shapes[2]))
+        found = simulate_bodies(grasp, across(0.4, 0.95), ramp=1.0, bodies=finger)
+        assert found.ending is Ending.HOLDS
+
+
 def test_what_is_not_there_is_refused() -> None:
     grasp, bodies = pinched(0.4)
     with pytest.raises(InputError, match="hand and object are not known"):

@@ -21,6 +21,7 @@ from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import Twin, add_jointed, add_object, add_pair, assembled, engine_spec, free_joints
 
 TOUCHES = 5e-4  # [m] what is so near where the grasp has a contact touches exactly, as the file says
+TIE = 1e-6  # [m] a contact that is so little nearer to one pair of surfaces is as near to another
 APART = 1.0  # [grasp sizes] parts that are farther apart at first are not watched
 
 
@@ -137,9 +138,9 @@ def _add_shape(spec: Any, body: Any, name: str, shape: Shape, length: float) -> 
 def _pairs(model: Any, grasp: Grasp, bodies: Bodies) -> list[tuple[str, str, float, float]]:
     """Parts of hand and object that may touch, with friction, and how far apart they count as touching.
 
-    The nearest pair at each contact of the grasp begins to touch just there, whatever gap or overlap of rounding the
-    configuration leaves it; all others as they are. A link has the least friction of its contacts, one without a
-    contact the mean of all.
+    The pair on whose surfaces a contact of the grasp lies begins to touch just there, whatever gap or overlap of
+    rounding the configuration leaves it; all others as they are. (The nearest points of two flat faces may lie anywhere
+    on them.) A link has the least friction of its contacts, one without a contact the mean of all.
     """
     import mujoco
 
@@ -149,22 +150,26 @@ def _pairs(model: Any, grasp: Grasp, bodies: Bodies) -> list[tuple[str, str, flo
     friction: dict[str, float] = {}
     for c in grasp.contacts:
         friction[str(c.link)] = min(friction.get(str(c.link), np.inf), c.friction)
-    points = np.zeros(6)
-    found: dict[tuple[str, str], tuple[float, Array]] = {}
+    found: dict[tuple[str, str], float] = {}
+    solids: dict[str, Shape] = {}
     for name, shapes in zip(bodies.names, bodies.shapes, strict=True):
         for n in range(len(shapes)):
             for k in range(len(bodies.pieces)):
                 pair = f"{name}/{n}", f"object/{k}"
+                solids |= {pair[0]: shapes[n], pair[1]: bodies.pieces[k]}
                 ids = (int(model.geom(p).id) for p in pair)
-                apart = float(mujoco.mj_geomDistance(model, data, *ids, APART, points))
+                apart = float(mujoco.mj_geomDistance(model, data, *ids, APART, None))
                 if apart < APART:
-                    found[pair] = apart, (points[:3] + points[3:]) / 2
+                    found[pair] = apart
     margins = dict.fromkeys(found, 0.0)
     for i, contact in enumerate(grasp.contacts):
-        at = contact.position / grasp.size
-        near = {p: float(np.linalg.norm(x - at)) for p, (_, x) in found.items() if _link(p[0]) == contact.link}
-        pair = min(near, key=lambda p: near[p], default=("", ""))
-        gap = grasp.size * found[pair][0] if near else np.inf
+        off = {
+            p: max(abs(float(solids[name].depth(contact.position)[0])) for name in p)
+            for p in found
+            if _link(p[0]) == contact.link
+        }
+        pair = min(off, key=lambda p: (round(off[p] / TIE), abs(found[p])), default=("", ""))
+        gap = grasp.size * found[pair] if off else np.inf
         if abs(gap) > TOUCHES:
             problem = f"is off by {1e3 * gap:.3g} mm: {contact.link} does not touch the object there"
             raise InputError(problem, source=grasp.name, field=f"contacts[{i}]")
