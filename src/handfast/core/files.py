@@ -7,10 +7,11 @@ import unicodedata
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from handfast.core.errors import InputError
 
@@ -32,7 +33,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
 Six = Annotated[list[float], Field(min_length=6, max_length=6)]
 
-T = TypeVar("T", bound=BaseModel)
+T = TypeVar("T")
 
 
 def read_json(path: str | Path, kind: str) -> Any:
@@ -154,26 +155,35 @@ def _deeper(data: Any, depth: int) -> bool:
 
 
 def validate(model: type[T], data: Any) -> T:
-    """JSON data as a pydantic model; the first fault becomes an `InputError` with its field.
+    """JSON data as a pydantic model, or as a dataclass that is its own schema; the first fault becomes an `InputError`.
 
     Only JSON can be read strictly (a number is no text and no truth value) and still have lists for tuples.
     """
     try:
-        return model.model_validate_json(json.dumps(data), strict=True)
+        checked: T = _adapter(model).validate_json(json.dumps(data), strict=True)  # type: ignore[arg-type]
+        return checked
     except ValidationError as error:
         first = error.errors()[0]
         field = ""
         for part in first["loc"]:
             field += f"[{part}]" if isinstance(part, int) else f".{part}" if field else str(part)
-        if first["type"] == "extra_forbidden":
+        if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
             raise InputError("is not a known field; leave it out", field=field) from None
-        if first["type"] == "missing":
+        if first["type"] in ("missing", "missing_argument"):
             raise InputError("is missing", field=field) from None
         if first["type"] == "too_long":
             found, most = first["ctx"]["actual_length"] or "more", first["ctx"]["max_length"]
             raise InputError(f"has {found} entries; at most {most} are possible", field=field) from None
+        raised = first.get("ctx", {}).get("error")
+        if isinstance(raised, InputError):  # what a class says of its own numbers
+            raise (raised.within(field) if field else raised) from None
         message = first["msg"].removeprefix("Value error, ")
         raise InputError(message[0].lower() + message[1:], field=field or None) from None
+
+
+@lru_cache(maxsize=256)
+def _adapter(model: type[Any]) -> Any:
+    return TypeAdapter(model)
 
 
 def same_json(a: Any, b: Any) -> bool:

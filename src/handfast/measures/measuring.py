@@ -10,6 +10,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError, unknown_name
+from handfast.core.schema import written
 from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Asked, Measure
 from handfast.measures.chosen_forces import check_limits
 from handfast.measures.conic_program import NotMeasured
@@ -77,9 +78,6 @@ class Measures:
     def to_json(self) -> dict[str, Any]:
         """One object, schema `handfast/measures/1`; what is unbounded or not measured is null, and has a note."""
 
-        def scale(s: WrenchScale) -> dict[str, Any]:
-            return {"about": s.about.tolist(), "length": s.length}
-
         def entry(v: MeasuredValue) -> dict[str, Any]:
             value = None if isinstance(v.value, float) and not np.isfinite(v.value) else v.value
             m = v.measure
@@ -87,7 +85,7 @@ class Measures:
             return {"value": value, "name": m.name} | about
 
         out: dict[str, Any] = {"schema": SCHEMA, "grasp": self.grasp.name, "preload": self.grasp.preload}
-        out |= {"scale": scale(self.scale), "energy_scale": scale(self.energy_scale)}
+        out |= {"scale": written(self.scale), "energy_scale": written(self.energy_scale)}
         out |= {"edges": self.edges, "force_limit": self.force_limit}
         out["measures"] = {v.measure.key: entry(v) for v in self.values}
         if self.passive is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -12,6 +12,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask, frozen
 from handfast.core.errors import InputError
+from handfast.core.schema import LEFT_OUT, InFiles, Vector3
 from handfast.core.transforms import cross, normal_frame
 from handfast.model.mechanism import Mechanism
 
@@ -40,7 +41,7 @@ def unit(v: object, field: str) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(InFiles):
     """A point contact with friction (stability paper, section III), or a soft finger that resists torsion, too.
 
     The friction of a soft finger is in an ellipsoid, |c_t|^2 / mu^2 + tau^2 / mu_tau^2 <= c_n^2, with the torque tau
@@ -56,12 +57,12 @@ class Contact:
             force. 0 is a point contact. Needs a friction above 0.
     """
 
-    position: Array
-    normal: Array
+    position: Vector3
+    normal: Vector3
     friction: float
     link: str = ""
     depth: float = 0.0
-    torsion: float = 0.0
+    torsion: float = field(default=0.0, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", frozen(self.position, (3,), "position"))
@@ -89,7 +90,7 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class GraspJoint:
+class GraspJoint(InFiles):
     """A joint as the grasp sees it, at the grasp's configuration.
 
     Attributes:
@@ -105,13 +106,13 @@ class GraspJoint:
     """
 
     name: str
-    axis: Array
-    origin: Array
+    axis: Vector3
+    origin: Vector3
     moves: tuple[int, ...]
     type: Literal["revolute", "prismatic"] = "revolute"
-    friction: float = 0.0
-    torque: float = 0.0
-    stop: Literal["", "lower", "upper", "both"] = ""
+    friction: float = field(default=0.0, metadata=LEFT_OUT)
+    torque: float = field(default=0.0, metadata=LEFT_OUT)
+    stop: Literal["", "lower", "upper", "both"] = field(default="", metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", unit(self.axis, "axis"))
@@ -195,9 +196,9 @@ class Grasp:
         if not self.contacts:
             raise InputError("is empty; a grasp needs at least one contact", field="contacts")
         names = [j.name for j in self.joints]
-        for field, text in [("name", name), *((f"joints[{i}].name", n) for i, n in enumerate(names))]:
+        for where, text in [("name", name), *((f"joints[{i}].name", n) for i, n in enumerate(names))]:
             if not text.isprintable():
-                raise InputError(f"is {text!r}; a name is one line of printable characters", field=field)
+                raise InputError(f"is {text!r}; a name is one line of printable characters", field=where)
         actuators = len(names) if mechanism is None else mechanism.a
         soft = sum(c.torsion > 0 for c in self.contacts)
         if 3 * self.m + self.l + 2 * actuators + 2 * soft > LARGEST:

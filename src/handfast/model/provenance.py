@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 
 from handfast.core import bundled
 from handfast.core.errors import InputError
+from handfast.core.schema import LEFT_OUT, InFiles
 
 KINDS = {"hand": "hands", "object": "objects", "configuration": "configurations"}
 
 
 @dataclass(frozen=True)
-class SourceFile:
+class SourceFile(InFiles):
     """A file that something was read from.
 
     Attributes:
@@ -29,7 +31,15 @@ class SourceFile:
 
     path: str
     sha256: str | None = None
-    scale: float = 1.0
+    scale: float = field(default=1.0, metadata=LEFT_OUT)
+
+    def __post_init__(self) -> None:
+        if not self.path:
+            raise InputError("is empty; the name of a file is needed", field="path")
+        if self.sha256 is not None and not re.fullmatch("[0-9a-f]{64}", self.sha256):
+            raise InputError("is no SHA-256 checksum; 64 digits 0 to 9 and a to f are needed", field="sha256")
+        if not 0 < self.scale < float("inf"):
+            raise InputError(f"is {self.scale}; metres per unit are needed, more than 0", field="scale")
 
     @classmethod
     def of(cls, source: str | Path, kind: str, scale: float = 1.0) -> SourceFile | None:
@@ -63,7 +73,7 @@ class SourceFile:
 
 
 @dataclass(frozen=True)
-class Provenance:
+class Provenance(InFiles):
     """Where a grasp came from. What is not known is None.
 
     Attributes:
@@ -72,9 +82,14 @@ class Provenance:
         configuration: the joint values and the object's pose in the hand.
     """
 
-    hand: SourceFile | None = None
-    object: SourceFile | None = None
-    configuration: SourceFile | None = None
+    hand: SourceFile | None = field(default=None, metadata=LEFT_OUT)
+    object: SourceFile | None = field(default=None, metadata=LEFT_OUT)
+    configuration: SourceFile | None = field(default=None, metadata=LEFT_OUT)
+
+    def __post_init__(self) -> None:
+        for kind, part in (("hand", self.hand), ("configuration", self.configuration)):
+            if part and part.scale != 1:
+                raise InputError("is of objects alone; leave it out", field=f"{kind}.scale")
 
     def __bool__(self) -> bool:
         return any(self.parts())

@@ -11,33 +11,13 @@ from pydantic import Field
 
 from handfast.core import bundled
 from handfast.core.errors import InputError, unknown_name
-from handfast.core.files import Positive, Strict, parse_json, read_json, validate, write_text
+from handfast.core.files import Strict, Vector, parse_json, read_json, validate, write_text
+from handfast.core.schema import written
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.model.provenance import KINDS, Provenance, SourceFile
+from handfast.model.provenance import Provenance
 
-Vector = tuple[float, float, float]
 Many = Field(max_length=LARGEST)  # what is longer is refused before anything is made of it; `Grasp` looks closer
-
-
-class GraspContactEntry(Strict):
-    position: Vector
-    normal: Vector
-    friction: float
-    link: str = ""
-    depth: float = 0.0
-    torsion: Annotated[float, Field(ge=0)] = 0.0
-
-
-class GraspJointEntry(Strict):
-    name: str
-    type: Literal["revolute", "prismatic"] = "revolute"
-    axis: Vector
-    origin: Vector
-    moves: list[int]
-    friction: Annotated[float, Field(ge=0)] = 0.0
-    torque: float = 0.0
-    stop: Literal["", "lower", "upper", "both"] = ""
 
 
 class ActuatorEntry(Strict):
@@ -52,33 +32,18 @@ class MechanismEntry(Strict):
     couplings: Annotated[list[dict[str, float]], Many] = Field(default_factory=list)
 
 
-class SourceEntry(Strict):
-    path: Annotated[str, Field(min_length=1)]
-    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
-
-
-class ObjectSourceEntry(SourceEntry):
-    scale: Positive = 1.0
-
-
-class ProvenanceEntry(Strict):
-    hand: SourceEntry | None = None
-    object: ObjectSourceEntry | None = None
-    configuration: SourceEntry | None = None
-
-
 class GraspFile(Strict):
     """The file as it stands on disk; see the documentation page on file formats."""
 
     format: Literal["handfast/grasp/1"] = Field(alias="schema")
     name: str | None = None
-    contacts: Annotated[list[GraspContactEntry], Many]
-    joints: Annotated[list[GraspJointEntry], Many] = Field(default_factory=list)
+    contacts: Annotated[list[Contact], Many]
+    joints: Annotated[list[GraspJoint], Many] = Field(default_factory=list)
     mechanism: MechanismEntry | None = None
     preload: dict[str, float] = Field(default_factory=dict)
     mass: Annotated[float, Field(ge=0)] | None = None
     center_of_mass: Vector | None = None
-    provenance: ProvenanceEntry | None = None
+    provenance: Provenance | None = None
 
 
 def load_grasp(path: str | Path) -> Grasp:
@@ -103,19 +68,9 @@ def from_dict(data: Any, *, name: str = "grasp", folder: str | Path | None = Non
     `folder` is where its file is: paths of its provenance are relative to it.
     """
     entry = validate(GraspFile, data)
-    contacts = []
-    for i, c in enumerate(entry.contacts):
-        with _within(f"contacts[{i}]"):
-            place = np.array(c.position), np.array(c.normal)
-            contacts.append(Contact(*place, c.friction, c.link, c.depth, c.torsion))
-    joints = []
-    for j, e in enumerate(entry.joints):
-        with _within(f"joints[{j}]"):
-            axis = np.array(e.axis), np.array(e.origin), tuple(e.moves)
-            joints.append(GraspJoint(e.name, *axis, e.type, e.friction, e.torque, e.stop))
     mechanism = None
     if entry.mechanism is not None:
-        names = [j.name for j in joints]
+        names = [j.name for j in entry.joints]
         acts = entry.mechanism.actuators
         R = [_row(a.joints, names, f"mechanism.actuators[{i}].joints") for i, a in enumerate(acts)]
         A = [_row(c, names, f"mechanism.couplings[{i}]") for i, c in enumerate(entry.mechanism.couplings)]
@@ -126,10 +81,10 @@ def from_dict(data: Any, *, name: str = "grasp", folder: str | Path | None = Non
             tuple(a.tendon for a in acts),
             tuple(a.backdrivable for a in acts),
         )
-    provenance = _provenance(entry.provenance) if entry.provenance else None
+    provenance = entry.provenance
     return Grasp(
-        contacts,
-        joints,
+        entry.contacts,
+        entry.joints,
         mechanism,
         entry.preload,
         entry.name or name,
@@ -150,28 +105,8 @@ def to_dict(grasp: Grasp) -> dict[str, Any]:
     data: dict[str, Any] = {
         "schema": "handfast/grasp/1",
         "name": grasp.name,
-        "contacts": [
-            {
-                "position": c.position.tolist(),
-                "normal": c.normal.tolist(),
-                "friction": c.friction,
-                "link": c.link,
-                "depth": c.depth,
-            }
-            | ({"torsion": c.torsion} if c.torsion else {})
-            for c in grasp.contacts
-        ],
-        "joints": [
-            {
-                "name": j.name,
-                "type": j.type,
-                "axis": j.axis.tolist(),
-                "origin": j.origin.tolist(),
-                "moves": list(j.moves),
-            }
-            | _laws(j)
-            for j in grasp.joints
-        ],
+        "contacts": written(grasp.contacts),
+        "joints": [{"name": j.name, "type": j.type} | written(j) for j in grasp.joints],
         "mechanism": {
             "actuators": [
                 {"name": n, "joints": _sparse(row, names), "tendon": t} | ({"backdrivable": True} if free else {})
@@ -193,9 +128,7 @@ def file_dict(grasp: Grasp, folder: str | Path = ".") -> dict[str, Any]:
     if grasp.center_of_mass is not None:
         data["center_of_mass"] = grasp.center_of_mass.tolist()
     if grasp.provenance:
-        there = grasp.provenance.relative_to(folder)
-        parts = {kind: getattr(there, kind) for kind in KINDS}
-        data["provenance"] = {k: _source_dict(k, part) for k, part in parts.items() if part is not None}
+        data["provenance"] = written(grasp.provenance.relative_to(folder))
     return data
 
 
@@ -211,37 +144,6 @@ def save_grasp(grasp: Grasp, path: str | Path, *, force: bool = False) -> None:
     except InputError as error:
         raise error.at(str(path)) from None
     write_text(path, text, force=force)
-
-
-def _laws(joint: GraspJoint) -> dict[str, Any]:
-    """What a joint has besides its motor, where it has any."""
-    laws = {"friction": joint.friction, "torque": joint.torque, "stop": joint.stop}
-    return {name: value for name, value in laws.items() if value}
-
-
-def _source_dict(kind: str, part: SourceFile) -> dict[str, Any]:
-    scale = {"scale": part.scale} if kind == "object" and part.scale != 1 else {}
-    return {"path": part.path, "sha256": part.sha256} | scale
-
-
-def _provenance(entry: ProvenanceEntry) -> Provenance:
-    parts = {kind: getattr(entry, kind) for kind in KINDS}
-    return Provenance(**{k: None if part is None else SourceFile(**part.model_dump()) for k, part in parts.items()})
-
-
-class _within:
-    """Prefix the field of any `InputError` raised inside."""
-
-    def __init__(self, prefix: str) -> None:
-        self.prefix = prefix
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, _type: object, error: BaseException | None, _trace: object) -> None:
-        if isinstance(error, InputError):
-            field = ".".join(p for p in (self.prefix, error.field) if p)
-            raise InputError(error.problem, source=error.source, field=field) from None
 
 
 def _row(weights: dict[str, float], names: list[str], field: str) -> list[float]:

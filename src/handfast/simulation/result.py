@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from handfast.core.arrays import Array
 from handfast.core.files import write_text
+from handfast.core.schema import written
 from handfast.model.grasp import Grasp
 
 # Grasp sizes per second, measured by benchmarks/simulation_floor.py on a slope and a pinch (docs/simulation.md): what
@@ -123,33 +124,21 @@ class SimulationResult:
 
     def to_json(self) -> dict[str, Any]:
         """One JSON object; `series` holds the history."""
+        own = {name: written(getattr(self, name)) for name in ("why", "wrench", "loading", "bodies", "onset", "rate")}
+        series = {name: written(getattr(self, name)) for name in ("time", "load", "shift", "turn", "motion", "speed")}
+        joints = {self.grasp.joints[j].name: self.joints[:, k].tolist() for k, j in enumerate(self.free)}
         return {
             "schema": "handfast/simulation/1",
             "grasp": self.grasp.name,
             "ending": str(self.ending),
-            "why": self.why,
-            "wrench": self.wrench.tolist(),
-            "loading": self.loading,
-            "bodies": self.bodies,
-            "onset": self.onset,
-            "rate": self.rate,
+            **own,
             "moved": float(self.motion[-1]),
             "shift": self.shift[-1].tolist(),
             "turn": self.turn[-1].tolist(),
             "touching": list(self.touching),
             "steps": self.steps,
             "seconds": self.seconds,
-            "series": {
-                "time": self.time.tolist(),
-                "load": self.load.tolist(),
-                "shift": self.shift.tolist(),
-                "turn": self.turn.tolist(),
-                "motion": self.motion.tolist(),
-                "speed": self.speed.tolist(),
-                "joints": {self.grasp.joints[j].name: self.joints[:, k].tolist() for k, j in enumerate(self.free)},
-                "forces": self.forces.tolist(),
-                "points": self.points.tolist(),
-            },
+            "series": series | {"joints": joints, "forces": self.forces.tolist(), "points": self.points.tolist()},
         }
 
     def save(self, path: str | Path, *, force: bool = False) -> None:

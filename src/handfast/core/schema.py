@@ -1,0 +1,82 @@
+"""Dataclasses that are their own file format: read by `core.files.validate`, written by `written`.
+
+    @dataclass(frozen=True, eq=False)
+    class Contact(InFiles):
+        position: Vector3
+        normal: Vector3
+        friction: float
+        torsion: float = field(default=0.0, metadata=LEFT_OUT)
+
+        def __post_init__(self) -> None: ...  # what a number has to be; raises InputError with the field
+
+    validate(Contact, {"position": [0, 0, 0.1], "normal": [0, 0, 1], "friction": 0.5})  # a Contact
+    written(contact)  # the same JSON again
+
+The names, types and defaults of the fields are those of the file; unknown fields are refused. What a value has to be
+beyond its type is checked once, in `__post_init__`, for files and for programs. A pydantic model (`core.files.Strict`)
+may have such classes as fields, and is for what a file holds that no class is. pydantic, slow to import, is
+imported when the first file is read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+
+from handfast.core.arrays import Array
+
+
+class InFiles:
+    """Base of dataclasses that stand in files: fields that they do not have are errors."""
+
+    __pydantic_config__: ClassVar[dict[str, str]] = {"extra": "forbid"}
+
+
+# metadata of a field that `written` leaves out where it has its default
+LEFT_OUT = {"left_out": True}
+
+
+class Numbers:
+    """How an array stands in a file: lists of finite numbers of a shape, None for any length.
+
+    `Annotated[Array, Numbers(None, 3)]` is a list of points.
+    """
+
+    def __init__(self, *shape: int | None) -> None:
+        self.shape = shape
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> Any:
+        from pydantic_core import core_schema as core
+
+        lists: Any = core.float_schema(allow_inf_nan=False)
+        for n in reversed(self.shape):
+            lists = core.list_schema(lists) if n is None else core.tuple_schema([lists] * n)
+        return core.no_info_after_validator_function(
+            _array, lists, serialization=core.plain_serializer_function_ser_schema(np.ndarray.tolist)
+        )
+
+
+def _array(values: Any) -> Array:
+    return np.array(values, dtype=float)
+
+
+Vector3 = Annotated[Array, Numbers(3)]
+
+
+def written(value: Any) -> Any:
+    """JSON of a value: dataclasses as objects of their fields, arrays as lists, names of an enumeration as texts."""
+    if is_dataclass(value) and not isinstance(value, type):
+        kept = [f for f in fields(value) if not (f.metadata.get("left_out") and getattr(value, f.name) == f.default)]
+        return {f.name: written(getattr(value, f.name)) for f in kept}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Enum):
+        return str(value)
+    if isinstance(value, dict):
+        return {name: written(x) for name, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [written(x) for x in value]
+    return value
