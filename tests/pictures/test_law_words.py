@@ -12,8 +12,8 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.hand.hand import Hand
 from handfast.model.hand.joint_law import NO_LAW, JointLaw
 from handfast.model.mechanism import Mechanism
-from handfast.pictures.law_words import hand_joint_text, hand_laws_text, joint_text, laws_text, tendon_rows
 from handfast.pictures.page_tables import grasp_table
+from handfast.pictures.words import hand_joint_text, hand_laws_text, joint_text, laws_text, tendon_rows
 from tests.support.tendon_hand import tendon_hand
 
 ODD = '<fixed name="odd" stiffness="3" springlength="0.1 0.2"><joint joint="left_distal" coef="2"/></fixed>'

@@ -14,7 +14,7 @@ from handfast.cli import sweep as sweep_command
 from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.pictures import words
+from handfast.pictures import sentences
 from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp, draw_scene
 from handfast.pictures.map_picture import HELD, draw_map, draw_sweep
@@ -125,13 +125,13 @@ def test_a_few_long_directions_do_not_shrink_the_map(mapped: MapAnswer) -> None:
 
 def test_the_weight_is_a_circle_that_shows_where_it_is_too_much(mapped: MapAnswer) -> None:
     """Weight 2.5 N: the preloaded grasp holds it in five directions, not in two, and one is open (2 to 5 N)."""
-    assert words.weight_states(mapped.preloaded, 2.5) == ["enough", "weak", "open", "weak", *["enough"] * 4]
+    assert sentences.weight_states(mapped.preloaded, 2.5) == ["enough", "weak", "open", "weak", *["enough"] * 4]
     figure = draw_map(mapped, weight=2.5)
     arcs = [p for p in figure.axes[0].patches if isinstance(p, Arc)]
     assert len(arcs) == 8
     assert {(a.width, a.height) for a in arcs} == {(5.0, 5.0)}
     widths = [a.get_linewidth() for a in arcs]
-    assert widths == [HELD[s][1] for s in words.weight_states(mapped.preloaded, 2.5)]
+    assert widths == [HELD[s][1] for s in sentences.weight_states(mapped.preloaded, 2.5)]
     assert (arcs[1].theta1, arcs[1].theta2) == (22.5, 67.5)
     assert "5 of 8 directions resist as much, 2 less, 1 not decided." in " ".join(texts(figure).split())
     assert figure.axes[0].get_xlim() == draw_map(mapped).axes[0].get_xlim()

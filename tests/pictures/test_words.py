@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict
-from handfast.pictures import words
+from handfast.pictures import sentences
 from handfast.stability.maps import Curve
 
 
@@ -21,11 +21,11 @@ def test_a_weight_that_is_just_resisted_is_enough() -> None:
     below, above = np.nextafter(weight, 0), np.nextafter(weight, 9)
     bounds = curve((weight, weight), (weight, 9), (above, 9), (below, weight), (below, 9), (below, below), (0, weight))
     states = ["enough", "enough", "enough", "open", "open", "weak", "open"]
-    assert words.weight_states(bounds, weight) == states
-    assert words.weight_sentence(bounds, weight) == (
+    assert sentences.weight_states(bounds, weight) == states
+    assert sentences.weight_sentence(bounds, weight) == (
         "A weight of 2.5 N: 3 of 7 directions resist as much, 1 less, 3 not decided."
     )
 
 
 def test_what_was_not_reached_is_open_and_what_has_no_bound_is_enough() -> None:
-    assert words.weight_states(curve((np.nan, np.nan), (0, np.inf), unbounded=(1,)), 1.0) == ["open", "enough"]
+    assert sentences.weight_states(curve((np.nan, np.nan), (0, np.inf), unbounded=(1,)), 1.0) == ["open", "enough"]

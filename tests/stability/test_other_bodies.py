@@ -9,7 +9,7 @@ from benchmarks.other_bodies import own_motors, weight_at
 from handfast import Settings, check, load_configuration, load_grasp, load_hand, maximum, torques
 from handfast.core.answer import Verdict
 from handfast.geometry.contacts import contact_grasp
-from handfast.pictures import words
+from handfast.pictures import sentences
 from handfast.readers.load_body import load_body
 
 PERCENT = Settings(gap=1e-2, verify=False)
@@ -94,5 +94,5 @@ def test_the_smallest_clamping_forces() -> None:
     found = torques(grasp, [500, 0, 0], settings=PERCENT)
     assert found.lower <= 500 / 1.2 <= found.upper * (1 + 1e-9)
     assert found.upper == pytest.approx(500 / 1.2, rel=1e-2)
-    sentence = words.torques_sentence(found, "the cut")
+    sentence = sentences.torques_sentence(found, "the cut")
     assert " N, and none below" in sentence  # clamps are forces, not torques

@@ -15,7 +15,7 @@ from handfast.cli import main
 from handfast.cli.map import csv
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.pictures import words
+from handfast.pictures import sentences, words
 from handfast.pictures.map_picture import draw_map
 from handfast.readers.grasp_file import load_grasp, save_grasp
 from handfast.stability.grasp_limits import GraspLimits
@@ -276,11 +276,11 @@ def test_a_map_that_was_not_asked_says_nothing_of_holes() -> None:
 def test_the_words_of_a_hole(holed: tuple[Grasp, np.ndarray, MaxAnswer]) -> None:
     _, direction, answer = holed
     i, unit = answer.interval, words.magnitude(direction)
-    text = words.interval_sentence(answer, direction)
+    text = sentences.interval_sentence(answer, direction)
     ((first, last),) = i.holes
     assert f"Everything from 0 to {words.num(unit[0] * i.holds_from_zero_to)} {unit[1]} is resisted" in text
     assert f"slips from {words.num(unit[0] * first)} to {words.num(unit[0] * last)} {unit[1]}" in text
-    assert "largest" in words.max_sentence(answer, direction)
+    assert "largest" in sentences.max_sentence(answer, direction)
 
 
 def test_check_does_not_call_too_much_what_is_too_little(

@@ -14,6 +14,7 @@ from handfast.cli.table import table
 from handfast.cli.tables import STYLE
 from handfast.core.answer import Stop, Verdict
 from handfast.pictures import words
+from handfast.pictures.sentences import command_text, hold_sentence
 from handfast.pictures.words import num
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def show_hold(out: Console, grasp: Grasp, answer: HoldAnswer, eta: float, why: s
         eta: how far normals may be off [degrees].
         why: the answer is not complete; '' if it is.
     """
-    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", sentence(grasp, answer)))
+    out.print(Text.assemble((answer.verdict.upper(), STYLE[answer.verdict]), "  ", hold_sentence(answer)))
     off = f"; normals off by up to {num(eta)}°" if eta else ""
     out.print(f"{grasp.name}: {words.grasp_text(grasp)}{off}", style="dim")
     if why:
@@ -90,34 +91,6 @@ def show_holds(out: Console, rows: Sequence[HeldGrasp]) -> None:
     for k, row in enumerate(rows):
         if row.reason:
             out.print(f"{k}: {row.reason}", style="yellow", soft_wrap=True)
-
-
-def sentence(grasp: Grasp, answer: HoldAnswer) -> str:
-    """What the verdict says."""
-    loads = words.count(len(answer.loads), "load")
-    if answer.verdict is Verdict.HOLDS:
-        if answer.upper == 0:
-            return f"Every actuator may stay locked: {loads} resisted, no command needed."
-        below = f"; none below {num(answer.lower)} suffices" if answer.lower > 0 else ""
-        return f"One preload holds {loads}; its largest command is {command_text(answer)}{below}."
-    if answer.verdict is Verdict.SLIPS and answer.refuted:
-        name, proof = answer.refuted
-        if proof is None:
-            return f"No preload holds {name}: no forces at the contacts balance it."
-        if np.isfinite(answer.command_limit) and proof.verdict is not Verdict.SLIPS:
-            return f"No preload of commands up to {num(answer.command_limit)} holds {name}."
-        return f"No preload of these actuators holds {name}."
-    return f"It was not decided whether one preload holds {loads}."
-
-
-def command_text(answer: HoldAnswer) -> str:
-    """'0.12 N·m', of the largest command; 'locked' where none is needed."""
-    if answer.preload is None or answer.grasp is None:
-        return "–"
-    name = max(answer.preload, key=lambda n: abs((answer.preload or {})[n]), default="")
-    if not name or not answer.preload[name]:
-        return "locked"
-    return f"{num(answer.upper)} {words.actuator_unit(answer.grasp, name)}"
 
 
 def margin_text(a: MaxAnswer | None) -> str:

@@ -88,7 +88,7 @@ class Show(Command):
     def _tables(self, shown: ShownHand) -> None:
         from handfast.cli.table import table
         from handfast.pictures import hand_rows
-        from handfast.pictures.law_words import USUAL
+        from handfast.pictures.words import USUAL
 
         out, facts = console.out(), shown.facts
         grid = table("", "")

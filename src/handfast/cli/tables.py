@@ -11,9 +11,8 @@ from rich.text import Text
 
 from handfast.cli.table import table
 from handfast.core.answer import Verdict
-from handfast.pictures import words
-from handfast.pictures.law_words import joint_text, laws_text
-from handfast.pictures.words import num, vector
+from handfast.pictures import sentences, words
+from handfast.pictures.words import joint_text, laws_text, num, vector
 from handfast.stability import model
 
 if TYPE_CHECKING:
@@ -33,11 +32,11 @@ Load = Sequence[float]
 
 
 def show_check(out: Console, grasp: Grasp, wrench: Load, answer: CheckAnswer, asked: QueryOptions) -> None:
-    _verdict(out, grasp, answer, words.check_sentence(answer, words.load_text(wrench)), asked)
+    _verdict(out, grasp, answer, sentences.check_sentence(answer, words.load_text(wrench)), asked)
     if answer.witness:
         if answer.margin:
             if answer.margin.fragile:
-                out.print(words.fragile_text(answer.margin), style="yellow")
+                out.print(sentences.fragile_text(answer.margin), style="yellow")
             show_margin(out, answer.margin)
         show_witness(out, answer.witness)
     elif answer.verdict is Verdict.SLIPS and not grasp.preload and grasp.mechanism.a:
@@ -53,8 +52,8 @@ def show_checks(out: Console, grasp: Grasp, loads: Loads, answers: Sequence[Chec
     _head(out, grasp, worst, held, asked)
     grid = table("disturbance", "", "load", "shown by")
     for name, wrench, a in zip(loads.names, loads.wrenches, answers, strict=True):
-        shown = "a state" if a.found else words.certified(a.certificate, a.verified) if a.certificate else "–"
-        fragile = ", FRAGILE" * words.fragile(a)
+        shown = "a state" if a.found else sentences.certified(a.certificate, a.verified) if a.certificate else "–"
+        fragile = ", FRAGILE" * sentences.fragile(a)
         grid.add_row(name, Text(a.verdict.upper() + fragile, style=STYLE[a.verdict]), words.load_text(wrench), shown)
     out.print()
     out.print(grid)
@@ -64,11 +63,11 @@ def show_checks(out: Console, grasp: Grasp, loads: Loads, answers: Sequence[Chec
 def show_margin(out: Console, margin: Margin) -> None:
     """What a HOLDS leans on."""
     grid = table("it leans on", "", "")
-    for row in words.margin_rows(margin):
+    for row in sentences.margin_rows(margin):
         grid.add_row(*row)
     out.print()
     out.print(grid)
-    out.print(words.margin_note(margin), style="dim")
+    out.print(sentences.margin_note(margin), style="dim")
 
 
 def show_beside(out: Console, alone: CheckAnswer, most: MaxAnswer) -> None:
@@ -87,20 +86,20 @@ def show_beside(out: Console, alone: CheckAnswer, most: MaxAnswer) -> None:
 
 
 def show_max(out: Console, grasp: Grasp, direction: Load, answer: MaxAnswer, asked: QueryOptions) -> None:
-    _verdict(out, grasp, answer, words.max_sentence(answer, direction), asked)
+    _verdict(out, grasp, answer, sentences.max_sentence(answer, direction), asked)
     if answer.witness:
         factor, unit = words.magnitude(direction)
         out.print(f"\nThe equilibrium at {num(factor * answer.lower)} {unit}:", style="bold")
         show_witness(out, answer.witness)
     if answer.interval:
-        out.print(f"\n{words.interval_sentence(answer, direction)}")
+        out.print(f"\n{sentences.interval_sentence(answer, direction)}")
     _written(out, asked)
 
 
 def show_torques(
     out: Console, grasp: Grasp, wrench: Load, answer: TorquesAnswer, objective: str, asked: QueryOptions
 ) -> None:
-    sentence = words.torques_sentence(answer, words.load_text(wrench), objective)
+    sentence = sentences.torques_sentence(answer, words.load_text(wrench), objective)
     _verdict(out, grasp, answer, sentence, asked)
     if answer.preload is not None and answer.witness:
         out.print("\nThe equilibrium with these commands:", style="bold")
@@ -191,7 +190,7 @@ def show_sweep(out: Console, answer: SweepAnswer, asked: QueryOptions) -> None:
     for d in answer.directions:
         heads.append(f"{words.direction_text(d)} [{words.magnitude(d)[1]}]")
     grid = table(f"{answer.actuator} [{words.actuator_unit(grasp, answer.actuator)}]", *heads)
-    states = [words.curve_states(c) for c in answer.curves]
+    states = [sentences.curve_states(c) for c in answer.curves]
     for i, value in enumerate(answer.values):
         cells = []
         for c, d, state in zip(answer.curves, answer.directions, states, strict=True):
@@ -226,7 +225,7 @@ def show_witness(out: Console, witness: Witness) -> None:
     mech = witness.grasp.mechanism
     if mech.a:
         grid = table("actuator", "commanded", "carries", "")
-        turns = words.actuators_that_turn(witness)
+        turns = sentences.actuators_that_turn(witness)
         for i, name in enumerate(mech.actuators):
             unit = words.actuator_unit(witness.grasp, name)
             command = witness.grasp.command[i]
@@ -283,12 +282,12 @@ def show_grasp(out: Console, grasp: Grasp) -> None:
 
 
 def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: QueryOptions) -> None:
-    fragile = words.fragile(answer)
-    _head(out, grasp, answer.verdict, sentence, asked, unreal=words.unphysical(answer.witness), fragile=fragile)
-    why = words.reason(answer, asked.settings())
+    fragile = sentences.fragile(answer)
+    _head(out, grasp, answer.verdict, sentence, asked, unreal=sentences.unphysical(answer.witness), fragile=fragile)
+    why = sentences.reason(answer, asked.settings())
     if why:
         out.print(why, style="yellow")
-    out.print(words.work(answer, asked.settings()), style="dim")
+    out.print(sentences.work(answer, asked.settings()), style="dim")
 
 
 def _head(
@@ -319,7 +318,7 @@ def _written(out: Console, asked: QueryOptions) -> None:
 
 
 def _counts(curve: Curve) -> list[str]:
-    states = words.curve_states(curve)
+    states = sentences.curve_states(curve)
     finite = [x for x, s in zip(curve.lower, states, strict=True) if s == "resisted"]
     ends = [num(max(finite)), num(min(finite))] if finite else ["–", "–"]
     return [str(states.count(s)) for s in ("unbounded", "resisted", "slips", "open")] + ends

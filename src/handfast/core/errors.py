@@ -3,7 +3,22 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import functools
+import inspect
+from collections.abc import Callable, Iterable
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+KINDS = {  # classes of arguments: what is needed, and where it comes from
+    "Grasp": "a grasp is needed, such as load_grasp(NAME) reads",
+    "Hand": "a hand is needed, such as load_hand(NAME) reads",
+    "Body": "an object is needed, such as load_body(NAME) reads",
+    "Task": "a task is needed, such as load_task(NAME) reads",
+    "Loads": "loads are needed, such as Loads.gravity(body) or Loads.wrench(w)",
+    "MapAnswer": "what force_map answers is needed",
+    "SweepAnswer": "what sweep answers is needed",
+}
 
 
 class InputError(ValueError):
@@ -40,3 +55,32 @@ def nearest(name: str, known: Iterable[str]) -> str:
     names = list(known)
     near = difflib.get_close_matches(name, names, 1) or [k for k in names if len(name) > 2 and k.startswith(name)]
     return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def kinds_checked(function: Callable[P, R]) -> Callable[P, R]:
+    """A function that tells in words of arguments that are no grasp, hand, object, task, loads or answer.
+
+    It looks at the parameters whose annotation begins with one of `KINDS` and names classes alone.
+    """
+    wanted = []
+    for place, (name, parameter) in enumerate(inspect.signature(function).parameters.items()):
+        kinds = str(parameter.annotation).split(" | ")
+        if kinds[0] in KINDS and all(kind.isidentifier() for kind in kinds):
+            positional = parameter.kind is not parameter.KEYWORD_ONLY
+            wanted.append((place if positional else None, name, ["NoneType" if k == "None" else k for k in kinds]))
+
+    @functools.wraps(function)
+    def told(*args: P.args, **kwargs: P.kwargs) -> R:
+        for place, name, kinds in wanted:
+            if place is not None and place < len(args):
+                value = args[place]
+            elif name in kwargs:
+                value = kwargs[name]
+            else:
+                continue
+            if not any(c.__name__ in kinds for c in type(value).__mro__):
+                given = f"'{value}'" if isinstance(value, str) else f"of type {type(value).__name__}"
+                raise InputError(f"is {given}; {KINDS[kinds[0]]}", field=name)
+        return function(*args, **kwargs)
+
+    return told

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.geometry.grasp_joints import joints_and_mechanism
 from handfast.geometry.patch import patch
 from handfast.geometry.scene import PoseLike, Scene, checked_joints, checked_pose
@@ -25,6 +25,7 @@ SEAM = 5e-5  # [m] above a hidden face, the neighbour begins at the latest here
 ROUNDING = 1e-7  # [m]
 
 
+@kinds_checked
 def find_contacts(
     hand: Hand,
     q: Array | Mapping[str, float],
@@ -95,6 +96,7 @@ def find_contacts(
     return tuple(contacts)
 
 
+@kinds_checked
 def contact_grasp(
     hand: Hand,
     q: Array | Mapping[str, float],

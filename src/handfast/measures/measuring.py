@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import InputError, kinds_checked, unknown_name
 from handfast.core.schema import written
+from handfast.core.shown import Shown
 from handfast.measures.catalogue import CATALOGUE, KEYS, PASSIVE, RIGID, Asked, Measure
 from handfast.measures.chosen_forces import check_limits
 from handfast.measures.conic_program import NotMeasured
@@ -40,7 +41,7 @@ class MeasuredValue:
 
 
 @dataclass(frozen=True, eq=False)
-class Measures:
+class Measures(Shown):
     """The measures of a grasp, and what they were made with.
 
     Attributes:
@@ -94,6 +95,7 @@ class Measures:
         return out
 
 
+@kinds_checked
 def measure(
     grasp: Grasp,
     *,
@@ -145,6 +147,7 @@ def measure(
     )
 
 
+@kinds_checked
 def measure_columns(grasp: Grasp, **options: Any) -> dict[str, float | bool | None]:
     """`measure(grasp, **options).columns()`: a flat row, for tables of many grasps."""
     return measure(grasp, **options).columns()

@@ -9,6 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.core.shown import Shown
 from handfast.model.mesh_pieces import checked_mesh, checked_scale, joined, pieces_of
 from handfast.model.shape import Faces, Mesh, Shape
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(Shown):
     """An object made of convex pieces. Frame: the object's own (the mesh file's). SI units.
 
     Attributes:

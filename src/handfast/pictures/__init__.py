@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from handfast.core.errors import kinds_checked
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -42,6 +44,7 @@ class Entry:
     weight: float | None = None
 
 
+@kinds_checked
 def write_report(
     path: str | Path,
     grasp: Grasp,

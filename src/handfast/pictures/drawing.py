@@ -5,6 +5,7 @@ No global state: figures are made without pyplot, and `picture` renders the same
 
 from __future__ import annotations
 
+import base64
 import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,12 @@ def picture(figure: Figure, ending: str = "png", *, dpi: int = DPI) -> bytes:
     with rc_context({"svg.hashsalt": "handfast"}):
         figure.savefig(data, format=ending, metadata=kept, dpi=dpi)
     return data.getvalue()
+
+
+def data_uri(figure: Figure, ending: str = "png", *, dpi: int = DPI) -> str:
+    """The figure as the address of an image, for pages that work offline."""
+    kind = {"svg": "svg+xml", "png": "png"}[ending]
+    return f"data:image/{kind};base64,{base64.b64encode(picture(figure, ending, dpi=dpi)).decode('ascii')}"
 
 
 def solids(ax: Any, meshes: Sequence[Mesh], V: Array, clear: Mapping[str, float] = CLEAR) -> list[Array]:

@@ -14,8 +14,8 @@ from handfast.model.grasp import Contact
 from handfast.model.shape import Shape
 from handfast.pictures import Entry, words, write_report
 from handfast.pictures.grasp_picture import draw_scene
-from handfast.pictures.law_words import laws_text
 from handfast.pictures.scene import scene_meshes
+from handfast.pictures.words import laws_text
 from handfast.readers.load_body import load_body
 
 if TYPE_CHECKING:

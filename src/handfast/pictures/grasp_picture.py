@@ -35,10 +35,24 @@ def draw_grasp(grasp: Grasp, witness: Witness | None = None, meshes: Sequence[Me
     Contact forces are those of the hand on the object. Motions are those of the object relative to the
     finger, at their own scale.
     """
-    sides = views(grasp, count)
+    return _side_by_side([(grasp, meshes, view) for view in views(grasp, count)], witness)
+
+
+def draw_grasps(found: Sequence[tuple[Grasp, Sequence[Mesh]]]) -> Figure:
+    """Several grasps with their solids beside each other, on one scale, each numbered as its place from 0."""
+    panels = []
+    for k, (grasp, meshes) in enumerate(found):
+        view = views(grasp, 2)[-1]
+        panels.append((grasp, meshes, View(f"{k}, {view.title}", view.matrix)))
+    return _side_by_side(panels, None)
+
+
+def _side_by_side(panels: Sequence[tuple[Grasp, Sequence[Mesh], View]], witness: Witness | None) -> Figure:
+    """Panels of one scale in a row, and the key below them."""
+    count, grasp = len(panels), panels[0][0]
     figure = Figure(figsize=(8.0, 8.0), dpi=100)
     axes = [figure.add_axes((k / count + 0.005, 0, 1 / count - 0.01, 1)) for k in range(count)]
-    seen = [_panel(ax, grasp, witness, meshes, view) for ax, view in zip(axes, sides, strict=True)]
+    seen = [_panel(ax, g, witness, meshes, view) for ax, (g, meshes, view) in zip(axes, panels, strict=True)]
     margin = 0.14 * grasp.size
     width = max(float(np.ptp(p[:, 0])) for p in seen) + 2 * margin
     height = max(float(np.ptp(p[:, 1])) for p in seen) + 2 * margin
@@ -50,12 +64,12 @@ def draw_grasp(grasp: Grasp, witness: Witness | None = None, meshes: Sequence[Me
     panel = 8.0 / count * height / width
     figure.set_size_inches(8.0, panel + legend + 0.28)
     total = panel + legend + 0.28
-    for k, (ax, view, points) in enumerate(zip(axes, sides, seen, strict=True)):
+    for k, (ax, (g, meshes, view), points) in enumerate(zip(axes, panels, seen, strict=True)):
         ax.set_position((k / count + 0.005, legend / total, 1 / count - 0.01, panel / total))
         middle = (points.min(0) + points.max(0)) / 2 + [0, headroom]
         _frame(ax, middle, np.array([width, height]) / 2, view, triad)
         if not meshes:
-            _joint_labels(ax, grasp, view.matrix)
+            _joint_labels(ax, g, view.matrix)
     figure.legend(handles=_key(grasp, witness), loc="lower center", ncols=3, frameon=False, fontsize=9)
     return figure
 

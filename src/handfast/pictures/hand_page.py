@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from html import escape
 from importlib import resources
@@ -15,14 +14,14 @@ from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegions
 from handfast.pictures import hand_rows
-from handfast.pictures.drawing import picture
+from handfast.pictures.drawing import data_uri, picture
 from handfast.pictures.hand_facts import HandFacts, ShownHand, facts_of, shown_hand
 from handfast.pictures.hand_picture import draw_hand
 from handfast.pictures.hand_scene import PALM, hand_scene, tint
-from handfast.pictures.law_words import tendon_rows
 from handfast.pictures.page_tables import table
 from handfast.pictures.task_picture import DENSE
 from handfast.pictures.view3d import COLORS, OPACITY
+from handfast.pictures.words import tendon_rows
 
 PROGRAM = ("shapes3d.js", "kinematics3d.js", "stage3d.js", "controls3d.js", "hand3d.js")  # one script, in this order
 SWITCHES = {  # name: (label, on at first)
@@ -88,7 +87,7 @@ def hand_page(shown: ShownHand) -> str:
     data, notes = hand_scene(shown)
     folder = resources.files("handfast.pictures") / "browser"
     css = "".join((folder / name).read_text("utf-8") for name in ("page.css", "hand.css"))
-    still = base64.b64encode(picture(draw_hand(shown, COARSE), "png", dpi=COARSE)).decode("ascii")
+    still = data_uri(draw_hand(shown, COARSE), dpi=COARSE)
     return "\n".join(
         [
             "<!doctype html>",
@@ -99,7 +98,7 @@ def hand_page(shown: ShownHand) -> str:
             f'<h1>{escape(facts.hand.name)}</h1><p class="facts">{escape(hand_rows.counts(facts))}</p>',
             *(f'<p class="why">{escape(text)}</p>' for text in facts.missing),
             _figure(shown, data),
-            f'<figure class="still"><img alt="The hand from two sides" src="data:image/png;base64,{still}"></figure>',
+            f'<figure class="still"><img alt="The hand from two sides" src="{still}"></figure>',
             *(f'<p class="note">{escape(note)}</p>' for note in notes),
             *_sections(shown),
             "</main></body></html>\n",

@@ -9,8 +9,7 @@ from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Hand
 from handfast.model.region import Cap
 from handfast.pictures.hand_facts import HandFacts, ShownHand
-from handfast.pictures.law_words import hand_joint_text, hand_laws_text
-from handfast.pictures.words import along, num
+from handfast.pictures.words import along, body_text, hand_joint_text, hand_laws_text, hand_text, num
 
 Rows = list[list[str]]
 
@@ -125,10 +124,8 @@ def link_rows(facts: HandFacts) -> Rows:
 
 def counts(facts: HandFacts) -> str:
     """What there is of each kind: '22 links, 16 joints, 16 actuators, no couplings, 4 fingers'."""
-    hand = facts.hand
-    kinds = [(len(hand.links), "link"), (hand.l, "joint"), (hand.mechanism.a, "actuator")]
-    kinds += [(len(hand.couplings), "coupling"), (len(facts.fingers), "finger")]
-    return ", ".join(f"{n or 'no'} {word}{'s' * (n != 1)}" for n, word in kinds)
+    n = len(facts.fingers)
+    return f"{hand_text(facts.hand)}, {n or 'no'} finger{'s' * (n != 1)}"
 
 
 def overview(facts: HandFacts) -> list[tuple[str, str]]:
@@ -165,12 +162,9 @@ def object_facts(shown: ShownHand) -> list[tuple[str, str]]:
     body = shown.body
     if body is None:
         return []
-    sides = " × ".join(num(1e3 * float(x), 3) for x in np.ptp(body.vertices, axis=0))
-    mass = "mass not stated" if body.mass is None else f"{num(body.mass)} kg"
-    pieces = f"{len(body.pieces)} convex piece{'s' * (len(body.pieces) != 1)}"
     at = ", ".join(num(1e3 * float(x), 4) for x in shown.pose[:3, 3].round(9))
     return [
-        ("object", f"{body.name}: {sides} mm, {pieces}, {mass}, friction {num(body.friction)}"),
+        ("object", f"{body.name}: {body_text(body)}"),
         ("object's origin", f"at ({at}) mm in the hand's base frame"),
     ]
 

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Patch, Polygon, Wedge
 
-from handfast.pictures import words
+from handfast.core.errors import kinds_checked
+from handfast.pictures import sentences, words
 from handfast.pictures.drawing import AMBER, BLUE, DPI, GREY, INK, MAROON
 from handfast.pictures.words import num
 
@@ -30,6 +31,7 @@ FEW = 72  # directions; up to here each one is marked by a dot
 # --- maps ---------------------------------------------------------------------------------------
 
 
+@kinds_checked
 def draw_map(
     answer: MapAnswer, *, limit: float | None = None, weight: float | None = None, ax: Axes | None = None
 ) -> Figure:
@@ -104,7 +106,7 @@ def _undecided(ax: Any, d: Array, curve: Curve, radius: float) -> int:
     """Hatch from what is resisted to what may be; returns how many of these can be seen."""
     seen = 0
     half = 180.0 / len(d)
-    for k, state in enumerate(words.curve_states(curve)):
+    for k, state in enumerate(sentences.curve_states(curve)):
         if state != "open":
             continue
         angle = float(np.degrees(np.arctan2(d[k, 1], d[k, 0])))
@@ -134,7 +136,7 @@ def _holes(ax: Any, d: Array, curve: Curve, radius: float) -> int:
 def _circle(ax: Any, d: Array, curve: Curve, weight: float) -> None:
     """The object's weight, arc by arc: is as much resisted in that direction?"""
     half = 180.0 / len(d)
-    for (x, y), state in zip(d, words.weight_states(curve, weight), strict=True):
+    for (x, y), state in zip(d, sentences.weight_states(curve, weight), strict=True):
         angle = float(np.degrees(np.arctan2(y, x)))
         color, width, dash = HELD[state]
         arc = Arc((0, 0), 2 * weight, 2 * weight, theta1=angle - half, theta2=angle + half)
@@ -169,7 +171,7 @@ def _map_key(
     if weight:
         labels = {"enough": f"weight of {num(weight)} N", "weak": "less is resisted there"}
         labels["open"] = "weight: not decided"
-        held = {"enough", *words.weight_states(answer.curves[-1], weight)}
+        held = {"enough", *sentences.weight_states(answer.curves[-1], weight)}
         for state, (color, width, dash) in HELD.items():
             if state in held:
                 entries.append(Line2D([], [], color=color, lw=width, ls=dash, label=labels[state]))
@@ -183,7 +185,7 @@ def _map_key(
     if answer.at.any():
         facts.append(f"Forces act {words.place_text(answer.at)}")
     if weight:
-        facts.append(words.weight_sentence(answer.curves[-1], weight))
+        facts.append(sentences.weight_sentence(answer.curves[-1], weight))
     lines = [line for f in [answer.grasp.name, *facts] for line in textwrap.wrap(f, 38)][:11]
     top = 0.93 - 0.048 * len(entries) - 0.03
     figure.text(0.685, top, "\n".join(lines), va="top", fontsize=8.5, color=INK, linespacing=1.45)
@@ -229,6 +231,7 @@ def _tidy(ax: Any) -> None:
 STYLES = [(BLUE, "-", "o"), (MAROON, "--", "s"), ("#c98a12", "-.", "^"), ("#3f8f6b", ":", "D")]
 
 
+@kinds_checked
 def draw_sweep(answer: SweepAnswer) -> Figure:
     """The largest resisted disturbances over one actuator's command, as in Fig. 12.
 

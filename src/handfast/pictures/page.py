@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import platform
 from collections.abc import Sequence
 from html import escape
@@ -12,13 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from handfast.core.answer import Verdict
-from handfast.pictures import page_tables, view3d, words
-from handfast.pictures.drawing import picture
+from handfast.pictures import page_tables, sentences, view3d, words
+from handfast.pictures.drawing import data_uri
 from handfast.pictures.grasp_picture import draw_grasp, draw_scene
-from handfast.pictures.law_words import laws_text
 from handfast.pictures.map_picture import draw_map, draw_sweep
 from handfast.pictures.page_tables import table
-from handfast.pictures.words import num
+from handfast.pictures.words import laws_text, num
 from handfast.stability.answers import Answer
 from handfast.stability.maps import MapAnswer, SweepAnswer
 from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
@@ -27,7 +25,6 @@ from handfast.stability.settings import Settings
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from handfast.core.arrays import Array
     from handfast.model.grasp import Grasp
     from handfast.pictures import Entry
     from handfast.pictures.scene import Mesh
@@ -87,28 +84,23 @@ def _overview(facts: Sequence[tuple[str, str]], checks: Sequence[Entry]) -> str:
 
 
 def _load(entry: Entry, answer: Answer) -> view3d.ShownLoad:
-    wrench, witness = _state(answer)
-    verdict = answer.verdict.upper() + ("?" if words.unphysical(witness) else ", FRAGILE" * words.fragile(answer))
-    return view3d.ShownLoad(entry.title, f"{verdict}: {_sentence(entry, answer)}", wrench, witness)
-
-
-def _state(answer: Answer) -> tuple[Array | None, Witness | None]:
-    """The disturbance that an answer is about, and the equilibrium under it, as far as there are any."""
-    if answer.witness is not None:
-        return answer.witness.wrench, answer.witness
-    if answer.posed is None or isinstance(answer, MaxAnswer):
-        return None, None
-    return answer.posed[0].wrench, None
+    wrench, witness = sentences.state_of(answer)
+    return view3d.ShownLoad(
+        entry.title,
+        f"{sentences.verdict_word(answer)}: {_sentence(entry, answer)}",
+        wrench,
+        witness,
+    )
 
 
 def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Mesh], *, folded: bool) -> str:
     answer = entry.answer
     parts = [f"<h2>{escape(entry.title)}</h2>"]
     if isinstance(answer, MapAnswer):
-        parts.append(_verdict(answer.verdict, _map_sentence(answer)))
+        parts.append(_verdict(answer.verdict, sentences.map_sentence(answer)))
         caption = f"Forces resisted in the {answer.plane} plane; they act {words.place_text(answer.at)}."
         if entry.weight:
-            caption += f" {words.weight_sentence(answer.curves[-1], entry.weight)}"
+            caption += f" {sentences.weight_sentence(answer.curves[-1], entry.weight)}"
         parts.append(_figure(draw_map(answer, limit=entry.limit, weight=entry.weight), caption))
         parts.append(page_tables.map_table(answer))
     elif isinstance(answer, SweepAnswer):
@@ -124,16 +116,23 @@ def _answer(
     grasp: Grasp, entry: Entry, answer: Answer, settings: Settings, meshes: Sequence[Mesh], *, folded: bool
 ) -> list[str]:
     witness = answer.witness
-    unreal = words.unphysical(witness)
-    parts = [_verdict(answer.verdict, _sentence(entry, answer), unreal=unreal, fragile=words.fragile(answer))]
-    why = words.reason(answer, settings)
+    unreal = sentences.unphysical(witness)
+    parts = [
+        _verdict(
+            answer.verdict,
+            _sentence(entry, answer),
+            unreal=unreal,
+            fragile=sentences.fragile(answer),
+        )
+    ]
+    why = sentences.reason(answer, settings)
     if why:
         parts.append(f'<p class="why">{escape(why)}</p>')
     if isinstance(answer, MaxAnswer | TorquesAnswer):
         parts.append(page_tables.bounds_table(answer, entry))
     if isinstance(answer, CheckAnswer) and answer.margin:
         if answer.margin.fragile:
-            parts.append(f'<p class="why">{escape(words.fragile_text(answer.margin))}</p>')
+            parts.append(f'<p class="why">{escape(sentences.fragile_text(answer.margin))}</p>')
         parts.append(page_tables.margin_table(answer.margin))
     if witness is not None:
         if unreal:
@@ -149,11 +148,10 @@ def _answer(
         else:
             parts += [*_pictures(grasp, witness, meshes), tables]
     elif answer.verdict is Verdict.SLIPS:
-        why = (
-            f"every case of equations (1) to (8) was refuted: {words.certified(answer.certificate, answer.verified)}."
-            if answer.certificate
-            else "a relaxation of equations (1) to (8), wider than the model, has no solution."
-        )
+        why = "a relaxation of equations (1) to (8), wider than the model, has no solution."
+        if answer.certificate:
+            proved = sentences.certified(answer.certificate, answer.verified)
+            why = f"every case of equations (1) to (8) was refuted: {proved}."
         parts.append(f'<p class="note">There is no equilibrium to show: {escape(why)}</p>')
     parts.append(page_tables.search_table(answer, settings))
     return parts
@@ -177,38 +175,12 @@ def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False, fragile: 
     return f'<p class="verdict"><b class="{style}">{word.upper()}</b><span>{escape(sentence)}</span></p>'
 
 
-def _sentence(entry: Entry, answer: Answer) -> str:
-    if isinstance(answer, MaxAnswer):
-        direction = entry.direction if entry.direction is not None else np.eye(6)[0]
-        return " ".join(
-            filter(None, (words.max_sentence(answer, direction), words.interval_sentence(answer, direction)))
-        )
-    wrench = _state(answer)[0]
-    load = "this load" if wrench is None else words.load_text(wrench)
-    if isinstance(answer, TorquesAnswer):
-        return words.torques_sentence(answer, load, entry.objective)
-    assert isinstance(answer, CheckAnswer)
-    return words.check_sentence(answer, load)
-
-
-def _map_sentence(answer: MapAnswer) -> str:
-    parts = []
-    for name, curve in (("without preload", answer.passive), ("with it", answer.preloaded)):
-        if curve is not None:
-            states = words.curve_states(curve)
-            some = sum(s != "slips" for s in states) - states.count("open")
-            left = f", {states.count('open')} not decided" if "open" in states else ""
-            parts.append(f"{name}, {some} of {len(states)} directions are resisted{left}")
-    text = "; ".join(parts)
-    return text[:1].upper() + text[1:] + "."
-
-
 def _warning(witness: Witness) -> str:
     """Why a solution without the maximum dissipation principle cannot be believed."""
     e = witness.energy
     scale = abs(e.disturbance) + abs(e.preload) + abs(e.stored)
     total = e.disturbance + e.preload
-    wrong = [i for i, work in enumerate(e.friction) if work < -words.CREATED * scale]
+    wrong = [i for i, work in enumerate(e.friction) if work < -sentences.CREATED * scale]
     names = [f"{i} ({witness.grasp.contacts[i].link})" if witness.grasp.contacts[i].link else str(i) for i in wrong]
     return (
         '<div class="warning"><strong>This solution is not physical: friction pushes along the motion.'
@@ -218,6 +190,10 @@ def _warning(witness: Witness) -> str:
         f"{escape(words.listed(names))}, where the friction force does not oppose the sliding. The maximum "
         "dissipation principle, which was left out here, forbids it.</div>"
     )
+
+
+def _sentence(entry: Entry, answer: Answer) -> str:
+    return sentences.answer_sentence(answer, entry.direction, entry.objective)
 
 
 def _grasp_section(grasp: Grasp, meshes: Sequence[Mesh], *, draw: bool) -> str:
@@ -259,10 +235,9 @@ def _settings_section(settings: Settings, entries: Sequence[Entry]) -> str:
 
 
 def _figure(figure: Figure, caption: str, ending: str = "svg") -> str:
-    data = base64.b64encode(picture(figure, ending, dpi=160 if ending == "svg" else 100)).decode("ascii")
-    kind = {"svg": "svg+xml", "png": "png"}[ending]
+    source = data_uri(figure, ending, dpi=160 if ending == "svg" else 100)
     return (
-        f'<figure><img alt="{escape(caption, quote=True)}" src="data:image/{kind};base64,{data}">'
+        f'<figure><img alt="{escape(caption, quote=True)}" src="{source}">'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from handfast.pictures import words
-from handfast.pictures.law_words import joint_text
-from handfast.pictures.words import num, vector
+from handfast.pictures import sentences, words
+from handfast.pictures.words import joint_text, num, vector
 from handfast.stability import model
 from handfast.stability.queries import MaxAnswer
 
@@ -59,8 +58,8 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") 
 
 def margin_table(margin: Margin) -> str:
     """What a HOLDS leans on."""
-    rows = [list(row) for row in words.margin_rows(margin)]
-    note = f'<p class="note">{escape(words.margin_note(margin))}</p>'
+    rows = [list(row) for row in sentences.margin_rows(margin)]
+    note = f'<p class="note">{escape(sentences.margin_note(margin))}</p>'
     return table(["#", "#", "#"], rows, "What it leans on") + note
 
 
@@ -107,7 +106,7 @@ def contact_table(witness: Witness) -> str:
 def actuator_table(witness: Witness) -> str:
     """Forces against commands, and the joint torques they come from."""
     grasp, mech = witness.grasp, witness.grasp.mechanism
-    turns = words.actuators_that_turn(witness)
+    turns = sentences.actuators_that_turn(witness)
     rows = []
     for i, name in enumerate(mech.actuators):
         unit = words.actuator_unit(grasp, name)
@@ -145,10 +144,10 @@ def energy_table(witness: Witness) -> str:
         ["stored in the contact springs", work(e.stored), ""],
     ]
     for i, (lost, most) in enumerate(zip(e.friction, e.maximum, strict=True)):
-        bad = BAD if lost < -words.CREATED * scale else ""
+        bad = BAD if lost < -sentences.CREATED * scale else ""
         verb = "fed in by friction" if bad else "dissipated by friction"
         rows.append([f"{verb} at contact {i}", bad + work(lost), work(most)])
-    if e.created > 0 and words.unphysical(witness):
+    if e.created > 0 and sentences.unphysical(witness):
         rows.append(["created out of nothing", BAD + num(e.created), "0"])
     heads = ["#virtual work", "N²", "the maximum dissipation principle demands"]
     note = f'<p class="note">In minus out: {abs(e.residual) / scale:.1e} of the total.</p>'
@@ -172,7 +171,7 @@ def checks_table(entries: Sequence[Entry]) -> str:
     rows = []
     for entry in entries:
         answer, w = entry.answer, getattr(entry.answer, "witness", None)
-        verdict = f"{answer.verdict}?" if words.unphysical(w) else str(answer.verdict)
+        verdict = f"{answer.verdict}?" if sentences.unphysical(w) else str(answer.verdict)
         cells = ["–", "–"]
         if w is not None:
             states = w.contact_states
@@ -227,7 +226,7 @@ def sweep_table(answer: SweepAnswer) -> str:
 def search_table(answer: Answer, settings: Settings) -> str:
     """What the search took, and the steps of Algorithm 1, folded away."""
     if not answer.steps:
-        return f'<p class="note">The search: {escape(words.work(answer, settings))}.</p>'
+        return f'<p class="note">The search: {escape(sentences.work(answer, settings))}.</p>'
     heads = ["step", "friction edges", "widest active sector [°]", "nodes", "seconds", "#program"]
     rows = [
         [
@@ -293,4 +292,4 @@ def _bounds(curve: Curve, i: int, factor: float) -> str:
     if curve.unbounded[i]:
         return "∞"
     lower, upper = num(factor * curve.lower[i]), num(factor * curve.upper[i])
-    return lower if lower == upper or words.curve_states(curve)[i] != "open" else f"{lower} to {upper}"
+    return lower if lower == upper or sentences.curve_states(curve)[i] != "open" else f"{lower} to {upper}"

@@ -1,4 +1,4 @@
-"""Answers in words that a lab engineer uses, for tables and pages alike."""
+"""Numbers, loads, hands and grasps in the words that a lab engineer uses, for tables and pages alike."""
 
 from __future__ import annotations
 
@@ -8,21 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from handfast.core.answer import Stop, Verdict
-
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
+    from handfast.model.body import Body
     from handfast.model.grasp import Grasp
-    from handfast.proofs.certificate import Certificate
-    from handfast.stability.answers import Answer
-    from handfast.stability.maps import Curve
-    from handfast.stability.margin import Flip, Margin
-    from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
-    from handfast.stability.settings import Settings
-    from handfast.stability.witness import Witness
+    from handfast.model.hand.hand import Hand
+    from handfast.model.hand.joint_law import JointLaw
 
-CREATED = 1e-6  # friction that feeds in a larger share of the work than this is called unphysical
 AXES = "xyz"
+STOPS = {"lower": "cannot open further", "upper": "cannot close further", "both": "cannot move"}
+MANY = 4  # joints that are named
+USUAL = "–"  # a joint stops at its limits and has nothing else
 
 
 def num(x: float, digits: int = 4) -> str:
@@ -135,224 +131,90 @@ def count(n: int, thing: str) -> str:
     return f"{n} {thing if n == 1 else plural}"
 
 
-def actuators_that_turn(witness: Witness) -> list[bool]:
-    """Which actuators move in a witness's virtual motion, by more than rounding."""
-    from handfast.stability import model
-
-    grasp = witness.grasp
-    moved = np.abs(model.actuator_motion(grasp, witness.state.q)) * model.actuator_arms(grasp)
-    return list(moved > 1e-9 * model.force_scale(witness.wrench, witness.state.c))
+def hand_text(hand: Hand) -> str:
+    """'22 links, 16 joints, 16 actuators, no couplings'."""
+    kinds = [(len(hand.links), "link"), (hand.l, "joint"), (hand.mechanism.a, "actuator")]
+    return ", ".join(f"{n or 'no'} {word}{'s' * (n != 1)}" for n, word in [*kinds, (len(hand.couplings), "coupling")])
 
 
-# --- verdicts -----------------------------------------------------------------------------------
+def body_text(body: Body) -> str:
+    """'66 × 66 × 102 mm, 1 convex piece, 0.35 kg, friction 0.5'."""
+    sides = " × ".join(num(1e3 * float(x), 3) for x in np.ptp(body.vertices, axis=0))
+    mass = "mass not stated" if body.mass is None else f"{num(body.mass)} kg"
+    return f"{sides} mm, {count(len(body.pieces), 'convex piece')}, {mass}, friction {num(body.friction)}"
 
 
-def unphysical(witness: Witness | None) -> bool:
-    """Does friction push along the motion anywhere, so that energy comes out of nothing?"""
-    if witness is None or witness.mdp:
-        return False
-    e = witness.energy
-    return e.created > CREATED * (abs(e.disturbance) + abs(e.preload) + abs(e.stored))
+# --- what joints have besides their motors: friction, springs, stops, backdrivable motors ---
 
 
-def fragile(answer: Answer) -> bool:
-    """Was it asked what a HOLDS leans on, and is that little?"""
-    margin: Margin | None = getattr(answer, "margin", None)
-    return margin is not None and margin.fragile
+def laws_text(grasp: Grasp) -> str:
+    """'Joint laws: friction 0.01 N·m at a and b; a cannot open further; backdrivable: m.'; '' if there are none."""
+    said = [*_shared(grasp, "friction", "friction {} at {}"), *_shared(grasp, "torque", "given torque {} at {}")]
+    for stop, text in STOPS.items():
+        names = [j.name for j in grasp.joints if j.stop == stop]
+        said += [f"{_few(names)} {text}"] if names else []
+    mech = grasp.mechanism
+    free = [n for n, yes in zip(mech.actuators, mech.backdrivable, strict=True) if yes]
+    said += [f"backdrivable: {_few(free)}"] if free else []
+    return f"Joint laws: {'; '.join(said)}." if said else ""
 
 
-def margin_rows(margin: Margin) -> list[tuple[str, str, str]]:
-    """What a HOLDS leans on: the thing, the number, and what it means."""
-    squeezed = f"the most loaded pad alone gives way by {num(margin.squeeze, 3)} mm"
-    rows = [(f"motion at {num(margin.stiffness)} N/m", f"{num(margin.motion, 3)} mm", squeezed)]
-    for flip, what in ((margin.less, "less"), (margin.more, "more")):
-        rows.append((f"{what} friction", *_flip(flip, 100.0, " %")))
-    number, meaning = _flip(margin.tilt, 1.0, "°")
-    if len(margin.tilt.contacts) == 1:
-        meaning += f"; of contact {margin.tilt.contacts[0]} alone"
-    elif margin.tilt.contacts:
-        meaning += "; of several at once"
-    return [*rows, ("normals tilted", number, meaning)]
+def joint_text(grasp: Grasp, joint: int) -> str:
+    """Of one joint of a grasp: 'friction 0.01 N·m, given torque 0.02 N·m, cannot open further'; '' for nothing."""
+    j, unit = grasp.joints[joint], joint_unit(grasp, joint)
+    said = [f"friction {num(j.friction)} {unit}"] if j.friction else []
+    said += [f"given torque {num(j.torque)} {unit}"] if j.torque else []
+    return ", ".join([*said, STOPS[j.stop]] if j.stop else said)
 
 
-def _flip(flip: Flip, factor: float, unit: str) -> tuple[str, str]:
-    """The number at which a verdict flips, and how far that is known."""
-
-    def size(x: float) -> str:
-        return f"{num(factor * x)}{unit}"
-
-    held = f"held in every sample up to {size(flip.holds)}" if flip.holds else "no smaller sample held"
-    if flip.undecided:
-        held += f", {count(flip.undecided, 'sample')} undecided"
-    if flip.slips is None:
-        return "no flip found", held
-    return f"slips at {size(flip.slips)}", f"that is {'' if flip.certified else 'not '}proved; {held}"
+def hand_joint_text(hand: Hand, joint: int) -> str:
+    """Of one joint of a hand: 'friction 0.01 N·m, spring 0.05 N·m/rad, slack at 2.62 rad'; `USUAL` for no more."""
+    j = hand.joints[joint]
+    return _law_text(j.law, (j.lower, j.upper), *(("N·m", "rad") if j.type == "revolute" else ("N", "m")))
 
 
-def margin_note(margin: Margin) -> str:
-    """What the numbers are, in a sentence or two."""
-    cut = " It was interrupted." if margin.stop is not Stop.COMPLETE else ""
-    return (
-        f"By {margin.checks} further checks; between samples nothing is shown. The motion is the least that was "
-        f"found.{cut}"
-    )
+def tendon_rows(hand: Hand) -> list[list[str]]:
+    """Of each tendon with laws of its own: name, length, laws."""
+    rows = []
+    for t in hand.tendons:
+        length = " + ".join(f"{num(float(r))} × {n}" for n, r in zip(hand.joint_names, t.row, strict=True) if r)
+        rows.append([t.name, length, _law_text(t.law, (-np.inf, np.inf), "N", "m")])
+    return rows
 
 
-def fragile_text(margin: Margin) -> str:
-    """Why it is called fragile."""
-    named = {"motion": "a large motion", "friction": "its friction", "tilt": "its normals"}
-    return f"Fragile: it leans on {listed([named[w] for w in margin.why])}."
+def hand_laws_text(hand: Hand) -> str:
+    """What the joints of a hand have, counted: 'of 24 joints 24 have stops, 24 friction (0.01 N·m), none a spring'."""
+    joints = hand.joints
+    stops = sum(bool(np.isfinite(j.law.stops).any()) for j in joints)
+    rubs = [j for j in joints if j.law.friction]
+    springs = sum(j.law.springs for j in joints)
+    sizes = sorted({f"{num(j.law.friction)} {'N·m' if j.type == 'revolute' else 'N'}" for j in rubs})
+    size = f" ({sizes[0]})" if len(sizes) == 1 else " (of different sizes)" if sizes else ""
+    own = f", {count(len(hand.tendons), 'tendon')} with laws of their own" if hand.tendons else ""
+    of = f"of {len(joints)} joints {stops or 'none'} {'has' if stops == 1 else 'have'} stops"
+    return f"{of}, {len(rubs) or 'none'} friction{size}, {springs or 'none'} a spring{own}"
 
 
-def up_to(answer: Answer) -> str:
-    """', with virtual motions up to 10000 N' where a claim is not proved beyond; else ''."""
-    proof = getattr(answer, "proof", None)
-    return "" if proof is None or proof.cap is None else f", with virtual motions up to {num(proof.cap)} N"
+def _law_text(law: JointLaw, limits: tuple[float, float], force: str, way: str) -> str:
+    said = []
+    if law.stops != limits:
+        ends = [num(end) for end in law.stops if np.isfinite(end)]
+        said.append(f"stops at {listed(ends)} {way}" if ends else "no stops")
+    said += [f"friction {num(law.friction)} {force}"] if law.friction else []
+    if law.springs:
+        rest = " to ".join(dict.fromkeys(num(end) for end in law.rest))
+        said.append(f"spring {num(law.stiffness)} {force}/{way}, slack at {rest} {way}")
+    return ", ".join(said) or USUAL
 
 
-def check_sentence(answer: CheckAnswer, load: str) -> str:
-    match answer.verdict:
-        case Verdict.HOLDS if unphysical(answer.witness):
-            return f"{load} is balanced, but only by friction that creates energy: that is not physical."
-        case Verdict.HOLDS:
-            return f"The grasp resists {load} passively: an exact equilibrium was found and checked."
-        case Verdict.SLIPS:
-            return f"The object slips under {load}: no contact forces obey the model{up_to(answer)}."
-        case _:
-            return f"It was not decided whether the grasp resists {load}."
+def _shared(grasp: Grasp, what: str, text: str) -> list[str]:
+    """Joints by the size of something that they have."""
+    groups: dict[str, list[str]] = {}
+    for i, j in enumerate(grasp.joints):
+        if value := getattr(j, what):
+            groups.setdefault(f"{num(value)} {joint_unit(grasp, i)}", []).append(j.name)
+    return [text.format(value, _few(names)) for value, names in groups.items()]
 
 
-def max_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
-    factor, unit = magnitude(direction)
-    what = direction_text(direction)
-    if unphysical(answer.witness):
-        return f"Solutions exist for a {what}, but friction creates energy in them: they are not physical."
-    if answer.unbounded:
-        return f"A {what} of any size is resisted."
-    if answer.verdict is Verdict.SLIPS:
-        return f"No {what} is resisted, however small{up_to(answer)}."
-    lower, upper = num(factor * answer.lower), num(factor * answer.upper)
-    if answer.lower <= 0:
-        above = f"; nothing above {upper} {unit} is{up_to(answer)}" if np.isfinite(answer.upper) else ""
-        return f"It is not known yet whether any {what} is resisted{above}."
-    if not np.isfinite(answer.upper):
-        return f"A {what} of {lower} {unit} is resisted; whether more is, was not decided."
-    if lower == upper:
-        return f"The largest {what} that is resisted is {lower} {unit}{up_to(answer)}."
-    return f"The largest {what} that is resisted is {lower} {unit}; none above {upper} {unit} is{up_to(answer)}."
-
-
-def interval_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
-    """Which smaller magnitudes are resisted; '' if that was not asked."""
-    i = answer.interval
-    if i is None:
-        return ""
-    factor, unit = magnitude(direction)
-
-    def ranges(pairs: Sequence[tuple[float, float]]) -> str:
-        return listed([f"{num(factor * a)} to {num(factor * b)} {unit}" for a, b in pairs])
-
-    parts = [f"everything from 0 to {num(factor * i.holds_from_zero_to)} {unit} is resisted"]
-    if i.holds_from_zero_to <= 0:
-        parts = ["it is not shown that small magnitudes are resisted"]
-        if i.holes and i.holes[0][0] <= 0:
-            parts = ["magnitudes just above 0 are not resisted"]
-    if i.holes:
-        parts.append(f"it slips from {ranges(i.holes)}, though more is resisted")
-    if i.unproved:
-        parts.append(f"from {ranges(i.unproved)} not all is decided")
-    text = "; ".join(parts) + "."
-    return text[0].upper() + text[1:]
-
-
-def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -> str:
-    goal = "largest command" if objective == "max" else "sum of commands"
-    if answer.verdict is Verdict.SLIPS:
-        return f"No commands of these actuators resist {load}{up_to(answer)}."
-    if answer.preload is None:
-        return f"No commands were found yet that resist {load}."
-    if answer.upper == 0:
-        return f"{load} is resisted with every actuator locked: no command is needed."
-    lower, upper = num(answer.lower), num(answer.upper)
-    limit = "" if lower == upper else f", and none below {lower} suffices{up_to(answer)}"
-    grasp = answer.witness.grasp if answer.witness else None
-    units = {actuator_unit(grasp, name) for name, f in answer.preload.items() if f} if grasp else {"N·m"}
-    return f"The {goal} that {load} needs is {upper} {' or '.join(sorted(units))}{limit}."
-
-
-def reason(answer: Answer, settings: Settings) -> str:
-    """Why an answer is not complete, and what helps; '' if it is."""
-    match answer.stop:
-        case Stop.COMPLETE:
-            return ""
-        case Stop.TIME:
-            limit = num(settings.time_limit)
-            return f"The time limit of {limit} s was hit; a larger --time-limit may decide it."
-        case Stop.NODES:
-            return f"The node limit of {num(settings.node_limit)} was hit; a larger --node-limit may decide it."
-        case Stop.INTERRUPTED:
-            return "It was interrupted; these are the bounds so far."
-        case _ if settings.method == "engine" and answer.verdict is Verdict.HOLDS:
-            return f"The bounds have not met to {num(100 * settings.gap)} %: the numbers did not suffice for all cases."
-        case _ if settings.method == "engine":
-            return "The search ended without an answer: the numbers did not suffice for all cases."
-        case _ if answer.verdict is Verdict.HOLDS and settings.sectors < 2048:
-            return (
-                f"The bounds have not met to {num(100 * settings.gap)} % with {settings.sectors} sectors "
-                f"({num(360 / settings.sectors)}° each); more --sectors bring them closer."
-            )
-        case _ if answer.verdict is Verdict.HOLDS:
-            gap = num(100 * settings.gap)
-            return f"The bounds have not met to {gap} %; more --sectors may bring them closer."
-        case _ if answer.steps and answer.steps[-1].finished:
-            return (
-                f"The relaxed model has a solution at the finest of {settings.sectors} sectors, but no exact "
-                "one was found near it; more --sectors may decide it."
-            )
-        case _:
-            return "The search ended without an answer: the solver's numbers did not suffice."
-
-
-def work(answer: Answer, settings: Settings) -> str:
-    """How an answer was found, and what proves it."""
-    seconds = f"{num(answer.seconds, 2)} s"
-    if settings.method == "algorithm1":
-        return f"Algorithm 1 on {settings.solver}: {count(len(answer.steps), 'program')}, {seconds}"
-    found = f"{count(answer.nodes, 'node')}, {seconds}"
-    return f"{found}; {certified(answer.certificate, answer.verified)}" if answer.certificate else found
-
-
-def certified(certificate: Certificate, verified: bool) -> str:
-    """'certificate of 4 leaves, replayed'."""
-    leaves = count(len(certificate.leaves), "leaf")
-    return f"certificate of {leaves}, {'replayed' if verified else 'not replayed yet'}"
-
-
-def curve_states(curve: Curve) -> list[str]:
-    """Per case 'unbounded', 'resisted', 'slips' or 'open' (bounds far apart or case not reached)."""
-    out = []
-    for lower, upper, unbounded, verdict in zip(curve.lower, curve.upper, curve.unbounded, curve.verdicts, strict=True):
-        if unbounded:
-            out.append("unbounded")
-        elif verdict is Verdict.SLIPS:
-            out.append("slips")
-        elif verdict is Verdict.UNDECIDED or not upper <= 1.05 * lower:
-            out.append("open")
-        else:
-            out.append("resisted")
-    return out
-
-
-def weight_states(curve: Curve, weight: float) -> list[str]:
-    """Per direction "enough" (a force of at least the weight is resisted), "weak" (none is) or "open"."""
-    enough = curve.unbounded | (np.nan_to_num(curve.lower) >= weight)
-    weak = np.nan_to_num(curve.upper, nan=np.inf) < weight
-    return ["enough" if a else "weak" if b else "open" for a, b in zip(enough, weak, strict=True)]
-
-
-def weight_sentence(curve: Curve, weight: float) -> str:
-    """'A weight of 5 N: 30 of 36 directions resist as much, 6 less.'"""
-    states = weight_states(curve, weight)
-    text = f"A weight of {num(weight)} N: {states.count('enough')} of {len(states)} directions resist as much"
-    text += f", {states.count('weak')} less" if "weak" in states else ""
-    return text + (f", {states.count('open')} not decided." if "open" in states else ".")
+def _few(names: Sequence[str]) -> str:
+    return listed(names) if len(names) <= MANY else f"{len(names)} joints"

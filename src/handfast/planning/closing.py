@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.geometry.contacts import THRESHOLD, find_contacts
 from handfast.geometry.scene import Indices, PoseLike, Scene, checked_joints, checked_pose
 from handfast.model.body import Body
@@ -53,6 +53,7 @@ class Closed:
         return max([0.0] + [c.depth for c in self.contacts])
 
 
+@kinds_checked
 def close(
     hand: Hand,
     q0: Array | Mapping[str, float],

@@ -16,7 +16,7 @@ import numpy as np
 
 from handfast.core.answer import Reach, Stop
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import InputError, kinds_checked, unknown_name
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.geometry.collision import Collisions
 from handfast.geometry.contacts import of_body
@@ -47,6 +47,7 @@ DIFFERENT = 0.1  # grasps nearer to each other, in the measure of `synthesis/dis
 FRUITLESS = 4  # units without any certified start after which synthesis is asked whether there is one
 
 
+@kinds_checked
 def grasp_for(
     task: Task,
     body: Body | None = None,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.answer import Stop
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
@@ -23,6 +23,7 @@ from handfast.planning.sizes import compared
 from handfast.stability.loads import Loads
 
 
+@kinds_checked
 def plan(
     hand: Hand,
     body: Body,

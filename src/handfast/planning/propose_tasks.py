@@ -17,7 +17,8 @@ import numpy as np
 
 from handfast.core.answer import Reach
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
+from handfast.core.shown import Shown
 from handfast.geometry.guess_regions import regions_of
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
@@ -90,7 +91,7 @@ class Proposal:
 
 
 @dataclass(frozen=True, eq=False)
-class Proposals:
+class Proposals(Shown):
     """Ranked proposals: those that cut into nothing first, then by score.
 
     Attributes:
@@ -137,6 +138,7 @@ class Proposals:
         return files
 
 
+@kinds_checked
 def propose(
     hand: Hand,
     regions: HandRegions | None,

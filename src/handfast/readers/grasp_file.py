@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from handfast.core import bundled
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import InputError, kinds_checked, unknown_name
 from handfast.core.files import Strict, Vector, parse_json, read_json, validate, write_text
 from handfast.core.schema import written
 from handfast.model.grasp import LARGEST, Contact, Grasp, GraspJoint
@@ -132,6 +132,7 @@ def file_dict(grasp: Grasp, folder: str | Path = ".") -> dict[str, Any]:
     return data
 
 
+@kinds_checked
 def save_grasp(grasp: Grasp, path: str | Path, *, force: bool = False) -> None:
     """Write a `handfast/grasp/1` file.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.geometry.contacts import THRESHOLD, contact_grasp
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
@@ -96,6 +96,7 @@ class GraspInScene:
         return motors_of(self.grasp, self.hand)
 
 
+@kinds_checked
 def settle(
     grasp: Grasp | GraspInScene,
     wrench: Sequence[float] | Array,

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.core.transforms import transform
 from handfast.model.grasp import Grasp
 from handfast.simulation.bodies import Bodies, BodyStepper, bodies_of, build_bodies
@@ -24,6 +24,7 @@ Loading = Literal["preload-first", "together"]
 SLOWEST = 1e4  # [s of the twin] of a ramp: ten million steps
 
 
+@kinds_checked
 def simulate(
     grasp: Grasp,
     wrench: Sequence[float] | Array,
@@ -120,6 +121,7 @@ def force_unit(grasp: Grasp, wrench: Array) -> float:
     return least
 
 
+@kinds_checked
 def simulate_bodies(
     grasp: Grasp,
     wrench: Sequence[float] | Array,

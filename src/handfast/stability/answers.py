@@ -16,6 +16,7 @@ from handfast.core.answer import Stop, Verdict, header
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
+from handfast.core.shown import Shown
 from handfast.proofs import answers
 from handfast.proofs.certificate import Certificate, proof_to_dict
 from handfast.proofs.existence import Proved
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer(ABC):
+class Answer(Shown, ABC):
     """What every query answers.
 
     Attributes:

@@ -9,6 +9,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
+from handfast.core.shown import Shown
 from handfast.stability.answers import Answer
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 
 
 @dataclass(frozen=True, eq=False)
-class BatchAnswer:
+class BatchAnswer(Shown):
     """What `check_many`, `max_many` and `torques_many` answer: arrays of one shape.
 
     The shape is (n,) for n loads on one grasp, (g, n) for g grasps.

@@ -19,9 +19,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.core.files import write_text
 from handfast.core.limits import SearchLimits
+from handfast.core.shown import Shown
 from handfast.model.grasp import Grasp
 from handfast.proofs import holds
 from handfast.proofs.replay import Replay
@@ -45,7 +46,7 @@ FACTORS = (1.00001, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that
 
 
 @dataclass(frozen=True, eq=False)
-class HoldAnswer:
+class HoldAnswer(Shown):
     """Is there one preload under which every load is resisted?
 
     Attributes:
@@ -163,6 +164,7 @@ def _part(named: tuple[str, Answer | None] | None) -> dict[str, Any] | None:
     return None if named is None else {"load": named[0], "result": named[1].to_file() if named[1] else None}
 
 
+@kinds_checked
 def hold(
     grasp: Grasp,
     loads: Loads,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
+from handfast.core.shown import Shown
 
 if TYPE_CHECKING:
     from handfast.model.body import Body
@@ -39,7 +40,7 @@ class Weight:
 
 
 @dataclass(frozen=True, eq=False)
-class Loads:
+class Loads(Shown):
     """Wrenches on the object, one at a time. Object frame, at its origin.
 
     Attributes:
@@ -73,11 +74,17 @@ class Loads:
     @classmethod
     def wrench(cls, wrench: Sequence[float] | Array, name: str = "wrench") -> Loads:
         """A single wrench (6,) [N, N m], or (3,) a force at the origin."""
-        given = np.asarray(wrench, dtype=float)
+        try:
+            given = np.asarray(wrench, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"is {wrench!r}; six numbers are needed, or three for a force alone", field="wrench"
+            ) from None
         whole = np.concatenate([given, np.zeros(3)]) if given.shape == (3,) else given
         return cls((name,), whole[None])
 
     @classmethod
+    @kinds_checked
     def gravity(cls, body: Body, directions: str | Sequence[str] | Array = "all", g: float = 9.81) -> Loads:
         """The object's weight at its centre of mass, gravity pulling along each of some directions.
 
@@ -91,6 +98,10 @@ class Loads:
         """
         if isinstance(directions, str):
             directions = AXES if directions == "all" else [directions]
+        if np.ndim(directions) == 0:
+            raise InputError(
+                f"is {directions}; all, {', '.join(AXES)} or vectors (n, 3) are needed", field="directions"
+            )
         names, vectors = [], []
         for k, d in enumerate(directions):
             names.append(f"gravity {_axis_name(d)}" if isinstance(d, str) else f"gravity {k}")
@@ -98,6 +109,7 @@ class Loads:
         return cls._of_weight(body, names, vectors, g)
 
     @classmethod
+    @kinds_checked
     def tilt(
         cls,
         body: Body,

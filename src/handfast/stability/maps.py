@@ -11,7 +11,8 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict, header
 from handfast.core.arrays import Array, Mask, frozen
-from handfast.core.errors import InputError, unknown_name
+from handfast.core.errors import InputError, kinds_checked, unknown_name
+from handfast.core.shown import Shown
 from handfast.model.grasp import Grasp
 from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import to_dict
@@ -82,7 +83,7 @@ def of_all(verdicts: Sequence[Verdict]) -> Verdict:
     return next((v for v in (Verdict.SLIPS, Verdict.UNDECIDED) if v in verdicts), Verdict.HOLDS)
 
 
-class _Curves:
+class _Curves(Shown):
     """The verdict and stop of an answer that consists of curves."""
 
     grasp: Grasp
@@ -205,6 +206,7 @@ class SweepAnswer(_Curves):
         }
 
 
+@kinds_checked
 def force_map(
     grasp: Grasp,
     plane: Plane = "xy",
@@ -278,6 +280,7 @@ def forces_at(point: Array, directions: Array) -> Array:
     return out
 
 
+@kinds_checked
 def sweep(
     grasp: Grasp,
     actuator: str,

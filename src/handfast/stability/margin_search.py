@@ -15,7 +15,7 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.core.transforms import cross
 from handfast.model.grasp import Contact, Grasp
 from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
@@ -41,6 +41,7 @@ ALIGNED = 0.1  # a vector with a smaller share across a normal gives no directio
 OnSample = Callable[[str], None]
 
 
+@kinds_checked
 def margin(
     grasp: Grasp,
     wrench: Sequence[float] | Array,

@@ -18,6 +18,7 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
+from handfast.core.errors import kinds_checked
 from handfast.core.groups import table
 from handfast.model.grasp import Grasp
 from handfast.proofs.certificate import Certificate
@@ -152,6 +153,7 @@ class PreparedGrasp:
         return self._kernels[key]
 
 
+@kinds_checked
 def prepare(
     grasp: Grasp,
     *,

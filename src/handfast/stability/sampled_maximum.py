@@ -15,7 +15,8 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array, Mask
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
+from handfast.core.shown import Shown
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import finite
@@ -31,7 +32,7 @@ TRUST = 0.95  # how often what is said of unseen grasps is to be true
 
 
 @dataclass(frozen=True, eq=False)
-class SampledMaximum:
+class SampledMaximum(Shown):
     """The largest disturbance along a direction, of a grasp and of samples about it; magnitudes times the direction.
 
     Attributes:
@@ -128,6 +129,7 @@ class SampledMaximum:
         }
 
 
+@kinds_checked
 def sampled_maximum(
     grasp: Grasp,
     direction: Sequence[float] | Array,

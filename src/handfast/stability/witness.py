@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array
+from handfast.core.shown import Shown
 from handfast.model.grasp import Grasp
 from handfast.stability import model
 from handfast.stability.model import Energy, Residuals, State
@@ -18,7 +19,7 @@ KEYS = "residual", "contacts", "joint_torques", "actuator_forces", "object_motio
 
 
 @dataclass(frozen=True, eq=False)
-class Witness:
+class Witness(Shown):
     """A state with the grasp, disturbance and commands that it answers for.
 
     Attributes:

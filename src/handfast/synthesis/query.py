@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from handfast.core.answer import Reach, Stop
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.core.limits import SearchLimits
 from handfast.synthesis.distance import farthest, features_of
 from handfast.synthesis.embedded import fingerprint, task_to_dict
@@ -60,6 +60,7 @@ class SynthesisProgress:
 OnStep = Callable[[SynthesisProgress], None]
 
 
+@kinds_checked
 def synthesize(
     task: Task,
     *,

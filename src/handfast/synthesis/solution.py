@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
+from handfast.core.shown import Shown
 from handfast.core.transforms import quaternion_matrix, transform
 from handfast.model.configuration import Configuration
 from handfast.proofs.configurations import Existence
@@ -21,7 +22,7 @@ from handfast.synthesis.task import Task
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(Shown):
     """A configuration of the hand and the object, and the proof that an exact one is next to it.
 
     Attributes:

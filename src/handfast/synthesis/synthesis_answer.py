@@ -14,6 +14,7 @@ import numpy as np
 from handfast.core.answer import Reach, Stop, header
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
+from handfast.core.shown import Shown
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
 from handfast.proofs.synthesis import replay
@@ -57,7 +58,7 @@ def replayed(data: Any) -> Replay:
 
 
 @dataclass(frozen=True, eq=False)
-class Synthesis:
+class Synthesis(Shown):
     """Can the hand take the hold?
 
     Attributes:

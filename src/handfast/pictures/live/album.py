@@ -48,6 +48,10 @@ class Album:
                 return cls.of_folder(path)
             grasp = load_grasp(source)  # its faults are told before there is a page
             return cls((grasp.name,), (lambda: grasp,))
+        if not hasattr(source, "__iter__"):
+            raise InputError(
+                f"is of type {type(source).__name__}; grasps or the name of a file are needed", field="grasp"
+            )
         grasps = list(source)
         if not grasps:
             raise InputError("is empty; at least one grasp is needed", field="grasps")

@@ -11,6 +11,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.shown import Shown
 from handfast.geometry.contacts import THRESHOLD, grasp_of, of_body
 from handfast.geometry.scene import Scene
 from handfast.model.body import Body
@@ -45,7 +46,7 @@ Dropped = tuple[RejectionReason, Overlap | None]  # why an attempt was, and what
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedGrasp:
+class PlannedGrasp(Shown):
     """A hand around an object that holds its loads.
 
     Attributes:

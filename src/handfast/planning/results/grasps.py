@@ -12,6 +12,7 @@ import numpy as np
 
 from handfast.core.answer import Reach, Stop, header
 from handfast.core.arrays import Array
+from handfast.core.shown import Shown
 from handfast.geometry.collision import Clearances
 from handfast.geometry.dexterity import Dexterity
 from handfast.model.body import Body
@@ -36,7 +37,7 @@ from handfast.synthesis.task import Task
 
 
 @dataclass(frozen=True, eq=False)
-class ProvedGrasp:
+class ProvedGrasp(Shown):
     """A configuration that exists, is free of collision, and holds every load.
 
     Attributes:
@@ -126,7 +127,7 @@ class ProvedGrasp:
 
 
 @dataclass(frozen=True, eq=False)
-class Grasps:
+class Grasps(Shown):
     """From regions to grasps.
 
     Attributes:

@@ -10,6 +10,7 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
+from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer
@@ -65,6 +66,7 @@ def check(
     settings: Settings | None = ...,
     on_step: OnStep | None = ...,
 ) -> list[CheckAnswer]: ...
+@kinds_checked
 def check(
     grasp: Grasp,
     wrench: Any,

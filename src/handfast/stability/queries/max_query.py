@@ -11,6 +11,7 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
+from handfast.core.errors import kinds_checked
 from handfast.model.grasp import Grasp
 from handfast.proofs.balls import solution
 from handfast.proofs.certificate import proof_to_dict
@@ -142,6 +143,7 @@ class MaxAnswer(Answer):
         return out | {"arcs": arcs, "slips": [proof_to_dict(c) for c in shown.slips]}
 
 
+@kinds_checked
 def maximum(
     grasp: Grasp,
     direction: Sequence[float] | Array,

@@ -10,7 +10,7 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
-from handfast.core.errors import InputError
+from handfast.core.errors import InputError, kinds_checked
 from handfast.core.limits import SearchLimits
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
@@ -55,6 +55,7 @@ class TorquesAnswer(Answer):
         return {"preload": self.preload, "lower": finite(self.lower), "upper": finite(self.upper)}
 
 
+@kinds_checked
 def torques(
     grasp: Grasp,
     wrench: Sequence[float] | Array,

@@ -1,0 +1,36 @@
+"""What prints in a few lines and shows itself in a notebook: grasps, hands, objects, answers, maps, plans.
+
+`handfast.pictures.notebook` has the words and the pictures of all of them. It is far above this module, so that the
+package `handfast` names it here when it is imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+_presenter: Callable[[], Any]
+
+
+def present_with(presenter: Callable[[], Any]) -> None:
+    """Say who presents, an object or a module with `lines` and `html`; it is asked for when something is shown."""
+    global _presenter
+    _presenter = presenter
+
+
+class Shown:
+    """A base of dataclasses: `repr` is a few lines instead of every array, notebooks show words and a picture.
+
+    A class with a `__repr__` of its own keeps it.
+    """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]  # here, for `dataclass` to write none
+
+    def __repr__(self) -> str:
+        return "\n".join(_presenter().lines(self))
+
+    def _repr_html_(self) -> str:
+        return str(_presenter().html(self))

@@ -1,0 +1,322 @@
+"""What answers say, in sentences: verdicts, bounds, why a search stopped, what a HOLDS leans on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from handfast.core.answer import Stop, Verdict
+from handfast.pictures import words
+from handfast.pictures.words import count, listed, magnitude, num
+from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
+
+if TYPE_CHECKING:
+    from handfast.core.arrays import Array
+    from handfast.proofs.certificate import Certificate
+    from handfast.stability.answers import Answer
+    from handfast.stability.hold import HoldAnswer
+    from handfast.stability.maps import Curve, MapAnswer
+    from handfast.stability.margin import Flip, Margin
+    from handfast.stability.settings import Settings
+    from handfast.stability.witness import Witness
+
+CREATED = 1e-6  # friction that feeds in a larger share of the work than this is called unphysical
+
+
+def unphysical(witness: Witness | None) -> bool:
+    """Does friction push along the motion anywhere, so that energy comes out of nothing?"""
+    if witness is None or witness.mdp:
+        return False
+    e = witness.energy
+    return e.created > CREATED * (abs(e.disturbance) + abs(e.preload) + abs(e.stored))
+
+
+def fragile(answer: Answer) -> bool:
+    """Was it asked what a HOLDS leans on, and is that little?"""
+    margin: Margin | None = getattr(answer, "margin", None)
+    return margin is not None and margin.fragile
+
+
+def verdict_word(answer: Answer) -> str:
+    """'HOLDS', 'HOLDS, FRAGILE' or 'HOLDS?': of a state that is not physical."""
+    return answer.verdict.upper() + ("?" if unphysical(answer.witness) else ", FRAGILE" * fragile(answer))
+
+
+def margin_rows(margin: Margin) -> list[tuple[str, str, str]]:
+    """What a HOLDS leans on: the thing, the number, and what it means."""
+    squeezed = f"the most loaded pad alone gives way by {num(margin.squeeze, 3)} mm"
+    rows = [(f"motion at {num(margin.stiffness)} N/m", f"{num(margin.motion, 3)} mm", squeezed)]
+    for flip, what in ((margin.less, "less"), (margin.more, "more")):
+        rows.append((f"{what} friction", *_flip(flip, 100.0, " %")))
+    number, meaning = _flip(margin.tilt, 1.0, "°")
+    if len(margin.tilt.contacts) == 1:
+        meaning += f"; of contact {margin.tilt.contacts[0]} alone"
+    elif margin.tilt.contacts:
+        meaning += "; of several at once"
+    return [*rows, ("normals tilted", number, meaning)]
+
+
+def _flip(flip: Flip, factor: float, unit: str) -> tuple[str, str]:
+    """The number at which a verdict flips, and how far that is known."""
+
+    def size(x: float) -> str:
+        return f"{num(factor * x)}{unit}"
+
+    held = f"held in every sample up to {size(flip.holds)}" if flip.holds else "no smaller sample held"
+    if flip.undecided:
+        held += f", {count(flip.undecided, 'sample')} undecided"
+    if flip.slips is None:
+        return "no flip found", held
+    return f"slips at {size(flip.slips)}", f"that is {'' if flip.certified else 'not '}proved; {held}"
+
+
+def margin_note(margin: Margin) -> str:
+    """What the numbers are, in a sentence or two."""
+    cut = " It was interrupted." if margin.stop is not Stop.COMPLETE else ""
+    return (
+        f"By {margin.checks} further checks; between samples nothing is shown. The motion is the least that was "
+        f"found.{cut}"
+    )
+
+
+def fragile_text(margin: Margin) -> str:
+    """Why it is called fragile."""
+    named = {"motion": "a large motion", "friction": "its friction", "tilt": "its normals"}
+    return f"Fragile: it leans on {listed([named[w] for w in margin.why])}."
+
+
+def up_to(answer: Answer) -> str:
+    """', with virtual motions up to 10000 N' where a claim is not proved beyond; else ''."""
+    proof = getattr(answer, "proof", None)
+    return "" if proof is None or proof.cap is None else f", with virtual motions up to {num(proof.cap)} N"
+
+
+def check_sentence(answer: CheckAnswer, load: str) -> str:
+    match answer.verdict:
+        case Verdict.HOLDS if unphysical(answer.witness):
+            return f"{load} is balanced, but only by friction that creates energy: that is not physical."
+        case Verdict.HOLDS:
+            return f"The grasp resists {load} passively: an exact equilibrium was found and checked."
+        case Verdict.SLIPS:
+            return f"The object slips under {load}: no contact forces obey the model{up_to(answer)}."
+        case _:
+            return f"It was not decided whether the grasp resists {load}."
+
+
+def max_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
+    factor, unit = magnitude(direction)
+    what = words.direction_text(direction)
+    if unphysical(answer.witness):
+        return f"Solutions exist for a {what}, but friction creates energy in them: they are not physical."
+    if answer.unbounded:
+        return f"A {what} of any size is resisted."
+    if answer.verdict is Verdict.SLIPS:
+        return f"No {what} is resisted, however small{up_to(answer)}."
+    lower, upper = num(factor * answer.lower), num(factor * answer.upper)
+    if answer.lower <= 0:
+        above = f"; nothing above {upper} {unit} is{up_to(answer)}" if np.isfinite(answer.upper) else ""
+        return f"It is not known yet whether any {what} is resisted{above}."
+    if not np.isfinite(answer.upper):
+        return f"A {what} of {lower} {unit} is resisted; whether more is, was not decided."
+    if lower == upper:
+        return f"The largest {what} that is resisted is {lower} {unit}{up_to(answer)}."
+    return f"The largest {what} that is resisted is {lower} {unit}; none above {upper} {unit} is{up_to(answer)}."
+
+
+def interval_sentence(answer: MaxAnswer, direction: Sequence[float] | Array) -> str:
+    """Which smaller magnitudes are resisted; '' if that was not asked."""
+    i = answer.interval
+    if i is None:
+        return ""
+    factor, unit = magnitude(direction)
+
+    def ranges(pairs: Sequence[tuple[float, float]]) -> str:
+        return listed([f"{num(factor * a)} to {num(factor * b)} {unit}" for a, b in pairs])
+
+    parts = [f"everything from 0 to {num(factor * i.holds_from_zero_to)} {unit} is resisted"]
+    if i.holds_from_zero_to <= 0:
+        parts = ["it is not shown that small magnitudes are resisted"]
+        if i.holes and i.holes[0][0] <= 0:
+            parts = ["magnitudes just above 0 are not resisted"]
+    if i.holes:
+        parts.append(f"it slips from {ranges(i.holes)}, though more is resisted")
+    if i.unproved:
+        parts.append(f"from {ranges(i.unproved)} not all is decided")
+    text = "; ".join(parts) + "."
+    return text[0].upper() + text[1:]
+
+
+def torques_sentence(answer: TorquesAnswer, load: str, objective: str = "max") -> str:
+    goal = "largest command" if objective == "max" else "sum of commands"
+    if answer.verdict is Verdict.SLIPS:
+        return f"No commands of these actuators resist {load}{up_to(answer)}."
+    if answer.preload is None:
+        return f"No commands were found yet that resist {load}."
+    if answer.upper == 0:
+        return f"{load} is resisted with every actuator locked: no command is needed."
+    lower, upper = num(answer.lower), num(answer.upper)
+    limit = "" if lower == upper else f", and none below {lower} suffices{up_to(answer)}"
+    grasp = answer.witness.grasp if answer.witness else None
+    units = {words.actuator_unit(grasp, name) for name, f in answer.preload.items() if f} if grasp else {"N·m"}
+    return f"The {goal} that {load} needs is {upper} {' or '.join(sorted(units))}{limit}."
+
+
+def reason(answer: Answer, settings: Settings) -> str:
+    """Why an answer is not complete, and what helps; '' if it is."""
+    match answer.stop:
+        case Stop.COMPLETE:
+            return ""
+        case Stop.TIME:
+            limit = num(settings.time_limit)
+            return f"The time limit of {limit} s was hit; a larger --time-limit may decide it."
+        case Stop.NODES:
+            return f"The node limit of {num(settings.node_limit)} was hit; a larger --node-limit may decide it."
+        case Stop.INTERRUPTED:
+            return "It was interrupted; these are the bounds so far."
+        case _ if settings.method == "engine" and answer.verdict is Verdict.HOLDS:
+            return f"The bounds have not met to {num(100 * settings.gap)} %: the numbers did not suffice for all cases."
+        case _ if settings.method == "engine":
+            return "The search ended without an answer: the numbers did not suffice for all cases."
+        case _ if answer.verdict is Verdict.HOLDS and settings.sectors < 2048:
+            return (
+                f"The bounds have not met to {num(100 * settings.gap)} % with {settings.sectors} sectors "
+                f"({num(360 / settings.sectors)}° each); more --sectors bring them closer."
+            )
+        case _ if answer.verdict is Verdict.HOLDS:
+            gap = num(100 * settings.gap)
+            return f"The bounds have not met to {gap} %; more --sectors may bring them closer."
+        case _ if answer.steps and answer.steps[-1].finished:
+            return (
+                f"The relaxed model has a solution at the finest of {settings.sectors} sectors, but no exact "
+                "one was found near it; more --sectors may decide it."
+            )
+        case _:
+            return "The search ended without an answer: the solver's numbers did not suffice."
+
+
+def work(answer: Answer, settings: Settings) -> str:
+    """How an answer was found, and what proves it."""
+    seconds = f"{num(answer.seconds, 2)} s"
+    if settings.method == "algorithm1":
+        return f"Algorithm 1 on {settings.solver}: {count(len(answer.steps), 'program')}, {seconds}"
+    found = f"{count(answer.nodes, 'node')}, {seconds}"
+    return f"{found}; {certified(answer.certificate, answer.verified)}" if answer.certificate else found
+
+
+def certified(certificate: Certificate, verified: bool) -> str:
+    """'certificate of 4 leaves, replayed'."""
+    leaves = count(len(certificate.leaves), "leaf")
+    return f"certificate of {leaves}, {'replayed' if verified else 'not replayed yet'}"
+
+
+def curve_states(curve: Curve) -> list[str]:
+    """Per case 'unbounded', 'resisted', 'slips' or 'open' (bounds far apart or case not reached)."""
+    out = []
+    for lower, upper, unbounded, verdict in zip(curve.lower, curve.upper, curve.unbounded, curve.verdicts, strict=True):
+        if unbounded:
+            out.append("unbounded")
+        elif verdict is Verdict.SLIPS:
+            out.append("slips")
+        elif verdict is Verdict.UNDECIDED or not upper <= 1.05 * lower:
+            out.append("open")
+        else:
+            out.append("resisted")
+    return out
+
+
+def weight_states(curve: Curve, weight: float) -> list[str]:
+    """Per direction "enough" (a force of at least the weight is resisted), "weak" (none is) or "open"."""
+    enough = curve.unbounded | (np.nan_to_num(curve.lower) >= weight)
+    weak = np.nan_to_num(curve.upper, nan=np.inf) < weight
+    return ["enough" if a else "weak" if b else "open" for a, b in zip(enough, weak, strict=True)]
+
+
+def weight_sentence(curve: Curve, weight: float) -> str:
+    """'A weight of 5 N: 30 of 36 directions resist as much, 6 less.'"""
+    states = weight_states(curve, weight)
+    text = f"A weight of {num(weight)} N: {states.count('enough')} of {len(states)} directions resist as much"
+    text += f", {states.count('weak')} less" if "weak" in states else ""
+    return text + (f", {states.count('open')} not decided." if "open" in states else ".")
+
+
+def actuators_that_turn(witness: Witness) -> list[bool]:
+    """Which actuators move in a witness's virtual motion, by more than rounding."""
+    from handfast.stability import model
+
+    grasp = witness.grasp
+    moved = np.abs(model.actuator_motion(grasp, witness.state.q)) * model.actuator_arms(grasp)
+    return list(moved > 1e-9 * model.force_scale(witness.wrench, witness.state.c))
+
+
+def answer_sentence(answer: Answer, direction: Sequence[float] | Array | None = None, objective: str = "") -> str:
+    """What the answer to a check, a maximum or least commands says.
+
+    Args:
+        direction: (6,) of a maximum as it was asked about; that of its question by default.
+        objective: of least commands, "max" or "sum"; that of its question by default.
+    """
+    posed = answer.posed
+    if isinstance(answer, MaxAnswer):
+        if direction is None:
+            direction = posed.problem.along if posed else np.eye(6)[0]
+        said = max_sentence(answer, direction), interval_sentence(answer, direction)
+        return " ".join(s for s in said if s)
+    wrench = state_of(answer)[0]
+    load = "this load" if wrench is None else words.load_text(wrench)
+    if isinstance(answer, TorquesAnswer):
+        sums = bool(posed and posed.goal.sums_commands)
+        return torques_sentence(answer, load, objective or ("sum" if sums else "max"))
+    assert isinstance(answer, CheckAnswer)
+    return check_sentence(answer, load)
+
+
+def state_of(answer: Answer) -> tuple[Array | None, Witness | None]:
+    """The disturbance that an answer is about, and the equilibrium under it, as far as there are any."""
+    if answer.witness is not None:
+        return answer.witness.wrench, answer.witness
+    if answer.posed is None or isinstance(answer, MaxAnswer):
+        return None, None
+    return answer.posed.problem.wrench, None
+
+
+def map_sentence(answer: MapAnswer) -> str:
+    """In how many directions something is resisted."""
+    parts = []
+    for name, curve in (("without preload", answer.passive), ("with it", answer.preloaded)):
+        if curve is not None:
+            states = curve_states(curve)
+            some = sum(s != "slips" for s in states) - states.count("open")
+            left = f", {states.count('open')} not decided" if "open" in states else ""
+            parts.append(f"{name}, {some} of {len(states)} directions are resisted{left}")
+    text = "; ".join(parts)
+    return text[:1].upper() + text[1:] + "."
+
+
+def hold_sentence(answer: HoldAnswer) -> str:
+    """What the verdict about one preload for all loads says."""
+    loads = count(len(answer.loads), "load")
+    if answer.verdict is Verdict.HOLDS:
+        if answer.upper == 0:
+            return f"Every actuator may stay locked: {loads} resisted, no command needed."
+        below = f"; none below {num(answer.lower)} suffices" if answer.lower > 0 else ""
+        return f"One preload holds {loads}; its largest command is {command_text(answer)}{below}."
+    if answer.verdict is Verdict.SLIPS and answer.refuted:
+        name, proof = answer.refuted
+        if proof is None:
+            return f"No preload holds {name}: no forces at the contacts balance it."
+        if np.isfinite(answer.command_limit) and proof.verdict is not Verdict.SLIPS:
+            return f"No preload of commands up to {num(answer.command_limit)} holds {name}."
+        return f"No preload of these actuators holds {name}."
+    return f"It was not decided whether one preload holds {loads}."
+
+
+def command_text(answer: HoldAnswer) -> str:
+    """'0.12 N·m', of the largest command; 'locked' where none is needed."""
+    if answer.preload is None or answer.grasp is None:
+        return "–"
+    name = max(answer.preload, key=lambda n: abs((answer.preload or {})[n]), default="")
+    if not name or not answer.preload[name]:
+        return "locked"
+    return f"{num(answer.upper)} {words.actuator_unit(answer.grasp, name)}"

@@ -1,0 +1,92 @@
+"""What is printed and what a notebook shows: a few lines, and a picture."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import handfast
+from handfast import Body, InputError, Loads, check, force_map, hold, load_body, load_grasp, load_hand, load_task, plan
+from handfast.core.shown import Shown
+from handfast.model.shape import Shape
+from handfast.pictures import notebook
+
+
+def planned() -> Any:
+    block = Body.of([Shape("box", [0.04, 0.04, 0.06])], mass=0.1, friction=0.8, name="block")
+    options = {"count": 2, "seed": 1, "jobs": 1, "attempts": 200, "loads": Loads.gravity(block, "-z")}
+    return plan(load_hand("parallel-gripper"), block, **options)
+
+
+def slipping() -> Any:
+    return check(load_grasp("fig1"), [0, 5, 0, 0, 0, 0])
+
+
+SHOWN: dict[
+    str, tuple[Callable[[], Any], str, bool]
+] = {  # what, a part of its first line, and whether it has a picture
+    "grasp": (lambda: load_grasp("fig1"), "4 contacts", True),
+    "hand": (lambda: load_hand("parallel-gripper"), "3 links, 2 joints, 1 actuator", True),
+    "object": (lambda: load_body("can"), "1 convex piece, 0.35 kg", False),
+    "loads": (lambda: Loads.gravity(load_body("can")), "6 loads", False),
+    "check": (lambda: check(load_grasp("fig1"), [0, 1, 0, 0, 0, 0]), "HOLDS  fig1", True),
+    "slips": (slipping, "SLIPS  fig1", True),
+    "map": (lambda: force_map(load_grasp("fig1"), "xy", steps=8), "forces in the xy plane", True),
+    "hold": (lambda: hold(load_grasp("barrett-can"), Loads.wrench([0, 0, -3])), "One preload holds 1 load", True),
+    "plan": (planned, "2 grasps of 2 asked for: parallel-gripper on block", True),
+    "task": (lambda: load_task("scalpel-upholding"), "scalpel-upholding: schunk-sah", True),
+}
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_a_notebook_shows_words_and_a_picture(name: str) -> None:
+    make, first, pictured = SHOWN[name]
+    thing = make()
+    said = notebook.lines(thing)
+    assert first in said[0]
+    assert len(said) < 12
+    assert len(repr(thing)) < 1200
+    page = thing._repr_html_()
+    assert page.count("<b>") == 1
+    assert ("data:image/png;base64," in page) is pictured
+
+
+def test_every_public_class_that_is_shown_has_words() -> None:
+    shown = [getattr(handfast, name) for name in handfast.__all__]
+    shown = [kind for kind in shown if isinstance(kind, type) and issubclass(kind, Shown)]
+    assert len(shown) >= 8
+    default = notebook.lines.dispatch(object)
+    assert [kind.__name__ for kind in shown if notebook.lines.dispatch(kind) is default] == []
+
+
+def test_names_are_escaped() -> None:
+    body = Body.of([Shape("sphere", [0.01])], name="<script>alert(1)</script>")
+    assert "<script>" not in body._repr_html_()
+
+
+def test_wrong_arguments_are_told_in_words() -> None:
+    can = load_body("can")
+    wrong: list[tuple[Callable[[], Any], str]] = [
+        (lambda: Loads.gravity(0.1), r"^body: is of type float; an object is needed"),  # type: ignore[arg-type]
+        (lambda: Loads.gravity(can, 3), r"^directions: is 3; all, "),  # type: ignore[arg-type]
+        (lambda: Loads.wrench("down"), r"^wrench: is 'down'; six numbers"),
+        (lambda: check("fig1", [0, 1, 0]), r"^grasp: is 'fig1'; a grasp is needed, such as load_grasp"),  # type: ignore[call-overload]
+        (lambda: hold(load_grasp("fig1"), [0, 1, 0]), r"^loads: is of type list; loads are needed"),  # type: ignore[arg-type]
+        (lambda: handfast.draw_map(can), r"^answer: is of type Body; what force_map answers"),  # type: ignore[arg-type]
+        (lambda: handfast.view(3), r"^grasp: is of type int; grasps or the name of a file"),  # type: ignore[arg-type]
+    ]
+    for call, said in wrong:
+        with pytest.raises(InputError, match=said):
+            call()
+
+
+def test_the_package_runs_as_a_program(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["handfast", "list"])
+    with pytest.raises(SystemExit) as over:
+        runpy.run_module("handfast", run_name="__main__")
+    assert not over.value.code
+    assert "barrett-bh8-280" in capsys.readouterr().out
