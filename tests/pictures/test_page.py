@@ -142,7 +142,7 @@ def test_map_table_has_every_direction(grasp: Grasp, tmp_path: Path) -> None:
     ]
     curve = Curve.of([*answers[:3], None])
     directions = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0.0]])
-    answer = MapAnswer(grasp, "xy", 0.0, directions, curve, None, 1.0, 0)
+    answer = MapAnswer(grasp, "xy", directions, curve, None, 1.0, 0)
     write_report(tmp_path / "a.html", grasp, [Entry("map", answer)])
     text = page(tmp_path / "a.html")
     for said in (">1.25<", ">2.5<", ">3.75<", ">not reached<", ">270<", "1 not decided"):
@@ -192,7 +192,7 @@ def test_a_slip_names_its_load(grasp: Grasp, tmp_path: Path) -> None:
 def test_a_map_says_where_its_forces_act_and_what_the_weight_meets(grasp: Grasp, tmp_path: Path) -> None:
     holds = [MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), None, None, v, v, False) for v in (1.0, 3.0)]
     directions = np.array([[1, 0, 0], [-1, 0, 0.0]])
-    plain = MapAnswer(grasp, "xy", 0.0, directions, Curve.of(holds), None, 1.0, 0)
+    plain = MapAnswer(grasp, "xy", directions, Curve.of(holds), None, 1.0, 0)
     entry = Entry("map", replace(plain, at=np.array([0, 0.02, 0])), weight=2.0)
     write_report(tmp_path / "a.html", grasp, [entry])
     text = page(tmp_path / "a.html")
