@@ -98,7 +98,7 @@ class Loads(Shown):
         """
         if isinstance(directions, str):
             directions = AXES if directions == "all" else [directions]
-        if np.ndim(directions) == 0:
+        if not hasattr(directions, "__iter__"):
             raise InputError(
                 f"is {directions}; all, {', '.join(AXES)} or vectors (n, 3) are needed", field="directions"
             )
