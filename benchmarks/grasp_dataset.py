@@ -57,7 +57,7 @@ KEYS = ("joints", "object_position", "object_quaternion", "preload", "mass", "fr
 DIGITS = 4  # of the bundled numbers
 KEPT = (
     *("name", "contact_positions", "contact_normals", "contact_links", "preload", "mass", "center", "verdict"),
-    *("verdicts", "weight_factor", "worst_force", "largest_command", "largest_command_lower", "open"),
+    *("verdicts", "weight_factor", "worst_force", "largest_command", "largest_command_lower", "held_by", "open"),
     *map(wrench_column, WRENCHES),
 )
 

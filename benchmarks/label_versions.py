@@ -92,7 +92,9 @@ def compared(a: dict[str, Any], b: dict[str, Any]) -> Counter[str]:
         if f"{key}_upper" in a:
             bounds = [(v[key] or 0.0, np.inf if v[f"{key}_upper"] is None else v[f"{key}_upper"]) for v in (a, b)]
         elif f"{key}_lower" in a:
-            bounds = [tuple(np.inf if v[k] is None else v[k] for k in (f"{key}_lower", key)) for v in (a, b)]
+            none = [np.inf if v[key] is None else 0.0 for v in (a, b)]  # a lower bound that is not shown is empty
+            lowers = [n if v[f"{key}_lower"] is None else v[f"{key}_lower"] for v, n in zip((a, b), none, strict=True)]
+            bounds = [(low, np.inf if v[key] is None else v[key]) for v, low in zip((a, b), lowers, strict=True)]
         else:
             continue
         (lower, upper), (other_lower, other_upper) = bounds

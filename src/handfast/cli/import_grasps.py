@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from handfast.datasets.published.published_file import Source
     from handfast.model.hand import Hand
 
+TABLES = (".csv", ".jsonl", ".parquet")
+
 
 @dataclass(kw_only=True)
 class ImportGrasps(JointLawOptions, Command):
@@ -192,6 +194,24 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
                 grid.add_row(str(others), f"{len(reasons) - 8} other reasons")
             out.print(grid)
         out.print(f"Written: {self.output}" if good else "Nothing was written.", soft_wrap=True)
+        told = self._without_commands(good)
+        if told:
+            out.print(told, soft_wrap=True)
+
+    def _without_commands(self, good: list[ImportedGrasp]) -> str:
+        """What to do about grasps whose motors are all locked; "" if there are none."""
+        locked = [r for r in good if r.grasp is not None and not any(r.grasp.preload.values())]
+        if not locked:
+            return ""
+        squeezed = sum(r.squeeze is not None for r in locked)
+        text = (
+            f"{len(locked)} of {len(good)} grasps come without commands: their motors are locked and press on nothing."
+        )
+        if self.gain is None and squeezed:
+            text += f" The files say a squeeze of {squeezed}: --gain KP commands what servos that pull towards it do."
+        table = self.output is not None and self.output.suffix.lower() in TABLES
+        label = "`handfast label`" if table else f"`handfast label {self.output} -o labels.jsonl --mass KG`"
+        return f"{text} {label} says which of them hold as they are, and finds commands for the others."
 
 
 SAID = (

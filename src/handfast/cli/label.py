@@ -23,6 +23,12 @@ if TYPE_CHECKING:
     from handfast.datasets.scene_source import SceneSource
 
 SUMMARY, PICTURE = ".summary.json", ".summary.png"
+HELD_BY = {  # a word of the column: what it says
+    "these": "holds with these commands",
+    "others": "could hold with others: column holding_commands",
+    "none": "cannot hold with any commands",
+    "undecided": "undecided",
+}
 MOST = 8  # reasons that are shown
 LOG = 60.0  # [s] between lines of progress where there is no terminal
 
@@ -190,8 +196,11 @@ class Label(JointLawOptions, Command):
             f"{summary.labelled} of {count(summary.rows, 'grasp')} labelled, {summary.broken} broken", style="bold"
         )
         grid = table("weight from every direction", "grasps")
-        for verdict, number in sorted(summary.verdicts.items()):
-            grid.add_row(verdict, str(number))
+        for key, words in HELD_BY.items():
+            if summary.held_by[key]:
+                grid.add_row(words, str(summary.held_by[key]))
+        if summary.verdicts["no weight"]:
+            grid.add_row("not asked: no mass is known; give --mass KG", str(summary.verdicts["no weight"]))
         if grid.row_count:
             out.print(grid)
         if summary.broken:

@@ -46,12 +46,14 @@ class DatasetRow:
         name: of the grasp.
         content: the text of a grasp file, a posture, or why there is neither.
         unnamed: is the name nobody's, so that the grasp's own is better?
+        source: where it is from: FILE#INDEX of a published set, or a file of the dataset; "" if nothing says it.
     """
 
     number: int
     name: str
     content: str | PosedRow | FaultyRow
     unnamed: bool = False
+    source: str = ""
 
 
 @dataclass(frozen=True, eq=False)

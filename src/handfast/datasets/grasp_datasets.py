@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
+from handfast.core.files import read_json
 from handfast.datasets.dataset_rows import DatasetRow, FaultyRow
 from handfast.datasets.datasets import GraspDataset, file_identity, printable
 
 LONGEST = 16 << 20  # [bytes] of a row: nothing of ours comes near, and memory has an end
 BLOCK = 1 << 20  # [bytes] read at a time
 BESIDE = (".jsonl.about.json", ".summary.json")  # how files of labels end that are no grasp files,
+IMPORT = "import.json"
 IN_THE_MAKING = (".jsonl.parts", ".parquet.parts")  # and folders that have such files
 
 
@@ -27,6 +29,7 @@ class GraspFiles(GraspDataset):
         found = [f for f in found if not _of_labels(f)]
         named = [f for f in found if f.endswith(".grasp.json") or Path(f).name.startswith("grasp-")]
         self.files = sorted(named or found)
+        self.sources = {k: v for file in path.rglob(IMPORT) for k, v in _published(file, path).items()}
         if not self.files:
             raise InputError("has no grasp files (.json) in it or below", source=str(path))
 
@@ -45,7 +48,22 @@ class GraspFiles(GraspDataset):
         return iter(self.files)
 
     def row(self, number: int, item: str) -> DatasetRow:
-        return DatasetRow(number, printable(item), _content(self.path / item))
+        return DatasetRow(
+            number, printable(item), _content(self.path / item), source=self.sources.get(item, printable(item))
+        )
+
+
+def _published(file: Path, dataset: Path) -> dict[str, str]:
+    """FILE#INDEX of a published set by grasp file of the dataset, as an import says it; nothing if it is none."""
+    try:
+        found = read_json(file, "import")
+        rows = [row for row in found["rows"] if "grasp_file" in row]
+        return {
+            str((file.parent / row["grasp_file"]).relative_to(dataset)): printable(f"{row['file']}#{row['index']}")
+            for row in rows
+        }
+    except (InputError, LookupError, TypeError, ValueError):
+        return {}
 
 
 def _content(file: Path) -> str | FaultyRow:

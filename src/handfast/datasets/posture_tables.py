@@ -30,6 +30,7 @@ HEADER = 10_000  # characters of an .npy header
 PARTS = {"object_position": ("object_pose.position", 3), "object_quaternion": ("object_pose.quaternion", 4)}
 NEEDED = ("joints", *PARTS)
 OPTIONAL = ("preload", "mass", "friction", "name")
+PUBLISHED = ("file", "index")  # of a row that `import` wrote
 DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError)  # what an archive raises that was changed or cut
 PARQUET = "needs pyarrow: pip install 'handfast[label]'"
 
@@ -49,7 +50,8 @@ class PostureTable(GraspDataset):
             mass=_single(item.get("mass")),
             friction=_single(item.get("friction")),
         )
-        return DatasetRow(number, f"row {number}" if name is None else printable(str(name)), posed)
+        source = printable(f"{item['file']}#{item['index']}") if item.get("file") is not None else ""
+        return DatasetRow(number, f"row {number}" if name is None else printable(str(name)), posed, source=source)
 
 
 class PackedPostures(PostureTable):
@@ -142,7 +144,8 @@ class ParquetPostures(PostureTable):
             self._count, names = file.metadata.num_rows, file.schema_arrow.names
         if not self._count:
             raise InputError("has no rows", source=str(path))
-        self._taken = {key: columns for key in (*NEEDED, *OPTIONAL) if (columns := _columns(key, names))}
+        wanted = (*NEEDED, *OPTIONAL, *(PUBLISHED if {*PUBLISHED} <= {*names} else ()))
+        self._taken = {key: columns for key in wanted if (columns := _columns(key, names))}
         for key in NEEDED:
             if key not in self._taken:
                 problem = f"is missing; the columns are {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"

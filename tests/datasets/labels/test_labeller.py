@@ -10,13 +10,14 @@ from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.datasets.labels.label_columns import COLUMNS, MEASURES, NAMES, WRENCHES, complete, wrench_column
 from handfast.datasets.labels.labeller import AXES, Labelling, label, spread
-from handfast.datasets.labels.questions import LargestLoad, Questions
+from handfast.datasets.labels.questions import LargestLoad, LeastCommands, Questions
 from handfast.measures.catalogue import CATALOGUE
 from handfast.measures.measuring import measure
 from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import from_dict
 from handfast.stability.queries import check, maximum, torques
 from tests.support.labelled import MASS, fixture, heavy
+from tests.support.problems import pinch
 
 WEIGHT = MASS * 9.81
 
@@ -152,3 +153,38 @@ def test_columns_are_named_once_and_all_there() -> None:
 def test_odd_questions_are_refused(asked: dict, fault: str) -> None:
     with pytest.raises(InputError, match=fault):
         Labelling(**asked)
+
+
+def held(grasp: Grasp) -> dict[str, object]:
+    """What is said of the commands under gravity both ways across the fingers of `pinch`: 0.49 N, 0.049 N m."""
+    about = grasp.about(mass=0.05, center_of_mass=(0, 0, 0))
+    return label(about, Labelling(directions=1, gravity=((0, -1.0, 0), (0, 1.0, 0))))
+
+
+def test_what_slips_with_these_commands_may_be_held_by_others() -> None:
+    said = held(pinch().with_preload(None))
+    assert (said["verdict"], said["held_by"]) == ("slips", "others")
+    assert np.min(said["holding_commands"]) >= 0.049
+    assert said["largest_command"] == pytest.approx(0.049, rel=2e-3)
+    again = held(pinch().with_preload(np.array(said["holding_commands"])))
+    assert (again["verdict"], again["held_by"]) == ("holds", "these")
+    assert again["holding_commands"] == said["holding_commands"]
+
+
+def test_what_no_commands_hold() -> None:
+    fixed = label(from_dict(fixture()), Labelling(directions=1))
+    assert (fixed["verdict"], fixed["held_by"], fixed["holding_commands"]) == ("slips", "none", None)
+    smooth = held(pinch(mu=0.0))  # contacts without friction carry nothing across
+    assert (smooth["held_by"], smooth["largest_command"], smooth["largest_command_lower"]) == ("none", None, None)
+
+
+def test_commands_that_hold_are_never_below_the_largest_that_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the search for the smallest ends early those of the row take their place; an open end is empty."""
+    far = LeastCommands(np.array([0.5, 0.5]), 0.0)
+    monkeypatch.setattr(Questions, "commands", lambda self, wrench: far)
+    said = held(pinch(torque=0.1))
+    assert (said["commands"], said["largest_command"], said["largest_command_lower"]) == ([0.1, 0.1], 0.1, None)
+    weak = held(pinch(torque=0.01))
+    assert weak["held_by"] == "others"
+    assert weak["commands"] == weak["holding_commands"]
+    assert weak["largest_command"] == np.max(weak["holding_commands"]) < 0.5

@@ -75,6 +75,7 @@ def test_what_was_changed_is_refused(made: Path, tmp_path: Path) -> None:
         r"verdicts\[0\]: is 'slips'; asked again, it holds, which is proved",
         r"weight_factor: is 3; asked again, nothing above 2\.\d* is resisted, which is proved",
         r"largest_command_lower: is 0\.2; asked again, commands of 0\.04\d* hold, which is proved",
+        r"held_by: is 'these'; with the verdict 'slips' it is none or others or undecided",
     ]
     for why in whys:
         assert any(re.match(why, fault) for fault in faults), (why, faults)
@@ -106,7 +107,7 @@ def test_what_contradicts_itself_or_the_dataset_is_refused(
         ([0.04, 0.04], 0.0, 0.04, "asked again, the weight slips under them, which is proved"),
         ([0.06, 0.06], 0.0, 0.05, "is 0.05; the largest of the commands is 0.06"),
         ([0.06, 0.06], 0.052, 0.06, "is 0.052; asked again, commands of 0.05"),
-        (None, np.inf, np.inf, "is null; asked again, commands of 0.05"),
+        (None, 0.06, np.inf, "is 0.06; asked again, commands of 0.05"),
         (None, 0.0, 0.05, "is 0.05, without commands"),
     ],
 )
@@ -141,3 +142,40 @@ def test_what_it_needs(made: Path, tmp_path: Path) -> None:
     short.write_text(short.read_text().splitlines()[0] + "\n")
     with pytest.raises(InputError, match=r"labels\.jsonl: has 1 rows, its dataset 2"):
         asked(short, made)
+
+
+@pytest.fixture(scope="module")
+def weak(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """As `made`, of a grasp without commands and of one without friction."""
+    folder = tmp_path_factory.mktemp("weak")
+    dataset = write_lines(folder / "grasps.jsonl", to_dict(pinch().with_preload(None)), to_dict(pinch(0.0)))
+    changes = GraspChanges(mass=0.05, center_of_mass=(0.0, 0.0, 0.0))
+    label_dataset(dataset, folder / "labels.jsonl", labelling=LITTLE, changes=changes, jobs=1)
+    return folder
+
+
+def test_which_commands_hold_is_proved(weak: Path) -> None:
+    rows = [json.loads(line) for line in (weak / "labels.jsonl").read_text().splitlines()]
+    assert [row["held_by"] for row in rows] == ["others", "none"]
+    done = asked(weak / "labels.jsonl", weak)
+    assert done.ok, done.reason
+
+
+@pytest.mark.parametrize(
+    ("forged", "why"),
+    [
+        (
+            {"held_by": "none", "holding_commands": None},
+            "held_by: is 'none'; asked again, each load is resisted under some",
+        ),
+        ({"held_by": "these"}, "held_by: is 'these'; with the verdict 'slips' it is none or others or undecided"),
+        ({"holding_commands": None}, "holding_commands: is null, where held_by is 'others'"),
+        ({"holding_commands": [0.01, 0.01]}, "holding_commands: is 'holds'; asked again, it slips, which is proved"),
+    ],
+)
+def test_false_words_about_other_commands_are_refused(
+    forged: dict[str, Any], why: str, weak: Path, tmp_path: Path
+) -> None:
+    done = asked(changed(weak, tmp_path, lambda row: row.update(forged)), weak)
+    faults = [f"{part.name}: {part.refused}" for part in done.parts[0].parts if part.refused]
+    assert any(fault.startswith(why) for fault in faults), faults

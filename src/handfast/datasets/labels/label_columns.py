@@ -9,6 +9,7 @@ from typing import Any, Literal
 SCHEMA = "handfast/labels/1"
 Kind = Literal["integer", "number", "text", "numbers", "texts", "points"]  # plural: a list of them; points: of (3,)
 
+HELD_BY = ("these", "others", "none", "undecided")  # commands of the row, others that were found, no commands at all
 WRENCHES = tuple(sign + axis for sign in ("+", "-") for axis in ("fx", "fy", "fz", "tx", "ty", "tz"))
 
 
@@ -56,7 +57,12 @@ MEASURES = (  # those of `handfast measures` that need no further package and ne
 
 COLUMNS = (
     LabelColumn("row", "integer", "", "number of the row in the dataset, from 0"),
-    LabelColumn("name", "text", "", "of the grasp: its file, or as the dataset calls it"),
+    LabelColumn("name", "text", "", "of the row: its file, or as the dataset calls it"),
+    LabelColumn("grasp", "text", "", "name of the grasp; null if it has none of its own"),
+    LabelColumn("object", "text", "", "name of the object: its file without ending; null if nothing names it"),
+    LabelColumn(
+        "source", "text", "", "where the row is from: FILE#INDEX of a published set, else its file in the dataset"
+    ),
     LabelColumn("status", "text", "", "labelled, or broken"),
     LabelColumn("reason", "text", "", "why a row is broken; null if it is not"),
     LabelColumn("joints", "numbers", "rad, m", "joint values of the hand, in its order; null for grasp files"),
@@ -71,7 +77,13 @@ COLUMNS = (
     LabelColumn("preload", "numbers", "N m, N", "their commands, under which all of this was asked; 0 is locked"),
     LabelColumn("mass", "number", "kg", "of the object"),
     LabelColumn("center", "numbers", "m", "where disturbances act: the centre of mass, else the object's origin"),
-    LabelColumn("verdict", "text", "", "is the weight held from every direction: holds, slips, undecided"),
+    LabelColumn(
+        "verdict", "text", "", "is the weight held from every direction with this preload: holds, slips, undecided"
+    ),
+    LabelColumn("held_by", "text", "", f"commands that hold the weight from every direction: {', '.join(HELD_BY)}"),
+    LabelColumn(
+        "holding_commands", "numbers", "N m, N", "those commands, one preload for all directions; null: none found"
+    ),
     LabelColumn("verdicts", "texts", "", "the same for each direction of gravity, in the order of the metadata"),
     LabelColumn("weight_factor", "number", "", "least over the directions: so many times the weight is resisted"),
     LabelColumn("weight_factor_upper", "number", "", "no larger factor is resisted in that direction"),
@@ -80,9 +92,13 @@ COLUMNS = (
     LabelColumn("worst_force", "number", "N", "least over the directions of the largest resisted force at the centre"),
     LabelColumn("worst_force_upper", "number", "N", "no larger force is resisted in that direction; null: unbounded"),
     LabelColumn("worst_direction", "numbers", "", "that direction, object axes"),
-    LabelColumn("commands", "numbers", "N m, N", "smallest commands that hold the weight in the hardest direction"),
-    LabelColumn("largest_command", "number", "N m, N", "the largest of them; null if none was found"),
-    LabelColumn("largest_command_lower", "number", "N m, N", "no smaller largest command holds; null: none does"),
+    LabelColumn(
+        "commands", "numbers", "N m, N", "smallest commands found that hold the weight in the hardest direction"
+    ),
+    LabelColumn("largest_command", "number", "N m, N", "the largest of them; null: none were found"),
+    LabelColumn(
+        "largest_command_lower", "number", "N m, N", "no smaller largest command holds; null: not shown, or none holds"
+    ),
     *MEASURES,
     LabelColumn("open", "integer", "", "maxima, checks and commands that a limit left open"),
     LabelColumn("stop", "text", "", "complete, or the limit that was hit: nodes, time, numerical", course=True),

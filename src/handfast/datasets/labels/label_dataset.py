@@ -227,15 +227,11 @@ def labels_of(recipe: LabelRecipe, part: LabelPart) -> list[dict[str, Any]]:
 
 
 def _label_of(recipe: LabelRecipe, row: DatasetRow) -> dict[str, Any]:
-    said: dict[str, Any] = {"row": row.number, "name": row.name}
     if isinstance(row.content, FaultyRow):
         return broken(row.number, row.name, row.content.reason)
     try:
-        grasp, posture = grasp_of_row(row, recipe.changes, recipe.scene)
-        said |= posture
-        if row.unnamed:
-            said["name"] = grasp.name
-        found = complete(said | label(grasp, recipe.labelling))
+        grasp, about = grasp_of_row(row, recipe.changes, recipe.scene)
+        found = complete(about | label(grasp, recipe.labelling))
         json.dumps(found, allow_nan=False)  # what no table can hold is this row's fault alone
         return found
     except InputError as fault:
@@ -246,15 +242,23 @@ def _label_of(recipe: LabelRecipe, row: DatasetRow) -> dict[str, Any]:
 
 
 def grasp_of_row(row: DatasetRow, changes: GraspChanges, scene: SceneSource | None) -> tuple[Grasp, dict[str, Any]]:
-    """The grasp that a row is labelled as, and the columns of its posture; raises `InputError`."""
+    """The grasp that a row is labelled as, and the columns that say which row it is; raises `InputError`."""
+    about: dict[str, Any] = {"row": row.number, "name": row.name, "source": row.source or None}
     match row.content:
         case FaultyRow(reason):
             raise InputError(reason)
         case str(text):
-            return grasp_of_text(text, row.name, changes), {}
+            grasp = grasp_of_text(text, row.name, changes)
+            made = grasp.provenance and grasp.provenance.object
+            about["object"] = Path(made.path).stem if made else None
+            about["grasp"] = None if grasp.name == row.name else grasp.name
+            if row.unnamed:
+                about["name"] = grasp.name
+            return grasp, about
         case PosedRow() as posed:
             assert scene
-            return scene.grasp(posed, row.name, changes), _posture(scene, posed)
+            grasp = scene.grasp(posed, row.name, changes)
+            return grasp, about | {"object": Path(scene.object).stem} | _posture(scene, posed)
 
 
 def _posture(scene: SceneSource, row: PosedRow) -> dict[str, Any]:

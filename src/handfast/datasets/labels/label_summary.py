@@ -12,7 +12,20 @@ import numpy as np
 REASONS = 100  # different ones that are kept, and broken rows that are listed one by one
 SPREAD = {"weight_factor": (1e-3, 1e3), "worst_force": (1e-3, 1e3), "largest_command": (1e-4, 1e2)}
 SPREAD_BINS = 60
-KEPT = ("row", "name", "status", "reason", "verdict", "contacts", "open", "stop", "nodes", "seconds", *SPREAD)
+KEPT = (
+    "row",
+    "name",
+    "status",
+    "reason",
+    "verdict",
+    "held_by",
+    "contacts",
+    "open",
+    "stop",
+    "nodes",
+    "seconds",
+    *SPREAD,
+)
 
 
 def edges(name: str) -> Any:
@@ -27,7 +40,7 @@ class LabelSummary:
     Attributes:
         rows: all of them. labelled, broken: of these.
         reasons: of broken rows: how many, and the first row. broken_rows: row, name and reason of the first ones.
-        verdicts, contacts, stops: how many rows of each. open: questions that a limit left open.
+        verdicts, held_by, contacts, stops: how many rows of each. open: questions that a limit left open.
         nodes, seconds: of all labels together.
         spread: histograms by column and verdict, over `edges`.
         wall: [s] of this run. fresh: rows that this run labelled; the others were there.
@@ -40,6 +53,7 @@ class LabelSummary:
     first: dict[str, int] = field(default_factory=dict)
     broken_rows: list[dict[str, Any]] = field(default_factory=list)
     verdicts: Counter[str] = field(default_factory=Counter)
+    held_by: Counter[str] = field(default_factory=Counter)
     contacts: Counter[int] = field(default_factory=Counter)
     stops: Counter[str] = field(default_factory=Counter)
     open: int = 0
@@ -59,6 +73,8 @@ class LabelSummary:
             self.labelled += 1
             verdict = row["verdict"] or "no weight"
             self.verdicts[verdict] += 1
+            if row["held_by"]:
+                self.held_by[row["held_by"]] += 1
             self.contacts[row["contacts"]] += 1
             self.stops[row["stop"]] += 1
             self.open += row["open"]
@@ -92,6 +108,7 @@ class LabelSummary:
             "reasons": reasons,
             "broken_rows": self.broken_rows,
             "verdicts": dict(sorted(self.verdicts.items())),
+            "held_by": dict(sorted(self.held_by.items())),
             "contacts": {str(k): n for k, n in sorted(self.contacts.items())},
             "stops": dict(sorted(self.stops.items())),
             "open": self.open,

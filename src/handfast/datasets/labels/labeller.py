@@ -12,7 +12,7 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.datasets.labels.label_columns import MEASURES, WRENCHES, LabelColumn, wrench_column
-from handfast.datasets.labels.questions import LargestLoad, Questions
+from handfast.datasets.labels.questions import LargestLoad, LeastCommands, Questions, free_motors, largest_command
 from handfast.measures.measuring import measure_columns
 from handfast.model.grasp import Grasp
 from handfast.stability.settings import Settings
@@ -172,16 +172,49 @@ def _under_gravity(
         replace(m, lower=max(m.lower, weight)) if v is Verdict.HOLDS else m for m, v in zip(most, verdicts, strict=True)
     ]
     worst = min(range(len(pulls)), key=lambda k: (most[k].lower, most[k].upper, k))
-    preload, lower, upper = ask.commands(weight * force_at(pulls[worst], center))
-    motors = ask.grasp.mechanism.actuators
+    loads = [weight * force_at(v, center) for v in pulls]
+    smallest = ask.commands(loads[worst])
+    held_by, holding = _held_by(ask, loads, all_hold(verdicts), smallest)
+    own = ask.grasp.command if verdicts[worst] is Verdict.HOLDS else None
     scaled = LargestLoad(most[worst].lower / weight, most[worst].upper / weight, most[worst].unbounded)
-    return _bounds("weight_factor", scaled) | {
-        "verdict": str(all_hold(verdicts)),
-        "verdicts": [str(v) for v in verdicts],
-        "hardest": pulls[worst].tolist(),
-        "commands": None if preload is None else [preload.get(name, 0.0) for name in motors],
+    return (
+        _bounds("weight_factor", scaled)
+        | {
+            "verdict": str(all_hold(verdicts)),
+            "verdicts": [str(v) for v in verdicts],
+            "held_by": held_by,
+            "holding_commands": None if holding is None else holding.tolist(),
+            "hardest": pulls[worst].tolist(),
+        }
+        | _least_commands(ask.grasp, smallest, [c for c in (own, holding) if c is not None])
+    )
+
+
+def _held_by(ask: Questions, loads: list[Array], verdict: Verdict, smallest: LeastCommands) -> tuple[str, Array | None]:
+    """Which commands resist all loads: a word of `HELD_BY`, and one preload (a,) that does, if one is known."""
+    if verdict is Verdict.HOLDS:
+        return "these", ask.grasp.command
+    if verdict is Verdict.UNDECIDED:
+        return "undecided", None
+    if smallest.lower == np.inf and set(ask.grasp.sought_actuators) == set(free_motors(ask.grasp)):
+        return "none", None  # of a single load already
+    found, preload = ask.one_preload(loads)
+    return {Verdict.HOLDS: "others", Verdict.SLIPS: "none"}.get(found, "undecided"), preload
+
+
+def _least_commands(grasp: Grasp, smallest: LeastCommands, holding: list[Array]) -> dict[str, Any]:
+    """The smallest commands, with others (a,) that are known to hold: no more is said to be needed than is enough."""
+    other = np.array([name not in grasp.sought_actuators for name in grasp.mechanism.actuators], dtype=bool)
+    same = [c for c in holding if (c[other] == grasp.command[other]).all()]  # of the motors that were asked about
+    known = [*same, *([] if smallest.commands is None else [smallest.commands])]
+    least = min(known, key=lambda c: largest_command(grasp, c), default=None)
+    upper = np.inf if least is None else largest_command(grasp, least)
+    lower = min(smallest.lower, upper)
+    shown = lower > 0 or upper == 0
+    return {
+        "commands": None if least is None else least.tolist(),
         "largest_command": _finite(upper),
-        "largest_command_lower": _finite(lower),
+        "largest_command_lower": _finite(lower) if shown else None,
     }
 
 

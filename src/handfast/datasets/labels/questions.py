@@ -16,6 +16,8 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.stability.batch import GraspBatch, max_many
 from handfast.stability.batch_answer import BatchAnswer
+from handfast.stability.hold import hold
+from handfast.stability.loads import Loads
 from handfast.stability.queries import torques
 from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import Settings
@@ -36,6 +38,26 @@ class LargestLoad:
     def ends(self) -> bool:
         """Is it known how much is resisted, however much?"""
         return self.unbounded or bool(np.isfinite(self.upper))
+
+
+def largest_command(grasp: Grasp, commands: Array) -> float:
+    """The largest of commands (a,), of the motors that can be commanded otherwise."""
+    free = ~np.asarray(grasp.mechanism.backdrivable, dtype=bool)
+    return float(np.abs(commands[free]).max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class LeastCommands:
+    """Commands (a,) that resist a disturbance, None if none were found; none whose largest is below `lower` does."""
+
+    commands: Array | None
+    lower: float
+
+
+def free_motors(grasp: Grasp) -> tuple[str, ...]:
+    """The motors that can be commanded otherwise: all but the backdrivable ones."""
+    motors = zip(grasp.mechanism.actuators, grasp.mechanism.backdrivable, strict=True)
+    return tuple(name for name, back in motors if not back)
 
 
 @dataclass
@@ -87,13 +109,36 @@ class Questions:
             self._count_row(found, i, out[k] is not Verdict.UNDECIDED)
         return out
 
-    def commands(self, wrench: Array) -> tuple[dict[str, float] | None, float, float]:
-        """Smallest commands that resist a disturbance (6,), by actuator; bounds of the largest, inf for none."""
-        if unbalanced(self.grasp, wrench) or not self.grasp.mechanism.a:
-            return None, np.inf, np.inf
+    def commands(self, wrench: Array) -> LeastCommands:
+        """The smallest commands that resist a disturbance (6,), of the motors that the grasp commands, else of all."""
+        if unbalanced(self.grasp, wrench) or not self.grasp.sought_actuators:
+            return LeastCommands(None, np.inf)
         answer = torques(self.grasp, wrench, settings=self._limited(1))
         self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
-        return answer.preload, answer.lower, answer.upper
+        if answer.preload is None:
+            return LeastCommands(None, answer.lower)
+        return LeastCommands(self.grasp.with_commands(answer.preload).command, answer.lower)
+
+    def one_preload(self, wrenches: list[Array]) -> tuple[Verdict, Array | None]:
+        """Is there one preload (a,) under which each of these disturbances (6,) is resisted? The first that is found.
+
+        The motors that the grasp commands are tried first, then all; backdrivable ones stay as they are commanded.
+        """
+        found = Verdict.SLIPS
+        if any(unbalanced(self.grasp, wrench) for wrench in wrenches):
+            return found, None
+        loads = Loads(tuple(str(k) for k in range(len(wrenches))), np.array(wrenches))
+        for motors in dict.fromkeys((self.grasp.sought_actuators, free_motors(self.grasp))):
+            if not motors:
+                continue
+            settings = self._limited(len(wrenches))
+            timeout = len(wrenches) * settings.time_limit
+            answer = hold(self.grasp, loads, actuators=motors, least=False, settings=settings, timeout=timeout)
+            self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
+            found = answer.verdict
+            if answer.preload is not None:
+                return found, self.grasp.with_commands(answer.preload).command
+        return found, None
 
     def _limited(self, count: int) -> Settings:
         """The settings with an equal share of the time that is left, and of the nodes if these are fewer."""

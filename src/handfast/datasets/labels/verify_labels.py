@@ -14,10 +14,11 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.files import same_json
 from handfast.datasets.dataset_rows import DatasetRow, GraspChanges
-from handfast.datasets.labels.label_columns import SCHEMA, WRENCHES, wrench_column
+from handfast.datasets.labels.label_columns import HELD_BY, SCHEMA, WRENCHES, wrench_column
 from handfast.datasets.labels.label_dataset import PART, grasp_of_row
 from handfast.datasets.labels.label_files import format_of, load_labels
 from handfast.datasets.labels.labeller import all_hold, axis_wrench, center_of, described_grasp, force_at, measured
+from handfast.datasets.labels.questions import free_motors, largest_command
 from handfast.datasets.open_dataset import open_dataset
 from handfast.datasets.scene_source import SceneSource
 from handfast.model.grasp import Grasp
@@ -140,10 +141,10 @@ class _Recipe:
 def _claims(said: Mapping[str, Any], row: DatasetRow, recipe: _Recipe, source: str) -> tuple[list[Replay], list[Claim]]:
     """What a row says that is not so, and what is to be asked again."""
     try:
-        grasp, posture = grasp_of_row(row, recipe.changes, recipe.scene)
+        grasp, about = grasp_of_row(row, recipe.changes, recipe.scene)
     except InputError as fault:
         return [Replay("status", "the row is a grasp", f"is 'labelled'; in the dataset it is none: {fault}")], []
-    due = {"row": row.number} | described_grasp(grasp) | posture
+    due = about | described_grasp(grasp)
     faults = [
         Replay(name, "it is that of the dataset", f"is {said.get(name)}; that of the dataset is {value}")
         for name, value in due.items()
@@ -213,9 +214,37 @@ class _Row:
                 claims.append(VerdictClaim(f"verdicts[{k}]", self.grasp, load, self.recipe.options, verdict))
         least, hardest = self._least("weight_factor", "hardest", pulls, weight, faults)
         claims += least
-        if hardest is not None and self.grasp.mechanism.a:
+        if hardest is not None:
             claims.append(self._commands(weight * force_at(hardest, self.center)))
-        return claims
+        loads = np.array([weight * force_at(pull, self.center) for pull in pulls])
+        return claims + self._held_by(word, loads, faults)
+
+    def _held_by(self, verdict: str, loads: Array, faults: list[Replay]) -> list[Claim]:
+        """Which commands hold all loads (n, 6)."""
+        said, given = self.said.get("held_by"), self._given("holding_commands")
+        due = {str(Verdict.HOLDS): {"these"}, str(Verdict.UNDECIDED): {"undecided"}}
+        right = due.get(verdict, {*HELD_BY} - {"these"})
+        if said not in right:
+            fault = f"is '{said}'; with the verdict '{verdict}' it is {' or '.join(sorted(right))}"
+            faults.append(Replay("held_by", "it fits the verdict", fault))
+            return []
+        if (given is not None) != (said in ("these", "others")):
+            fault = f"is {'null' if given is None else given.tolist()}, where held_by is '{said}'"
+            faults.append(Replay("holding_commands", "there are some if the weight can be held", fault))
+            return []
+        if said == "these" and not same(given.tolist() if given is not None else None, self.grasp.command.tolist()):
+            faults.append(Replay("holding_commands", "they are those of the row", "are others than its preload"))
+        if said == "others" and given is not None:
+            grasp = self.grasp.with_commands(dict(zip(self.grasp.mechanism.actuators, given.tolist(), strict=True)))
+            return [VerdictClaim("holding_commands", grasp, w, self.recipe.options, "holds") for w in loads]
+        if said == "none":
+            return [NoCommandsClaim("held_by", self.grasp, loads[0], self.recipe.options, loads)]
+        return []
+
+    def _given(self, name: str) -> Array | None:
+        """Commands (a,) of a column."""
+        given = self.said.get(name)
+        return None if given is None else numbers(given, (self.grasp.mechanism.a,), name)
 
     def _least(
         self, name: str, where: str, directions: Array, scale: float, faults: list[Replay]
@@ -232,15 +261,13 @@ class _Row:
         return out, directions[same_as[0]] if len(same_as) else None
 
     def _commands(self, load: Array) -> CommandsClaim:
-        given, motors = self.said.get("commands"), self.grasp.mechanism.actuators
-        commands = None if given is None else numbers(given, (len(motors),), "commands")
-        lower, upper = (self.number(name, INF) for name in ("largest_command_lower", "largest_command"))
-        return CommandsClaim("commands", self.grasp, load, self.recipe.options, commands, lower, upper)
+        lower, upper = self.number("largest_command_lower", 0.0), self.number("largest_command", INF)
+        return CommandsClaim("commands", self.grasp, load, self.recipe.options, self._given("commands"), lower, upper)
 
 
 @dataclass(frozen=True, eq=False)
 class CommandsClaim(Claim):
-    """These commands (a,) hold the load, and none that are smaller than `lower`: inf, none at all do.
+    """These commands (a,) hold the load, and none whose largest is smaller than `lower` do.
 
     Attributes:
         upper: the largest of them, inf without.
@@ -257,7 +284,7 @@ class CommandsClaim(Claim):
         if self.commands is None:
             fault = f"is {self.upper:.9g}, without commands" if self.upper < INF else ""
             return Replay("largest_command", "it is the largest of the commands", fault) if fault else None
-        claim, largest = f"commands up to {self.upper:.6g} hold the weight", float(np.abs(self.commands).max())
+        claim, largest = f"commands up to {self.upper:.6g} hold the weight", largest_command(self.grasp, self.commands)
         if abs(largest - self.upper) > SAME * largest:
             fault = f"is {self.upper:.9g}; the largest of the commands is {largest:.9g}"
             return Replay("largest_command", claim, fault)
@@ -272,8 +299,7 @@ class CommandsClaim(Claim):
         if self.lower == 0:
             return None
         place = "largest_command_lower"
-        claim = f"no commands below {self.lower:.6g} hold the weight" if self.lower < INF else "no commands hold it"
-        told = Replay(place, claim)
+        told = Replay(place, f"no commands below {self.lower:.6g} hold the weight")
         if unbalanced(self.grasp, self.load):
             none = self.no_forces()
             return replace(told, refused=none.reason, figures=none.figures)
@@ -288,10 +314,8 @@ class CommandsClaim(Claim):
             if answer.lower >= self.lower * (1 - ROUNDING) and not small:
                 return told
             if answer.upper < self.lower * (1 - APART):
-                less = f"is {'null' if self.lower == INF else format(self.lower, '.9g')}"
-                return replace(
-                    told, refused=f"{less}; asked again, commands of {answer.upper:.9g} hold, which is proved"
-                )
+                less = f"is {self.lower:.9g}; asked again, commands of {answer.upper:.9g} hold, which is proved"
+                return replace(told, refused=less)
             text = f"asked again, no commands below {answer.lower:.9g} hold, and {answer.upper:.9g} do"
             if answer.stop is not Stop.COMPLETE:
                 return replace(told, undecided=f"{text}: it is open ({answer.stop})")
@@ -299,3 +323,31 @@ class CommandsClaim(Claim):
                 return replace(told, refused=f"is {self.lower:.9g}; {text}")
             gap = max(gap / 10, FINEST_GAP)
         return replace(told, undecided=NO_TIME)
+
+
+@dataclass(frozen=True, eq=False)
+class NoCommandsClaim(Claim):
+    """One of these loads (n, 6) is resisted under no commands at all."""
+
+    loads: Array
+
+    def ask(self, clock: Clock) -> tuple[Replay, ...]:
+        told = Replay(self.place, "one of the loads is resisted under no commands")
+        if any(unbalanced(self.grasp, load) for load in self.loads):
+            load = next(load for load in self.loads if unbalanced(self.grasp, load))
+            none = replace(self, load=load).no_forces()
+            return (replace(told, refused=none.reason, figures=none.figures),)
+        motors, held = free_motors(self.grasp), 0
+        if not motors:
+            return (told,)  # the verdicts are asked again on their own
+        for load in self.loads:
+            if clock.left <= 0:
+                return (replace(told, undecided=NO_TIME),)
+            answer = torques(self.grasp, load, actuators=motors, settings=clock.settings(self.gap))
+            proof = answer.verify()
+            if answer.verdict is Verdict.SLIPS and proof.ok:
+                return (replace(told, figures=figures_of(proof)),)
+            held += answer.verdict is Verdict.HOLDS and proof.ok
+        if held == len(self.loads):
+            return (replace(told, refused="is 'none'; asked again, each load is resisted under some, which is proved"),)
+        return (replace(told, undecided="asked again, it is open"),)
