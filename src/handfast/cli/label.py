@@ -30,7 +30,7 @@ HELD_BY = {  # a word of the column: what it says
     "undecided": "undecided",
 }
 MOST = 8  # reasons that are shown
-LOG = 60.0  # [s] between lines of progress where there is no terminal
+LOG = 60.0  # [s] between lines of progress at most, where there is no terminal
 
 
 @dataclass(kw_only=True)
@@ -80,8 +80,8 @@ class Label(JointLawOptions, Command):
     """processes; 0 for one a core"""
     scheduler: Annotated[str, arg(metavar="ADDRESS")] = ""
     """a Dask scheduler, whose workers do the work: tcp://HOST:PORT, or its scheduler file (.json)"""
-    part: Annotated[int, arg(metavar="ROWS")] = 64
-    """rows that a worker labels in one go, and that are then kept"""
+    part: Annotated[int | None, arg(metavar="ROWS")] = None
+    """rows that a worker labels in one go, and that are then kept; by default what takes 5 s, and 64 at most"""
     resume: bool = False
     """go on with what an earlier run has left; begin if there is nothing"""
     keep_parts: bool = False
@@ -112,15 +112,15 @@ class Label(JointLawOptions, Command):
             for file in beside:
                 if file.exists() and not self.output.exists():
                     raise InputError("exists already; give --force to write over it", source=str(file))
-        last = 0.0
+        due = 0.0  # [s] when the next line is printed
         with console.watch("label") as watch:
 
             def shown(p: LabelProgress) -> None:
-                nonlocal last
+                nonlocal due
                 text = progress_text(p)
                 watch.item(p.done, p.total, text)
-                if not sys.stderr.isatty() and p.seconds - last > LOG:  # a job's log
-                    last = p.seconds
+                if not sys.stderr.isatty() and p.seconds >= due:  # a job's log: at once, soon, then every minute
+                    due = min(2 * p.seconds + 1, p.seconds + LOG)
                     print(f"label: {p.done} of {p.total}{text}", file=sys.stderr, flush=True)
 
             summary = label_dataset(
@@ -220,7 +220,7 @@ class Label(JointLawOptions, Command):
 
 def progress_text(p: LabelProgress) -> str:
     """What is said beside how many are done: rate, what is left, what is broken."""
-    text = f" · {p.rate:.3g} a second"
+    text = f" · {p.rate:.3g} a second" if p.fresh else ""
     if p.left < float("inf"):
         hours, rest = divmod(round(p.left), 3600)
         minutes, seconds = divmod(rest, 60)

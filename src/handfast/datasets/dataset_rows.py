@@ -58,10 +58,20 @@ class DatasetRow:
 
 @dataclass(frozen=True, eq=False)
 class LabelPart:
-    """Rows that follow each other and are labelled in one task; their number among the parts, from 0."""
+    """Rows that follow each other and are labelled in one task.
 
-    number: int
+    Attributes:
+        rows: one or more.
+        seconds: after which the task ends with the row in hand; what is left is another part.
+    """
+
     rows: tuple[DatasetRow, ...]
+    seconds: float = float("inf")
+
+    @property
+    def first(self) -> int:
+        """The number of its first row."""
+        return self.rows[0].number
 
 
 @dataclass(frozen=True)

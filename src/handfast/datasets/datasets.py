@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Container, Iterator
-from itertools import islice
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -43,14 +42,22 @@ class GraspDataset(ABC):
     def row(self, number: int, item: Any) -> DatasetRow:
         """The row of an item; what is wrong with it is its content."""
 
-    def parts(self, size: int, done: Container[int]) -> Iterator[LabelPart]:
-        """Rows, `size` at a time, but for the parts that are done."""
-        items, number = self.items(), 0
-        while chunk := list(islice(items, size)):
-            if number not in done:
-                first = number * size
-                yield LabelPart(number, tuple(self.row(first + k, item) for k, item in enumerate(chunk)))
-            number += 1
+    def parts(self, size: int, done: Iterable[range] = ()) -> Iterator[LabelPart]:
+        """Rows that follow each other, at most `size` at a time, but for those that are done: ranges in order."""
+        known = iter(done)
+        skipped, rows = next(known, None), list[DatasetRow]()
+        for number, item in enumerate(self.items()):
+            while skipped and number >= skipped.stop:
+                skipped = next(known, None)
+            if skipped is None or number not in skipped:
+                rows.append(self.row(number, item))
+                if len(rows) < size:
+                    continue
+            if rows:
+                yield LabelPart(tuple(rows))
+                rows = []
+        if rows:
+            yield LabelPart(tuple(rows))
 
 
 def file_identity(path: Path) -> dict[str, Any]:

@@ -76,7 +76,7 @@ def test_the_table_does_not_depend_on_workers_or_parts(lines: Path, tmp_path: Pa
 def test_a_run_that_was_ended_goes_on_with_what_is_missing(lines: Path, tmp_path: Path) -> None:
     whole, torn = tmp_path / "whole.jsonl", tmp_path / "torn.jsonl"
     label_dataset(lines, whole, labelling=LITTLE)
-    for parts in (1, 2):
+    for parts in (2, 3):  # told at the beginning, too
         with pytest.raises(Stopped):
             label_dataset(lines, torn, labelling=LITTLE, part=2, resume=True, on_progress=stop_after(parts))
     assert not torn.exists()
@@ -93,13 +93,45 @@ def test_a_run_that_was_ended_goes_on_with_what_is_missing(lines: Path, tmp_path
     assert rows(torn) == rows(whole)
 
 
+def test_parts_of_another_size_are_gone_on_with(lines: Path, tmp_path: Path) -> None:
+    whole, torn = tmp_path / "whole.jsonl", tmp_path / "torn.jsonl"
+    label_dataset(lines, whole, labelling=LITTLE)
+    for part in (4, 2, None):
+        with pytest.raises(Stopped):
+            label_dataset(lines, torn, labelling=LITTLE, jobs=1, part=part, resume=True, on_progress=stop_after(2))
+        if part == 4:
+            (first,) = folder_of(torn).glob("*/*.jsonl")  # rows 0 to 3
+            first.write_bytes(first.read_bytes()[:-1])  # damaged: made again, in other parts
+    assert label_dataset(lines, torn, labelling=LITTLE, part=5, resume=True).rows == 9
+    assert rows(torn) == rows(whole)
+
+
+def test_a_task_ends_when_its_time_is_over_and_keeps_what_it_has(
+    lines: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With no time at all every row is a part of its own."""
+    monkeypatch.setattr(run_module, "KEPT_EVERY", 0.0)
+    whole, slow = tmp_path / "whole.jsonl", tmp_path / "slow.jsonl"
+    label_dataset(lines, whole, labelling=LITTLE, part=9)
+    told: list[LabelProgress] = []
+    label_dataset(lines, slow, labelling=LITTLE, jobs=2, keep_parts=True, on_progress=told.append)
+    assert [p.done for p in told] == list(range(10))
+    assert len(list(folder_of(slow).glob("*/*.jsonl"))) == 9
+    assert rows(slow) == rows(whole)
+
+
 def test_progress_counts_the_broken_rows_so_far(tmp_path: Path) -> None:
     good = json.dumps(fixture())
     lines = write_lines(tmp_path / "a.jsonl", good, "{", "{", good, good, good)
     told: list[LabelProgress] = []
     out = tmp_path / "b.jsonl"
     label_dataset(lines, out, labelling=LITTLE, part=2, jobs=1, keep_parts=True, on_progress=told.append)
-    assert [(p.done, p.total, p.fresh, p.broken) for p in told] == [(2, 6, 2, 1), (4, 6, 4, 2), (6, 6, 6, 2)]
+    assert [(p.done, p.total, p.fresh, p.broken) for p in told] == [
+        (0, 6, 0, 0),
+        (2, 6, 2, 1),
+        (4, 6, 4, 2),
+        (6, 6, 6, 2),
+    ]
 
 
 def test_a_part_that_was_damaged_is_made_again(lines: Path, tmp_path: Path) -> None:
@@ -132,7 +164,6 @@ def test_a_finished_table_is_left_alone(lines: Path, tmp_path: Path) -> None:
     [
         ({"labelling": Labelling(directions=2)}, "questions"),
         ({"changes": GraspChanges(friction=0.3)}, "changes"),
-        ({"part": 3}, "rows in a part"),
         ({"dataset": True}, "dataset"),
     ],
 )
@@ -141,7 +172,7 @@ def test_parts_of_another_run_are_not_mixed_in(
 ) -> None:
     out, asked = tmp_path / "out.jsonl", {"labelling": LITTLE, "part": 2}
     with pytest.raises(Stopped):
-        label_dataset(lines, out, **asked, on_progress=stop_after(1))  # type: ignore[arg-type]
+        label_dataset(lines, out, **asked, on_progress=stop_after(2))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="holds parts of labels already; give --resume"):
         label_dataset(lines, out, **asked)  # type: ignore[arg-type]
     if changed.pop("dataset", False):
@@ -155,7 +186,7 @@ def test_two_runs_do_not_fill_one_folder(lines: Path, tmp_path: Path) -> None:
 
     pytest.importorskip("fcntl")
     out = tmp_path / "out.jsonl"
-    with PartFolder(out, LinesFormat(), {}, 9, 2), pytest.raises(InputError, match="is being filled by another run"):
+    with PartFolder(out, LinesFormat(), {}, 9), pytest.raises(InputError, match="is being filled by another run"):
         label_dataset(lines, out, labelling=LITTLE)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,9 @@ from handfast.datasets.open_dataset import open_dataset
 from handfast.datasets.scene_source import SceneSource
 from handfast.model.grasp import Grasp
 
-PART = 64  # rows: what a run that is killed has to do again, for each worker
+PART = 64  # rows of a task at most, and
+KEPT_EVERY = 5.0  # [s] of a task: what a run that is killed has to do again, for each worker, with the row in hand
+SOON = 0.5  # [s] of the first tasks, so that the rate is known at once
 LONG = 300  # characters of a reason
 
 
@@ -52,9 +55,14 @@ class LabelRecipe:
 
 @dataclass(frozen=True)
 class PackedLabels:
-    """The labels of a part as its file has them: packed by the worker, so that who keeps them has next to no work."""
+    """The labels of the first rows of a part as a file has them: packed by the worker, which spares the run that work.
+
+    Attributes:
+        data: of the file. rows: how many. broken: of these.
+    """
 
     data: bytes
+    rows: int
     broken: int
 
 
@@ -91,7 +99,7 @@ def label_dataset(
     scene: SceneSource | None = None,
     jobs: int | None = None,
     scheduler: str | None = None,
-    part: int = PART,
+    part: int | None = None,
     resume: bool = False,
     force: bool = False,
     keep_parts: bool = False,
@@ -99,9 +107,10 @@ def label_dataset(
 ) -> LabelSummary:
     """Label every grasp of a dataset, in a table with the columns of `handfast.datasets.labels.label_columns`.
 
-    While it goes on, finished parts are in a folder beside the table; what ends the run, kill -9 too, loses the parts
-    in hand and no more, and `resume` goes on. The table does not depend on the number of workers, on the order in which
-    they end or on interruptions, but for the columns `seconds` and `stop`, and for rows whose time ran out.
+    While it goes on, finished parts are in a folder beside the table; what ends the run, kill -9 too, loses the last
+    seconds of each worker and no more, and `resume` goes on. The table does not depend on the number of workers, on the
+    order in which they end or on interruptions, but for the columns `seconds` and `stop`, and for rows whose time ran
+    out.
 
     Args:
         dataset: a folder or JSON lines of grasp files, or a table (.npz, .parquet) of postures, which needs a scene.
@@ -110,18 +119,19 @@ def label_dataset(
         changes: mass, centre of mass, friction, preload in place of what the rows say.
         jobs: processes; by default one a core.
         scheduler: address of a Dask scheduler, whose workers take the place of processes here.
-        part: rows that are labelled in one task, and written at once.
+        part: rows that are labelled in one task, and written at once; by default as many as take `KEPT_EVERY` seconds,
+            and `PART` at most.
         resume: go on from the parts that are there; begins if there are none.
         force: write over what is there.
         keep_parts: leave the folder of parts.
-        on_progress: called after each part.
+        on_progress: called at the beginning and after each part.
 
     Raises:
         InputError: a dataset that cannot be read, an output that exists or is of another kind, parts of another run,
             a scene that is missing, workers that are gone. One line. What is wrong with single rows is said in theirs.
     """
     begin, target = time.monotonic(), Path(output)
-    if part < 1:
+    if part is not None and part < 1:
         raise InputError(f"is {part}; at least 1 row is needed", field="part")
     if resume and force:
         raise InputError("give either --resume or --force")
@@ -133,7 +143,7 @@ def label_dataset(
     if not rows.posed and scene is not None:
         raise InputError("has grasps with their contacts; a hand and an object are for tables", source=str(dataset))
     about = {"schema": SCHEMA, "columns": described(), "dataset": rows.identity()} | recipe.to_json()
-    folder = PartFolder(target, format, {k: v for k, v in about.items() if k != "schema"}, rows.count, part)
+    folder = PartFolder(target, format, {k: v for k, v in about.items() if k != "schema"}, rows.count)
     _refuse(target, folder, resume=resume, force=force)
     summary = LabelSummary()
     if resume and target.exists() and not folder.begun:  # the last run came to its end
@@ -146,13 +156,17 @@ def label_dataset(
         bad = fresh = 0
         with _workers(jobs, scheduler) as workers:
             have = folder.open(resume=resume)
-            done = sum(len(folder.rows_of(number)) for number in have)
-            for number, labels in _labelled(workers, recipe, rows.parts(part, have)):
-                folder.write(number, labels.data)
-                fresh, bad = fresh + len(folder.rows_of(number)), bad + labels.broken
+            done = sum(map(len, have))
+
+            def tell() -> None:
                 if on_progress:
-                    seconds = time.monotonic() - begin
-                    on_progress(LabelProgress(done + fresh, rows.count, fresh, seconds, bad))
+                    on_progress(LabelProgress(done + fresh, rows.count, fresh, time.monotonic() - begin, bad))
+
+            tell()
+            for first, labels in _labelled(workers, recipe, rows.parts(part or PART, have), timed=part is None):
+                folder.write(range(first, first + labels.rows), labels.data)
+                fresh, bad = fresh + labels.rows, bad + labels.broken
+                tell()
         if open_dataset(dataset).identity() != about["dataset"]:
             raise InputError("changed while it was labelled; give --force to begin anew", source=str(dataset))
         format.write(target, folder.files(), about)
@@ -193,37 +207,67 @@ def _workers(jobs: int | None, scheduler: str | None) -> Workers:
     return DaskWorkers(scheduler) if scheduler else ProcessWorkers(jobs or default_jobs())
 
 
-def _labelled(workers: Workers, recipe: LabelRecipe, parts: Iterator[LabelPart]) -> Iterator[tuple[int, PackedLabels]]:
-    """Parts as they are done: number and labels. One whose process died is done again row by row, to find the row."""
-    suspects: list[LabelPart] = []
-    for part, labels in workers.run(partial(packed_labels, recipe), parts):
+def _labelled(
+    workers: Workers, recipe: LabelRecipe, parts: Iterator[LabelPart], *, timed: bool
+) -> Iterator[tuple[int, PackedLabels]]:
+    """First row and labels of parts, as they are done.
+
+    The rows for which a task had no time become another part. A part whose process died is done again row by row, to
+    find the row.
+    """
+    begin, ask = time.monotonic(), partial(packed_labels, recipe)
+    left, suspects = deque[LabelPart](), list[LabelPart]()
+
+    def feed() -> Iterator[LabelPart]:
+        for part in parts:
+            yield from unfinished()
+            yield limited(part)
+        yield from unfinished()
+
+    def unfinished() -> Iterator[LabelPart]:
+        while left:
+            yield limited(left.popleft())
+
+    def limited(part: LabelPart) -> LabelPart:
+        seconds = min(KEPT_EVERY, max(SOON, time.monotonic() - begin))
+        return replace(part, seconds=seconds) if timed else part
+
+    while True:
+        for part, labels in workers.run(ask, feed()):
+            if isinstance(labels, Died):
+                suspects.append(part)
+                continue
+            rest = part.rows[labels.rows :]
+            if rest:
+                left.append(LabelPart(rest))
+            yield part.first, labels
+        if not left:
+            break
+    alone = (LabelPart((row,)) for part in suspects for row in part.rows)
+    for part, labels in workers.run(ask, alone):
         if isinstance(labels, Died):
-            suspects.append(part)
-        else:
-            yield part.number, labels
-    for part in suspects:
-        alone = (LabelPart(part.number, (row,)) for row in part.rows)
-        found: dict[int, dict[str, Any]] = {}
-        for one, rows in workers.run(partial(labels_of, recipe), alone):
-            row = one.rows[0]
-            found[row.number] = broken(row.number, row.name, rows.reason) if isinstance(rows, Died) else rows[0]
-        yield part.number, _packed(recipe, [found[row.number] for row in part.rows])
+            labels = _packed(recipe, [broken(part.first, part.rows[0].name, labels.reason)])
+        yield part.first, labels
 
 
 def packed_labels(recipe: LabelRecipe, part: LabelPart) -> PackedLabels:
-    """The labels of a part, in a worker."""
-    return _packed(recipe, labels_of(recipe, part))
+    """The labels of the first rows of a part, as many as its time allows, in a worker.
+
+    A scene that cannot be had ends the run; the fault of a row is its own.
+    """
+    if recipe.scene:
+        recipe.scene.scene()
+    begin, rows = time.monotonic(), list[dict[str, Any]]()
+    for row in part.rows:
+        rows.append(_label_of(recipe, row))
+        if time.monotonic() - begin > part.seconds:
+            break
+    return _packed(recipe, rows)
 
 
 def _packed(recipe: LabelRecipe, rows: list[dict[str, Any]]) -> PackedLabels:
-    return PackedLabels(format_named(recipe.ending).packed(rows), sum(row["status"] == "broken" for row in rows))
-
-
-def labels_of(recipe: LabelRecipe, part: LabelPart) -> list[dict[str, Any]]:
-    """The labels of some rows, in a worker. A scene that cannot be had ends the run; the fault of a row is its own."""
-    if recipe.scene:
-        recipe.scene.scene()
-    return [_label_of(recipe, row) for row in part.rows]
+    bad = sum(row["status"] == "broken" for row in rows)
+    return PackedLabels(format_named(recipe.ending).packed(rows), len(rows), bad)
 
 
 def _label_of(recipe: LabelRecipe, row: DatasetRow) -> dict[str, Any]:

@@ -22,8 +22,8 @@ from handfast.datasets.labels.label_files import LabelFormat, write_durably
 
 MANIFEST, LOCK = "manifest.json", "lock"
 SCHEMA = "handfast/label-parts/1"
-DIGITS = 7
-PER_FOLDER = 1000  # parts: a folder with a million files is slow everywhere
+NAME = re.compile(r"(\d{12})-(\d+)-[0-9a-f]{16}")  # of a part: its first row, how many rows, checksum
+PER_FOLDER = 64_000  # rows: a folder with a million files is slow everywhere
 
 
 class PartFolder:
@@ -32,15 +32,14 @@ class PartFolder:
     Args:
         output: of the whole table; the folder is its name with `.parts`.
         manifest: of the dataset and what is asked; JSON.
-        rows: in the dataset. size: rows of a part.
+        rows: in the dataset.
     """
 
-    def __init__(self, output: Path, format: LabelFormat, manifest: dict[str, Any], rows: int, size: int) -> None:
-        self.path, self.format, self.size, self.rows = folder_of(output), format, size, rows
-        self.manifest = {"schema": SCHEMA, "rows": rows, "rows_in_a_part": size} | manifest
-        self.count = -(-rows // size)
+    def __init__(self, output: Path, format: LabelFormat, manifest: dict[str, Any], rows: int) -> None:
+        self.path, self.format, self.rows = folder_of(output), format, rows
+        self.manifest = {"schema": SCHEMA, "rows": rows} | manifest
         self._lock: Any = None
-        self._parts: dict[int, Path] = {}
+        self._parts: dict[int, tuple[range, Path]] = {}  # by the first row
 
     @property
     def begun(self) -> bool:
@@ -74,11 +73,11 @@ class PartFolder:
         if not self.begun:
             self.remove()
 
-    def open(self, *, resume: bool) -> set[int]:
-        """The numbers of the parts that are done; without `resume` none, and what was there is gone.
+    def open(self, *, resume: bool) -> list[range]:
+        """The rows that are done, in order; without `resume` none, and what was there is gone.
 
         Raises:
-            InputError: the parts are of another dataset, of other questions or of another size.
+            InputError: the parts are of another dataset, or of other questions.
         """
         if self.begun and resume:
             known = read_json(self.path / MANIFEST, "manifest")
@@ -93,41 +92,36 @@ class PartFolder:
             elif entry.name != LOCK:
                 entry.unlink()
         write_durably(self.path / MANIFEST, [json.dumps(self.manifest, indent=1).encode() + b"\n"])
-        return set()
+        return []
 
-    def _done(self) -> set[int]:
+    def _done(self) -> list[range]:
         """Parts that are as they were written; one that was damaged since is removed, to be made again."""
-        self._parts = {}
-        for file in self.path.glob(f"*/*{self.format.ending}"):
-            if not re.match(rf"\d{{{DIGITS}}}-", file.name):
-                continue
-            number = int(file.name[:DIGITS])
-            if number < self.count and file == self.file(number, file.read_bytes()):
-                self._parts[number] = file
+        self._parts, end = {}, 0
+        for file in sorted(self.path.glob(f"*/*{self.format.ending}"), key=lambda f: f.name):
+            found = NAME.fullmatch(file.name.removesuffix(self.format.ending))
+            rows = range(int(found[1]), int(found[1]) + int(found[2])) if found else range(0)
+            if rows and end <= rows.start and rows.stop <= self.rows and file == self.file(rows, file.read_bytes()):
+                self._parts[rows.start], end = (rows, file), rows.stop
             else:
                 file.unlink()
-        return set(self._parts)
+        return [rows for rows, _ in self._parts.values()]
 
-    def rows_of(self, number: int) -> range:
-        """The numbers of a part's rows."""
-        return range(number * self.size, min((number + 1) * self.size, self.rows))
+    def file(self, rows: range, data: bytes) -> Path:
+        """Where a part belongs: its rows and its checksum are its name."""
+        known = hashlib.sha256(b"%d %d\0" % (rows.start, rows.stop) + data).hexdigest()[:16]
+        name = f"{rows.start:012}-{len(rows)}-{known}{self.format.ending}"
+        return self.path / f"{rows.start // PER_FOLDER:07}" / name
 
-    def file(self, number: int, data: bytes) -> Path:
-        """Where a part belongs: its number and its checksum are its name."""
-        known = hashlib.sha256(b"%d\0" % number + data).hexdigest()[:16]
-        name = f"{number:0{DIGITS}}-{known}{self.format.ending}"
-        return self.path / f"{number // PER_FOLDER:0{DIGITS - 3}}" / name
-
-    def write(self, number: int, data: bytes) -> None:
+    def write(self, rows: range, data: bytes) -> None:
         """A part as it is packed, at once and for good."""
-        file = self.file(number, data)
+        file = self.file(rows, data)
         file.parent.mkdir(exist_ok=True)
         write_durably(file, [data])
-        self._parts[number] = file
+        self._parts[rows.start] = rows, file
 
     def files(self) -> Iterator[Path]:
         """All parts in order."""
-        return (self._parts[number] for number in range(self.count))
+        return (file for _, (_, file) in sorted(self._parts.items()))
 
     def remove(self) -> None:
         """All of it, once the table is there."""

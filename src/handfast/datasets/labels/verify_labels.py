@@ -81,7 +81,7 @@ def replay_labels(path: Path, dataset: str | Path | None, how: Asking, rows: Col
             raise InputError(f"is {k}; rows 0 to {source.count - 1} are there", field="--row")
     found: list[tuple[str, list[Replay], list[Claim]]] = []
     broken = 0
-    origin = (row for part in source.parts(PART, ()) for row in part.rows)
+    origin = (row for part in source.parts(PART) for row in part.rows)
     count = 0
     for said, row in zip(load_labels(path), origin, strict=False):
         count += 1
