@@ -13,7 +13,7 @@ for library in ("OPENBLAS", "MKL"):  # before numpy is imported, as the program 
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 # compiled in processes of their own, once, not once by each worker; what is there already is found at once
-COMPILE = "from handfast.core.machine_code import BASELINES; from {} import LIBRARY; LIBRARY.machine_codes(BASELINES)"
+COMPILE = "from {} import LIBRARY; LIBRARY.machine_code()"
 ENGINES = ("handfast.stability.search.machine", "handfast.synthesis.search.library")
 
 

@@ -24,6 +24,7 @@ from handfast.core.machine_code import BASELINES, Baseline, Library, loaded, own
 from handfast.core.trusted import exposed, trusted
 from handfast.stability.search.machine import LIBRARY as STABILITY
 from handfast.synthesis.search.library import LIBRARY as SYNTHESIS
+from tests.support.slow_cases import slow_after
 
 DECLARED = """
 from pathlib import Path
@@ -435,7 +436,7 @@ def test_only_what_is_missing_is_compiled(elsewhere: Elsewhere, monkeypatch: pyt
     assert made == [1]
 
 
-@pytest.mark.parametrize("baseline", RUN_HERE, ids=lambda x: x.name)
+@pytest.mark.parametrize("baseline", slow_after(1, RUN_HERE), ids=lambda x: x.name)  # others may have to be compiled
 def test_every_baseline_answers_alike(monkeypatch: pytest.MonkeyPatch, baseline: Baseline) -> None:
     for library in (STABILITY, SYNTHESIS):
         takes = {name: entry.takes for name, entry in library.entries.items()}

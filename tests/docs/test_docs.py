@@ -93,7 +93,10 @@ def runnable(page: Path) -> bool:
     return any(b.kind in ("python", "console", "json", "xml") and not b.skip for b in blocks(page))
 
 
-SLOW = "command-line", "simulation", "robustness", "grasps", "answers", "index", "paper-grasps"
+SLOW = (
+    *("README", "command-line", "simulation", "robustness", "grasps", "answers", "index", "paper-grasps", "settling"),
+    *("datasets", "tendon-hand", "soft-fingers", "fixture", "measures"),
+)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from handfast.stability.refinement import SolverResult, SolverStatus
 
 scip = pytest.importorskip("handfast.papers.scip", reason="pyscipopt is not installed", exc_type=ImportError)
 
+pytestmark = pytest.mark.optional
 solvers = pytest.mark.parametrize(
     "solver",
     [

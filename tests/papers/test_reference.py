@@ -20,7 +20,10 @@ from handfast.stability.refinement import SolverResult, SolverStatus
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, nest, pinch, solved, table
 
-pytestmark = pytest.mark.skipif(not mip.available("scip"), reason="pyscipopt is not installed")
+pytestmark = [
+    pytest.mark.optional,
+    pytest.mark.skipif(not mip.available("scip"), reason="pyscipopt is not installed"),
+]
 
 
 def settings(**options) -> Settings:

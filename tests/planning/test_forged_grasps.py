@@ -32,6 +32,7 @@ from tests.support.forged_grasps import (
     scalpel_file,
     scalpel_grasps,
 )
+from tests.support.slow_cases import slow_after
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +45,7 @@ def saved() -> Data:
     return scalpel_file()
 
 
-@pytest.mark.parametrize("name", list(FORGED))
+@pytest.mark.parametrize("name", slow_after(24, FORGED))
 def test_a_forged_file_is_refused(saved: Data, name: str) -> None:
     change, match = FORGED[name]
     data = copy.deepcopy(saved)

@@ -12,6 +12,7 @@ from handfast.stability import model
 from handfast.stability.equivalent_grasp import EquivalentGrasp, equivalent_of
 from handfast.stability.model import State
 from tests.support.law_grasps import BACKDRIVABLE, curled, jaw, random_law_grasp
+from tests.support.slow_cases import slow_after
 
 INF = np.inf
 STILL = 1e-9
@@ -93,7 +94,7 @@ def motions(grasp: Grasp, rng: np.random.Generator) -> list[Array]:
     return [np.zeros(grasp.l), *free, *rng.choice([-1.0, 0.0, 1.0], (4, grasp.l))]
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", slow_after(1, range(4)))
 def test_the_torques_at_every_motion_are_the_same(block: int) -> None:
     """At a motion the torques are a convex set, which its largest values in all directions tell."""
     seen = 0

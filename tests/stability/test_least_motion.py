@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -239,6 +240,7 @@ def test_a_load_that_rounding_takes_out_of_range_keeps_its_state(monkeypatch: py
 # --- where it is shown --------------------------------------------------------------------------
 
 
+@cache
 def shown() -> dict[str, Answer]:
     """Answers about Fig. 1 whose first witness may swing far."""
     grasp = load_grasp("fig1")

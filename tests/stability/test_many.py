@@ -18,12 +18,13 @@ from handfast.stability.many import max_answers
 from handfast.stability.queries import MaxAnswer, maximum
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, table
+from tests.support.slow_cases import slow_after
 
 CIRCLE = [[np.cos(a), np.sin(a), 0, 0, 0, 0] for a in np.linspace(0, 2 * np.pi, 24, endpoint=False)]
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-@pytest.mark.parametrize("make", [pinch, bell])
+@pytest.mark.parametrize("make", slow_after(1, [pinch, bell]))
 def test_neighbours_help_but_do_not_change_the_answer(make, jobs: int) -> None:
     """Shared reductions and first guesses: the bounds of both ways overlap, verdicts are the same."""
     grasp = make()
@@ -43,6 +44,7 @@ def test_every_bound_is_certified() -> None:
             assert verify(answer.certificate).ok
 
 
+@pytest.mark.slow
 def test_processes_and_threads_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     grasp, directions = bell(), CIRCLE
     monkeypatch.setattr("handfast.stability.many.FEW", len(directions) - 1)
@@ -114,7 +116,7 @@ def test_bad_directions() -> None:
         max_answers(pinch(), [[0, 1, 0, 0, 0, 0], [0] * 6])
 
 
-@pytest.mark.parametrize("length", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("length", slow_after(2, [1e-6, 1e6, 1e-3, 1.0, 1e3]))
 def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
     """However long the direction is given, the force resisted is the same 2.2222 N, and so is its proof."""
     answer = maximum(bell(), length * np.array([0, 1.0, 0, 0, 0, 0]))

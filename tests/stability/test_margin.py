@@ -193,7 +193,7 @@ CASES = {
     "random 8": (solved(8).grasp, solved(8).wrench),
     "random 24": (solved(24).grasp, solved(24).wrench),
 }
-SLOW = "random 0", "random 24"
+SLOW = "random 0", "slope", "random 24"
 
 
 @pytest.mark.parametrize("case", [pytest.param(x, marks=pytest.mark.slow if x in SLOW else ()) for x in CASES])
@@ -283,6 +283,7 @@ def test_ctrl_c_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     assert m.tilt.holds == 0.0
 
 
+@pytest.mark.optional
 def test_a_slip_without_a_certificate_is_not_called_proved() -> None:
     pytest.importorskip("pyscipopt")
     quick = Settings(method="algorithm1", sectors=64)

@@ -21,6 +21,7 @@ from handfast.stability.maps import force_map
 from handfast.stability.queries import MaxAnswer, check, maximum, torques
 from handfast.stability.settings import Settings
 from tests.support.places import ROOT
+from tests.support.slow_cases import slow_after
 
 BRIEF = Settings(node_limit=500)  # for maxima of 0, which are never decided to the end
 
@@ -143,6 +144,7 @@ def test_fig1_hair_offset_wedges_to_one_side_and_eta_forgives_it() -> None:
     assert left.lower == pytest.approx(right.lower, rel=0.05)
 
 
+@pytest.mark.slow
 def test_fig1_coupled_differs_from_the_papers_actuation() -> None:
     """The Barrett's distal joints follow at 1/3 instead of being locked: the load also closes them."""
     settings = Settings(sectors=64, gap=0.02)
@@ -182,7 +184,7 @@ def assert_next_to_nothing(answer: MaxAnswer) -> None:
     assert checker.verify(answer.certificate).ok
 
 
-@pytest.mark.parametrize("third", [0.0, 0.045, 0.08, 0.0895])
+@pytest.mark.parametrize("third", slow_after(2, [0.0, 0.045, 0.08, 0.0895]))
 def test_fig12_two_curves(third: float) -> None:
     force, moment = by_hand(third)
     for direction, expected in (([0, 0, 1, 0, 0, 0], force), ([0, 0, 0, 1, 0, 0], moment)):

@@ -27,6 +27,7 @@ from handfast.stability.settings import Settings
 from handfast.stability.witness import VALID
 from tests.support.interruptions import interrupt
 from tests.support.problems import pinch, table
+from tests.support.slow_cases import slow_after
 
 # --- answers ----------------------------------------------------------------------------------------
 
@@ -202,7 +203,7 @@ def test_ctrl_c_leaves_an_answer(
     assert answer.verify().ok
 
 
-@pytest.mark.parametrize("seed", range(702, 712))
+@pytest.mark.parametrize("seed", slow_after(3, range(702, 712)))
 def test_laws_over_fresh_grasps(seed: int) -> None:
     """What is shown is so: everything up to the bound holds, holes slip, and together they leave nothing unsaid."""
     case = random_case(3 + seed % 2, seed)
@@ -240,6 +241,7 @@ def holed_map() -> MapAnswer:
     return force_map(random_case(3, 510).grasp, "xz", steps=4, interval=True, jobs=1)
 
 
+@pytest.mark.slow
 def test_a_map_says_what_its_maxima_say(holed_map: MapAnswer) -> None:
     curve = holed_map.preloaded
     said = curve.to_json()

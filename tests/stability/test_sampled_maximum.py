@@ -65,6 +65,7 @@ def test_a_pinch_carries_what_its_lesser_friction_and_its_command_say() -> None:
     assert found.unseen == pytest.approx(1 - 0.05 ** (1 / 12))
 
 
+@pytest.mark.slow
 def test_eta_is_no_bound_of_the_papers_first_grasp() -> None:
     """Equation (17) at 2.5 degrees promises what the grasp resists as it stands; grasps that are off resist less."""
     found = sampled_maximum(load_grasp("fig1"), [0, 1, 0], Perturbation(normals=np.radians(2.5)), samples=20)

@@ -24,6 +24,7 @@ from handfast.stability.model import State
 from handfast.stability.prepared import prepare
 from handfast.stability.queries import check, maximum, torques
 from handfast.stability.settings import Settings
+from tests.support.slow_cases import slow_after
 from tests.support.soft_fingers import MU, SQUEEZE, TORSION, coin, spindle
 
 LARGEST_TORQUE, LARGEST_FORCE = 2 * TORSION * SQUEEZE, 2 * MU * SQUEEZE  # of the coin, by hand
@@ -33,7 +34,7 @@ FINE = Settings(gap=1e-6)
 # --- a coin between two fingers, by hand ---------------------------------------------------------------
 
 
-@pytest.mark.parametrize("half", [1e-3, 0.02])
+@pytest.mark.parametrize("half", slow_after(1, [0.02, 1e-3]))
 @pytest.mark.parametrize(
     ("direction", "largest"),
     [

@@ -13,6 +13,9 @@ from tests.support.places import ROOT
 SOURCES = ROOT / "src" / "handfast"
 
 
+pytestmark = pytest.mark.optional
+
+
 @pytest.fixture
 def mutation(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     pytest.importorskip("mutmut")

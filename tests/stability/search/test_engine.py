@@ -25,6 +25,7 @@ from handfast.stability.search import front
 from handfast.stability.search.outcome import Outcome
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, nest, pinch, solved, table
+from tests.support.slow_cases import slow_after
 
 
 def w(*force: float) -> np.ndarray:
@@ -51,7 +52,7 @@ OPEN = [(6, 0.05, True, 12)]  # still after 8,000 nodes
 
 @pytest.mark.parametrize("stick", [False, True])
 @pytest.mark.parametrize("eta", [0.0, 0.05])
-@pytest.mark.parametrize("m", [3, 4, 5, 6])
+@pytest.mark.parametrize("m", slow_after(1, [3, 4, 5, 6]))
 def test_a_constructed_solution_is_resisted(m: int, eta: float, stick: bool) -> None:
     for seed in range(20):
         if (m, eta, stick, seed) not in OPEN:
