@@ -1,0 +1,107 @@
+"""How good a planned grasp is: how much more than its loads it holds, on how little that leans, how much room there is."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from handfast.core.answer import Stop
+from handfast.model.grasp import Grasp
+from handfast.planning.evaluation.preload_search import PATIENCE, checking_settings_for, settings_for
+from handfast.planning.question import PlanOptions
+from handfast.proofs.holds import grown
+from handfast.stability.answers import finite
+from handfast.stability.hold import HoldAnswer
+from handfast.stability.margin_search import margin
+from handfast.stability.queries import maximum
+
+GAP = 1e-2  # of the margins: their bounds may be so far apart
+
+
+@dataclass(frozen=True)
+class GraspQuality:
+    """What tells grasps apart that all hold their loads.
+
+    Attributes:
+        margin: the largest factor, certified, such that each load times it is resisted under the preload; of the loads as
+            they were given, before the factor of safety. inf if all are resisted at any size.
+        weakest: name of the load with that margin; "" where all loads are 0.
+        leans_on: what makes that HOLDS fragile (`stability.margin.Margin.why`): "motion", "friction", "tilt"; () if it
+            is robust.
+        clearance: [m] the least distance of links that do not touch to the object and to obstacles, and of links to each
+            other.
+        seconds: that it took.
+    """
+
+    margin: float
+    weakest: str
+    leans_on: tuple[str, ...]
+    clearance: float
+    seconds: float = 0.0
+
+    @property
+    def fragile(self) -> bool:
+        return bool(self.leans_on)
+
+    def to_json(self) -> dict[str, Any]:
+        """Keys of `plan.json`; a margin of null is any size."""
+        return {
+            "margin": finite(self.margin),
+            "weakest": self.weakest or None,
+            "fragile": self.fragile,
+            "leans_on": list(self.leans_on),
+            "clearance": self.clearance,
+        }
+
+
+def largest_command(grasp: Grasp) -> dict[str, Any]:
+    """Which actuator is commanded most, how much, and in which unit; 0 of none where all are locked."""
+    name = max(grasp.preload, key=lambda n: abs(grasp.preload[n]), default=None)
+    if name is None:
+        return {"actuator": None, "value": 0.0, "unit": "N m"}
+    k = grasp.mechanism.actuators.index(name)
+    turns = any(j.type == "revolute" for j, r in zip(grasp.joints, grasp.mechanism.R[k], strict=True) if r)
+    unit = "N m" if turns and not grasp.mechanism.tendon[k] else "N"
+    return {"actuator": name, "value": grasp.preload[name], "unit": unit}
+
+
+def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> HoldAnswer:
+    """An answer that holds, with how much of each load is resisted under its preload; as it is if there is no time.
+
+    Args:
+        until: on the monotonic clock.
+    """
+    grasp, limits, found = answer.grasp, options.limits, {}
+    assert grasp is not None
+    asked = [(name, w) for name, w in answer.loads.by_name.items() if np.any(w)]
+    for k, (name, w) in enumerate(asked):
+        left = min(until - time.monotonic(), PATIENCE) / (len(asked) - k)
+        if left <= 0:
+            return answer
+        settings = limits.settings or replace(settings_for(grasp), gap=GAP, time_limit=left)
+        found[name] = maximum(grasp, w, settings=settings, **limits.of_a_load)
+        if found[name].stop is Stop.INTERRUPTED:
+            raise KeyboardInterrupt
+    return replace(answer, margins=found)
+
+
+def quality(answer: HoldAnswer, options: PlanOptions, clearance: float) -> GraspQuality:
+    """Of a grasp whose answer knows its margins, see `with_margins`; on what it leans is asked at the weakest load.
+
+    Args:
+        clearance: [m].
+    """
+    begin, grasp, limits = time.monotonic(), answer.grasp, options.limits
+    assert grasp is not None
+    asked, weakest = answer.margin, answer.weakest
+    leans: tuple[str, ...] = ()
+    if weakest:
+        wrench = answer.loads.wrenches[answer.loads.names.index(weakest)] / options.safety
+        settings = limits.settings or checking_settings_for(grasp)
+        leant = margin(grasp, wrench, settings=settings, **limits.of_a_load)
+        leans = leant.why if leant else ("motion",)
+    times = np.inf if asked is None else asked * options.safety
+    return GraspQuality(float(times), weakest, leans, clearance, time.monotonic() - begin)
