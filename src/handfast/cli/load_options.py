@@ -34,7 +34,7 @@ class LoadsOptions:
     """times every load is to be held: a grasp that holds its loads and no more lets go at the first disturbance"""
 
     def asked(self, body: Body) -> Loads:
-        """All the loads that were asked for."""
+        """All the loads that were asked for, without the factor of safety."""
         import numpy as np
 
         from handfast.stability.loads import Loads
@@ -61,4 +61,4 @@ class LoadsOptions:
         whole = found[0] if found else Loads.gravity(body)
         for more in found[1:]:
             whole += more
-        return whole.scaled(self.safety)
+        return whole

@@ -42,6 +42,8 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
     """direction in which the palm approaches, in the hand's base frame; guessed"""
     closing: Assignments = ()
     """sense in which a joint closes: JOINT=1, JOINT=-1, or JOINT=0 to sample it as a spread"""
+    simulate: bool = False
+    """keep what the dynamics engine holds too: hand and object themselves, each load without the factor of safety"""
     give_up: Annotated[int, arg(metavar="N")] = 1000
     """end after so many starts of which none came through the filters, with what is the matter"""
     output: Annotated[Path | None, arg(metavar="FOLDER", aliases=["-o"])] = None
@@ -99,24 +101,31 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
         from handfast.cli.table import table
         from handfast.pictures import words
         from handfast.planning.evaluation.attempt import REASONS
+        from handfast.planning.evaluation.quality import largest_command
 
         out = console.out()
         found = words.count(len(planned.grasps), "grasp")
         asked = "" if planned.stop == "complete" else f" of {planned.count} asked for (stopped: {planned.stop})"
         out.print(f"{found}{asked}, {planned.tried} starts, {planned.seconds:.1f} s", style="bold")
         what = "Each holds, under its preload" if planned.grasps else "Asked to hold, under one preload"
-        times = "" if self.safety == 1 else f"{self.safety:g} times each of "
-        out.print(f"{what}: {times}{', '.join(planned.loads.names)}")
+        out.print(f"{what}: {words.times_text(self.safety)}{', '.join(planned.loads.names)}")
         if planned.grasps:
-            first = planned.grasps[0].grasp
-            unit = words.actuator_unit(first, first.mechanism.actuators[0])
-            grid = table("grasp", "start", "contacts", "links", "preload", f"largest command [{unit}]")
+            grid = table("grasp", "start", "contacts", "margin", "", "largest command", "clearance [mm]", "links")
             for g in planned.grasps:
-                links = ", ".join(sorted({c.link for c in g.grasp.contacts}))
-                preload = ", ".join(f"{n} {v:.3g}" for n, v in g.grasp.preload.items()) or "none: locked"
+                q, most = g.quality, largest_command(g.grasp)
+                unit = words.actuator_unit(g.grasp, most["actuator"]) if most["actuator"] else ""
+                measured = [""] * 3
+                if q:
+                    sure = "fragile" if q.fragile else "robust"
+                    measured = [words.margin_figure(q.margin), sure, words.num(1e3 * q.clearance, 3)]
+                command = f"{words.num(abs(most['value']), 3)} {unit}" if unit else "locked"
+                links = ", ".join(sorted({str(c.link) for c in g.grasp.contacts}))
                 numbers = str(planned.number(g)), str(g.index), str(g.grasp.m)
-                grid.add_row(*numbers, links, preload, f"{g.answer.upper:.3g}")
+                grid.add_row(*numbers, *measured[:2], command, measured[2], links)
             out.print(grid)
+            out.print(f"Margin: {words.MARGIN}. Best first: {words.BEST_FIRST}.", style="dim", soft_wrap=True)
+            for g in planned.grasps:
+                out.print(f"Preload of {planned.number(g)}: {words.preload_text(g.grasp)}", soft_wrap=True)
         worst = overlaps_text(planned.tally)
         grid = table("what became of the starts", "", *(["overlapped most often"] if worst else []))
         for reason, number in tally_rows(planned.tally, "kept", REASONS):

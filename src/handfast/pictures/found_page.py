@@ -51,6 +51,7 @@ def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None
     for g in planned.grasps:
         preload = f"preload {words.preload_text(g.grasp)}"
         about = f"Grasp {planned.number(g)}, of start {g.index}: {words.grasp_text(g.grasp)}; {preload}."
+        about += f" {words.quality_text(g.quality)}." if g.quality else ""
         about += f" {laws_text(g.grasp)}"
         items.append(FoundItem(g.grasp, solids(planned.hand, g.q, planned.body, g.pose), about))
     entries = []
@@ -62,7 +63,8 @@ def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None
             "grasps",
             f"{len(planned.grasps)} of {planned.count} asked for, {planned.tried} starts, seed {options.seed}",
         ),
-        ("each holds", words.listed(planned.loads.names)),
+        ("each holds", f"{words.times_text(options.safety)}{words.listed(planned.loads.names)}"),
+        ("best first", words.BEST_FIRST),
     ]
     note = "Each grasp holds every load, in an equilibrium that anyone can check. The first in full:"
     _write(path, items, entries, facts, note, force)

@@ -14,11 +14,14 @@ if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
     from handfast.model.hand.hand import Hand
     from handfast.model.hand.joint_law import JointLaw
+    from handfast.planning.evaluation.quality import GraspQuality
 
 AXES = "xyz"
 STOPS = {"lower": "cannot open further", "upper": "cannot close further", "both": "cannot move"}
 MANY = 4  # joints that are named
 USUAL = "–"  # a joint stops at its limits and has nothing else
+BEST_FIRST = "robust before fragile, then the larger margin, then the smaller command"
+MARGIN = "how many times each load, as it was given, is held under the preload (certified)"
 
 
 def num(x: float, digits: int = 4) -> str:
@@ -96,6 +99,24 @@ def actuator_unit(grasp: Grasp, actuator: str) -> str:
         return "N"
     moved = [j.type for j, r in zip(grasp.joints, grasp.mechanism.R[i], strict=True) if r]
     return "N·m" if "revolute" in moved else "N"
+
+
+def times_text(safety: float) -> str:
+    """'1.5 times each of ', before names of loads; '' where each is to be held as it is."""
+    return "" if safety == 1 else f"{safety:g} times each of "
+
+
+def margin_figure(factor: float) -> str:
+    """How many times a load is held: '1.52', 'any size'."""
+    return "any size" if factor == math.inf else num(factor, 3)
+
+
+def quality_text(quality: GraspQuality) -> str:
+    """'margin 1.52 (gravity +x), robust, clearance 3.2 mm'."""
+    where = f" ({quality.weakest})" if quality.weakest else ""
+    leans = {"motion": "a large motion", "friction": "its friction", "tilt": "its normals"}
+    sure = f"fragile: leans on {listed([leans[w] for w in quality.leans_on])}" if quality.fragile else "robust"
+    return f"margin {margin_figure(quality.margin)}{where}, {sure}, clearance {num(1e3 * quality.clearance, 3)} mm"
 
 
 def joint_unit(grasp: Grasp, joint: int) -> str:

@@ -62,7 +62,7 @@ def grasp_for(
 
     Args:
         body: the object; `task.object` is loaded unless given.
-        loads: what one preload must hold; the weight from all six axis directions unless given.
+        loads: what one preload must hold, `options.safety` times; the weight from all six axis directions unless given.
         options: see `TaskGraspOptions`.
         jobs: processes; by default all cores.
         journal: hears of the grasps so far after each unit of work, and may give a search to go on from.
@@ -78,7 +78,7 @@ def grasp_for(
         if task.object is None:
             raise InputError("names no object; give one, its shape is needed", source=task.name or None, field="object")
         body = load_body(task.object)
-    loads = Loads.gravity(body) if loads is None else loads
+    loads = (Loads.gravity(body) if loads is None else loads).scaled(o.safety)
     names = tuple(task.hand.closing_actuators if o.actuators is None else o.actuators)
     for name in names:
         if name not in task.hand.mechanism.actuators:

@@ -15,7 +15,7 @@ from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
 from handfast.planning.question import PlanOptions, link_pairs, refuse_another
-from handfast.planning.ranking import difference, most_different
+from handfast.planning.ranking import best_first, difference, most_different
 from handfast.planning.rejection import fruitless
 from handfast.planning.results.plan import Plan
 from handfast.planning.search import Gathering, Journal
@@ -40,10 +40,11 @@ def plan(
     touches with two fingers or more (or one and the palm), overlaps nowhere by more than 1 mm and passes
     `hold` for the loads is kept, unless it is like one that was kept (see `ranking.difference`). Attempts
     are numbered: the same seed gives the same grasps whatever the number of cores, as far as the time goes.
-    A heuristic: what it does not find may exist.
+    The best come first: see `ranking.best_first`. A heuristic: what it does not find may exist.
 
     Args:
-        loads: what each grasp must hold; the weight from all six axis directions of the object if absent.
+        loads: what each grasp must hold, `options.safety` times; the weight from all six axis directions of the object
+            if absent.
         options: see `PlanOptions`.
         jobs: processes; by default one per core.
         journal: hears of the plan so far after each attempt. It may give a plan that was cut short, to go on from;
@@ -60,7 +61,7 @@ def plan(
     loads = Loads.gravity(body) if loads is None else loads
     if not loads.wrenches.any():
         raise InputError("are all zero; a force or torque to hold is needed", field="loads")
-    asked = Attempts(hand, body, loads, replace(o, ignored=link_pairs(hand, o.ignored)))
+    asked = Attempts(hand, body, loads.scaled(o.safety), replace(o, ignored=link_pairs(hand, o.ignored)))
     begin, question = time.monotonic(), asked.question
     before = journal.earlier(asked)
     if before:
@@ -73,18 +74,27 @@ def plan(
     gathered = Gathering(max(o.count, o.pool or 0), alike, *((before.tally, before.found) if before else ()))
 
     def so_far(stop: Stop, chosen: list[PlannedGrasp]) -> Plan:
+        chosen = best_first(chosen)
         seconds = time.monotonic() - begin + (before.seconds if before else 0.0)
         others = tuple(g for g in gathered.kept if g not in chosen)
         return Plan(asked, o.count, tuple(chosen), gathered.tally.copy(), stop, seconds, question, others)
+
+    def measure(workers: WorkerPool[Runner]) -> None:
+        bare = [(k, g) for k, g in enumerate(gathered.kept) if g.quality is None]
+        found = workers.map(Runner.measured, [(g, end) for _, g in bare], until=end)
+        for (k, _), g in zip(bare, found, strict=False):  # fewer where the time is up
+            gathered.kept[k] = g
 
     end, stop = np.inf if o.timeout is None else begin + o.timeout, Stop.NODES
     try:
         with WorkerPool(Runner(asked), jobs or default_jobs()) as workers:
             numbers = range(gathered.tally.total, o.attempts)
             done = gathered.enough or fruitless(gathered.tally, o.give_up)
+            measure(workers)
             units = iter(()) if done else workers.map(Runner.run, numbers, until=end)
             for unit in units:
                 new = gathered.take(unit)
+                measure(workers)
                 journal.note(so_far(Stop.INTERRUPTED, gathered.kept), new=new)
                 if gathered.enough or fruitless(gathered.tally, o.give_up):
                     break
@@ -93,7 +103,8 @@ def plan(
             stop = Stop.FRUITLESS if fruitless(gathered.tally, o.give_up) else stop
     except KeyboardInterrupt:
         stop = Stop.INTERRUPTED
-    chosen = most_different(gathered.kept, o.count, prismatic) if len(gathered.kept) > o.count else gathered.kept
+    best = best_first(gathered.kept)
+    chosen = most_different(best, o.count, prismatic) if len(best) > o.count else best
     answer = so_far(Stop.COMPLETE if len(chosen) >= o.count else stop, chosen)
     journal.close(answer)
     return answer

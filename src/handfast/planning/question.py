@@ -98,6 +98,8 @@ class SearchOptions:
         timeout: [s] wall time after start-up; None goes on until there are `count`.
         limits: of commands and forces. No `command_limit` is ten times the largest load at the size of the grasp.
         ignored: pairs of links, by name, that may overlap: where the collision shapes do and the real links do not.
+        safety: so many times every load is to be held. A grasp that holds its loads and no more lets go at the first
+            disturbance: the command line asks for 1.5.
 
     Raises:
         InputError: a count or a time that is not positive, a negative seed.
@@ -108,9 +110,11 @@ class SearchOptions:
     timeout: float | None = 60.0
     limits: PlanLimits = field(default_factory=PlanLimits)
     ignored: Sequence[tuple[str, str]] = ()
+    safety: float = 1.0
 
     def __post_init__(self) -> None:
-        refuse_no_positive({"count": self.count, "timeout": self.timeout, "command_limit": self.limits.command_limit})
+        refuse_no_positive({"count": self.count, "timeout": self.timeout, "safety": self.safety})
+        refuse_no_positive({"command_limit": self.limits.command_limit})
         refuse_negative(self.seed)
 
 
@@ -121,10 +125,11 @@ class PlanOptions(SearchOptions):
 
     Attributes:
         attempts: largest number of random starts.
-        pool: gather so many that differ, then return the `count` that differ most.
+        pool: gather so many that differ, then return the `count` that differ most from each other, the best among them.
         sampling: how the starts are drawn.
         give_up: the search ends after so many attempts of which none came through the filters, or after three tenths
             of these if one reason rejected all of them.
+        simulate: keep what the dynamics engine holds too (`simulate_bodies`), each load without the factor of safety.
     """
 
     count: int = 20
@@ -133,6 +138,7 @@ class PlanOptions(SearchOptions):
     pool: int | None = None
     sampling: Sampling = STANDARD
     give_up: int = GIVE_UP
+    simulate: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,4 +1,4 @@
-"""Which grasps are better, by several terms at once; which are alike, and which differ most."""
+"""Which grasps are better; which are alike, and which differ most."""
 
 from __future__ import annotations
 
@@ -28,6 +28,18 @@ def rank(terms: Sequence[Mapping[str, float]]) -> list[float]:
         better = (x[None] > x[:, None]).sum(axis=1)
         shares.append((worse + (len(x) - 1 - worse - better) / 2) / (len(x) - 1))
     return np.mean(shares, axis=0).tolist()
+
+
+def best_first(grasps: Sequence[PlannedGrasp]) -> list[PlannedGrasp]:
+    """Planned grasps by their quality: robust ones before fragile ones, then by the larger margin, to 1 %, then by the
+    smaller largest command. Those whose quality was not measured come last."""
+
+    def place(g: PlannedGrasp) -> tuple[bool, bool, float, float]:
+        if g.quality is None:
+            return True, True, 0.0, g.answer.upper
+        return False, g.quality.fragile, -round(g.quality.margin, 2), g.answer.upper
+
+    return sorted(grasps, key=place)
 
 
 # --- alike or different ------------------------------------------------------------------------------

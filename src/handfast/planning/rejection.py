@@ -26,6 +26,7 @@ class RejectionReason(StrEnum):
     FEW = "touches with fewer than two fingers or a finger and the palm"
     PENETRATES = "penetrates by more than 1 mm"
     STRONG = "needs larger commands than allowed"
+    SIMULATED = "lets go in the dynamics engine"
     # of a certified configuration
     OBJECT = "penetrates the object"
     ITSELF = "the hand meets itself"

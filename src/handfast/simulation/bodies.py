@@ -14,7 +14,9 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.transforms import matrix_quaternion
+from handfast.model.body import Body
 from handfast.model.grasp import Grasp
+from handfast.model.hand import Hand
 from handfast.model.provenance import Provenance
 from handfast.model.shape import Shape
 from handfast.simulation.stepper import Stepper
@@ -42,6 +44,14 @@ class Bodies:
     shapes: tuple[tuple[Shape, ...], ...]
     pieces: tuple[Shape, ...]
 
+    @classmethod
+    def of(cls, hand: Hand, q: Array, body: Body, pose: Array) -> Bodies:
+        """A hand at q (l,) and an object at a pose (4, 4) in the hand's base frame."""
+        poses = np.linalg.inv(pose) @ hand.link_poses(q)
+        shapes = tuple(tuple(s.placed(T) for s in link.shapes) for link, T in zip(hand.links, poses, strict=True))
+        between = tuple(tuple(hand.joint_names[j] for j in link.joints) for link in hand.links)
+        return cls(hand.link_names, tuple(link.parent for link in hand.links), between, shapes, tuple(body.pieces))
+
 
 def bodies_of(grasp: Grasp) -> Bodies:
     """Hand and object as the grasp's provenance has them.
@@ -62,14 +72,11 @@ def bodies_of(grasp: Grasp) -> Bodies:
     placed = load_configuration(came.configuration.path)
     hand, q = placed.applied(load_hand(came.hand.path))
     body = load_body(came.object.path, scale=came.object.scale)
-    poses = np.linalg.inv(placed.pose) @ hand.link_poses(q)
     strangers = sorted({str(c.link) for c in grasp.contacts} - set(hand.link_names))
     if strangers:
         problem = f"are on '{', '.join(strangers)}', which {hand.name} has not"
         raise InputError(problem, source=grasp.name, field="contacts")
-    shapes = tuple(tuple(s.placed(T) for s in link.shapes) for link, T in zip(hand.links, poses, strict=True))
-    between = tuple(tuple(hand.joint_names[j] for j in link.joints) for link in hand.links)
-    return Bodies(hand.link_names, tuple(link.parent for link in hand.links), between, shapes, tuple(body.pieces))
+    return Bodies.of(hand, q, body, placed.pose)
 
 
 def build_bodies(grasp: Grasp, bodies: Bodies, force: float, *, step: float, stiffness: float) -> Twin:

@@ -22,11 +22,15 @@ from handfast.planning.candidates.palm_poses import Palm, Start, palm_of
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.closing import Closed, close
 from handfast.planning.evaluation.preload_search import PreloadSearch, SearchedContacts, spanning
+from handfast.planning.evaluation.quality import GraspQuality, quality, with_margins
 from handfast.planning.filters.balance import balances
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
 from handfast.planning.question import PlanOptions, fingerprint
 from handfast.planning.rejection import FILTERED, Overlap, RejectionReason, Tally, of_verdict
 from handfast.planning.search import UnitResult
+from handfast.simulation.bodies import Bodies
+from handfast.simulation.result import Ending
+from handfast.simulation.simulate import simulate_bodies
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.loads import Loads
 
@@ -39,6 +43,7 @@ REASONS = (
     RejectionReason.SLIPS,
     RejectionReason.UNDECIDED,
     RejectionReason.STRONG,
+    RejectionReason.SIMULATED,
     RejectionReason.ALIKE,
 )
 OBJECT = "the object"  # in the place of a link's name
@@ -57,6 +62,7 @@ class PlannedGrasp(Shown):
             beyond what overlaps in the hand at rest.
         index: number of the attempt, which with the seed reproduces it.
         searched: with which contacts its preload was looked for; None where that is not known.
+        quality: margin, fragility, clearance; None until it is measured.
     """
 
     q: Array
@@ -67,6 +73,7 @@ class PlannedGrasp(Shown):
     self_penetration: float
     index: int
     searched: SearchedContacts | None = None
+    quality: GraspQuality | None = None
 
     @property
     def held(self) -> HoldAnswer:
@@ -79,7 +86,7 @@ class Attempts:
     """All that attempts share.
 
     Attributes:
-        loads: what is to be held.
+        loads: what is to be held, the factor of safety included.
         options: no `command_limit` is `STRONG` times the largest load, no `settings` a number of nodes, so that the
             outcome does not hang on the machine.
     """
@@ -99,7 +106,7 @@ class Attempts:
         """The fingerprint of all this."""
         o = self.options
         others = vars(o.limits) | {"palm": self.palm, "sampling": o.sampling}
-        others |= {"ignored": o.ignored} if o.ignored else {}
+        others |= {name: getattr(o, name) for name in ("ignored", "simulate") if getattr(o, name)}
         return fingerprint(self.hand, self.body, self.loads, o.seed, **others)
 
 
@@ -182,9 +189,32 @@ class Runner:
         grasp = grasp.with_preload(answer.preload)
         if search.strength(grasp) > 1:
             return RejectionReason.STRONG, None
+        if a.options.simulate and not self.simulated(grasp, Bodies.of(a.hand, closed.q, a.body, pose)):
+            return RejectionReason.SIMULATED, None
         checks = tuple(replace(c, steps=(), proof=None) for c in answer.checks)  # grasps travel between processes
         answer = replace(answer, checks=checks)
         return PlannedGrasp(closed.q, pose, grasp, answer, inside, deep.itself, number, searched)
+
+    def simulated(self, grasp: Grasp, bodies: Bodies) -> bool:
+        """Does the dynamics engine hold every load, without the factor of safety?"""
+        for wrench in self.asked.loads.wrenches:
+            try:
+                found = simulate_bodies(grasp, wrench / self.asked.options.safety, bodies=bodies)
+            except InputError:  # the engine has no model of this hand and object
+                return False
+            if found.ending is not Ending.HOLDS:
+                return False
+        return True
+
+    def measured(self, item: tuple[PlannedGrasp, float]) -> PlannedGrasp:
+        """A grasp with its margins and its quality; the other number is when that has to be done, monotonic clock."""
+        g, until = item
+        o = self.asked.options
+        answer = with_margins(g.held, o, until)
+        if not answer.margins and answer.loads.wrenches.any():
+            return g
+        clearance = self.clearance.clearance(g.q, g.pose, but=[str(c.link) for c in g.grasp.contacts])
+        return replace(g, answer=answer, quality=quality(answer, o, clearance))
 
     def _grasp(self, closed: Closed, pose: Array, contacts: Sequence[Contact]) -> Grasp:
         """The grasp of a closed hand with some of its contacts."""

@@ -1,4 +1,4 @@
-"""How good a planned grasp is: how much more than its loads it holds, on how little that leans, how much room there is."""
+"""How good a planned grasp is: how much more it holds, on how little that leans, how much room the hand has."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from handfast.core.answer import Stop
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.preload_search import PATIENCE, checking_settings_for, settings_for
 from handfast.planning.question import PlanOptions
-from handfast.proofs.holds import grown
 from handfast.stability.answers import finite
 from handfast.stability.hold import HoldAnswer
 from handfast.stability.margin_search import margin
@@ -26,21 +25,18 @@ class GraspQuality:
     """What tells grasps apart that all hold their loads.
 
     Attributes:
-        margin: the largest factor, certified, such that each load times it is resisted under the preload; of the loads as
+        margin: the largest factor, certified, by which each load may be multiplied under the preload; of the loads as
             they were given, before the factor of safety. inf if all are resisted at any size.
         weakest: name of the load with that margin; "" where all loads are 0.
         leans_on: what makes that HOLDS fragile (`stability.margin.Margin.why`): "motion", "friction", "tilt"; () if it
             is robust.
-        clearance: [m] the least distance of links that do not touch to the object and to obstacles, and of links to each
-            other.
-        seconds: that it took.
+        clearance: [m] the least distance of links that do not touch to the object, and of links to each other.
     """
 
     margin: float
     weakest: str
     leans_on: tuple[str, ...]
     clearance: float
-    seconds: float = 0.0
 
     @property
     def fragile(self) -> bool:
@@ -74,15 +70,15 @@ def with_margins(answer: HoldAnswer, options: PlanOptions, until: float) -> Hold
     Args:
         until: on the monotonic clock.
     """
-    grasp, limits, found = answer.grasp, options.limits, {}
-    assert grasp is not None
+    assert answer.grasp is not None
+    grasp, limits, found = answer.grasp.with_commands(answer.preload or {}), options.limits, {}
     asked = [(name, w) for name, w in answer.loads.by_name.items() if np.any(w)]
     for k, (name, w) in enumerate(asked):
         left = min(until - time.monotonic(), PATIENCE) / (len(asked) - k)
         if left <= 0:
             return answer
         settings = limits.settings or replace(settings_for(grasp), gap=GAP, time_limit=left)
-        found[name] = maximum(grasp, w, settings=settings, **limits.of_a_load)
+        found[name] = maximum(grasp, w, settings=settings, limits=limits.of_a_load)
         if found[name].stop is Stop.INTERRUPTED:
             raise KeyboardInterrupt
     return replace(answer, margins=found)
@@ -94,14 +90,14 @@ def quality(answer: HoldAnswer, options: PlanOptions, clearance: float) -> Grasp
     Args:
         clearance: [m].
     """
-    begin, grasp, limits = time.monotonic(), answer.grasp, options.limits
-    assert grasp is not None
+    assert answer.grasp is not None
+    grasp, limits = answer.grasp.with_commands(answer.preload or {}), options.limits
     asked, weakest = answer.margin, answer.weakest
     leans: tuple[str, ...] = ()
     if weakest:
         wrench = answer.loads.wrenches[answer.loads.names.index(weakest)] / options.safety
         settings = limits.settings or checking_settings_for(grasp)
-        leant = margin(grasp, wrench, settings=settings, **limits.of_a_load)
+        leant = margin(grasp, wrench, settings=settings, limits=limits.of_a_load)
         leans = leant.why if leant else ("motion",)
     times = np.inf if asked is None else asked * options.safety
-    return GraspQuality(float(times), weakest, leans, clearance, time.monotonic() - begin)
+    return GraspQuality(float(times), weakest, leans, clearance)

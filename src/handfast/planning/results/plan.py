@@ -15,6 +15,7 @@ from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
 from handfast.planning.evaluation.preload_search import SearchedContacts
+from handfast.planning.evaluation.quality import largest_command
 from handfast.planning.rejection import OverlapEntry, Tally, diagnosis
 from handfast.planning.results.verify import verify_planned
 from handfast.proofs.replay import Replay
@@ -69,8 +70,8 @@ class Plan(Shown):
 
     Attributes:
         asked: what the attempts share; count: how many grasps were asked for.
-        grasps: those that hold every load and differ from each other, in the order in which they were found;
-            with a `pool` the one farthest from the others next. others: of a pool, those that were left out.
+        grasps: those that hold every load and differ from each other, best first (`ranking.best_first`).
+            others: of a pool, those that were left out.
         tally: what became of the attempts.
         stop: COMPLETE; TIME, NODES (the attempts were used up), FRUITLESS (so many attempts came to nothing that it was
             given up) or INTERRUPTED if fewer were found.
@@ -140,6 +141,7 @@ class Plan(Shown):
         return header(self, "plan") | {
             "seconds": round(self.seconds, 3),
             "seed": self.asked.options.seed,
+            "safety": self.asked.options.safety,
             "loads": self.loads.by_name,
             "tried": self.tried,
             "fates": self.tally.to_json("kept", REASONS),
@@ -153,13 +155,19 @@ class Plan(Shown):
 
 def _entry(g: PlannedGrasp) -> dict[str, Any]:
     searched = {"preload_search": asdict(g.searched)} if g.searched else {}
-    return searched | {
-        "attempt": g.index,
-        "nodes": g.answer.nodes,
-        "contacts": g.grasp.m,
-        "links": sorted({c.link for c in g.grasp.contacts}),
-        "preload": g.grasp.preload,
-        "penetration": g.penetration,
-        "self_penetration": g.self_penetration,
-        "residual": max(a.proved.residual for a in g.answer.checks if a.proved),
-    }
+    measured = g.quality.to_json() if g.quality else {}
+    return (
+        searched
+        | measured
+        | {
+            "attempt": g.index,
+            "nodes": g.answer.nodes,
+            "contacts": g.grasp.m,
+            "links": sorted({c.link for c in g.grasp.contacts}),
+            "preload": g.grasp.preload,
+            "penetration": g.penetration,
+            "self_penetration": g.self_penetration,
+            "largest_command": largest_command(g.grasp),
+            "residual": max(a.proved.residual for a in g.answer.checks if a.proved),
+        }
+    )

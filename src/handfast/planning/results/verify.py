@@ -169,9 +169,12 @@ def measured_plan(folder: Path) -> Replay:
             raise InputError("names no hand or no object", source=str(folder / entry["configuration_file"]))
         hand, q = place.applied(load_hand(place.hand))
         scene, grasp = Scene(hand, load_body(place.object)), load_grasp(folder / entry["grasp_file"])
-        held = read_json(folder / entry["hold_file"], "hold")["question"]["grasp"]
-        same = _without_preload(held) == _without_preload(grasp_file.to_dict(grasp))
+        held = read_json(folder / entry["hold_file"], "hold")
+        same = _without_preload(held["question"]["grasp"]) == _without_preload(grasp_file.to_dict(grasp))
         wrong = "" if same else "its proof is about another grasp"
+        proved = held["answer"].get("margin")
+        times = None if proved is None else plan.get("safety", 1.0) * proved
+        wrong = wrong or ("margin" in entry and difference(times, entry["margin"], "margin")) or ""
         parts.append(Replay(entry["grasp_file"], OF_HAND, wrong or _hand_fault(scene, q, place.pose, grasp)))
     return Replay("geometry", parts=tuple(parts), not_replayed=NOT_REPLAYED)
 

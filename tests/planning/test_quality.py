@@ -1,0 +1,112 @@
+"""What tells planned grasps apart: margin, fragility, largest command, clearance, what the dynamics engine holds."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.simulation_floor import pinch
+from handfast import Verdict, check, load_body, load_hand, maximum, verify
+from handfast.cli.plan import PlanGrasps
+from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
+from handfast.planning.evaluation.quality import GraspQuality, largest_command
+from handfast.planning.plan_grasps import plan
+from handfast.planning.question import PlanOptions
+from handfast.planning.ranking import best_first
+from handfast.planning.rejection import RejectionReason
+from handfast.planning.results.plan import Plan
+from handfast.simulation.bodies import Bodies
+from handfast.stability.loads import Loads
+
+SAFETY = 1.5
+
+
+@pytest.fixture(scope="module")
+def planned() -> Plan:
+    hand, body = load_hand("barrett-bh8-280"), load_body("can")
+    return plan(hand, body, count=2, seed=0, jobs=1, safety=SAFETY)
+
+
+def test_a_margin_is_how_often_the_load_as_it_was_given_is_held(planned: Plan) -> None:
+    given = Loads.gravity(planned.body)
+    np.testing.assert_allclose(planned.loads.wrenches, SAFETY * given.wrenches)
+    for g in planned.grasps:
+        assert g.quality is not None
+        least = {name: maximum(g.grasp, w).lower for name, w in given.by_name.items()}
+        assert g.quality.margin == pytest.approx(min(least.values()), rel=0.02)
+        assert least[g.quality.weakest] == pytest.approx(min(least.values()), rel=0.02)
+        assert g.quality.margin >= SAFETY
+        weakest = given.wrenches[given.names.index(g.quality.weakest)]
+        assert check(g.grasp, 0.999 * g.quality.margin * weakest).verdict is Verdict.HOLDS
+
+
+def test_margins_are_proved_with_the_loads(planned: Plan) -> None:
+    (one, *_) = planned.grasps
+    assert set(one.answer.margins) == set(planned.loads.names)
+    assert planned.verify().ok
+
+
+def quality(margin: float, *leans: str, clearance: float = 0.01) -> GraspQuality:
+    return GraspQuality(margin, "down", leans, clearance)
+
+
+def test_best_first_is_robust_then_margin_then_command(planned: Plan) -> None:
+    def grasp(measured: GraspQuality | None, command: float) -> PlannedGrasp:
+        (g, *_) = planned.grasps
+        return replace(g, quality=measured, answer=replace(g.answer, upper=command))
+
+    ranked = [
+        grasp(quality(np.inf), 3.0),
+        grasp(quality(2.0), 9.0),
+        grasp(quality(1.504), 1.0),  # as good as the next, to 1 %
+        grasp(quality(1.501), 2.0),
+        grasp(quality(4.0, "tilt"), 1.0),
+        grasp(None, 0.1),
+    ]
+    for order in ([5, 3, 1, 4, 2, 0], [2, 0, 5, 1, 3, 4]):
+        assert best_first([ranked[k] for k in order]) == ranked
+
+
+def test_plans_come_best_first_and_say_so_in_their_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "out"
+    how = {"hand": "barrett-bh8-280", "object": "can", "count": 3, "jobs": 1, "output": folder}
+    assert PlanGrasps(**how).run() == 0
+    said = capsys.readouterr().out
+    assert "1.5 times each of" in said
+    assert "Best first: robust before fragile" in said
+    data = json.loads((folder / "plan.json").read_text("utf-8"))
+    assert data["safety"] == SAFETY
+    order = [(e["fragile"], -round(e["margin"], 2), abs(e["largest_command"]["value"])) for e in data["grasps"]]
+    assert order == sorted(order)
+    for e in data["grasps"]:
+        assert e["largest_command"]["unit"] == "N m"
+        assert abs(e["largest_command"]["value"]) == max(map(abs, e["preload"].values()))
+        held = json.loads((folder / e["hold_file"]).read_text("utf-8"))
+        assert e["margin"] == pytest.approx(SAFETY * held["answer"]["margin"])
+    assert verify(folder).ok
+
+
+def test_the_unit_of_a_command_is_that_of_what_it_drives() -> None:
+    slide = pinch(0.4)
+    assert largest_command(slide) == {"actuator": "slide", "value": 1.0, "unit": "N"}
+    assert largest_command(slide.with_preload(None))["actuator"] is None
+
+
+def test_what_the_engine_lets_go_is_not_kept(planned: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = replace(planned.asked, options=PlanOptions(safety=SAFETY, simulate=True))
+    runner = Runner(asked)
+    index = planned.grasps[0].index
+    kept = runner.run(index)
+    assert [g.index for g in kept.found] == [index]
+    heavy = Attempts(asked.hand, asked.body, asked.loads.scaled(20.0), asked.options)
+    (g,) = kept.found
+    shown = Bodies.of(asked.hand, g.q, asked.body, g.pose)
+    assert runner.simulated(g.grasp, shown)
+    assert not Runner(heavy).simulated(g.grasp, shown)
+    monkeypatch.setattr(Runner, "simulated", lambda *_: False)
+    assert runner.run(index).tally[RejectionReason.SIMULATED] == 1
+    assert asked.question != planned.asked.question
