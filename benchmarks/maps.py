@@ -1,4 +1,4 @@
-"""Maps of 360 directions: one by one, neighbours helping each other, and on all cores.
+"""Maps of 360 directions: one by one, together, and on all cores.
 
     python -m benchmarks.maps
 
@@ -20,14 +20,16 @@ from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from handfast.core.parallel import default_jobs
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.many import Case, Options, max_answers, maxima
+from handfast.stability.batch import max_many
 from handfast.stability.queries import maximum
+from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "maps.json"
 STEPS = 360
+QUICK = Settings(verify=False)  # as maps are drawn
 
 
-def timed(run: Callable[[], list[Any]]) -> tuple[float, float, list[Any]]:
+def timed(run: Callable[[], Any]) -> tuple[float, float, Any]:
     """Wall and processor time [s], and what came out."""
     wall, cpu = time.perf_counter(), time.process_time()
     out = run()
@@ -41,16 +43,14 @@ def main() -> None:
     maximum(grasps[0], circle[0])
     rows = []
     jobs = default_jobs()
-    print(f"| grasp | one by one | neighbours | their processor time | {jobs} cores | nodes | undecided |")
+    print(f"| grasp | one by one | together | their processor time | {jobs} cores | nodes | undecided |")
     print("|---|---:|---:|---:|---:|---:|---:|")
     for grasp in grasps:
-        alone = timed(lambda g=grasp: [maximum(g, d) for d in circle])
-        one = timed(lambda g=grasp: max_answers(g, circle, jobs=1))
-        base = np.zeros(6)  # one for all: neighbours are known by it
-        cases = [Case(grasp, d, base) for d in circle]
-        many = timed(lambda c=cases: maxima(c, Options(proofs=False), jobs))  # as `force_map` asks
-        open_ = sum(a.stop != "complete" for a in many[2])
-        nodes = [sum(a.nodes for a in run[2]) for run in (alone, one)]
+        alone = timed(lambda g=grasp: [maximum(g, d, settings=QUICK) for d in circle])
+        one = timed(lambda g=grasp: max_many(g, circle, settings=QUICK, jobs=1))
+        many = timed(lambda g=grasp: max_many(g, circle, settings=QUICK, jobs=jobs))  # as `force_map` asks
+        open_ = int((many[2].stop != "complete").sum())
+        nodes = [sum(a.nodes for a in alone[2]), int(one[2].nodes.sum())]
         rows.append({"grasp": grasp.name, "alone": alone[:2], "one": one[:2], "many": many[:2], "jobs": jobs,
                      "nodes": nodes, "undecided": open_})  # fmt: skip
         times = " | ".join(f"{t:.2f} s" for t in (alone[0], one[0], one[1], many[0]))

@@ -181,7 +181,7 @@ def test_a_witness_beyond_the_motion_cap_lifts_the_bound(monkeypatch: pytest.Mon
     monkeypatch.setattr(relaxation, "MOTIONS", 1.0)
     answer = maximum(load_grasp("fig1"), w(1, 0, 0), settings=settings(sectors=16))
     assert answer.witness.valid
-    within = answer.posed[0].direction_scale / max(step.bound for step in answer.steps)
+    within = answer.posed.problem.direction_scale / max(step.bound for step in answer.steps)
     assert 1.03 * within < answer.lower <= answer.upper
 
 

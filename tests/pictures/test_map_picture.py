@@ -19,8 +19,7 @@ from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp, draw_scene
 from handfast.pictures.map_picture import HELD, draw_map, draw_sweep
 from handfast.pictures.scene import scene_meshes
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.many import Options
+from handfast.stability.grasp_limits import GraspLimits, Terms
 from handfast.stability.maps import Curve, MapAnswer, SweepAnswer, force_map
 from tests.support.problems import pinch
 
@@ -58,8 +57,8 @@ def mapped(grasp: Grasp) -> MapAnswer:
     directions = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     passive = curve([0, 0, 0, 0, 0, 1e4, 1e4, 1e4], unbounded=[5, 6, 7])
     preloaded = curve([3, 2, 2, 2, 3, 1e4, 1e4, 1e4], [3, 2, 5, 2, 3, 0, 0, 0], unbounded=[5, 6, 7])
-    options = Options(GraspLimits(eta=np.radians(2.5)))
-    return MapAnswer(grasp, "xy", directions, passive, preloaded, 1.0, 10, options=options)
+    terms = Terms(GraspLimits(eta=np.radians(2.5)))
+    return MapAnswer(grasp, "xy", directions, passive, preloaded, 1.0, 10, terms=terms)
 
 
 @pytest.fixture

@@ -252,11 +252,11 @@ def test_certified_configurations_come_back_from_their_proofs() -> None:
 MAP = """
 import numpy as np
 from handfast import load_grasp
-from handfast.stability.many import max_answers
+from handfast.stability.batch import max_many
 from tests.support.interruptions import killed
 angles = np.linspace(0, 6, 20000)
 directions = [[np.cos(a), np.sin(a), 0, 0, 0, 0] for a in angles]
-max_answers(load_grasp("fig1"), directions, jobs=2, on_item=lambda done, of: killed())
+max_many(load_grasp("fig1"), directions, jobs=2, on_item=lambda done, of: killed())
 """
 
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from handfast import Loads, check, check_many, max_many, maximum, torques, torques_many
+from handfast import Loads, check, check_many, load_grasp, max_many, maximum, torques, torques_many
+from handfast.core.answer import Stop
 from handfast.core.errors import InputError
+from handfast.core.parallel import WorkerPool
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
+from handfast.proofs import checker
 from handfast.stability import batch
 from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.settings import Settings
@@ -29,21 +34,6 @@ def tendons(g: Grasp) -> Grasp:
         Mechanism(names, np.eye(len(names)), np.zeros((0, len(names))), (True,) * len(names)),
         g.command,
     )
-
-
-def test_several_calls_about_one_grasp_are_one() -> None:
-    """What a grasp was prepared for once answers later calls as well, single rows and odd ones included."""
-    g = solved(3, 4).grasp
-    W, kept = loads(g, 6, seed=5), batch.GraspBatch(g)
-    first, together = kept.maxima(W[:4], QUICK), max_many(g, W, settings=QUICK)
-    last = kept.maxima(W[4:5], QUICK)
-    assert np.array_equal(first.lower, together.lower[:4])
-    assert np.array_equal(first.upper, together.upper[:4])
-    assert last.lower[0] == pytest.approx(together.lower[4], rel=2e-3)
-    assert list(kept.checks(W, QUICK).verdict) == list(check_many(g, W, settings=QUICK).verdict)
-    odd = kept.checks(np.vstack([W[0], np.full(6, np.nan)]), QUICK)
-    assert odd.error[0] == ""
-    assert "NaN" in odd.error[1]
 
 
 def test_a_node_limit_holds_for_every_row() -> None:
@@ -244,3 +234,79 @@ def test_a_table_beside_its_weight() -> None:
     pushes = [[1, 0, 0, 0, 0, 0], [-2, 0, 0, 0, 0, 0]]
     found = max_many(table(), pushes, base=[0, 0, -10, 0, 0, 0])
     np.testing.assert_allclose(found.lower, [4.0, 2.0], rtol=2e-3)
+
+
+def test_where_programs_break_down_states_of_neighbours_help() -> None:
+    """Alone, they break down in these directions; from the states of the next ones the search closes."""
+    grasp = load_grasp("barrett-can")
+    turn = 2 * np.pi * np.arange(90) / 90
+    circle = np.column_stack([np.cos(turn), np.sin(turn), *np.zeros((4, 90))])
+    found, hard = max_many(grasp, circle, settings=QUICK, jobs=1), [3, 75, 89]
+    assert [maximum(grasp, circle[k], settings=QUICK).stop for k in hard] == ["numerical"] * 3
+    assert found.stop[hard].tolist() == ["complete"] * 3
+    assert (found.upper[hard] <= found.lower[hard] * (1 + 1.1e-3)).all()
+
+
+def test_intervals_on_request() -> None:
+    found = max_many(pinch(), [[0, 1, 0], [0, 0, 1]], interval=True)
+    assert found.intervals is not None
+    assert [i.holds_from_zero_to for i in found.intervals if i] == pytest.approx([1.0, 1.0], rel=2e-3)
+    assert all(i is not None and not i.arcs for i in found.intervals)
+
+
+def test_solvers_of_algorithm1_are_not_for_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[tuple[int, bool]] = []
+
+    class Pool(WorkerPool):
+        def __init__(self, shared: object, jobs: int, *, threads: bool) -> None:
+            super().__init__(shared, jobs, threads=threads)
+            seen.append((self.jobs, threads))
+
+        def map(self, *_: object, **__: object) -> Iterator[list[Any]]:
+            return iter(())
+
+    monkeypatch.setattr("handfast.core.parallel.START", "spawn")
+    monkeypatch.setattr(batch, "WorkerPool", Pool)
+    monkeypatch.setattr(batch, "BLOCK", 2)
+    max_many(bell(), np.eye(6), settings=Settings(method="algorithm1"), jobs=3)
+    max_many(bell(), np.eye(6), jobs=3)
+    assert seen == [(1, True), (3, True)]
+
+
+def test_ctrl_c_leaves_none_in_processes_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(batch, "FORK", 0)
+    monkeypatch.setattr(batch, "BLOCK", 8)
+    found = max_many(pinch(), [[0, 1, 0]] * 96, jobs=2, on_item=stop)
+    assert found.error[0] == ""
+    assert found.error[-1] == batch.INTERRUPTED
+
+
+def test_ctrl_c_during_a_search_ends_the_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*asked: Any, **options: Any) -> Any:
+        return replace(torques(*asked, **options), stop=Stop.INTERRUPTED)
+
+    monkeypatch.setattr(batch, "torques", interrupted)
+    monkeypatch.setattr(batch, "BLOCK", 2)
+    found = torques_many(pinch(), [[0, 0.5, 0]] * 5, settings=QUICK, jobs=1)
+    assert found.stop.tolist() == ["interrupted", "", "", "", ""]
+    assert found.error.tolist() == ["", *[batch.INTERRUPTED] * 4]
+
+
+@pytest.mark.parametrize("length", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+def test_the_length_of_a_direction_is_a_unit(length: float) -> None:
+    """However long the direction is given, the force resisted is the same 2.2222 N, and so is its proof."""
+    answer = maximum(bell(), length * np.array([0, 1.0, 0, 0, 0, 0]))
+    assert answer.lower * length == pytest.approx(0.2 / 0.09, rel=1e-3)
+    assert answer.upper * length == pytest.approx(0.2 / 0.09, rel=1.1e-3)
+    assert checker.verify(answer.certificate).ok
+    np.testing.assert_allclose(answer.witness.wrench[1], answer.lower * length, rtol=3e-9)
+    loaded = maximum(table(), [length, 0, 0, 0, 0, 0], base=[0, 0, -10, 0, 0, 0])
+    assert loaded.lower * length == pytest.approx(4.0, rel=1e-3)
+    assert checker.verify(loaded.certificate).ok
+    pressed = maximum(table(), [0, 0, -length, 0, 0, 0], limits=GraspLimits(force_limit=2.0))
+    assert pressed.lower * length == pytest.approx(8.0, rel=1e-3)
+    found = max_many(bell(), [[0, length, 0, 0, 0, 0], [0, 1e3 * length, 0, 0, 0, 0]], jobs=1)
+    assert found.lower[0] == pytest.approx(1e3 * found.lower[1], rel=1e-3)

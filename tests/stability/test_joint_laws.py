@@ -98,7 +98,7 @@ def test_the_largest_load_is_the_one_by_hand(laws: dict[str, Any], direction: li
         assert all(a.verify().ok for a in answers)
         assert check_many(grasp, loads).verdict.tolist() == [str(v) for v in expected]
         prepared = prepare(grasp)
-        assert [prepared.holds(w).verdict for w in loads] == expected
+        assert [prepared.check(w).verdict for w in loads] == expected
     many = max_many(grasp, [direction, direction])
     assert many.lower == pytest.approx([found.lower] * 2, rel=1e-2)
 

@@ -18,11 +18,11 @@ from handfast.core.errors import InputError
 from handfast.core.parallel import default_jobs
 from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import save_grasp
-from handfast.stability import maps
+from handfast.stability import batch, maps
+from handfast.stability.batch import max_many
+from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.many import Case, maxima
 from handfast.stability.maps import force_map, sweep
-from handfast.stability.queries import MaxAnswer
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, table
 
@@ -71,7 +71,9 @@ def test_progress_counts_every_case() -> None:
     assert seen == [(k, 6) for k in range(1, 7)]
 
 
-def test_ctrl_c_keeps_what_was_reached() -> None:
+def test_ctrl_c_keeps_what_was_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(batch, "BLOCK", 2)
+
     def stop(done: int, total: int) -> None:
         if done == 2:
             raise KeyboardInterrupt
@@ -102,20 +104,20 @@ def test_default_jobs() -> None:
 
 def test_a_force_beside_the_origin_has_its_moment(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every case is (f, at x f); at the origin there is no moment, and the answer is the one of a plain map."""
-    asked: list[Case] = []
+    asked: list[np.ndarray] = []
 
-    def watched(cases: list[Case], *rest: object) -> list[MaxAnswer | None]:
-        asked.extend(cases)
-        return maxima(cases, *rest)  # type: ignore[arg-type]
+    def watched(grasps: list[Grasp], wrenches: np.ndarray, **rest: object) -> BatchAnswer:
+        asked.append(wrenches)
+        return max_many(grasps, wrenches, **rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(maps, "maxima", watched)
+    monkeypatch.setattr(maps, "max_many", watched)
     at = np.array([0.01, -0.02, 0.03])
     answer = force_map(bell(), "xz", at=at, steps=4, settings=QUICK, jobs=1)
     np.testing.assert_array_equal(answer.at, at)
     assert answer.to_json()["at"] == at.tolist()
     f = answer.directions
     by_hand = [[at[1] * z - at[2] * y, at[2] * x - at[0] * z, at[0] * y - at[1] * x] for x, y, z in f]
-    np.testing.assert_allclose([c.direction for c in asked[:4]], np.hstack([f, by_hand]), atol=1e-18)
+    np.testing.assert_allclose(asked[0], np.hstack([f, by_hand]), atol=1e-18)
     origin = force_map(bell(), "xz", at=(0, 0, 0), steps=4, settings=QUICK, jobs=1)
     plain = force_map(bell(), "xz", steps=4, settings=QUICK, jobs=1)
     assert origin.to_json() | {"seconds": 0} == plain.to_json() | {"seconds": 0}

@@ -123,7 +123,7 @@ def test_more_friction_can_slip() -> None:
     assert more.answer is not None
     assert more.answer.posed is not None
     expected = [c.friction * (1 + more.slips) for c in grasp.contacts]
-    np.testing.assert_allclose(more.answer.posed[0].grasp.mu, expected)
+    np.testing.assert_allclose(more.answer.posed.problem.grasp.mu, expected)
     assert verify(more.answer).ok
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.grasps import random_case
-from handfast import InputError, check, maximum, prepare
+from handfast import InputError, Loads, check, force_map, hold, max_many, maximum, prepare, torques
 from handfast.model.grasp import Grasp
 from handfast.proofs import checker
 from handfast.stability.grasp_limits import GraspLimits
@@ -34,45 +34,46 @@ def test_loads_that_change_are_answered_as_by_check(g: Grasp, asked: dict[str, A
         w = min(first, 3.0) * (0.1 + 0.1 * k) * (g.G @ np.tile([1.0, 0.3, 0.1], g.m))
         if k == 10:
             prepared.preload({name: 1.3 * f for name, f in g.preload.items()})
-        found = prepared.holds(w)
+        found = prepared.check(w)
         assert found.verdict is check(prepared.grasp, w, settings=QUICK, **asked).verdict
-        assert bool(found) == (found.verdict == "holds")
-        if found:
+        assert (found.found is not None) == (found.verdict == "holds")
+        if found.found:
             assert found.witness is not None
             assert found.witness.valid
             np.testing.assert_array_equal(found.witness.wrench, w)
-            assert found.residual <= 1e-9
+            assert found.certain
 
 
 def test_what_is_near_takes_no_search() -> None:
     prepared = prepare(bell())
-    assert prepared.holds([0, 0.5, 0.1])
+    assert prepared.check([0, 0.5, 0.1]).verdict == "holds"
     for k in range(5):
-        assert prepared.holds([0, 0.5 + 0.02 * k, 0.1]).nodes == 0
+        answer = prepared.check([0, 0.5 + 0.02 * k, 0.1])
+        assert (answer.verdict, answer.nodes) == ("holds", 0)
 
 
 def test_what_slips_has_a_certificate() -> None:
     """A pinch holds 1 N along y, in proportion to its preload."""
     prepared = prepare(pinch(), preload={"right": 0.1, "left": 0.1})
-    assert prepared.holds([0, 0.95, 0])
-    slips = prepared.holds([0, 1.05, 0])
+    assert prepared.check([0, 0.95, 0]).verdict == "holds"
+    slips = prepared.check([0, 1.05, 0])
     assert slips.verdict == "slips"
     assert slips.witness is None
     assert slips.certificate is not None
     assert checker.verify(slips.certificate).ok
     prepared.preload({"right": 0.12, "left": 0.12})
-    assert prepared.holds([0, 1.05, 0])
+    assert prepared.check([0, 1.05, 0]).verdict == "holds"
     assert abs(prepared.maximum([0, 1, 0]).lower - 1.2) < 3e-3
     prepared.preload({"right": -0.1, "left": 0.1})  # the other sense is another question, prepared by itself
-    assert prepared.holds([0, 0.5, 0]).verdict is check(prepared.grasp, [0, 0.5, 0]).verdict
+    assert prepared.check([0, 0.5, 0]).verdict is check(prepared.grasp, [0, 0.5, 0]).verdict
 
 
 def test_bad_loads_are_refused() -> None:
     prepared = prepare(pinch())
     with pytest.raises(InputError, match="has 2 numbers"):
-        prepared.holds([0, 1])
+        prepared.check([0, 1])
     with pytest.raises(InputError, match="rank 5"):
-        prepared.holds([0, 0, 0, 1, 0, 0])
+        prepared.check([0, 0, 0, 1, 0, 0])
     with pytest.raises(InputError, match="nobody"):
         prepared.preload({"nobody": 1.0})
 
@@ -100,4 +101,39 @@ def test_a_load_that_no_forces_balance_is_refused_however_small() -> None:
     prepared = prepare(case.grasp)
     for size in (1e-3, 1e-8, 1e-9):
         with pytest.raises(InputError, match="cannot be balanced by any forces"):
-            prepared.holds(size * case.direction)
+            prepared.check(size * case.direction)
+
+
+def test_many_loads_are_answered_as_rows() -> None:
+    """What a grasp was prepared for once answers later calls as well, single rows and odd ones included."""
+    g = solved(3, 4).grasp
+    W = g.G @ np.random.default_rng(5).normal(size=(3 * g.m, 6))
+    W, prepared = W.T / np.abs(W).max(), prepare(g, settings=QUICK)
+    first, together = prepared.maximum(W[:4]), max_many(g, W, settings=QUICK)
+    last = prepared.maximum(W[4:5])
+    assert np.array_equal(first.lower, together.lower[:4])
+    assert np.array_equal(first.upper, together.upper[:4])
+    assert last.lower[0] == pytest.approx(together.lower[4], rel=2e-3)
+    assert prepared.check(W).verdict.tolist() == [str(prepared.check(w).verdict) for w in W]
+    odd = prepared.check(np.vstack([W[0], np.full(6, np.nan)]))
+    assert odd.error[0] == ""
+    assert "NaN" in odd.error[1]
+    loaded = prepared.maximum(W[:2], base=0.1 * W[2])
+    each = [maximum(g, w, base=0.1 * W[2], settings=QUICK).lower for w in W[:2]]
+    np.testing.assert_allclose(loaded.lower, each, rtol=2e-3)
+    prepared.preload({name: 2 * f for name, f in g.preload.items()})
+    np.testing.assert_allclose(prepared.maximum(W[:4]).lower, 2 * first.lower, rtol=2e-3)
+
+
+def test_every_question_is_that_of_the_grasp() -> None:
+    limits = GraspLimits(force_limit=2.0)
+    prepared, up = prepare(pinch(), limits=limits, settings=QUICK), [0, 0.5, 0, 0, 0, 0]
+    assert prepared.torques(up).upper == torques(pinch(), up, limits=limits, settings=QUICK).upper
+    np.testing.assert_allclose(prepared.torques([up, up]).upper, prepared.torques(up).upper)
+    held = prepared.hold(Loads.wrench(up))
+    assert held.limits == limits
+    assert held.preload == hold(pinch(), Loads.wrench(up), limits=limits, settings=QUICK).preload
+    drawn, other = prepared.map("yz", steps=4), force_map(pinch(), "yz", steps=4, limits=limits, settings=QUICK)
+    assert drawn.terms.limits == limits
+    np.testing.assert_array_equal(drawn.preloaded.lower, other.preloaded.lower)
+    assert prepared.maximum([0, 1, 0], interval=True).interval is not None

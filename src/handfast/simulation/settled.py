@@ -24,7 +24,7 @@ from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import save_grasp, to_dict
 from handfast.stability.answers import finite
 from handfast.stability.ask_again import Asking, BoundsClaim, Claim, VerdictClaim, asked, together
-from handfast.stability.many import Options
+from handfast.stability.grasp_limits import Terms
 from handfast.stability.queries import CheckAnswer, MaxAnswer
 from handfast.stability.settings import INF
 from handfast.stability.verify_maps import grasp_of
@@ -222,15 +222,15 @@ def replay_settled(data: Any, how: Asking) -> Replay:
         f.take(name, None)
     f.done()
 
-    options = Options()
+    terms = Terms()
     claims: dict[str, list[Claim]] = {"first": [], "last": []}
     if before != Verdict.UNDECIDED:
-        claims["first"].append(VerdictClaim("before", first, wrench, options, before))
+        claims["first"].append(VerdictClaim("before", first, wrench, terms, before))
     if last is not None and after is not None:
         if after != Verdict.UNDECIDED:
-            claims["last"].append(VerdictClaim("after", last, last_wrench, options, after))
+            claims["last"].append(VerdictClaim("after", last, last_wrench, terms, after))
         if most is not None:
-            claims["last"].append(_most(most, BoundsClaim("most[0]", last, last_wrench, options, 0.0, INF)))
+            claims["last"].append(_most(most, BoundsClaim("most[0]", last, last_wrench, terms, 0.0, INF)))
     faults = _contradictions(rest, before, after, confirmed)
     if most is not None and last is None:
         raise BadFile("is there with `last`, and only then", "most")
@@ -250,7 +250,7 @@ def _most(most: Any, claim: BoundsClaim) -> BoundsClaim:
         raise BadFile("is no pair of bounds", "most")
     lower = float(numbers([most[0]], (1,), "most[0]")[0])
     upper = INF if most[1] is None else float(numbers([most[1]], (1,), "most[1]")[0])
-    return BoundsClaim(claim.place, claim.grasp, claim.load, claim.options, lower, upper, False, "most[1]")
+    return BoundsClaim(claim.place, claim.grasp, claim.load, claim.terms, lower, upper, False, "most[1]")
 
 
 def _contradictions(rest: Rest, before: str, after: str | None, confirmed: bool) -> list[Replay]:

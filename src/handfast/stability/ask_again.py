@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,12 +23,15 @@ from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.question import CHECK, Question
 from handfast.proofs.replay import Figure, Replay
-from handfast.stability.many import OnItem, Options
+from handfast.stability.answers import Answer
+from handfast.stability.batch import OnItem
+from handfast.stability.grasp_limits import Terms
 from handfast.stability.posed import grasp_data
 from handfast.stability.queries import MaxAnswer, check, maximum
 from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import INF, Settings
 
+A = TypeVar("A", bound=Answer)
 LARGEST_GAP = 1e-2  # that a file may give its lower bounds
 FINEST_GAP = 1e-6  # with which an upper bound is asked: what is not proved then is refused
 ROUNDING = 1e-9  # relative: an upper bound is proved to that
@@ -86,13 +89,13 @@ class Claim(ABC):
         place: where it stands in the file.
         grasp: with the preload in force.
         load: (6,) [N, N m] the disturbance, or the direction of one.
-        options: law, limits and gap as asked.
+        terms: limits, law and gap as asked.
     """
 
     place: str
     grasp: Grasp
     load: Array
-    options: Options
+    terms: Terms
 
     @abstractmethod
     def ask(self, clock: Clock) -> tuple[Replay, ...]:
@@ -101,16 +104,18 @@ class Claim(ABC):
     @property
     def gap(self) -> float:
         """Relative, of lower bounds."""
-        return min(self.options.gap, LARGEST_GAP)
+        return min(self.terms.gap, LARGEST_GAP)
 
-    @property
-    def terms(self) -> dict[str, Any]:
-        """Arguments of queries."""
-        return {"limits": self.options.limits, "mdp": self.options.mdp}
+    def settled_by(self, query: Callable[..., A], load: Array, clock: Clock, **more: Any) -> tuple[A, Replay]:
+        """The answer of a query to a load, with its replay."""
+        gap = more.pop("gap", self.gap)
+        asked: dict[str, Any] = {"limits": self.terms.limits, "mdp": self.terms.mdp, "settings": clock.settings(gap)}
+        answer = query(self.grasp, load, **asked, **more)
+        return answer, answer.verify()
 
     def no_forces(self) -> Replay:
         """The equations (1) contradict themselves: proved without any search."""
-        o, none = self.options, np.zeros(6)
+        o, none = self.terms, np.zeros(6)
         g, torques, force = grasp_data(self.grasp), o.limits.torque_limits, o.limits.largest_normal_force
         question = Question(g, CHECK, False, self.load, none, o.limits.eta, o.mdp, torques, force, ())
         done = checker.verify(Certificate.of_root(question, None))
@@ -128,8 +133,8 @@ class VerdictClaim(Claim):
         if unbalanced(self.grasp, self.load):
             done, found = self.no_forces(), str(Verdict.SLIPS)
         else:
-            answer = check(self.grasp, self.load, settings=clock.settings(self.gap), **self.terms)
-            done, found = answer.verify(), str(answer.verdict)
+            answer, done = self.settled_by(check, self.load, clock)
+            found = str(answer.verdict)
             if answer.verdict is Verdict.UNDECIDED:
                 return (Replay(self.place, claim, undecided=f"asked again, it is open ({answer.stop})"),)
         if not done.ok:
@@ -165,8 +170,7 @@ class BoundsClaim(Claim):
                 return (shown,)
         left, gap, done = dict(told), self.gap, dict[str, Replay]()
         while left and clock.left > 0:
-            answer = maximum(self.grasp, self.load, settings=clock.settings(gap), **self.terms)
-            proof = answer.verify()
+            answer, proof = self.settled_by(maximum, self.load, clock, gap=gap)
             for name, claim in left.items():
                 done[name] = self._judged(name, claim, answer, proof)
             left = {name: claim for name, claim in left.items() if done[name].open}
@@ -210,8 +214,7 @@ class BoundsClaim(Claim):
         """The lower bound, by a witness of exactly this much; None if there is none."""
         if clock.left <= 0:
             return None
-        answer = check(self.grasp, self.lower * self.load, settings=clock.settings(self.gap), **self.terms)
-        proof = answer.verify()
+        answer, proof = self.settled_by(check, self.lower * self.load, clock)
         held = answer.verdict is Verdict.HOLDS and proof.ok
         return replace(claim, figures=figures_of(proof)) if held else None
 
@@ -253,8 +256,8 @@ class IntervalClaim(Claim):
     holes: tuple[tuple[float, float], ...]
 
     def ask(self, clock: Clock) -> tuple[Replay, ...]:
-        answer = maximum(self.grasp, self.load, interval=True, settings=clock.settings(self.gap), **self.terms)
-        proof, shown = answer.verify(), answer.interval
+        answer, proof = self.settled_by(maximum, self.load, clock, interval=True)
+        shown = answer.interval
         claim = f"everything up to {self.to:.6g} times the load is resisted"
         if self.holes:
             claim += f", nothing at {', '.join(f'{a:.6g} to {b:.6g}' for a, b in self.holes)}"

@@ -1,9 +1,10 @@
 """Many questions at once, arrays in and arrays out: `check_many`, `max_many`, `torques_many`.
 
 Questions about one grasp share what belongs to it (`search/template.py`), and the compiled kernel goes from one to the
-next by itself (`search/batch_search.py`). What holds is judged by the equations, all rows together (`batch_judge.py`).
+next by itself (`row_kernel.py`). What holds is judged by the equations, all rows together (`batch_judge.py`).
 A row is asked by itself, as `check`, `maximum` and `torques` do it, where its search does not end within a budget,
-where its programs break down, where nothing holds and that is to be replayed, or where whole answers are wanted.
+where its programs break down, where nothing holds and that is to be replayed, or where whole answers are wanted. Where
+programs break down in the search of a maximum, too, it is asked again from the states of the nearest directions.
 
 A check is answered without any search where Newton's method arrives at an exact state from rest, or from the states of
 the loads nearest to it that were asked before. That is sufficient, since the model asks for the existence of a state: a
@@ -29,67 +30,53 @@ from typing import Any, Literal
 import numpy as np
 
 from handfast.core import parallel
-from handfast.core.answer import Verdict
+from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import Answer
-from handfast.stability.batch_answer import BatchAnswer
+from handfast.stability.batch_answer import INTERRUPTED, AnswerRows, BatchAnswer
 from handfast.stability.equivalent_grasp import equivalent_of
 from handfast.stability.goal import ANY_STATE, LARGEST, SMALLEST_PRELOAD, Effort, Goal
 from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.loads import Loads
-from handfast.stability.queries import CheckAnswer, check, maximum, torques
-from handfast.stability.queries.max_query import MaxAnswer
+from handfast.stability.queries import MaxAnswer, check, maximum, torques
+from handfast.stability.queries.max_query import Near
 from handfast.stability.row_kernel import RowKernel
 from handfast.stability.settings import Settings
 
 OnItem = Callable[[int, int], None]  # done, total
+Query = Literal["check", "max", "torques"]
 BLOCK = 125  # questions that are answered together: each begins with what those before it showed
+NEAREST = 3  # answered rows from whose states the search of a row begins
 FEW = 2  # questions about one grasp from which on it pays to prepare it
-FORK = 500  # questions from which on processes pay
-COLUMNS = ("lower", "upper", "unbounded", "residual", "verified", "nodes", "seconds")
-INTERRUPTED = "was not asked: Ctrl-C came first"
-NUMERIC = {"unbounded": np.bool_, "verified": np.bool_, "nodes": np.int64}
+FORK, FORK_ALONE = 500, 60  # questions from which on processes pay, of the kernel and of those that are asked alone
 
 
 @dataclass(frozen=True, eq=False)
 class BatchOptions:
-    """What all questions share."""
+    """What all questions share; answers: are whole ones wanted? interval: of maxima, see `maximum`."""
 
-    query: Literal["check", "max", "torques"]
+    query: Query
     limits: GraspLimits = NO_LIMITS
     mdp: bool = True
     settings: Settings = field(default_factory=Settings)
     objective: Effort = "max"
     actuators: Sequence[str] | None = None
     answers: bool = False
+    interval: bool = False
 
+    def of_rows(self) -> BatchOptions:
+        """The same for searches with one thread each: cores are for rows."""
+        return replace(self, settings=replace(self.settings, workers=1))
 
-class _RowBlock(dict[str, Any]):
-    """The columns of some rows about one grasp, and their whole answers."""
-
-    def __init__(self, wrenches: Array, base: Array, error: str = "") -> None:
-        k = len(wrenches)
-        super().__init__({name: np.zeros(k, NUMERIC.get(name, np.float64)) for name in COLUMNS})
-        self["lower"][:] = self["upper"][:] = self["residual"][:] = np.nan
-        self["verdict"], self["stop"], self["error"] = np.zeros(k, "U9"), np.zeros(k, "U11"), np.zeros(k, object)
-        self["error"][:] = error
-        self.wrenches, self.base = wrenches, base
-        self.answers: list[Answer | None] = [None] * k
-
-    def put(self, i: int, answer: Answer) -> None:
-        """A whole answer."""
-        self["verdict"][i], self["nodes"][i], self["verified"][i] = str(answer.verdict), answer.nodes, answer.verified
-        self["stop"][i], self["seconds"][i] = str(answer.stop), answer.seconds
-        if answer.found:
-            self["residual"][i] = answer.found.residuals.worst
-        if not isinstance(answer, CheckAnswer):
-            self["lower"][i], self["upper"][i] = answer.lower, answer.upper  # type: ignore[attr-defined]
-        if isinstance(answer, MaxAnswer):
-            self["unbounded"][i] = answer.unbounded
+    def together(self, grasp: Grasp) -> bool:
+        """Are rows about a grasp for the kernel?"""
+        if self.answers or self.interval or self.query == "torques" or not self.mdp or self.settings.method != "engine":
+            return False
+        return self.query == "check" or bool(grasp.command.any()) or equivalent_of(grasp).is_given
 
 
 def check_many(
@@ -132,6 +119,7 @@ def max_many(
     directions: Any,
     *,
     base: Any = None,
+    interval: bool = False,
     limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
     settings: Settings | None = None,
@@ -144,13 +132,14 @@ def max_many(
     Args:
         directions: as `wrenches` of `check_many`.
         base: (6,) or (3,) a constant load, the same for all; or one for each direction, shaped like `directions`.
+        interval: show which smaller magnitudes are resisted, too: `BatchAnswer.intervals`. It takes many times as long.
         answers: keep whole answers, with witness and certificate, and replay every bound. Without, upper bounds are
             those of searches that ended as they should, and `verified` is False where a bound stands behind the row.
 
     The other arguments, what is returned and raised are those of `check_many` and `maximum`.
     """
-    options = BatchOptions("max", limits, mdp, settings or Settings(), answers=answers)
-    return _ask(grasps, directions, np.zeros(6) if base is None else base, options, jobs, on_item)
+    options = BatchOptions("max", limits, mdp, settings or Settings(), answers=answers, interval=interval)
+    return _ask(grasps, directions, base, options, jobs, on_item)
 
 
 def torques_many(
@@ -192,43 +181,34 @@ def _ask(
     if not each:
         raise InputError("is empty; a grasp is needed", field="grasps")
     field_ = "directions" if options.query == "max" else "wrenches"
-    W = _table(wrenches, len(each), field_)
-    B = np.zeros(W.shape) if base is None else np.broadcast_to(_base(base, len(each)), W.shape)
-    g, n = W.shape[:2]
-    pieces = [(i, a, min(a + BLOCK, n)) for i in range(g) for a in range(0, n, BLOCK)]
-    total, done = g * n, 0
-    options = replace(options, settings=replace(options.settings, workers=1))  # cores are for rows
-    forked = parallel.START == "fork" and (total > FORK or options.query == "torques" or options.answers)
-    parts: list[_RowBlock] = []
-    jobs = min(jobs or default_jobs(), max(len(_chunks(pieces)), 1))
+    W = as_rows(wrenches, len(each), field_)
+    B, options = as_base(base, W), options.of_rows()
+    (g, n), done = W.shape[:2], 0
+    solver = options.settings.method != "engine"  # whose cases take long
+    pieces = _pieces(g, n, 1 if solver else BLOCK)
+    many = g * n > (FORK if all(map(options.together, each)) else FORK_ALONE)
+    forked = parallel.START == "fork" and (many or solver or options.answers or options.query == "torques")
+    jobs = 1 if solver and not forked else min(jobs or default_jobs(), max(len(pieces), 1))  # no solver is for threads
+    parts: list[AnswerRows] = []
     with WorkerPool((each, W, B, options), jobs, threads=not forked) as pool:
         try:
-            for some in pool.map(_chunk, _chunks(pieces)):
+            for some in pool.map(_chunk, pieces):
                 parts += some
-                done += sum(len(part.wrenches) for part in some)
-                if on_item:
-                    on_item(done, total)
+                for part in some:
+                    for stop in part["stop"]:
+                        done += 1
+                        if on_item:
+                            on_item(done, g * n)
+                        if stop == Stop.INTERRUPTED:  # Ctrl-C during a search ends in an answer
+                            raise KeyboardInterrupt
         except KeyboardInterrupt:
-            parts += [_RowBlock(W[i, a:b], B[i, a:b], INTERRUPTED) for i, a, b in pieces[len(parts) :]]
-    shape = (n,) if isinstance(grasps, Grasp) else (g, n)
-    return _answered(options, W, parts, shape)
+            left = [piece for chunk in pieces for piece in chunk][len(parts) :]
+            parts += [AnswerRows(W[i, a:b], B[i, a:b], INTERRUPTED) for i, a, b in left]
+    wanted = W[0] if isinstance(grasps, Grasp) else W
+    return BatchAnswer.of(options.query, wanted, parts, answers=options.answers, interval=options.interval)
 
 
-def _answered(options: BatchOptions, W: Array, parts: list[_RowBlock], shape: tuple[int, ...]) -> BatchAnswer:
-    """The columns of all parts in this shape."""
-
-    def whole(name: str) -> Any:
-        return np.concatenate([part[name] for part in parts]).reshape(shape) if parts else np.zeros(shape)
-
-    answers = tuple(a for part in parts for a in part.answers) if options.answers else None
-    attained = None
-    if answers is not None and options.query == "max":
-        attained = np.array([isinstance(a, MaxAnswer) and a.attained for a in answers], bool).reshape(shape)
-    columns = {name: whole(name) for name in (*COLUMNS, "verdict", "stop", "error")}
-    return BatchAnswer(options.query, W.reshape(*shape, 6), answers=answers, attained=attained, **columns)
-
-
-def _table(wrenches: Any, g: int, field_: str) -> Array:
+def as_rows(wrenches: Any, g: int, field_: str) -> Array:
     """(g, n, 6) of whatever shape was given; nothing is said of its numbers yet."""
     needed = f"(n, 6) or (n, 3) for all grasps, ({g}, n, 6) or ({g}, n, 3) with own ones for each"
     try:
@@ -243,68 +223,89 @@ def _table(wrenches: Any, g: int, field_: str) -> Array:
     return np.ascontiguousarray(np.broadcast_to(W, (g, *W.shape[-2:])))
 
 
-def _base(base: Any, g: int) -> Array:
-    return scaled_problem.as_wrench(base, "base") if np.ndim(base) == 1 else _table(base, g, "base")
+def as_base(base: Any, W: Array) -> Array:
+    """(g, n, 6) base loads beside directions of that shape: none, one for all, or one for each."""
+    if base is None:
+        return np.zeros(W.shape)
+    one = np.ndim(base) == 1
+    return np.broadcast_to(scaled_problem.as_wrench(base, "base") if one else as_rows(base, len(W), "base"), W.shape)
 
 
-def _chunks(pieces: list[tuple[int, int, int]]) -> list[list[tuple[int, int, int]]]:
-    """Pieces of grasps with few rows together, as a worker takes them."""
-    out: list[list[tuple[int, int, int]]] = []
-    size = BLOCK
-    for piece in pieces:
-        if size >= BLOCK:
+_Piece = tuple[int, int, int]  # rows of one grasp: its number, the first of them, and the one behind the last
+
+
+def _pieces(g: int, n: int, size: int) -> list[list[_Piece]]:
+    """Rows of each of the grasps, those with few rows together, as a worker takes them."""
+    out: list[list[_Piece]] = []
+    room = 0
+    for piece in [(i, a, min(a + size, n)) for i in range(g) for a in range(0, n, size)]:
+        if room <= 0:
             out.append([])
-            size = 0
+            room = size
         out[-1].append(piece)
-        size += piece[2] - piece[1]
+        room -= piece[2] - piece[1]
     return out
 
 
-def _chunk(
-    shared: tuple[tuple[Grasp, ...], Array, Array, BatchOptions], pieces: Sequence[tuple[int, int, int]]
-) -> list[_RowBlock]:
+def _chunk(shared: tuple[tuple[Grasp, ...], Array, Array, BatchOptions], pieces: Sequence[_Piece]) -> list[AnswerRows]:
     grasps, W, B, options = shared
-    return [_part(grasps[i], W[i, a:b], B[i, a:b], options) for i, a, b in pieces]
+    return [answer_rows(grasps[i], W[i, a:b], B[i, a:b], options) for i, a, b in pieces]
 
 
 # --- the rows of one grasp ----------------------------------------------------------------------
 
 
-def _part(
+def answer_rows(
     grasp: Grasp, wrenches: Array, base: Array, options: BatchOptions, kernel: RowKernel | None = None
-) -> _RowBlock:
-    """Some rows about one grasp: together where that may be, the rest one by one.
+) -> AnswerRows:
+    """Some rows (k, 6) about one grasp: together where that may be, the rest one by one, up to Ctrl-C.
 
     kernel: what was prepared for rows about this grasp before.
     """
-    part = _RowBlock(wrenches, base)
-    left = np.ones(len(wrenches), bool)
-    if not options.answers and options.query != "torques" and options.mdp and options.settings.method == "engine":
-        for rows, goal in _goals(grasp, part, options):
-            if len(rows) < FEW and kernel is None:
-                continue
-            kernel = kernel or RowKernel(grasp, options.limits)
-            found = kernel.ask(goal, part.wrenches[rows], part.base[rows], options.settings)
-            if found is None:
-                continue
-            columns, settled = found
-            for name, values in columns.items():
-                part[name][rows[settled]] = values[settled]
-            left[rows] = ~settled
-    for i in np.flatnonzero(left):
+    part = AnswerRows(wrenches, base)
+    left, near = np.ones(len(wrenches), bool), dict[int, Near]()
+    for rows, goal in _goals(grasp, part, options) if options.together(grasp) else ():
+        if len(rows) < FEW and kernel is None:
+            continue
+        kernel = kernel or RowKernel(options.limits)
+        found = kernel.ask(grasp, goal, part.wrenches[rows], part.base[rows], options.settings)
+        if found is None:
+            continue
+        for name, values in found.columns.items():
+            part[name][rows[found.rows]] = values[found.rows]
+        left[rows] = ~found.rows
+        if options.query == "max":
+            held = np.flatnonzero(found.rows & (found.columns["lower"] > 0))
+            near |= {int(rows[k]): (found.states.row(int(k)), float(found.columns["lower"][k])) for k in held}
+    rows = np.flatnonzero(left).tolist()
+    for k, i in enumerate([*rows, *reversed(rows), *rows]):
+        again = k >= len(rows)
+        if again and part["stop"][i] != Stop.NUMERICAL:
+            continue
         start = time.monotonic()
         try:
-            answer = _alone(grasp, part, int(i), options)
+            answer = _alone(grasp, part, i, options, _nearest(part.wrenches, i, near) if again else ())
         except InputError as error:
             part["error"][i] = str(error)
             continue
-        part.put(int(i), answer)
-        part["seconds"][i] = time.monotonic() - start
-        part.answers[i] = answer if options.answers else None
+        part.put(i, answer, keep=options.answers)
+        part["seconds"][i] += time.monotonic() - start
+        if isinstance(answer, MaxAnswer) and answer.found is not None and answer.lower > 0:
+            near[i] = answer.found.state, answer.lower
+        if answer.stop is Stop.INTERRUPTED:
+            part["error"][left & (part["stop"] == "") & (part["error"] == "")] = INTERRUPTED
+            break
     return part
 
 
-def _goals(grasp: Grasp, part: _RowBlock, options: BatchOptions) -> Iterator[tuple[Any, Goal]]:
+def _nearest(W: Array, i: int, near: dict[int, Near]) -> tuple[Near, ...]:
+    """The states of the `NEAREST` other rows whose directions are nearest to that of row i."""
+    rows = np.array([k for k in near if k != i], dtype=int)
+    unit = W / np.linalg.norm(W, axis=1)[:, None].clip(min=1e-300)
+    return tuple(near[int(k)] for k in rows[np.argsort(-(unit[rows] @ unit[i]), kind="stable")][:NEAREST])
+
+
+def _goals(grasp: Grasp, part: AnswerRows, options: BatchOptions) -> Iterator[tuple[Any, Goal]]:
     """Rows that are asked in the same way, and how; those that are none of these are refused, or special."""
     W, B = part.wrenches, part.base
     with np.errstate(invalid="ignore"):
@@ -322,37 +323,7 @@ def _goals(grasp: Grasp, part: _RowBlock, options: BatchOptions) -> Iterator[tup
     yield np.flatnonzero(sound & ~homogeneous & (beside | commanded | given)), LARGEST
 
 
-class GraspBatch:
-    """`check_many` and `max_many` of one grasp in several calls, for which what belongs to the grasp is made once.
-
-    Attributes:
-        grasp: with the preload in force.
-    """
-
-    def __init__(self, grasp: Grasp, *, limits: GraspLimits = NO_LIMITS) -> None:
-        self.grasp = grasp
-        self._options = BatchOptions("check", limits)
-        self._kernel = RowKernel(grasp, self._options.limits)
-
-    def checks(self, wrenches: Any, settings: Settings) -> BatchAnswer:
-        """Which of these disturbances (n, 6) or (n, 3) are resisted?"""
-        return self._asked(_table(wrenches, 1, "wrenches")[0], replace(self._options, settings=settings))
-
-    def maxima(self, directions: Any, settings: Settings) -> BatchAnswer:
-        """How large a disturbance along each of these directions (n, 6) or (n, 3) is resisted?"""
-        options = replace(self._options, query="max", settings=settings)
-        return self._asked(_table(directions, 1, "directions")[0], options)
-
-    def _asked(self, W: Array, options: BatchOptions) -> BatchAnswer:
-        B, options = np.zeros(W.shape), replace(options, settings=replace(options.settings, workers=1))
-        try:
-            part = _part(self.grasp, W, B, options, self._kernel)
-        except KeyboardInterrupt:
-            part = _RowBlock(W, B, INTERRUPTED)
-        return _answered(options, W, [part], (len(W),))
-
-
-def _alone(grasp: Grasp, part: _RowBlock, i: int, options: BatchOptions) -> Answer:
+def _alone(grasp: Grasp, part: AnswerRows, i: int, options: BatchOptions, near: tuple[Near, ...]) -> Answer:
     """A row by itself; bounds are replayed where whole answers are wanted, verdicts that nothing holds in any case."""
     settings, limits = options.settings, options.limits
     w = part.wrenches[i]
@@ -361,8 +332,8 @@ def _alone(grasp: Grasp, part: _RowBlock, i: int, options: BatchOptions) -> Answ
     if options.query == "torques":
         sought: dict[str, Any] = {"objective": options.objective, "actuators": options.actuators}
         return torques(grasp, w, limits=limits, settings=settings, **sought)
-    ask: dict[str, Any] = {"base": part.base[i], "mdp": options.mdp, "limits": limits}
+    ask: dict[str, Any] = {"base": part.base[i], "mdp": options.mdp, "limits": limits, "interval": options.interval}
     if options.answers or not settings.verify:
-        return maximum(grasp, w, settings=settings, **ask)
-    quick = maximum(grasp, w, settings=replace(settings, verify=False), **ask)
+        return maximum(grasp, w, settings=settings, near=near, **ask)
+    quick = maximum(grasp, w, settings=replace(settings, verify=False), near=near, **ask)
     return maximum(grasp, w, settings=settings, **ask) if quick.verdict is Verdict.SLIPS else quick

@@ -1,8 +1,9 @@
-"""Answers to many questions as arrays."""
+"""Answers to many questions as arrays: `BatchAnswer`, and the rows that are being answered."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +12,16 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.core.shown import Shown
 from handfast.stability.answers import Answer
+from handfast.stability.queries import MaxAnswer, TorquesAnswer
+from handfast.stability.resisted_interval import ResistedInterval
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+COLUMNS = ("lower", "upper", "unbounded", "residual", "verified", "nodes", "seconds")
+NUMERIC = {"unbounded": np.bool_, "verified": np.bool_, "nodes": np.int64}
+INTERRUPTED = "was not asked: Ctrl-C came first"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +46,8 @@ class BatchAnswer(Shown):
         answers: the whole answers with witness and certificate in the order of the raveled arrays, if they were asked
             for; None where `error` says why.
         attained: of a maximum with whole answers: False where it is only approached, see `MaxAnswer`; else None.
+        intervals: of a maximum, which smaller magnitudes are resisted, in the order of the raveled arrays, if they were
+            asked for; None where none is.
     """
 
     query: str
@@ -56,6 +64,7 @@ class BatchAnswer(Shown):
     error: Any
     answers: tuple[Answer | None, ...] | None = field(default=None, repr=False)
     attained: Mask | None = field(default=None, repr=False)
+    intervals: tuple[ResistedInterval | None, ...] | None = field(default=None, repr=False)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -78,3 +87,58 @@ class BatchAnswer(Shown):
         for name in names if self.attained is None else [*names, "attained"]:
             columns[name] = getattr(self, name).ravel()
         return pandas.DataFrame(columns)
+
+    @classmethod
+    def of(
+        cls, query: str, wrenches: Array, parts: Sequence[AnswerRows], *, answers: bool = False, interval: bool = False
+    ) -> BatchAnswer:
+        """The columns of all parts in the shape of the wrenches (..., 6)."""
+        shape = wrenches.shape[:-1]
+
+        def whole(name: str) -> Any:
+            return np.concatenate([part[name] for part in parts]).reshape(shape) if parts else np.zeros(shape)
+
+        each = [a for part in parts for a in part.answers]
+        attained = None
+        if answers and query == "max":
+            attained = np.array([isinstance(a, MaxAnswer) and a.attained for a in each], bool).reshape(shape)
+        return cls(
+            query,
+            wrenches,
+            answers=tuple(each) if answers else None,
+            attained=attained,
+            intervals=tuple(i for part in parts for i in part.intervals) if interval else None,
+            **{name: whole(name) for name in (*COLUMNS, "verdict", "stop", "error")},
+        )
+
+
+class AnswerRows(dict[str, Any]):
+    """The columns of some rows about one grasp as they are answered, whole answers and intervals where these are kept.
+
+    Attributes:
+        wrenches, base: (k, 6) what is asked about: loads, or directions above base loads.
+    """
+
+    def __init__(self, wrenches: Array, base: Array, error: str = "") -> None:
+        k = len(wrenches)
+        super().__init__({name: np.zeros(k, NUMERIC.get(name, np.float64)) for name in COLUMNS})
+        self["lower"][:] = self["upper"][:] = self["residual"][:] = np.nan
+        self["verdict"], self["stop"], self["error"] = np.zeros(k, "U9"), np.zeros(k, "U11"), np.zeros(k, object)
+        self["error"][:] = error
+        self.wrenches, self.base = wrenches, base
+        self.answers: list[Answer | None] = [None] * k
+        self.intervals: list[ResistedInterval | None] = [None] * k
+
+    def put(self, i: int, answer: Answer, *, keep: bool) -> None:
+        """A whole answer; keep: it, and the proofs of its interval."""
+        self["verdict"][i], self["verified"][i] = str(answer.verdict), answer.verified
+        self["nodes"][i] += answer.nodes
+        self["stop"][i] = str(answer.stop)
+        if answer.found:
+            self["residual"][i] = answer.found.residuals.worst
+        if isinstance(answer, MaxAnswer | TorquesAnswer):
+            self["lower"][i], self["upper"][i] = answer.lower, answer.upper
+        if isinstance(answer, MaxAnswer):
+            self["unbounded"][i], shown = answer.unbounded, answer.interval
+            self.intervals[i] = shown if keep or shown is None else replace(shown, arcs=(), slips=())
+        self.answers[i] = answer if keep else None

@@ -78,3 +78,16 @@ class GraspLimits:
 
 
 NO_LIMITS = GraspLimits()
+
+
+@dataclass(frozen=True)
+class Terms:
+    """With what numbers in a file were asked for: limits, mdp of `check`, and the relative gap of `Settings`."""
+
+    limits: GraspLimits = NO_LIMITS
+    mdp: bool = True
+    gap: float = 1e-3
+
+    def to_json(self) -> dict[str, Any]:
+        """As files of answers have it beside the grasp."""
+        return self.limits.to_json() | {"mdp": self.mdp, "gap": self.gap}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,9 +16,11 @@ from handfast.core.shown import Shown
 from handfast.model.grasp import Grasp
 from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import to_dict
+from handfast.stability import scaled_problem
 from handfast.stability.answers import finite
-from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.many import Case, OnItem, Options, maxima
+from handfast.stability.batch import OnItem, max_many
+from handfast.stability.batch_answer import BatchAnswer
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits, Terms
 from handfast.stability.queries import MaxAnswer
 from handfast.stability.resisted_interval import ResistedInterval
 from handfast.stability.scaled_problem import as_wrench
@@ -49,15 +51,27 @@ class Curve:
     intervals: tuple[ResistedInterval | None, ...] = ()
 
     @classmethod
-    def of(cls, answers: Sequence[MaxAnswer | None], *, interval: bool = False) -> Curve:
-        """From answers; None is a case that an interruption left out."""
+    def of(cls, answers: Sequence[MaxAnswer | None]) -> Curve:
+        """From answers one by one; None is a case that an interruption left out."""
         return cls(
             lower=np.array([a.lower if a else np.nan for a in answers]),
             upper=np.array([a.upper if a else np.nan for a in answers]),
-            unbounded=np.array([bool(a and a.unbounded) for a in answers]),
+            unbounded=np.array([bool(a and a.unbounded) for a in answers], dtype=bool),
             verdicts=tuple(a.verdict if a else Verdict.UNDECIDED for a in answers),
             stops=tuple(a.stop if a else Stop.INTERRUPTED for a in answers),
-            intervals=tuple(a.interval if a else None for a in answers) if interval else (),
+        )
+
+    @classmethod
+    def of_rows(cls, answers: BatchAnswer, rows: tuple[Any, ...]) -> Curve:
+        """Of some rows of maxima; those that an interruption left out are undecided."""
+        pick = np.arange(answers.verdict.size).reshape(answers.shape)[rows].ravel()
+        return cls(
+            lower=answers.lower[rows],
+            upper=answers.upper[rows],
+            unbounded=answers.unbounded[rows],
+            verdicts=tuple(Verdict(v) if v else Verdict.UNDECIDED for v in answers.verdict[rows].tolist()),
+            stops=tuple(Stop(s) if s else Stop.INTERRUPTED for s in answers.stop[rows].tolist()),
+            intervals=tuple(answers.intervals[i] for i in pick) if answers.intervals is not None else (),
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -87,12 +101,12 @@ class _Curves(Shown):
     """The verdict and stop of an answer that consists of curves."""
 
     grasp: Grasp
-    options: Options
+    terms: Terms
     curves: tuple[Curve, ...]
 
     def question_json(self) -> dict[str, Any]:
         """What all of it was asked with."""
-        return {"grasp": to_dict(self.grasp)} | self.options.to_json()
+        return {"grasp": to_dict(self.grasp)} | self.terms.to_json()
 
     def verify(self) -> Replay:
         """Nothing of it can be replayed: curves keep neither witnesses nor certificates."""
@@ -129,7 +143,7 @@ class MapAnswer(_Curves):
         passive: the curve with every actuator locked.
         preloaded: the curve with the grasp's preload; None if it has none.
         at: (3,) [m] the point of the object at which the forces act, object frame.
-        options: law, limits and gap as asked.
+        terms: limits, law and gap as asked.
     """
 
     grasp: Grasp
@@ -140,12 +154,12 @@ class MapAnswer(_Curves):
     seconds: float
     nodes: int
     at: Array = field(default_factory=lambda: np.zeros(3))
-    options: Options = field(default_factory=Options, repr=False)
+    terms: Terms = field(default=Terms(), repr=False)
 
     @property
     def eta(self) -> float:
         """[rad] uncertainty of the contact normals."""
-        return self.options.limits.eta
+        return self.terms.limits.eta
 
     @property
     def curves(self) -> tuple[Curve, ...]:  # type: ignore[override]
@@ -177,7 +191,7 @@ class SweepAnswer(_Curves):
         values: (n,) commands [N m or N].
         directions: (k, 6) disturbances.
         curves: one per direction, over the values.
-        options: law, limits and gap as asked.
+        terms: limits, law and gap as asked.
     """
 
     grasp: Grasp
@@ -187,7 +201,7 @@ class SweepAnswer(_Curves):
     curves: tuple[Curve, ...]
     seconds: float
     nodes: int
-    options: Options = field(default_factory=Options, repr=False)
+    terms: Terms = field(default=Terms(), repr=False)
 
     def to_json(self) -> dict[str, Any]:
         return header(self, "sweep") | {
@@ -242,26 +256,28 @@ def force_map(
     point = frozen(at, (3,), "at")
     directions = in_plane(plane, steps)
     grasps = [grasp.with_preload(None), *([grasp] if grasp.preload else [])]
-    options = Options(limits, settings=settings, proofs=False, interval=interval)
-    base = np.zeros(6)
     wrenches = forces_at(point, directions)
-    cases = [Case(g, w, base) for g in grasps for w in wrenches]
-    asked = options.build(cases[0])
     for w in wrenches[:2]:  # they span the others: bad input's one line is raised here, not half way through
-        asked.towards(w)
+        scaled_problem.build(grasps[0], np.zeros(6), w, limits=limits)
+    asked: dict[str, Any] = {"limits": limits, "settings": _unreplayed(settings), "jobs": jobs, "on_item": on_item}
     start = time.monotonic()
-    answers = maxima(cases, options, jobs, on_item)
+    answers = max_many(grasps, wrenches, interval=interval, **asked)
     return MapAnswer(
         grasp=grasp,
         plane=plane,
         directions=directions,
-        passive=Curve.of(answers[:steps], interval=interval),
-        preloaded=Curve.of(answers[steps:], interval=interval) if grasp.preload else None,
+        passive=Curve.of_rows(answers, (0,)),
+        preloaded=Curve.of_rows(answers, (1,)) if grasp.preload else None,
         seconds=time.monotonic() - start,
-        nodes=sum(a.nodes for a in answers if a),
+        nodes=int(answers.nodes.sum()),
         at=point,
-        options=options,
+        terms=Terms(limits, gap=asked["settings"].gap),
     )
+
+
+def _unreplayed(settings: Settings | None) -> Settings:
+    """Curves keep no proofs, and none is replayed."""
+    return replace(settings or Settings(), verify=False)
 
 
 def in_plane(plane: Plane, steps: int) -> Array:
@@ -305,20 +321,19 @@ def sweep(
         raise unknown_name("actuator", actuator, grasp.mechanism.actuators, field="joint")
     d = np.array([as_wrench(row, "direction") for row in np.atleast_2d(np.asarray(directions, dtype=float))])
     x = np.asarray(values, dtype=float)
-    options = Options(limits, settings=settings, proofs=False)
-    base = np.zeros(6)
     grasps = [grasp.with_preload(grasp.preload | {actuator: float(value)}) for value in x]
-    cases = [Case(g, direction, base) for direction in d for g in grasps]
+    for w in d:  # bad input's one line
+        scaled_problem.build(grasp, np.zeros(6), w, limits=limits)
+    asked: dict[str, Any] = {"limits": limits, "settings": _unreplayed(settings), "jobs": jobs, "on_item": on_item}
     start = time.monotonic()
-    answers = maxima(cases, options, jobs, on_item)
-    n = len(x)
+    answers = max_many(grasps, d, **asked)
     return SweepAnswer(
         grasp=grasp,
         actuator=actuator,
         values=x,
         directions=d,
-        curves=tuple(Curve.of(answers[k * n : (k + 1) * n]) for k in range(len(d))),
+        curves=tuple(Curve.of_rows(answers, (slice(None), k)) for k in range(len(d))),
         seconds=time.monotonic() - start,
-        nodes=sum(a.nodes for a in answers if a),
-        options=options,
+        nodes=int(answers.nodes.sum()),
+        terms=Terms(limits, gap=asked["settings"].gap),
     )

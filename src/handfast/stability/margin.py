@@ -39,7 +39,7 @@ class Flip:
         slips: the smallest change that was tried and slips; None if none did.
         limit: the largest change that was to be tried.
         undecided: how many changes that were tried stayed undecided.
-        answer: of the changed grasp that slips, with its certificate; `answer.posed[0].grasp` is that grasp.
+        answer: of the changed grasp that slips, with its certificate; `answer.posed.problem.grasp` is that grasp.
         contacts: of tilts, the contacts whose normals are tilted in it;
         towards: (k, 3) unit, and where to, object frame.
     """

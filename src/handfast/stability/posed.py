@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -28,11 +30,24 @@ def stated(s: State) -> StateData:
     return StateData(s.r, s.q, s.c, s.f, s.coupling, s.reaction, s.torsion)
 
 
-class Posed(NamedTuple):
-    """What a search is asked: the scaled problem, and what is sought."""
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """What a search is asked: the scaled problem, and what is sought.
 
-    problem: ScaledProblem
+    Attributes:
+        source: the problem, or what builds it, where it is wanted only if somebody looks at the question.
+    """
+
+    source: ScaledProblem | Callable[[], ScaledProblem]
     goal: Goal
+
+    @cached_property
+    def problem(self) -> ScaledProblem:
+        """The scaled problem."""
+        return self.source if isinstance(self.source, ScaledProblem) else self.source()
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.problem, self.goal))
 
     @property
     def question(self) -> Question:

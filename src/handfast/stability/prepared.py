@@ -1,156 +1,136 @@
-"""One grasp asked again and again while its load and its preload change: `prepare`, then `holds` and `maximum`.
+"""One grasp asked again and again: `prepare`, then `check`, `maximum`, `torques`, `hold`, `map`, of one load or many.
 
-What belongs to grasp, limits and the choice of commanded actuators is reduced once. A load is first tried by Newton's
-method from the states of the loads before it, in the compiled kernel; only where that fails is there a search. What
-holds is judged by the equations (`batch_judge.py`). What slips is asked once more by `check`, for its certificate and
-the replay, which takes many times as long.
+What belongs to grasp, limits and commands is reduced once. A load is first tried by Newton's method from the states of
+the loads before it, in the compiled kernel; only where that fails is there a search. What holds is judged by the
+equations (`batch_judge.py`). What slips is asked once more by `check`, for its certificate and the replay, which takes
+many times as long. `batch.py` says how many loads are answered.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
-
-import numpy as np
+from functools import partial
+from typing import Any, overload
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import kinds_checked
-from handfast.core.groups import table
 from handfast.model.grasp import Grasp
-from handfast.proofs.certificate import Certificate
-from handfast.stability import scaled_problem
-from handfast.stability.batch_judge import Judge
-from handfast.stability.goal import ANY_STATE
+from handfast.stability import hold as holding
+from handfast.stability import maps, scaled_problem
+from handfast.stability.batch import BatchOptions, Query, answer_rows, as_base, as_rows
+from handfast.stability.batch_answer import BatchAnswer
+from handfast.stability.goal import ANY_STATE, Effort
 from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.least_motion import least_motion
-from handfast.stability.model import State
-from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
-from handfast.stability.search.arrays import HARD, HELD, UNASKED, QuestionRows
-from handfast.stability.search.batch_search import BatchSearch
-from handfast.stability.search.template import Template
+from handfast.stability.hold import HoldAnswer
+from handfast.stability.loads import Loads
+from handfast.stability.maps import MapAnswer, Plane
+from handfast.stability.posed import Posed
+from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
+from handfast.stability.queries.check_query import is_table
+from handfast.stability.row_kernel import RowKernel
 from handfast.stability.settings import Settings
-from handfast.stability.witness import VALID, Witness
+from handfast.stability.witness import Witness
 
-MEMORY = 8  # states of loads before
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedAnswer:
-    """Does the prepared grasp resist a load? True where it HOLDS.
-
-    Attributes:
-        verdict: HOLDS with a state, SLIPS with a certificate, else UNDECIDED.
-        wrench: (6,) the load [N, N m], object frame.
-        grasp: with the preload in force.
-        found: an exact state of the model, as it was found; None unless HOLDS.
-        certificate: of a load that slips; replayed, unless that was switched off.
-        stop: why the search ended. nodes, seconds: its cost.
-        limits: as asked.
-    """
-
-    verdict: Verdict
-    wrench: Array
-    grasp: Grasp = field(repr=False)
-    found: Witness | None = field(repr=False)
-    certificate: Certificate | None = field(repr=False)
-    stop: Stop
-    nodes: int
-    seconds: float
-    limits: GraspLimits = field(repr=False)
-
-    def __bool__(self) -> bool:
-        return self.verdict is Verdict.HOLDS
-
-    @cached_property
-    def witness(self) -> Witness | None:
-        """The state of least motion with what it answers for, see `least_motion`; sought when it is read."""
-        if self.found is None:
-            return None
-        return least_motion(self.found, self.limits)
-
-    @property
-    def state(self) -> State | None:
-        """That of the witness."""
-        return self.witness.state if self.witness else None
-
-    @property
-    def residual(self) -> float:
-        """The worst of the witness, by the equations alone; NaN without one."""
-        return self.witness.residuals.worst if self.witness else np.nan
+One = Sequence[float] | Array
+Many = Loads | Sequence[Sequence[float]] | Sequence[Array]
 
 
 class PreparedGrasp:
-    """A grasp whose loads are asked about one after the other, made by `prepare`; not for two threads at a time.
+    """A grasp that is asked again and again, made by `prepare`; not for two threads at a time.
+
+    Each question takes one load, (6,) force [N] and torque [N m], object frame, or (3,) a force at its origin, and
+    gives an answer; or many, (n, 6), (n, 3) or `Loads`, and gives a `BatchAnswer` with a row for each.
 
     Attributes:
         grasp: with the preload in force; see `preload`.
-        settings: of the searches.
+        limits: of every question. settings: of the searches.
     """
 
-    def __init__(self, grasp: Grasp, limits: GraspLimits, settings: Settings) -> None:
-        self.grasp, self.settings, self._limits = grasp, settings, limits
-        self._kernels: dict[bytes, _Kernel] = {}
-        self._kernel = self._prepared(grasp)
+    def __init__(self, grasp: Grasp, limits: GraspLimits = NO_LIMITS, settings: Settings | None = None) -> None:
+        limits.check_backdrivable(grasp)
+        self.grasp, self.limits, self.settings = grasp, limits, settings or Settings()
+        self._kernel = RowKernel(limits)
 
     def preload(self, preload: Mapping[str, float] | Array | None) -> None:
         """Let other commands be in force: by actuator name, or (a,) [N m or N]; absent ones are locked.
 
-        As long as the same actuators are commanded in the same sense, what was prepared is kept.
+        As long as the same actuators are commanded in the same sense, what was prepared for `check` is kept.
 
         Raises:
             InputError: an unknown actuator, numbers that are not finite, a backdrivable motor's command beyond its
                 limit. What was in force stays in force then.
         """
         grasp = self.grasp.with_preload(preload)
-        self._kernel = self._prepared(grasp)
+        self.limits.check_backdrivable(grasp)
+        self._kernel.forget_maxima()
         self.grasp = grasp
 
-    def holds(self, wrench: Sequence[float] | Array) -> PreparedAnswer:
-        """Is this load resisted? (6,) force [N] and torque [N m], object frame, or (3,) a force at its origin.
+    @overload
+    def check(self, wrench: One) -> CheckAnswer: ...
+    @overload
+    def check(self, wrench: Many) -> BatchAnswer: ...
+    def check(self, wrench: Any) -> CheckAnswer | BatchAnswer:
+        """Is this load resisted, or which of these are? What Newton's method found is judged by the equations alone.
 
         Raises:
-            InputError: see `check`.
+            InputError: see `handfast.check`.
         """
+        if is_table(wrench):
+            return self._rows("check", wrench, "wrenches")
         start = time.perf_counter()
         w = scaled_problem.as_wrench(wrench)
-        refused = scaled_problem.unbalanced(self.grasp, w)  # `check` says why
-        found = self._kernel.ask(self.grasp, w) if self._kernel and not refused else None
-        if found is not None and found[1] <= VALID:
-            state = Witness(self.grasp, w, found[0], self._limits.eta, True)
-            return self._said(Verdict.HOLDS, w, start, state, None, Stop.COMPLETE, found[2])
-        answer: CheckAnswer = check(self.grasp, w, settings=self.settings, limits=self._limits)
-        return self._said(answer.verdict, w, start, answer.found, answer.certificate, answer.stop, answer.nodes)
+        searched = len(self.grasp.soft) or scaled_problem.unbalanced(self.grasp, w)  # `check` refuses the latter
+        found = None if searched else self._kernel.state(self.grasp, w, self.settings)
+        if found is None:
+            return check(self.grasp, w, limits=self.limits, settings=self.settings)
+        witness = Witness(self.grasp, w, found[0], self.limits.eta, True)
+        cost = time.perf_counter() - start, found[1], ()
+        posed = Posed(partial(scaled_problem.build, self.grasp, w, limits=self.limits), ANY_STATE)
+        return CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, *cost, witness, None, posed=posed, verified=True)
 
-    def maximum(self, direction: Sequence[float] | Array, **options: Any) -> MaxAnswer:
-        """The largest disturbance along a direction, see `handfast.maximum`; options: `base`, `interval`."""
-        return maximum(self.grasp, direction, settings=self.settings, limits=self._limits, **options)
+    @overload
+    def maximum(self, direction: One, *, base: One | None = ..., interval: bool = ...) -> MaxAnswer: ...
+    @overload
+    def maximum(self, direction: Many, *, base: Any = ..., interval: bool = ...) -> BatchAnswer: ...
+    def maximum(self, direction: Any, *, base: Any = None, interval: bool = False) -> MaxAnswer | BatchAnswer:
+        """The largest disturbance along a direction, or along each of these, see `handfast.maximum`."""
+        if is_table(direction):
+            return self._rows("max", direction, "directions", base=base, interval=interval)
+        asked: dict[str, Any] = {"base": base, "interval": interval}
+        return maximum(self.grasp, direction, limits=self.limits, settings=self.settings, **asked)
 
-    def _said(
-        self,
-        verdict: Verdict,
-        w: Array,
-        start: float,
-        found: Witness | None,
-        certificate: Certificate | None,
-        stop: Stop,
-        nodes: int,
-    ) -> PreparedAnswer:
-        seconds = time.perf_counter() - start
-        return PreparedAnswer(verdict, w, self.grasp, found, certificate, stop, nodes, seconds, self._limits)
+    @overload
+    def torques(
+        self, wrench: One, *, objective: Effort = ..., actuators: Sequence[str] | None = ...
+    ) -> TorquesAnswer: ...
+    @overload
+    def torques(
+        self, wrench: Many, *, objective: Effort = ..., actuators: Sequence[str] | None = ...
+    ) -> BatchAnswer: ...
+    def torques(
+        self, wrench: Any, *, objective: Effort = "max", actuators: Sequence[str] | None = None
+    ) -> TorquesAnswer | BatchAnswer:
+        """The least commands that resist a load, or each of these, see `handfast.torques`."""
+        asked: dict[str, Any] = {"objective": objective, "actuators": actuators}
+        if is_table(wrench):
+            return self._rows("torques", wrench, "wrenches", **asked)
+        return torques(self.grasp, wrench, limits=self.limits, settings=self.settings, **asked)
 
-    def _prepared(self, grasp: Grasp) -> _Kernel | None:
-        """What is prepared for the commanded actuators and their senses; None with soft fingers, which are searched."""
-        self._limits.check_backdrivable(grasp)
-        if len(grasp.soft):
-            return None
-        key = np.sign(grasp.command).tobytes()
-        if key not in self._kernels:
-            self._kernels[key] = _Kernel(grasp, self._limits, self.settings)
-        return self._kernels[key]
+    def hold(self, loads: Loads, **how: Any) -> HoldAnswer:
+        """One preload for all of the loads; how: see `handfast.hold`."""
+        return holding.hold(self.grasp, loads, limits=self.limits, settings=self.settings, **how)
+
+    def map(self, plane: Plane = "xy", **how: Any) -> MapAnswer:
+        """The largest resisted force in every direction of a plane; how: see `handfast.force_map`."""
+        return maps.force_map(self.grasp, plane, limits=self.limits, settings=self.settings, **how)
+
+    def _rows(self, query: Query, wrenches: Any, field: str, *, base: Any = None, **options: Any) -> BatchAnswer:
+        W = as_rows(wrenches, 1, field)
+        asked = BatchOptions(query, self.limits, settings=self.settings, **options).of_rows()
+        part = answer_rows(self.grasp, W[0], as_base(base, W)[0], asked, self._kernel)
+        return BatchAnswer.of(query, W[0], [part], interval=asked.interval)
 
 
 @kinds_checked
@@ -161,7 +141,7 @@ def prepare(
     limits: GraspLimits = NO_LIMITS,
     settings: Settings | None = None,
 ) -> PreparedGrasp:
-    """A grasp to be asked again and again, as in a controller: `prepared.holds(wrench)`.
+    """A grasp to be asked again and again, as in a controller: `prepared.check(wrench)`.
 
     Args:
         preload: commands in force; those of the grasp by default. `PreparedGrasp.preload` changes them.
@@ -171,39 +151,4 @@ def prepare(
     Raises:
         InputError: see `check`.
     """
-    return PreparedGrasp(grasp if preload is None else grasp.with_preload(preload), limits, settings or Settings())
-
-
-class _Kernel:
-    """The kernel's arrays for one choice of commanded actuators, with the states found last."""
-
-    def __init__(self, grasp: Grasp, limits: GraspLimits, settings: Settings) -> None:
-        self.template = Template.of(scaled_problem.build(grasp, np.zeros(6), limits=limits), ANY_STATE)
-        self._search, self._next = BatchSearch(self.template, settings), 0
-        self._judge = Judge(grasp, eta=limits.eta)
-        self._rows: QuestionRows | None = None
-
-    def ask(self, grasp: Grasp, w: Array) -> tuple[State, float, int] | None:
-        """A state, its worst residual, and the nodes that it took; None if none was found."""
-        loads = self.template.loads(w[None], None, grasp)
-        if not loads.solvable[0]:
-            return None
-        if self._rows is None:
-            row = self.template.rows(loads)
-            many = {name: np.repeat(x, MEMORY + 1, axis=0) for name, x in row._asdict().items()}
-            many |= {"mix": row.mix, "plain": row.plain, "noise": row.noise}
-            self._rows = QuestionRows(**many)
-            self._rows.status[:] = HARD
-            self._lines = table(self._rows)
-        rows = self._rows
-        for name, values in self.template.posed(loads).items():
-            getattr(rows, name)[MEMORY] = values[0]
-        rows.status[MEMORY] = UNASKED
-        self._search.run(rows, self._lines)
-        if rows.status[MEMORY] != HELD:
-            return None
-        states, _ = self.template.states(loads, rows.z[MEMORY:])
-        residual = float(self._judge.worst(w[None], states, grasp.command[None])[0])
-        rows.load[self._next], rows.z[self._next], rows.status[self._next] = rows.load[MEMORY], rows.z[MEMORY], HELD
-        self._next = (self._next + 1) % MEMORY
-        return states.row(0), residual, int(rows.nodes[MEMORY])
+    return PreparedGrasp(grasp if preload is None else grasp.with_preload(preload), limits, settings)

@@ -1,10 +1,12 @@
-"""Rows about one grasp answered by the compiled kernel together; what belongs to the grasp is made once and kept."""
+"""Rows about one grasp answered by the compiled kernel together; what belongs to the grasp is made once and kept.
+
+What holds is judged by the equations; what the kernel does not settle is left to a search of its own.
+"""
 
 from __future__ import annotations
 
 import time
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,58 +19,101 @@ from handfast.stability.batch_judge import Judge, StateRows
 from handfast.stability.goal import ANY_STATE, FARTHER, NEAR_END, SMALLEST_PRELOAD, Goal
 from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.idle_joints import runs_away
+from handfast.stability.model import State
 from handfast.stability.queries.max_query import max_goal
-from handfast.stability.search.batch_search import BatchSearch, FoundRows
+from handfast.stability.search.batch_search import BatchSearch, FoundRows, LoadMemory
 from handfast.stability.search.template import LoadRows, Template
 from handfast.stability.settings import Settings
 from handfast.stability.witness import VALID
 
-Settled = tuple[dict[str, Any], Mask]  # columns, and the rows (k,) that they answer
+
+class Settled(NamedTuple):
+    """What the kernel showed of some rows.
+
+    Attributes:
+        columns: of `BatchAnswer`, by name. rows: (k,) bool, those that they answer.
+        states: (k,) at the lower bounds of maxima; those of other rows mean nothing.
+    """
+
+    columns: dict[str, Any]
+    rows: Mask
+    states: StateRows
 
 
 class RowKernel:
-    """Asks the kernel many rows about one grasp under its preload; templates are made at the first row of a goal.
+    """Asks the kernel rows about one grasp; what its rows share is reduced for the first row of a goal.
 
     Attributes:
-        grasp: with the preload in force. limits: as `check` has them.
+        limits: as `check` has them.
     """
 
-    def __init__(self, grasp: Grasp, limits: GraspLimits) -> None:
-        self.grasp, self.limits = grasp, limits
-        self._judge = Judge(grasp, eta=self.limits.eta)
-        self._searches: dict[tuple[Goal, float], BatchSearch] = {}
+    def __init__(self, limits: GraspLimits) -> None:
+        self.limits = limits
+        self._judge: Judge | None = None
+        self._searches: dict[tuple[Any, ...], BatchSearch] = {}
+        self._memories: dict[bytes, LoadMemory] = {}
 
-    def ask(self, goal: Goal, W: Array, B: Array, settings: Settings) -> Settled | None:
+    def forget_maxima(self) -> None:
+        """Before other commands: what was reduced for maxima is of these alone."""
+        self._searches = {key: search for key, search in self._searches.items() if key[0] == ANY_STATE}
+
+    def state(self, grasp: Grasp, w: Array, settings: Settings) -> tuple[State, int] | None:
+        """A state that resists a load (6,), from those of the loads before, and its nodes; None if none is found.
+
+        Grasps may differ in the sizes of their commands.
+        """
+        search = self._search(grasp, ANY_STATE, w, np.zeros(6), settings)
+        if search is None:
+            return None
+        key = np.sign(grasp.command).tobytes()
+        if key not in self._memories:
+            self._memories[key] = LoadMemory(search)
+        found = self._memories[key].ask(w, grasp)
+        if found is None:
+            return None
+        states, nodes = found
+        held = self._judged(grasp).worst(w[None], states, grasp.command[None])[0] <= VALID
+        return (states.row(0), nodes) if held else None
+
+    def ask(self, grasp: Grasp, goal: Goal, W: Array, B: Array, settings: Settings) -> Settled | None:
         """Columns of rows (k, 6): loads, or directions with their base loads; None where no row can be asked so."""
         if not len(W):
             return None
         start = time.monotonic()
         of_max = goal != ANY_STATE
-        search = self._search(goal, W[0], B[0], settings)
+        search = self._search(grasp, goal, W[0], B[0], settings)
         if search is None:
             return None
-        template = search.template
-        loads = template.loads(B if of_max else W, W if of_max else None)
+        loads = search.template.loads(B if of_max else W, W if of_max else None, grasp)
         found = search.ask(loads)
-        columns, settled = (self._maxima if of_max else self._checks)(template, loads, found, W, B, settings)
-        if template.reduced.goal == SMALLEST_PRELOAD and not settings.verify and found.none.any():
-            self._slipping(columns, settled, np.flatnonzero(found.none), W, B, settings)
-        columns.setdefault("stop", np.full(len(W), str(Stop.COMPLETE)))
-        columns["seconds"] = np.full(len(W), (time.monotonic() - start) / len(W))
-        return columns, settled
+        out = (self._maxima if of_max else self._checks)(search.template, loads, found, W, B, settings)
+        if search.template.reduced.goal == SMALLEST_PRELOAD and not settings.verify and found.none.any():
+            self._slipping(out, np.flatnonzero(found.none), grasp, W, B, settings)
+        out.columns.setdefault("stop", np.full(len(W), str(Stop.COMPLETE)))
+        out.columns["seconds"] = np.full(len(W), (time.monotonic() - start) / len(W))
+        return out
 
-    def _search(self, goal: Goal, w: Array, base: Array, settings: Settings, reach: float = 0.0) -> BatchSearch | None:
+    def _judged(self, grasp: Grasp) -> Judge:
+        if self._judge is None:
+            self._judge = Judge(grasp, eta=self.limits.eta)
+        return self._judge
+
+    def _search(
+        self, grasp: Grasp, goal: Goal, w: Array, base: Array, settings: Settings, reach: float = 0.0
+    ) -> BatchSearch | None:
         """The search for a goal, made for the first row; None where that is refused, or another goal's."""
-        if (goal, reach) not in self._searches:
-            of_max = goal != ANY_STATE
+        of_max = goal != ANY_STATE
+        commands = grasp.command if of_max else np.sign(grasp.command)
+        key = goal, reach, settings.gap, commands.tobytes()
+        if key not in self._searches:
             try:
-                p = scaled_problem.build(self.grasp, base if of_max else w, w if of_max else None, limits=self.limits)
+                p = scaled_problem.build(grasp, base if of_max else w, w if of_max else None, limits=self.limits)
                 if of_max and max_goal(p) != goal:
                     return None
-                self._searches[goal, reach] = BatchSearch(Template.of(p, goal, reach), settings)
+                self._searches[key] = BatchSearch(Template.of(p, goal, reach), settings)
             except (InputError, ValueError):  # its first row is asked alone, and says what is wrong
                 return None
-        search = self._searches[goal, reach]
+        search = self._searches[key]
         search.limit(settings)
         return search
 
@@ -79,7 +124,7 @@ class RowKernel:
 
         Where the limit of nodes was reached, a whole search would reach it as well.
         """
-        residual = self._residuals(found.held, W, found.states)
+        residual = self._residuals(loads.grasp, found.held, W, found.states)
         held = found.held & (residual <= VALID)
         slips = found.none & (not settings.verify)
         limited = found.hard & (found.nodes >= settings.node_limit)
@@ -91,7 +136,7 @@ class RowKernel:
             "nodes": found.nodes,
             "stop": np.where(limited, str(Stop.NODES), str(Stop.COMPLETE)),
         }
-        return columns, held | slips | limited
+        return Settled(columns, held | slips | limited, found.states)
 
     def _maxima(
         self, template: Template, loads: LoadRows, found: FoundRows, W: Array, B: Array, settings: Settings
@@ -106,42 +151,38 @@ class RowKernel:
                 lower, upper = np.maximum(0.0, found.scalar * scale), np.maximum(0.0, -found.cut * scale)
         unbounded = lower >= loads.last_magnitude * (1 - NEAR_END)
         good = found.held & np.isfinite(lower) & (lower > 0)
-        residual = self._residuals(good, B + np.where(good, lower, 0.0)[:, None] * W, states)
+        residual = self._residuals(loads.grasp, good, B + np.where(good, lower, 0.0)[:, None] * W, states)
         good &= residual <= VALID
         verdict = np.full(len(W), str(Verdict.HOLDS))
         upper = np.where(unbounded | found.at_end, np.inf, upper)
         columns = {"verdict": verdict, "lower": lower, "upper": upper, "unbounded": unbounded, "residual": residual}
-        return columns | {"verified": unbounded, "nodes": found.nodes}, good
+        return Settled(columns | {"verified": unbounded, "nodes": found.nodes}, good, states)
 
-    def _slipping(
-        self, columns: dict[str, Any], settled: Mask, none: Indices, W: Array, B: Array, settings: Settings
-    ) -> None:
+    def _slipping(self, out: Settled, none: Indices, grasp: Grasp, W: Array, B: Array, settings: Settings) -> None:
         """Settle those of the rows without a state (none) that have none either at any magnitude, however small.
 
         A search ends at commands that are some ten thousand times as large as the load, and some smaller loads may
         be resisted: see `solve.without_end`. What it would find there, or not, is left to it.
         """
-        search = self._search(SMALLEST_PRELOAD, W[0], B[0], settings, 1.0 if self._runs_away else FARTHER)
+        reach = 1.0 if runs_away(grasp) else FARTHER
+        search = self._search(grasp, SMALLEST_PRELOAD, W[0], B[0], settings, reach)
         if search is None:
             return
-        found = search.ask(search.template.loads(B[none], W[none]))
-        columns["nodes"][none] += found.nodes
+        found = search.ask(search.template.loads(B[none], W[none], grasp))
+        out.columns["nodes"][none] += found.nodes
         slips = none[found.none]
-        settled[slips] = True
+        out.rows[slips] = True
         said = {"verdict": str(Verdict.SLIPS), "residual": np.nan, "verified": False}
         for name, value in (said | {"lower": 0.0, "upper": 0.0, "unbounded": False}).items():
-            columns[name][slips] = value
+            out.columns[name][slips] = value
 
-    def _residuals(self, there: Mask, W: Array, states: StateRows) -> Array:
+    def _residuals(self, grasp: Grasp, there: Mask, W: Array, states: StateRows) -> Array:
         """(k,) the worst residuals of those states that are there, NaN for the others."""
         out = np.full(len(W), np.nan)
         if there.any():
-            out[there] = self._judge.worst(W[there], states.rows(there))
+            commands = np.broadcast_to(grasp.command, (int(there.sum()), len(grasp.command)))
+            out[there] = self._judged(grasp).worst(W[there], states.rows(there), commands)
         return out
-
-    @cached_property
-    def _runs_away(self) -> bool:
-        return runs_away(self.grasp)
 
 
 def _times(x: StateRows, s: Array) -> StateRows:

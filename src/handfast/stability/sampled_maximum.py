@@ -20,9 +20,9 @@ from handfast.core.shown import Shown
 from handfast.model.grasp import Grasp
 from handfast.stability import scaled_problem
 from handfast.stability.answers import finite
-from handfast.stability.batch import INTERRUPTED, max_many
+from handfast.stability.batch import OnItem, max_many
+from handfast.stability.batch_answer import INTERRUPTED
 from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.many import OnItem
 from handfast.stability.perturbation import Perturbation
 from handfast.stability.queries import MaxAnswer, maximum
 from handfast.stability.settings import Settings

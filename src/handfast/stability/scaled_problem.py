@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -149,17 +149,6 @@ class ScaledProblem:
     def relative_motion(self, r: Array, q: Array) -> Array:
         """(m, 3) scaled d = G^T r - J q, equation (3)."""
         return (self.G.T @ r - self.J @ q).reshape(-1, 3)
-
-    def towards(self, direction: Sequence[float] | Array) -> ScaledProblem:
-        """The same question with another direction (6,), in the same scales; raises as `build`."""
-        d = _direction(direction)
-        others = _others(self.grasp, self.equivalent, self.wrench, self.limits)
-        if not others:  # nothing else gives the scale
-            return build(self.grasp, self.wrench, d, limits=self.limits, mdp=self.mdp)
-        scale = _direction_scale(self.grasp, d, others)
-        p = replace(self, along=d, direction=self.lengths * (scale * d) / self.force, direction_scale=scale)
-        _check_range(p, True)
-        return p
 
     def unscale(self, x: ScaledPoint, share: float = 1.0) -> State:
         """A solution of the scaled equations as a `State` of the grasp in its own units.

@@ -18,10 +18,9 @@ from handfast.proofs.question import MAX_ETA
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
 from handfast.stability.ask_again import Asking, BoundsClaim, Claim, IntervalClaim, asked, together
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.many import Options
+from handfast.stability.grasp_limits import GraspLimits, Terms
 from handfast.stability.maps import PLANES, forces_at, in_plane, of_all
-from handfast.stability.settings import INF, Settings
+from handfast.stability.settings import INF
 
 COURSE = "stop, seconds, nodes: the course of the search is recorded, and nothing rests on it"
 OLD = "is missing, so that it cannot be asked again: the file was written by an older Handfast; make it anew"
@@ -66,13 +65,13 @@ class Cell:
             )
         return None
 
-    def claim(self, grasp: Grasp, load: Array, options: Options) -> Claim:
+    def claim(self, grasp: Grasp, load: Array, terms: Terms) -> Claim:
         """To be asked."""
         where = self.at("unbounded" if self.unbounded else "lower")
-        return BoundsClaim(where, grasp, load, options, self.lower, self.upper, self.unbounded, self.at("upper"))
+        return BoundsClaim(where, grasp, load, terms, self.lower, self.upper, self.unbounded, self.at("upper"))
 
 
-def read_question(f: Fields) -> tuple[Grasp, Options]:
+def read_question(f: Fields) -> tuple[Grasp, Terms]:
     """What a map or a sweep was asked with. Raises `BadFile`, and `InputError` for the grasp."""
     grasp = grasp_of(f)
     eta, mdp, gap = f.number("eta", least=0.0), f.flag("mdp"), f.number("gap", least=0.0)
@@ -82,7 +81,7 @@ def read_question(f: Fields) -> tuple[Grasp, Options]:
     f.done()
     if not (eta < MAX_ETA and 0 < gap < INF):
         raise BadFile("has an eta beyond 45 degrees, or a gap that is not above 0", f.place)
-    return grasp, Options(GraspLimits(eta, limits, force), mdp, Settings(gap=gap))
+    return grasp, Terms(GraspLimits(eta, limits, force), mdp, gap)
 
 
 def grasp_of(f: Fields, name: str = "grasp") -> Grasp:
@@ -96,7 +95,7 @@ def grasp_of(f: Fields, name: str = "grasp") -> Grasp:
 def replay_map(data: Any, how: Asking) -> Replay:
     """A map, every number of it asked again. Raises `BadFile` and `InputError`."""
     f, verdict = _header(data, "map")
-    grasp, options = read_question(f.object("question"))
+    grasp, terms = read_question(f.object("question"))
     plane: Any = f.text("plane", among=PLANES)
     point, eta = f.numbers("at", (3,)), f.number("eta", least=0.0)
     directions, preload = f.numbers("directions", (-1, 3)), f.named("preload")
@@ -106,7 +105,7 @@ def replay_map(data: Any, how: Asking) -> Replay:
         curves.append(("with_preload", grasp, f.object("with_preload")))
     f.take("with_preload", None)
     f.done()
-    faults = _same_question(grasp, options, preload, eta)
+    faults = _same_question(grasp, terms, preload, eta)
     if (len(curves) > 1) != bool(grasp.preload):
         raise BadFile("is for grasps with a preload, and for each of them", "with_preload")
     if not n:
@@ -123,13 +122,13 @@ def replay_map(data: Any, how: Asking) -> Replay:
         parts.append((name, "largest forces by direction", told, [(of, load) for load in loads]))
         cells = told.cells  # of the grasp as it is: the last
     faults += _of_all(verdict, cells)
-    return _asked("map", parts, options, faults, how)
+    return _asked("map", parts, terms, faults, how)
 
 
 def replay_sweep(data: Any, how: Asking) -> Replay:
     """A sweep, every number of it asked again. Raises `BadFile` and `InputError`."""
     f, verdict = _header(data, "sweep")
-    grasp, options = read_question(f.object("question"))
+    grasp, terms = read_question(f.object("question"))
     name = f.text("joint", among=grasp.mechanism.actuators)
     directions = f.numbers("directions", (-1, 6))
     columns: list[_Told] = [_Told([], []) for _ in directions]
@@ -147,7 +146,7 @@ def replay_sweep(data: Any, how: Asking) -> Replay:
         for k in range(len(directions))
     ]
     faults = _of_all(verdict, [cell for told in columns for cell in told.cells])
-    return _asked("sweep", parts, options, faults, how)
+    return _asked("sweep", parts, terms, faults, how)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,14 +170,14 @@ def _header(data: Any, query: str) -> tuple[Fields, Verdict]:
     return f, verdict
 
 
-def _same_question(grasp: Grasp, options: Options, preload: dict[str, float], eta: float) -> list[Replay]:
+def _same_question(grasp: Grasp, terms: Terms, preload: dict[str, float], eta: float) -> list[Replay]:
     """What the answer says of its question beside it, where that is something else."""
     out = []
     for name in {**grasp.preload, **preload}:
         if preload.get(name) != grasp.preload.get(name):
             fault = f"is {preload.get(name)}; the question's is {grasp.preload.get(name)}"
             out.append(Replay(f"preload.{name}", "it is that of the question", fault))
-    degrees = float(np.degrees(options.limits.eta))
+    degrees = float(np.degrees(terms.limits.eta))
     if abs(eta - degrees) > SAME:
         fault = f"is {eta:g} degrees; the question's is {degrees:g}"
         out.append(Replay("eta", "it is that of the question", fault))
@@ -232,7 +231,7 @@ def _cell(within: str, place: str, lower: Any, upper: Any, unbounded: Any, verdi
 _Part = tuple[str, str, _Told, list[tuple[Grasp, Array]]]  # name, what it is, what is said of each case, the cases
 
 
-def _asked(query: str, parts: Sequence[_Part], options: Options, faults: list[Replay], how: Asking) -> Replay:
+def _asked(query: str, parts: Sequence[_Part], terms: Terms, faults: list[Replay], how: Asking) -> Replay:
     """All of it in one go, part by part."""
     claims: list[Claim] = []
     owner: list[int] = []
@@ -244,9 +243,9 @@ def _asked(query: str, parts: Sequence[_Part], options: Options, faults: list[Re
             if contradiction is not None:
                 wrong[i].append(contradiction)
                 continue
-            of.append(cell.claim(grasp, load, options))
+            of.append(cell.claim(grasp, load, terms))
             if told.intervals and (told.intervals[k][0] > 0 or told.intervals[k][1]):
-                of.append(IntervalClaim(cell.at("holds_from_zero_to"), grasp, load, options, *told.intervals[k]))
+                of.append(IntervalClaim(cell.at("holds_from_zero_to"), grasp, load, terms, *told.intervals[k]))
         claims += of
         owner += [i] * len(of)
     done = asked(claims, how)

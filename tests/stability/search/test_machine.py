@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from handfast.core.groups import Block, Layout
+from handfast.stability.batch import max_many
 from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.many import max_answers
 from handfast.stability.queries import maximum
 from handfast.stability.search import arrays
 from handfast.stability.search.arrays import Workspace, WorkspaceLayout
@@ -49,16 +49,17 @@ def test_a_new_workspace_keeps_no_working_set() -> None:
 
 
 def answers() -> list[tuple[float, float, int]]:
-    """Of grasps with one worker and with two, a map's neighbours, limits and uncertain normals."""
+    """Of grasps with one worker and with two, many directions together, limits and uncertain normals."""
     out = []
     for seed in range(8):
         s = solved(seed, 3 + seed % 4, 0.05 * (seed % 2))
         if s.wrench.any():
             out.append(maximum(s.grasp, s.wrench, limits=GraspLimits(eta=s.eta), settings=Settings(node_limit=3000)))
-    out += max_answers(
-        bell(), [[np.cos(x), np.sin(x), 0, 0, 0, 0] for x in np.linspace(0, 1, 6)], limits=GraspLimits(force_limit=5.0)
-    )
-    return [(a.lower, a.upper, a.nodes) for a in out]
+    directions = [[np.cos(x), np.sin(x), 0, 0, 0, 0] for x in np.linspace(0, 1, 6)]
+    many = max_many(bell(), directions, jobs=1)
+    limited = max_many(bell(), directions, limits=GraspLimits(force_limit=5.0), jobs=1)
+    rows = [(float(x.lower[i]), float(x.upper[i]), int(x.nodes[i])) for x in (many, limited) for i in range(6)]
+    return [(a.lower, a.upper, a.nodes) for a in out] + rows
 
 
 @pytest.mark.slow

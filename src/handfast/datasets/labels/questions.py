@@ -14,10 +14,11 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.stability.batch import GraspBatch, max_many
+from handfast.stability.batch import max_many
 from handfast.stability.batch_answer import BatchAnswer
 from handfast.stability.hold import hold
 from handfast.stability.loads import Loads
+from handfast.stability.prepared import PreparedGrasp, prepare
 from handfast.stability.queries import torques
 from handfast.stability.scaled_problem import unbalanced
 from handfast.stability.settings import Settings
@@ -90,7 +91,7 @@ class Questions:
         if settings.verify:
             found = max_many(self.grasp, W, settings=settings, jobs=1, answers=True)
         else:
-            found = self._together.maxima(W, settings)
+            found = self._prepared(settings).maximum(W)
         for i, k in enumerate(asked):
             out[k] = LargestLoad(float(found.lower[i]), float(found.upper[i]), bool(found.unbounded[i]))
             slips = found.verdict[i] == Verdict.SLIPS
@@ -103,7 +104,7 @@ class Questions:
         asked = [k for k, wrench in enumerate(wrenches) if not unbalanced(self.grasp, wrench)]
         if not asked:
             return out
-        found = self._together.checks([wrenches[k] for k in asked], self._limited(len(asked)))
+        found = self._prepared(self._limited(len(asked))).check([wrenches[k] for k in asked])
         for i, k in enumerate(asked):
             out[k] = Verdict(str(found.verdict[i]) or Verdict.UNDECIDED)
             self._count_row(found, i, out[k] is not Verdict.UNDECIDED)
@@ -160,6 +161,11 @@ class Questions:
         if not closed or stop in (Stop.TIME, Stop.NODES):
             self.open += 1
 
+    def _prepared(self, settings: Settings) -> PreparedGrasp:
+        """The grasp, prepared once, with these settings from now on."""
+        self._together.settings = settings
+        return self._together
+
     @cached_property
-    def _together(self) -> GraspBatch:
-        return GraspBatch(self.grasp)
+    def _together(self) -> PreparedGrasp:
+        return prepare(self.grasp)

@@ -39,10 +39,10 @@ from handfast.stability.ask_again import (
     figures_of,
     together,
 )
-from handfast.stability.many import Options
+from handfast.stability.grasp_limits import Terms
 from handfast.stability.queries import torques
 from handfast.stability.scaled_problem import unbalanced
-from handfast.stability.settings import INF, Settings
+from handfast.stability.settings import INF
 
 COURSE = "open, stop, nodes, seconds: the course of the searches is recorded, and nothing rests on it"
 BROKEN = "rows that could not be labelled"
@@ -110,7 +110,7 @@ class _Recipe:
     gravity: Array
     directions: Array
     g: float
-    options: Options
+    terms: Terms
     changes: GraspChanges
     scene: SceneSource | None
 
@@ -134,8 +134,7 @@ class _Recipe:
                 scene = SceneSource(**kept | {"backdrivable": tuple(scene["backdrivable"]), "files": files})
             except (KeyError, TypeError):
                 raise InputError("is not as label writes it", source=source, field="scene") from None
-        options = Options(settings=Settings(gap=gap))
-        return cls(gravity, directions, g, options, GraspChanges(mass, place, friction, preload), scene)
+        return cls(gravity, directions, g, Terms(gap=gap), GraspChanges(mass, place, friction, preload), scene)
 
 
 def _claims(said: Mapping[str, Any], row: DatasetRow, recipe: _Recipe, source: str) -> tuple[list[Replay], list[Claim]]:
@@ -185,7 +184,7 @@ class _Row:
         """What two columns say of a load."""
         above = f"{name}_upper"
         high = self.number(above, INF) if upper else INF
-        return BoundsClaim(name, self.grasp, load, self.recipe.options, self.number(name, 0.0), high, upper_place=above)
+        return BoundsClaim(name, self.grasp, load, self.recipe.terms, self.number(name, 0.0), high, upper_place=above)
 
     def largest(self) -> Iterator[Claim]:
         """Along the axes, both ways."""
@@ -211,7 +210,7 @@ class _Row:
         for k, (verdict, pull) in enumerate(zip(verdicts, pulls, strict=True)):
             if verdict != Verdict.UNDECIDED:
                 load = weight * force_at(pull, self.center)
-                claims.append(VerdictClaim(f"verdicts[{k}]", self.grasp, load, self.recipe.options, verdict))
+                claims.append(VerdictClaim(f"verdicts[{k}]", self.grasp, load, self.recipe.terms, verdict))
         least, hardest = self._least("weight_factor", "hardest", pulls, weight, faults)
         claims += least
         if hardest is not None:
@@ -236,9 +235,9 @@ class _Row:
             faults.append(Replay("holding_commands", "they are those of the row", "are others than its preload"))
         if said == "others" and given is not None:
             grasp = self.grasp.with_commands(dict(zip(self.grasp.mechanism.actuators, given.tolist(), strict=True)))
-            return [VerdictClaim("holding_commands", grasp, w, self.recipe.options, "holds") for w in loads]
+            return [VerdictClaim("holding_commands", grasp, w, self.recipe.terms, "holds") for w in loads]
         if said == "none":
-            return [NoCommandsClaim("held_by", self.grasp, loads[0], self.recipe.options, loads)]
+            return [NoCommandsClaim("held_by", self.grasp, loads[0], self.recipe.terms, loads)]
         return []
 
     def _given(self, name: str) -> Array | None:
@@ -262,7 +261,7 @@ class _Row:
 
     def _commands(self, load: Array) -> CommandsClaim:
         lower, upper = self.number("largest_command_lower", 0.0), self.number("largest_command", INF)
-        return CommandsClaim("commands", self.grasp, load, self.recipe.options, self._given("commands"), lower, upper)
+        return CommandsClaim("commands", self.grasp, load, self.recipe.terms, self._given("commands"), lower, upper)
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +289,7 @@ class CommandsClaim(Claim):
             return Replay("largest_command", claim, fault)
         preload = dict(zip(self.grasp.mechanism.actuators, self.commands.tolist(), strict=True))
         grasp = self.grasp.with_commands(preload)
-        told = replace(VerdictClaim("commands", grasp, self.load, self.options, "holds").ask(clock)[0], claim=claim)
+        told = replace(VerdictClaim("commands", grasp, self.load, self.terms, "holds").ask(clock)[0], claim=claim)
         return (
             replace(told, refused="asked again, the weight slips under them, which is proved") if told.refused else told
         )

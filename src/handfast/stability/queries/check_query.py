@@ -94,16 +94,16 @@ def check(
     asked: dict[str, Any] = {"limits": limits, "mdp": mdp, "settings": settings or Settings(), "on_step": on_step}
     if isinstance(wrench, Loads):
         return [_check(grasp, w, **asked) for w in wrench.wrenches]
-    if not _is_table(wrench):
+    if not is_table(wrench):
         return _check(grasp, wrench, **asked)
     each = [scaled_problem.as_wrench(w, f"wrench[{k}]") for k, w in enumerate(wrench)]  # all, before any is asked about
     return [_check(grasp, w, **asked) for w in each]
 
 
-def _is_table(wrench: Any) -> bool:
+def is_table(wrench: Any) -> bool:
     """Are there several wrenches?"""
     try:
-        return np.ndim(wrench) == 2
+        return isinstance(wrench, Loads) or np.ndim(wrench) > 1
     except ValueError:  # rows of several lengths
         return True
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from handfast.stability.limit import Supremum
     from handfast.stability.search.outcome import Outcome
 NEAR = 1e-9  # relative: the exact state of a largest magnitude is so near the one that was found
+Near = tuple[State, float]  # of a question that is nearly the same: a state, and the magnitude that it resists
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,6 @@ class MaxAnswer(Answer):
         unbounded: resisted as far as the search goes, ten thousand times the preload (or the base load,
             or the limits); `lower` is that magnitude and its witness, `upper` is inf.
         interval: which magnitudes below are resisted too, if that was asked.
-        point: (n,) the witness in the engine's unknowns.
     """
 
     query = "max"
@@ -57,7 +57,6 @@ class MaxAnswer(Answer):
     upper: float
     unbounded: bool
     interval: ResistedInterval | None = field(default=None, kw_only=True)
-    point: Array | None = field(default=None, kw_only=True, repr=False)
 
     @cached_property
     def limit(self) -> Supremum | None:
@@ -69,7 +68,7 @@ class MaxAnswer(Answer):
             return None
         from handfast.stability.limit import limit_from
 
-        return limit_from(*self.posed, self.witness.state, self.lower, self.upper)
+        return limit_from(self.posed.problem, self.posed.goal, self.witness.state, self.lower, self.upper)
 
     @property
     def attained(self) -> bool:
@@ -93,7 +92,7 @@ class MaxAnswer(Answer):
         if settled.verdict is out.verdict:
             return settled
         upper = settled.upper if settled.proof else INF
-        return replace(settled, lower=0.0, upper=upper, unbounded=False, point=None)
+        return replace(settled, lower=0.0, upper=upper, unbounded=False)
 
     @property
     def _bound(self) -> float:
@@ -114,7 +113,7 @@ class MaxAnswer(Answer):
         if not shown.exact:
             return self
         better = replace(self, found=at)
-        return replace(better, lower=min(self.lower, p.magnitude * (1 - NEAR)), point=None)
+        return replace(better, lower=min(self.lower, p.magnitude * (1 - NEAR)))
 
     def _reaches(self, proved: Proved) -> bool:
         return proved.magnitude is None or proved.magnitude[0] >= self.lower
@@ -154,6 +153,7 @@ def maximum(
     interval: bool = False,
     settings: Settings | None = None,
     on_step: OnStep | None = None,
+    near: Sequence[Near] = (),
 ) -> MaxAnswer:
     """The largest s such that the disturbance base + s direction is resisted: section VII-B, (23)-(25).
 
@@ -164,13 +164,14 @@ def maximum(
             are a force at the object's origin.
         base: (6,) a constant load such as gravity, or (3,) a force.
         interval: show which smaller magnitudes are resisted, too, see `search/interval_search`.
+        near: states and their magnitudes of questions that are nearly the same: Newton's method starts from them, too.
 
     The other arguments and errors are those of `check`.
     """
     settings = settings or Settings()
     clock = clock_of(settings)
     w0 = np.zeros(6) if base is None else base
-    answer = largest(scaled_problem.build(grasp, w0, direction, limits=limits, mdp=mdp), settings, on_step)
+    answer = largest(scaled_problem.build(grasp, w0, direction, limits=limits, mdp=mdp), settings, on_step, near)
     return with_interval(answer, time_left(settings, clock)) if interval else answer
 
 
@@ -213,10 +214,12 @@ def max_goal(p: ScaledProblem) -> Goal:
     return SMALLEST_PRELOAD if p.f_c.any() or p.is_given else ANY_STATE
 
 
-def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None, **hints: Any) -> MaxAnswer:
-    """The answer to a built problem; hints: to the engine's `search`, what a neighbour left."""
+def largest(
+    p: ScaledProblem, settings: Settings, on_step: OnStep | None = None, near: Sequence[Near] = ()
+) -> MaxAnswer:
+    """The answer to a built problem; near: see `maximum`."""
     end, limits = p.last_magnitude, clock_of(settings)
-    posed, found = _search(p, settings, on_step, hints)
+    posed, found = _search(p, settings, on_step, near)
     p, goal = posed
     w = found.witness
     lower, upper, unbounded = 0.0, INF, False
@@ -239,14 +242,13 @@ def largest(p: ScaledProblem, settings: Settings, on_step: OnStep | None = None,
         if lower == 0 and not p.w0.any():  # rest without a load says nothing of any magnitude
             verdict, w = Verdict.UNDECIDED, None
     backing: dict[str, Any] = {"posed": posed, "verified": found.backed}
-    point = found.point if verdict is Verdict.HOLDS else None
     bounds = lower * (1 - NEAR), upper, unbounded
-    answer = MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, *bounds, point=point, **backing)
+    answer = MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, *bounds, **backing)
     return answer.settled(limits.end) if settings.verify else answer
 
 
 def _search(
-    p: ScaledProblem, settings: Settings, on_step: OnStep | None, hints: Mapping[str, Any]
+    p: ScaledProblem, settings: Settings, on_step: OnStep | None, near: Sequence[Near]
 ) -> tuple[Posed, Outcome]:
     """What was asked in the end, and what was found."""
     goal, limits = max_goal(p), clock_of(settings)
@@ -254,7 +256,7 @@ def _search(
         p = replace(p, w0=p.direction, wrench=p.along)
     if goal.maximised and p.is_given and not p.w0.any():  # what slips without limits slips with them
         free = scaled_problem.build(p.grasp, p.wrench, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
-        posed, alone = _search(free, settings, on_step, {})
+        posed, alone = _search(free, settings, on_step, ())
         if alone.bound == INF:
             return posed, alone
         settings = time_left(settings, limits)
@@ -265,6 +267,7 @@ def _search(
         if alone.bound == INF:
             return Posed(free, ANY_STATE), alone
         settings = time_left(settings, limits)
+    hints = {"near": near} if near and goal.has_scalar and settings.method == "engine" else {}
     found = solve(p, goal, settings, on_step, **hints)
     if found.bound == INF and goal.has_scalar and settings.method == "engine" and runs_away(p.grasp):
         if goal.homogeneous:  # by the same rows with any preload

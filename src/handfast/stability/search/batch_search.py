@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import table
+from handfast.model.grasp import Grasp
 from handfast.stability.batch_judge import StateRows
 from handfast.stability.search.arrays import CHILDREN, HARD, HELD, NONE, UNASKED, QuestionRows
 from handfast.stability.search.machine import LIBRARY
@@ -16,6 +19,7 @@ from handfast.stability.settings import Settings
 INSIDE = 1e-3  # of the gap, as in `front`
 BUDGET = 2048  # nodes that are expanded for one question before it is left to a whole search
 TRIED = 2  # boxes where its programs begin
+MEMORY = 8  # loads before, whose states are tried first
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,3 +102,39 @@ class BatchSearch:
                 return
             rows.status[again] = UNASKED
         rows.status[again] = HARD
+
+
+class LoadMemory:
+    """Loads asked about one after the other, each tried by Newton's method from the states of the `MEMORY` before."""
+
+    def __init__(self, search: BatchSearch) -> None:
+        self._search, self._next = search, 0
+        self._rows: QuestionRows | None = None
+
+    def ask(self, w: Array, grasp: Grasp) -> tuple[StateRows, int] | None:
+        """The state (1 row) that was found for a load (6,), and the nodes that it took; None if none was found.
+
+        grasp: with commands in the senses of the search's.
+        """
+        template = self._search.template
+        loads = template.loads(w[None], None, grasp)
+        if not loads.solvable[0]:
+            return None
+        if self._rows is None:
+            row = template.rows(loads)
+            many = {name: np.repeat(x, MEMORY + 1, axis=0) for name, x in row._asdict().items()}
+            many |= {"mix": row.mix, "plain": row.plain, "noise": row.noise}
+            self._rows = QuestionRows(**many)
+            self._rows.status[:] = HARD
+            self._lines = table(self._rows)
+        rows = self._rows
+        for name, values in template.posed(loads).items():
+            getattr(rows, name)[MEMORY] = values[0]
+        rows.status[MEMORY] = UNASKED
+        self._search.run(rows, self._lines)
+        if rows.status[MEMORY] != HELD:
+            return None
+        states, _ = template.states(loads, rows.z[MEMORY:])
+        rows.load[self._next], rows.z[self._next], rows.status[self._next] = rows.load[MEMORY], rows.z[MEMORY], HELD
+        self._next = (self._next + 1) % MEMORY
+        return states, int(rows.nodes[MEMORY])

@@ -14,6 +14,7 @@ from handfast.core.arrays import Array
 from handfast.core.limits import SearchLimits
 from handfast.core.parallel import default_jobs
 from handfast.stability.goal import ANY_STATE, INF, LARGEST, NEAR_END, Goal, Range
+from handfast.stability.model import State
 from handfast.stability.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays, exact
 from handfast.stability.search.capped import FIRST, Capped
@@ -22,7 +23,6 @@ from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.proof import Proof
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import Search
-from handfast.stability.search.warm_start import WarmStart
 from handfast.stability.settings import OnStep, Progress, Settings
 from handfast.stability.witness import Witness
 
@@ -43,9 +43,7 @@ def search(
     settings: Settings,
     on_step: OnStep | None = None,
     *,
-    reduced: Reduced | None = None,
-    guess: Sequence[Array] = (),
-    before: WarmStart | None = None,
+    near: Sequence[tuple[State, float]] = (),
     endless: bool = False,
     within: Range | None = None,
     capped: bool = True,
@@ -53,15 +51,14 @@ def search(
     """Branch and bound until value and bound are as near as asked; Ctrl-C leaves what was reached.
 
     Args:
-        reduced: the reduced problem, if it is known already.
-        guess: reduced points (n,) to start Newton from.
-        before: what the question before this one left; it wants `reduced`.
+        near: states and their magnitudes of questions that are nearly the same: Newton's method starts from them, too.
         endless, within: see `reduce`.
         capped: may the bound be one for motions up to a cap, where there is no other?
     """
     LIBRARY.functions  # noqa: B018  the first search compiles, or loads what was: no search's time
     start, limits = time.monotonic(), SearchLimits(settings.time_limit)
-    r = reduced or reduce(p, goal, endless=endless, within=within)
+    r = reduce(p, goal, endless=endless, within=within)
+    guess = [r.at_magnitude(*known) for known in near]
     if not goal.has_scalar and not (r.load.w_a.any() or r.load.f_a.any()):
         guess = [np.zeros(len(r.cost))]  # nothing acts: nothing moves
 
@@ -69,10 +66,7 @@ def search(
         return _beyond(r, value, replace(settings, node_limit=nodes, time_limit=max(seconds, LEAST), verify=False))
 
     beside = Capped(r, *_gaps(r, goal, settings), settings.workers or default_jobs(), bounds=capped, beyond=beyond)
-    out = _search(p, goal, settings, on_step, r, limits, beside, guess, before)
-    if out.stop is Stop.NUMERICAL and before is not None:
-        # Newton is tried where a leaf is made, not where it opens again: from the root, then
-        out = _search(p, goal, settings, on_step, r, limits)
+    out = _search(p, goal, settings, on_step, r, limits, beside, guess)
     for gap in (g for g in FINER if g < settings.gap):  # the tolerances of programs go with the gap
         nodes = settings.node_limit - out.nodes
         if out.stop is not Stop.NUMERICAL or nodes <= 0 or limits.late:
@@ -107,7 +101,6 @@ def _search(
     limits: SearchLimits,
     beside: Capped | None = None,
     guess: Sequence[Array] = (),
-    before: WarmStart | None = None,
 ) -> Outcome:
     """One search, within what is left of the time."""
     start = time.monotonic()
@@ -122,8 +115,6 @@ def _search(
             best = [s.z for s in searches if s.z is not None]
             workers = settings.workers or default_jobs()
             s = Search(r.beginning(box), gap=gap, gap_absolute=gap_absolute, workers=workers, guess=best or guess)
-            if before is not None and not searches:
-                before.start(s)
             searches.append(s)
             yield s, INF
         for turn in itertools.count():  # programs break down wherever they begin: on with those that do best, in turn

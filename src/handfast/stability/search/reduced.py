@@ -124,21 +124,6 @@ class Reduced:
     of_torques: Array
     cap: float = np.inf
 
-    def redirected(self, p: ScaledProblem) -> Reduced:
-        """The same grasp and scales, the smallest preload, with another disturbance in `p`."""
-        load = self.goal.scaled_load(p)
-        h = self.of_torques @ load.g_a
-        h[:6] = -load.w_a
-        y0 = self.solve @ h
-        lo = self.lo.copy()
-        lo[0] = self.goal.search_range(p)[0]
-        D, DT = self.D, self.DT
-        if self.names and self.names[-1][0] == "energy":
-            D, DT = D.copy(), DT.copy()
-            D[-2, :6] = DT[:6, len(D) - 2] = load.w_a
-        off = padded(self.values @ y0 + self.constants)
-        return replace(self, p=p, load=load, y0=y0, D=D, DT=DT, off=off, lo=lo)
-
     @property
     def boxes(self) -> tuple[tuple[float, float], ...]:
         """Where its programs begin, in the order in which searches try them."""

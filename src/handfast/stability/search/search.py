@@ -23,7 +23,6 @@ from handfast.core.interrupts import deferred_interrupt
 from handfast.stability.search import arrays, cases, rows
 from handfast.stability.search.arrays import (
     CHILDREN,
-    ClosedLeaves,
     Pool,
     WorkerState,
     Workspace,
@@ -172,12 +171,6 @@ class Search:
         state.hi[0] = min(state.hi[0], value - self.gap * abs(value) - self.gap_absolute)
         self._share_incumbent()
 
-    def warm_start(self, finished: Pool) -> None:
-        """Begin with a finished, trimmed tree of the same grasp, balances of energy under the cut of this search."""
-        used = len(finished.parent)
-        (self.pool, self._pool_table), self.used = grown(finished, used + ROOM, used), used
-        self.pool.data[:used][finished.status == arrays.SPLIT, -1] = self.hi[0]
-
     def split_leaves(self, leaves: Indices) -> int:
         """Split these closed leaves of a trimmed tree, to be searched once more; returns how many could be split."""
         r, (m, _, _), n = self.reduced, self.reduced.sizes, len(self.reduced.cost)
@@ -202,20 +195,6 @@ class Search:
         only.give(np.arange(first, self.used))
         only.state.counts[arrays.NODES] += self.used - first
         return split
-
-    def refute(self, leaves: ClosedLeaves) -> None:
-        """Try the rays of these leaves again, under the bounds of this search."""
-        first = self.searchers[0]
-        working_set = first.workspace.working_set.table
-        LIBRARY.functions.refuted(self.reduced.table, first.table, self._pool_table, table(leaves), working_set)
-
-    def reopen(self, leaves: Indices) -> None:
-        """Search these leaves of the tree."""
-        first = self.searchers[0]
-        self.pool.status[leaves], self.pool.key[leaves] = arrays.WAITING, 0.0
-        self.pool.bound[leaves] = self.reduced.lo[0]
-        first.give(leaves)
-        first.state.counts[arrays.NODES] = len(leaves) - 1
 
     @property
     def _corner(self) -> Indices:
