@@ -12,8 +12,10 @@ import pytest
 from handfast.core.errors import InputError
 from handfast.core.transforms import transform
 from handfast.model.body import Body
-from handfast.model.shape import Shape
+from handfast.model.mesh_pieces import open_edges, pieces_of
+from handfast.model.shape import Shape, volume_and_centroid
 from handfast.readers.load_body import load_body
+from handfast.readers.mesh_file import read_mesh
 from tests.support.places import SHARED
 
 YCB = SHARED / "objects" / "ycb"
@@ -88,6 +90,83 @@ def test_an_inner_surface_makes_a_hollow_solid(tmp_path: Path, monkeypatch: pyte
 def test_open_convex_part_is_its_hull(tmp_path: Path) -> None:
     body = load_body(obj(tmp_path / "b.obj", ([0, 0, 0], [1, 1, 1]), faces=5))
     assert [p.volume for p in body.pieces] == pytest.approx([1])
+
+
+def ell_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles of the solid L, 3 cm wide."""
+    ((vertices, faces),) = read_mesh(ell(path / "ell.obj"))
+    return vertices / 100, faces
+
+
+@pytest.fixture
+def told(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> pytest.LogCaptureFixture:
+    """Warnings; solids that are not convex are their hulls."""
+    monkeypatch.setattr("handfast.model.mesh_pieces.decompose", lambda vertices, faces: [vertices])
+    return caplog
+
+
+def test_what_is_inside_out_is_turned_round(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
+    vertices, faces = ell_mesh(tmp_path)
+    pieces = pieces_of([(vertices, faces[:, ::-1])], "ell.obj")
+    assert told.messages == ["ell.obj: is turned inside out; its triangles are taken the other way round"]
+    assert pieces[0].volume == pytest.approx(7e-6)  # of the hull
+    told.clear()
+    pieces_of([(vertices, faces)], "ell.obj")
+    assert told.messages == []
+
+
+def top_and_rest(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of the L-shaped top, and all others."""
+    top = (vertices[faces][:, :, 2] > 0.009).all(axis=1)
+    return faces[top], faces[~top]
+
+
+def test_holes_are_closed_where_that_is_a_mend_and_else_refused(
+    tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vertices, faces = ell_mesh(tmp_path)
+    seen: list[tuple[np.ndarray, np.ndarray]] = []
+    monkeypatch.setattr("handfast.model.mesh_pieces.decompose", lambda v, f: [seen.append((v, f)), v][1:])
+    top, rest = top_and_rest(vertices, faces)
+    pieces_of([(vertices, rest)], "ell.obj")  # one flat hole, of six corners
+    assert told.messages == ["ell.obj: is open; 6 triangles close its holes"]
+    assert open_edges(rest)
+    ((v, f),) = seen
+    assert not open_edges(f)
+    assert volume_and_centroid(v, f)[0] == pytest.approx(5e-6)
+    wall = (vertices[rest][:, :, 0] < 1e-9).all(axis=1)  # beside the top: the hole goes round an edge
+    problem = (
+        r"^is open: 8 of its edges belong to one triangle alone, the first near \(.*\) m; what is not convex needs"
+    )
+    with pytest.raises(InputError, match=problem):
+        pieces_of([(vertices, rest[~wall])], "ell.obj")
+    assert len(seen) == 1
+    assert len(top) == 4
+
+
+def test_a_crack_is_closed_whatever_its_shape(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
+    vertices, faces = ell_mesh(tmp_path)
+    torn = np.vstack([vertices, vertices[faces[0, :1]] + 1e-9])
+    faces = faces.copy()
+    faces[0, 0] = len(vertices)  # one corner of one triangle is a hair off
+    pieces_of([(torn, faces)], "ell.obj")
+    assert told.messages == ["ell.obj: is open; 4 triangles close its holes"]
+
+
+def test_sizes_pieces_and_long_work_are_told(
+    tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    load_body(obj(tmp_path / "b.obj", ([0, 0, 0], [20, 40, 60])))
+    assert told.messages == ["b.obj: is 60 m long; a mesh in millimetres needs the scale 0.001"]
+    told.clear()
+    monkeypatch.setattr("handfast.model.mesh_pieces.MANY", 1)
+    load_body(obj(tmp_path / "b.obj", ([0, 0, 0], [1, 1, 1]), ([2, 0, 0], [3, 1, 1])))
+    assert told.messages == ["b.obj: has 2 convex pieces, each of which is compared with each solid of a hand"]
+    told.clear()
+    monkeypatch.setattr("handfast.model.mesh_pieces.RATE", 2.0)
+    pieces_of([ell_mesh(tmp_path)], "ell.obj")
+    (message,) = told.messages
+    assert message.startswith("ell.obj: is not convex; to take 20 triangles apart takes about 12 s of processor time,")
 
 
 def scrambled(path: Path) -> Path:

@@ -70,3 +70,17 @@ def test_a_mesh_that_takes_too_much_is_one_line(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(mesh_file, "limited", partial(limited, memory=1 << 20))
     with pytest.raises(InputError, match=r"box\.ply: takes more than .* GiB of memory"):
         read_mesh(file)
+
+
+def test_a_face_with_vertex_0_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "m.obj"
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+    for face, line in (("f 0 0 0", 5), ("f 1 2 0/1", 5), ("f 1 2 3\nf 1/1 00/2 3/3", 6)):
+        file.write_text(corners + face + "\n")
+        with pytest.raises(
+            InputError, match=rf"m\.obj: has a face with vertex 0 in line {line}; vertices count from 1$"
+        ):
+            read_mesh(file)
+    file.write_text(corners + "vt 0 0\nf 1/1 2/1 3/1\nf -1 -2 -4\nf 1 2 4\n")
+    ((_, faces),) = read_mesh(file)
+    assert len(faces) == 3

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,12 @@ from handfast.core.transforms import rigid
 from handfast.model.shape import Faces, Mesh, Shape, refuse_far, volume_and_centroid
 
 SECONDS, MEMORY = 300, 4 << 30  # [bytes]; solids of a hundred thousand triangles take a minute
+FIRST, RATE = 2.0, 400.0  # [s] and triangles per second of processor time, roughly, that CoACD takes
+PATIENT = 5.0  # [s] what takes longer is said beforehand
 CONVEX = 0.02  # a piece is convex if its hull adds less than this share of volume
+LONG = 5.0  # [m] no hand holds what is longer
+MANY = 200  # pieces
+LOG = logging.getLogger("handfast")
 
 
 def checked_scale(scale: float) -> None:
@@ -37,18 +44,106 @@ def checked_mesh(v: Array, f: Faces, source: str) -> Mesh:
 
 
 def pieces_of(meshes: list[Mesh], name: str, scale: float = 1.0, pose: object = None) -> list[Shape]:
-    """Convex pieces of triangle meshes (n, 3), (k, 3) of one object, scaled to metres and placed at `pose` (4, 4)."""
+    """Convex pieces of triangle meshes (n, 3), (k, 3) of one object, scaled to metres and placed at `pose` (4, 4).
+
+    Where a part is not convex, a mesh that is turned inside out is turned round, and small holes are closed. That, a
+    size that no hand holds, many pieces, and a decomposition of more than some seconds are said in a warning.
+
+    Raises:
+        InputError: lengths out of all proportion, no volume, a surface that is open and not convex, a decomposition
+            that takes more than `SECONDS` and `MEMORY`.
+    """
     pose = rigid(np.eye(4) if pose is None else pose)
     groups = [(v * scale, f) for v, f in meshes]
     for vertices, _ in groups:
         refuse_far(vertices, name)
+    long = max(float(np.ptp(v, axis=0).max()) for v, _ in groups)
+    if long > LONG:
+        LOG.warning("%s: is %.3g m long; a mesh in millimetres needs the scale 0.001", name, long)
     if len(groups) > 1 and not all(closed(f) for _, f in groups):
         groups = [_merged(groups)]  # groups that only colour one solid
     parts = [part for group in groups for part in components(*group)]
     if _hollow(parts):
         parts = [_merged(groups)]
-    hulls = [points for v, f in parts for points in ([v] if is_convex(v, f) else decompose(v, f))]
+    convex = [is_convex(v, f) for v, f in parts]
+    if not all(convex) and sum(volume_and_centroid(v, f)[0] for v, f in parts if closed(f)) < 0:
+        LOG.warning("%s: is turned inside out; its triangles are taken the other way round", name)
+        parts = [(v, f[:, ::-1]) for v, f in parts]
+    hulls: list[Array] = []
+    for (v, f), whole in zip(parts, convex, strict=True):
+        hulls += [v] if whole else _apart(v, f, name)
+    if len(hulls) > MANY:
+        LOG.warning("%s: has %d convex pieces, each of which is compared with each solid of a hand", name, len(hulls))
     return [Shape.hull(points, pose, f"{Path(name).stem}/{i}") for i, points in enumerate(hulls)]
+
+
+def _apart(vertices: Array, faces: Faces, name: str) -> list[Array]:
+    """Vertices of the convex pieces of a part that is not convex."""
+    if open_edges(faces):
+        filled = _filled(vertices, faces)
+        if filled is None:
+            edges = open_edges(faces)
+            near = ", ".join(f"{x:.3g}" for x in vertices[edges[0][0]])
+            problem = f"is open: {len(edges)} of its edges belong to one triangle alone, the first near ({near}) m"
+            raise InputError(f"{problem}; what is not convex needs a closed surface, or convex pieces")
+        LOG.warning("%s: is open; %d triangles close its holes", name, len(filled[1]) - len(faces))
+        vertices, faces = filled
+    seconds = FIRST + len(faces) / RATE
+    if seconds > PATIENT:
+        told = "%s: is not convex; to take %d triangles apart takes about %d s of processor time, at most %d s"
+        LOG.warning(told, name, len(faces), round(seconds), SECONDS * default_jobs())
+    return decompose(vertices, faces)
+
+
+def open_edges(faces: Faces) -> list[tuple[int, int]]:
+    """Edges that belong to one triangle alone, as its corners follow each other."""
+    edges = np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    _, which, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return [(int(a), int(b)) for a, b in edges[count[which.reshape(-1)] == 1]]
+
+
+def _filled(vertices: Array, faces: Faces) -> Mesh | None:
+    """The mesh with its holes closed by fans about their middles; None where that is more than a mend.
+
+    A mend adds no more than `CONVEX` of the surface's area, or closes one flat hole, as of a bottle without a bottom.
+    """
+    follows: dict[int, list[int]] = {}
+    for a, b in open_edges(faces):
+        follows.setdefault(b, []).append(a)  # triangles that close a hole run along its edges the other way
+    points, fans, rings = [*vertices], [*faces], 0
+    while follows:
+        start = at = next(iter(follows))
+        ring = []
+        while True:
+            ring.append(at)
+            after = follows.get(at, [])
+            if not after:
+                return None  # wound in both senses
+            at = after.pop()
+            if not after:
+                del follows[ring[-1]]
+            if at == start:
+                break
+        rings += 1
+        points.append(vertices[ring].mean(axis=0))
+        fans += [np.array([p, q, len(points) - 1]) for p, q in pairwise([*ring, start])]
+    mended = np.array(points), np.array(fans)
+    if _area(*mended) <= (1 + CONVEX) * _area(vertices, faces) or (rings == 1 and _flat(vertices[ring])):
+        return mended
+    return None
+
+
+def _flat(points: Array) -> bool:
+    """Whether points (n, 3) are in one plane, but for `CONVEX` of their width."""
+    away = points - points.mean(axis=0)
+    normal = np.linalg.svd(away)[2][-1]
+    return bool(np.abs(away @ normal).max() <= CONVEX * np.ptp(points, axis=0).max())
+
+
+def _area(vertices: Array, faces: Faces) -> float:
+    """[m^2] of all triangles."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
 
 
 def _hollow(parts: list[Mesh]) -> bool:

@@ -85,6 +85,8 @@ def _loaded_one(trimesh: Any, path: Path) -> list[Mesh]:
     obj = path.suffix.lower() == ".obj"
     split = ("split_object", "split_objects", "split_groups")  # trimesh 4 and 5 name them differently
     options: dict[str, Any] = dict.fromkeys(split, True) | {"group_material": False} if obj else {}
+    if obj:
+        _refuse_zero(path)
     try:
         with np.errstate(all="ignore"):
             scene: Any = trimesh.load(path, force="scene", process=False, skip_materials=True, **options)
@@ -96,3 +98,17 @@ def _loaded_one(trimesh: Any, path: Path) -> list[Mesh]:
         reason = " ".join([type(fault).__name__, *str(fault).splitlines()[:1]])
         raise InputError(f"cannot be read as a mesh ({reason})", source=str(path)) from None
     return [checked_mesh(v, f, str(path)) for v, f in found]
+
+
+def _refuse_zero(path: Path) -> None:
+    """`InputError` for a face of an OBJ file with vertex 0: they are counted from 1, and trimesh takes the last one."""
+    with open(path, "rb") as lines:
+        for number, line in enumerate(lines, 1):
+            if line.startswith(b"f") and any(_is_zero(word) for word in line.split()[1:]):
+                raise InputError(f"has a face with vertex 0 in line {number}; vertices count from 1", source=str(path))
+
+
+def _is_zero(word: bytes) -> bool:
+    """Whether a corner, such as 3, -1 or 3/1/2, is vertex 0."""
+    index = word.partition(b"/")[0]
+    return index.isdigit() and not int(index)
