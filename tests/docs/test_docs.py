@@ -376,6 +376,25 @@ def test_every_page_is_in_the_navigation() -> None:
             assert f": {page.relative_to(DOCS)}" in nav
 
 
+def test_every_page_opens_with_what_it_is_for_and_a_command() -> None:
+    """A title, a paragraph, and a command before the first section; the front page and the tutorial are commands."""
+    for page in (p for p in PAGES if p.is_relative_to(DOCS) and p.stem not in ("changelog", "index", "tutorial")):
+        text = page.read_text("utf-8")
+        title, _, rest = text.partition("\n\n")
+        assert re.fullmatch(r"# [^\n]+", title), page.name
+        assert re.match(r"[A-Z*`]", rest), f"{page.name} begins with no paragraph"
+        opening = rest.split("\n## ")[0]
+        assert re.search(r"^```|`handfast \w+", opening, re.MULTILINE), (
+            f"{page.name}: no command before its first section"
+        )
+
+
+def test_the_navigation_has_four_parts() -> None:
+    nav = (ROOT / "mkdocs.yml").read_text("utf-8").partition("\nnav:\n")[2].partition("\nplugins:\n")
+    assert re.findall(r"^  - ([\w ]+):$", nav[0], re.MULTILINE) == ["Start", "How to", "Explanation", "Reference"]
+    assert nav[2].startswith("  - search\n")
+
+
 def test_all_numbered_equations_are_there() -> None:
     text = (DOCS / "model.md").read_text("utf-8") + (DOCS / "algorithm.md").read_text("utf-8")
     for number in range(1, 28):
