@@ -22,8 +22,9 @@ from handfast import load_grasp
 from handfast.core.arrays import Array
 from handfast.core.files import write_bytes
 from handfast.model.grasp import Grasp
+from handfast.pictures.camera import View
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, picture, solids
-from handfast.pictures.scene import View, source_meshes
+from handfast.pictures.scene import source_meshes
 
 PALE = {BLUE: "#8db4e0", AMBER: "#f0c98a"}
 IMAGES = Path(__file__).parent / "img"

@@ -35,8 +35,9 @@ from handfast.core.files import write_bytes
 from handfast.model.configuration import Configuration
 from handfast.model.grasp import Grasp
 from handfast.model.hand import Hand
+from handfast.pictures.camera import View
 from handfast.pictures.drawing import picture
-from handfast.pictures.scene import View, scene_meshes
+from handfast.pictures.scene import scene_meshes
 from handfast.planning.candidates.palm_poses import Sampling, palm_of
 from handfast.planning.evaluation.attempt import PlannedGrasp
 from handfast.planning.plan_grasps import plan

@@ -13,8 +13,10 @@ import pytest
 from handfast import InputError, Loads, load_body, load_hand, load_task
 from handfast.model.body import Body
 from handfast.model.shape import Shape
-from handfast.pictures.found_page import report_plan, solids
+from handfast.pictures.found_page import report_plan
+from handfast.pictures.scene import scene_meshes
 from handfast.planning.plan_grasps import plan
+from tests.support.driven_page import embedded
 from tests.support.program import ask, complains
 
 
@@ -30,6 +32,10 @@ def test_a_plan_is_one_page_with_all_its_grasps(tmp_path: Path) -> None:
     report_plan(tmp_path / "plan.html", planned)
     text = (tmp_path / "plan.html").read_text()
     assert pictures(tmp_path / "plan.html") == len(planned.grasps) == 2
+    for k, seen in enumerate(embedded(text)["grasps"]):  # all of them in one scene, each with its loads
+        assert seen["title"] == str(planned.number(planned.grasps[k]))
+        assert len(seen["contacts"]) == planned.grasps[k].grasp.m
+        assert [load["said"][:5] for load in seen["loads"]] == ["HOLDS"] * len(planned.loads)
     assert all(f"Does it hold “{name}”?" in text for name in planned.loads.names)
     assert "<h2>Settings</h2>" in text
     with pytest.raises(InputError, match=r"none\.html: nothing was found"):
@@ -46,8 +52,8 @@ def test_configurations_are_drawn_with_the_object_if_the_task_names_one(
     assert "Whether it collides or holds was not asked." in Path("s.html").read_text()
     hand = load_hand("parallel-gripper")
     q = hand.configuration({})
-    assert {m.kind for m in solids(hand, q, None, np.eye(4))} == {"hand"}
-    assert {m.kind for m in solids(hand, q, load_body("ball"), np.eye(4))} == {"hand", "object"}
+    assert {m.kind for m in scene_meshes(hand, q, None, np.eye(4))} == {"hand"}
+    assert {m.kind for m in scene_meshes(hand, q, load_body("ball"), np.eye(4))} == {"hand", "object"}
 
 
 def test_a_page_that_cannot_be_written_is_refused_before_the_search(

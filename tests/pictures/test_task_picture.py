@@ -14,8 +14,8 @@ from handfast.core.errors import InputError
 from handfast.model.cylinder_side import CylinderSide
 from handfast.model.region import Cap
 from handfast.model.shape import Shape
+from handfast.pictures.camera import View, first_hit
 from handfast.pictures.drawing import picture
-from handfast.pictures.scene import View
 from handfast.pictures.task_picture import (
     APART,
     HAND_REGION,
@@ -23,7 +23,6 @@ from handfast.pictures.task_picture import (
     Facets,
     clearest,
     draw_task,
-    hidden,
     rendered,
 )
 from handfast.synthesis.task_file import load_task
@@ -89,11 +88,11 @@ def test_a_surface_that_faces_away_is_not_drawn() -> None:
 
 def test_what_lies_on_the_way_to_the_viewer() -> None:
     corners = box((1, 1, 0.1), (0, 0, 1), RED).corners
-    up = np.array([0.0, 0, 1])
-    assert hidden(np.array([0.2, 0.1, 0]), up, corners)
-    assert not hidden(np.array([0.2, 0.1, 2]), up, corners)
-    assert not hidden(np.array([0.7, 0.1, 0]), up, corners)
-    assert hidden(np.array([0.7, 0.1, 0]), np.array([-0.5, 0, 1.0]), corners)
+    up, low, high, beside = np.array([0.0, 0, 9]), *np.array([[0.2, 0.1, 0], [0.2, 0.1, 2], [0.7, 0.1, 0]])
+    assert first_hit(corners, low, low + up) == pytest.approx(0.95 / 9)
+    assert first_hit(corners, high, high + up) == 1
+    assert first_hit(corners, beside, beside + up) == 1
+    assert first_hit(corners, beside, beside + np.array([-4.5, 0, 9])) < 1
 
 
 def test_the_first_view_sees_the_contacts() -> None:

@@ -20,11 +20,12 @@ from hypothesis import strategies as st
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp
 from handfast.pictures import Entry, view3d, write_report
-from handfast.pictures.scene import Mesh, applied
-from handfast.pictures.view3d import ShownLoad, packed, scene
+from handfast.pictures.scene import Mesh, Scene, ShownGrasp, ShownLoad, applied, arrows
+from handfast.pictures.view3d import packed, scene_json
 from handfast.stability.queries import check
 from handfast.stability.queries.check_query import CheckAnswer
 from handfast.stability.settings import Settings
+from tests.support.driven_page import drive
 from tests.support.problems import bell, nest, pinch
 
 QUICK = Settings(gap=0.02)
@@ -78,24 +79,39 @@ def test_the_page_carries_the_solids_and_every_load(entries: list[Entry], tmp_pa
     write_report(tmp_path / "a.html", bell(), entries, meshes=meshes)
     data = embedded((tmp_path / "a.html").read_text("utf-8"))
     for kind, faces in (("object", 200), ("hand", 82)):
-        v, f = decoded(data["solids"][kind])
+        [solid] = [s["solid"] for s in data["solids"] if s["kind"] == kind]
+        v, f = decoded(solid)
         assert len(f) == faces
         points = np.vstack([m.vertices for m in meshes if m.kind == kind])
         np.testing.assert_allclose([v.min(0), v.max(0)], [points.min(0), points.max(0)], atol=1e-7)
     everything = np.vstack([m.vertices for m in meshes])
     assert (np.array(data["box"][0]) <= everything.min(0) + 1e-6).all()
     assert (np.array(data["box"][1]) >= everything.max(0) - 1e-6).all()
-    assert [load["title"] for load in data["loads"]] == [e.title for e in entries]
-    for load, entry in zip(data["loads"], entries, strict=True):
+    [seen] = data["grasps"]
+    assert [load["title"] for load in seen["loads"]] == [e.title for e in entries]
+    for load, entry in zip(seen["loads"], entries, strict=True):
         assert load["said"].startswith(entry.answer.verdict.upper())
-        witness = entry.answer.witness
+        witness, forces = entry.answer.witness, [a for a in load["arrows"] if a["kind"] == "forces"]
+        [disturbance] = [a["step"] for a in load["arrows"] if a["kind"] == "disturbance"]
         if witness is None:
-            assert load["forces"] is None
+            assert not forces
             assert load["wrench"] == [0, 2.5, 0, 0, 0, 0]  # the load that slips is still shown
             continue
-        np.testing.assert_allclose(load["forces"], witness.forces, atol=1e-6)
-        np.testing.assert_allclose(load["motions"], witness.motions, rtol=1e-6, atol=1e-12)
-        np.testing.assert_allclose(np.sum(load["forces"], axis=0), -np.array(load["wrench"][:3]), atol=1e-5)
+        steps, most = np.array([a["step"] for a in forces]), np.linalg.norm(witness.forces, axis=1).max()
+        scale = 0.85 * bell().size / max(most, np.linalg.norm(witness.wrench[:3]))
+        touching = np.linalg.norm(witness.forces, axis=1) > 1e-6 * most
+        np.testing.assert_allclose(steps, scale * witness.forces[touching], rtol=1e-5, atol=1e-9)
+        np.testing.assert_allclose(steps.sum(axis=0), -np.array(disturbance), atol=1e-5)  # they balance it
+
+
+def test_small_disturbances_can_be_seen_and_moments_have_two_heads() -> None:
+    grasp = bell()
+    [small] = arrows(grasp, np.array([0, 1e-3, 0, 0, 0, 0]), None)
+    np.testing.assert_allclose(small.step, [0, 0.85 * grasp.size, 0])
+    force, moment = arrows(grasp, np.array([0, 1.0, 0, 0, 2.0, 0]), None)
+    assert (force.heads, moment.heads) == (1, 2)
+    assert np.linalg.norm(moment.step) == pytest.approx(0.6 * grasp.size)
+    assert arrows(grasp, None, None) == arrows(grasp, np.zeros(6), None) == []
 
 
 def test_the_selector_names_every_load_and_begins_with_one_that_holds(entries: list[Entry], tmp_path: Path) -> None:
@@ -119,7 +135,7 @@ def test_names_cannot_break_out_of_the_page(tmp_path: Path) -> None:
     assert "<script>alert" not in text
     assert "<!--" not in text
     assert text.count("<script") == text.count("</script>") == 2  # the data and the program
-    assert embedded(text)["contacts"][0]["link"] == EVIL
+    assert embedded(text)["grasps"][0]["contacts"][0]["link"] == EVIL
 
 
 def test_nothing_is_fetched(entries: list[Entry], tmp_path: Path) -> None:
@@ -131,26 +147,82 @@ def test_nothing_is_fetched(entries: list[Entry], tmp_path: Path) -> None:
 
 
 def test_without_solids_the_fingers_are_rods() -> None:
+    def only(shown: Scene) -> dict[str, Any]:
+        [seen] = scene_json(shown)["grasps"]
+        return seen
+
     grasp = bell()
-    data = scene(grasp)
-    assert data["solids"] == {}
+    data = only(Scene.of(grasp))
+    assert scene_json(Scene.of(grasp))["solids"] == []
     assert data["loads"] == []
     assert len(data["fingers"]) == grasp.m
     for line, contact in zip(data["fingers"], grasp.contacts, strict=True):
         np.testing.assert_allclose(line[-1], contact.position, atol=1e-7)
-    assert scene(nest())["fingers"][0] == [pytest.approx(nest().contacts[0].position.tolist(), abs=1e-7)]  # no joints
-    assert scene(grasp, meshes=[lattice(2, "hand")])["fingers"] == []
+    assert only(Scene.of(nest()))["fingers"][0] == [pytest.approx(nest().contacts[0].position.tolist(), abs=1e-7)]
+    assert only(Scene.of(grasp, meshes=[lattice(2, "hand")]))["fingers"] == []
 
 
 def test_sides_are_rotations() -> None:
     """Rows of every side's matrix: right, up, towards the viewer; right-handed."""
-    sides = scene(bell())["sides"]
-    assert sides[0]["title"] == "at an angle"
-    assert len({s["title"] for s in sides}) == len(sides) == 4
-    for side in sides:
-        R = np.reshape(side["matrix"], (3, 3))
-        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-6)
-        assert np.linalg.det(R) == pytest.approx(1, abs=1e-6)
+    pulled = ShownLoad("down", "", np.array([1.0, -5.0, 0, 0, 0, 0]), None)
+    for loads, second in (((), "at an angle"), ((pulled,), "first load pulls down")):
+        sides = view3d.sides(Scene.of(bell(), loads), 0)
+        assert [v.title for v in sides[:2]] == ["contacts in view", second]
+        assert len({v.title for v in sides}) == len(sides) == 5
+        for side in sides:
+            np.testing.assert_allclose(side.matrix @ side.matrix.T, np.eye(3), atol=1e-9)
+            assert np.linalg.det(side.matrix) == pytest.approx(1)
+        if loads:
+            assert sides[0].matrix[1] @ [1, -5, 0] < -1  # the load pulls down there too
+
+
+def test_the_first_side_looks_past_what_hides_the_contacts() -> None:
+    grasp = bell()
+    wall = lattice(8, "hand")
+    wide = Mesh(400 * wall.vertices * grasp.size, wall.faces, "hand")
+    for turned in (np.eye(3), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])):
+        for away in (1, -1):  # a wall beside the grasp, on both of its sides in turn
+            out = away * turned @ [0, 0, 2 * grasp.size]
+            hand = Mesh(wide.vertices @ turned.T + out, wide.faces, "hand")
+            assert view3d.sides(Scene.of(grasp, meshes=[hand]), 0)[0].matrix[2] @ out < 0
+
+
+def two_grasps() -> Scene:
+    """A link that stands elsewhere in the second grasp, whose load is another."""
+    there = np.array([np.eye(4), np.eye(4)])
+    there[1, :3, 3] = 0.3
+    answers = [check(bell(), [0, y, 0, 0, 0, 0], settings=QUICK) for y in (1.0, 2.5)]
+    loads = [(ShownLoad("pull", a.verdict, np.array([0, 1.0, 0, 0, 0, 0]), a.witness),) for a in answers]
+    shown = [
+        ShownGrasp(bell(), x, f"{k}", f"the {k}th", T[None]) for k, (x, T) in enumerate(zip(loads, there, strict=True))
+    ]
+    sheet = lattice(3, "hand")
+    return Scene(tuple(shown), (lattice(4, "object"), Mesh(sheet.vertices, sheet.faces, "hand", 0)))
+
+
+def test_all_grasps_are_in_one_scene() -> None:
+    shown = two_grasps()
+    data = scene_json(shown)
+    assert [(s["kind"], s["frame"]) for s in data["solids"]] == [("object", None), ("hand", 0)]
+    first, second = data["grasps"]
+    assert np.reshape(second["poses"], (3, 4))[:, 3].tolist() == [0.3] * 3
+    np.testing.assert_allclose(shown.meshes_of(1)[1].vertices, shown.meshes_of(0)[1].vertices + 0.3)
+    assert np.array(second["box"])[1] == pytest.approx(np.array(data["box"])[1])
+    assert (np.array(first["box"])[1] < np.array(data["box"])[1]).all()
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs a JavaScript engine")
+def test_buttons_step_through_grasps(tmp_path: Path) -> None:
+    page = view3d.view(two_grasps())
+    steps = """
+      const say = () => tell.push([find("[name=grasp]").value, find(".said").textContent]);
+      say(); press("grasp-next"); say(); press("grasp-next"); say();
+      press("grasp-previous"); say(); press("load-next"); say();
+    """
+    said = drive(page, steps, tmp_path)
+    assert [f"{number}: {text}" for number, text in said] == [
+        "0: the 0th holds", "1: the 1th slips", "0: the 0th holds", "1: the 1th slips", "1: the 1th slips"
+    ]  # fmt: skip
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -171,15 +243,15 @@ def test_a_single_force_is_drawn_on_its_line_of_action(seed: int) -> None:
 
 def test_an_answer_without_anything_to_show_is_listed() -> None:
     nothing = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, (), None, None)
-    load = scene(bell(), [ShownLoad("?", f"{nothing.verdict}", None, None)])["loads"][0]
-    assert load == {"title": "?", "said": "undecided", "wrench": None, "drawn": None, "forces": None, "motions": None}
+    [seen] = scene_json(Scene.of(bell(), [ShownLoad("?", f"{nothing.verdict}", None, None)]))["grasps"]
+    assert seen["loads"] == [{"title": "?", "said": "undecided", "wrench": None, "arrows": []}]
 
 
 def test_the_view_of_a_hand_and_a_fine_object_is_small() -> None:
     """20 links of 500 triangles, an object of 20 000: a page of 3 MB has two thirds of it for the still pictures."""
     meshes = [lattice(100, "object"), *(lattice(16, "hand", 0.01 * k) for k in range(20))]
     assert sum(len(m.faces) for m in meshes) > 30_000
-    assert len(view3d.view(bell(), [], meshes)) < 1e6
+    assert len(view3d.view(Scene.of(bell(), meshes=meshes))) < 1e6
 
 
 def test_the_fallback_needs_no_script(entries: list[Entry], tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ function element(name) {
     addEventListener: (what, f) => (heard[what] = heard[what] || []).push(f),
     dispatch: (what) => (heard[what] || []).forEach((f) => f({})),
     appendChild(child) { this.children.push(child); return child; },
+    remove() {},
     getContext: () => gl };
   me.parentElement = { querySelector: (what) => find(name + " " + what) };
   return me;
@@ -32,6 +33,7 @@ globalThis.document = { currentScript: { closest: () => figure }, createElement:
 globalThis.window = { addEventListener() {} };
 globalThis.location = { hash: "" };
 globalThis.devicePixelRatio = 1;
+globalThis.matchMedia = () => ({ matches: false });
 globalThis.ResizeObserver = class { observe() {} };
 const frames = [];
 globalThis.requestAnimationFrame = (f) => frames.push(f);

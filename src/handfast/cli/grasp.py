@@ -75,7 +75,7 @@ class FindGrasps(SearchFlags, JointLawOptions, Command):
             answer = grasp_for(task, body, self.asked(body), options=options, jobs=self.jobs, journal=journal)
         written = folder.written if folder else []
         if self.report and answer.grasps:
-            from handfast.pictures.grasp_page import report_grasp
+            from handfast.pictures.found_page import report_grasp
 
             report_grasp(self.report, answer, force=self.force)
             written = [*written, self.report]

@@ -75,7 +75,9 @@ def write_report(
         InputError: the file exists and `force` is not set, or cannot be written.
     """
     from handfast.core.files import write_text
-    from handfast.pictures.page import render
+    from handfast.pictures.page import render, shown_loads
+    from handfast.pictures.scene import Scene
 
-    text = render(grasp, entries, settings=settings, meshes=meshes, notes=notes, facts=facts, gallery=gallery)
+    scene = Scene.of(grasp, shown_loads(entries), meshes)
+    text = render(scene, entries, settings=settings, notes=notes, facts=facts, gallery=gallery)
     write_text(path, text, force=force)

@@ -12,8 +12,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from handfast.core.transforms import cross
+from handfast.pictures.camera import View, views
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, solids
-from handfast.pictures.scene import Mesh, View, applied, views
+from handfast.pictures.scene import Mesh, applied
 
 if TYPE_CHECKING:
     from handfast.core.arrays import Array

@@ -3,61 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from handfast.core.errors import InputError
+from handfast.core.files import write_text
 from handfast.geometry.contacts import grasp_of
 from handfast.model.body import Body
 from handfast.model.grasp import Contact
-from handfast.model.shape import Shape
 from handfast.pictures import Entry, words, write_report
 from handfast.pictures.grasp_picture import draw_scene
-from handfast.pictures.scene import scene_meshes
-from handfast.pictures.words import laws_text
+from handfast.pictures.page import render, shown_loads
+from handfast.pictures.scene import Scene, ShownGrasp, link_meshes, link_poses, scene_meshes
+from handfast.pictures.words import laws_text, num
+from handfast.planning.results.grasps import Grasps
 from handfast.readers.load_body import load_body
+from handfast.stability.maps import PLANES, Plane, force_map
+from handfast.stability.settings import Settings
 
 if TYPE_CHECKING:
-    from handfast.core.arrays import Array
-    from handfast.model.grasp import Grasp
-    from handfast.model.hand.hand import Hand
-    from handfast.pictures.scene import Mesh
     from handfast.planning.propose_tasks import Proposals
     from handfast.planning.results.plan import Plan
     from handfast.synthesis.solution import Solution
     from handfast.synthesis.synthesis_answer import Synthesis
 
 NOTHING = "nothing was found that a page could show"
-
-
-@dataclass(frozen=True, eq=False)
-class FoundItem:
-    """Something that was found: a grasp, its solids, and a line about it."""
-
-    grasp: Grasp
-    meshes: Sequence[Mesh]
-    caption: str
+STEPS = 48  # directions of the map
+NODES = 400  # of the search for each of them: a picture, its open directions are drawn as such
 
 
 def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None:
-    """Write a page about the grasps of a plan: the first with all its loads, then a picture of each.
+    """Write a page about the grasps of a plan, all in one scene with their loads.
 
     Raises:
         InputError: the plan has no grasps; the file exists and `force` is not set, or cannot be written.
     """
-    items = []
-    options = planned.asked.options
+    shown, asked, options = [], [], planned.asked.options
     for g in planned.grasps:
         preload = f"preload {words.preload_text(g.grasp)}"
         about = f"Grasp {planned.number(g)}, of start {g.index}: {words.grasp_text(g.grasp)}; {preload}."
         about += f" {words.quality_text(g.quality)}." if g.quality else ""
         about += f" {laws_text(g.grasp)}"
-        items.append(FoundItem(g.grasp, solids(planned.hand, g.q, planned.body, g.pose), about))
-    entries = []
-    if planned.grasps:
-        asked = zip(planned.loads.names, planned.grasps[0].answer.checks, strict=True)
-        entries = [Entry(f"Does it hold “{name}”?", a, eta=options.limits.eta) for name, a in asked]
+        checks = zip(planned.loads.names, g.answer.checks, strict=True)
+        entries = [Entry(f"Does it hold “{name}”?", a, eta=options.limits.eta) for name, a in checks]
+        poses = link_poses(planned.hand, g.q, g.pose)
+        shown.append(ShownGrasp(g.grasp, shown_loads(entries), str(planned.number(g)), about, poses))
+        asked.append(entries)
     facts = [
         (
             "grasps",
@@ -67,7 +60,8 @@ def report_plan(path: str | Path, planned: Plan, *, force: bool = False) -> None
         ("best first", words.BEST_FIRST),
     ]
     note = "Each grasp holds every load, in an equilibrium that anyone can check. The first in full:"
-    _write(path, items, entries, facts, note, force)
+    scene = Scene(tuple(shown), tuple(link_meshes(planned.hand, planned.body)))
+    _write(path, scene, asked[0] if asked else [], facts, note, force)
 
 
 def report_proposals(path: str | Path, proposals: Proposals, body: Body, *, force: bool = False) -> None:
@@ -76,15 +70,15 @@ def report_proposals(path: str | Path, proposals: Proposals, body: Body, *, forc
     Raises:
         InputError: none was proposed; the file exists and `force` is not set, or cannot be written.
     """
-    items = []
+    found = []
     for p in proposals.proposals:
         measured = f"score {p.score:.2f}, {1e3 * p.off_centre:.0f} mm off centre, clearance {1e3 * p.clearance:.1f} mm"
-        solution = p.answer.solutions[0]
         about = f"{p.task.name}: {', '.join(p.names)}; {measured}."
-        items.append(_configuration(solution, body, p.task.name, about))
-    facts = [("kind", proposals.kind), ("candidates", f"{proposals.tried} tried, {len(items)} certified and kept")]
+        found.append(_configuration(p.answer.solutions[0], body, p.task.name, about))
+    facts = [("kind", proposals.kind), ("candidates", f"{proposals.tried} tried, {len(found)} certified and kept")]
     note = "Regions chosen by a heuristic; each configuration is proved to exist. Whether it holds was not asked."
-    _write(path, items, [], facts, note, force)
+    hand = proposals.proposals[0].task.hand if found else None
+    _write(path, Scene(tuple(found), tuple(link_meshes(hand, body)) if hand else ()), [], facts, note, force)
 
 
 def report_synthesis(path: str | Path, answer: Synthesis, *, force: bool = False) -> None:
@@ -96,16 +90,17 @@ def report_synthesis(path: str | Path, answer: Synthesis, *, force: bool = False
     """
     task = answer.task
     body = None if task.object is None else load_body(task.object)
-    items = []
-    for k, solution in enumerate(answer.solutions, start=1):
-        links = ", ".join(pair.link for pair in task.contact_pairs)
-        items.append(_configuration(solution, body, task.name or "task", f"Configuration {k}: {links} touch."))
-    facts = [("verdict", answer.verdict.upper()), ("configurations", str(len(items)))]
+    links = ", ".join(pair.link for pair in task.contact_pairs)
+    found = tuple(
+        _configuration(solution, body, task.name or f"configuration {k}", f"Configuration {k}: {links} touch.")
+        for k, solution in enumerate(answer.solutions, start=1)
+    )
+    facts = [("verdict", answer.verdict.upper()), ("configurations", str(len(found)))]
     note = "Each configuration is proved to exist. Whether it collides or holds was not asked."
-    _write(path, items, [], facts, note, force)
+    _write(path, Scene(found, tuple(link_meshes(task.hand, body))), [], facts, note, force)
 
 
-def _configuration(solution: Solution, body: Body | None, name: str, caption: str) -> FoundItem:
+def _configuration(solution: Solution, body: Body | None, name: str, said: str) -> ShownGrasp:
     """A configuration with its contacts, object frame."""
     hand, pose = solution.task.hand, solution.pose
     R, friction = pose[:3, :3], 0.5 if body is None else body.friction
@@ -114,28 +109,75 @@ def _configuration(solution: Solution, body: Body | None, name: str, caption: st
         for pair, point, normal in zip(solution.task.contact_pairs, solution.points, solution.normals, strict=True)
     ]
     grasp = grasp_of(hand, solution.q, contacts, pose, name=name)
-    return FoundItem(grasp, solids(hand, solution.q, body, pose), caption)
-
-
-def solids(hand: Hand, q: Array, body: Body | None, pose: Array) -> list[Mesh]:
-    """Hand and object; the hand alone where no object is known."""
-    if body is not None:
-        return scene_meshes(hand, q, body, pose)
-    speck = Body.of([Shape("sphere", 1e-6)])
-    return [mesh for mesh in scene_meshes(hand, q, speck, pose) if mesh.kind == "hand"]
+    return ShownGrasp(grasp, (), name, said, link_poses(hand, solution.q, pose))
 
 
 def _write(
     path: str | Path,
-    items: Sequence[FoundItem],
+    scene: Scene,
     entries: Sequence[Entry],
     facts: Sequence[tuple[str, str]],
     note: str,
     force: bool,
 ) -> None:
-    if not items:
+    if not scene.grasps:
         raise InputError(NOTHING, source=str(path))
-    first = items[0]
-    pictures: list[tuple[Any, str]] = [(draw_scene(item.meshes, item.grasp), item.caption) for item in items]
-    shown: dict[str, Any] = {"meshes": first.meshes, "notes": [note], "facts": facts, "gallery": pictures}
-    write_report(path, first.grasp, entries, **shown, force=force)
+    gallery = [(draw_scene(scene.meshes_of(k), g.grasp), g.said) for k, g in enumerate(scene.grasps)]
+    write_text(path, render(scene, entries, notes=[note], facts=facts, gallery=gallery), force=force)
+
+
+# --- one grasp of `grasp_for` ---
+
+
+def report_grasp(path: str | Path, answer: Grasps, which: int = 0, *, force: bool = False) -> None:
+    """Write a self-contained page about one of the grasps.
+
+    Args:
+        which: index into `answer.grasps`.
+
+    Raises:
+        InputError: the file exists and `force` is not set, or cannot be written.
+    """
+    g, body = answer.grasps[which], answer.body
+    settings = Settings(node_limit=NODES)
+    entries = [Entry(f"Does it hold “{name}”?", a) for name, a in zip(answer.loads.names, g.answer.checks, strict=True)]
+    weight = None if body.mass is None else 9.81 * body.mass
+    whole = force_map(g.grasp, plane_of(answer), steps=STEPS, at=body.center_of_mass, settings=settings)
+    title = f"Which forces at the centre of mass does it hold, in the {whole.plane} plane?"
+    entries.append(Entry(title, whole, weight=weight))
+    notes = [
+        "The configuration exists: a box around it was proved to contain an exact one. Every load is held in an "
+        "equilibrium of equations (1) to (8) that anyone can check. Clearances are measured on convex pieces."
+    ]
+    meshes = scene_meshes(answer.task.hand, g.q, body, g.pose)
+    write_report(
+        path, g.grasp, entries, settings=settings, meshes=meshes, notes=notes, facts=facts(answer, which), force=force
+    )
+
+
+def plane_of(answer: Grasps) -> Plane:
+    """The plane of the object's axes in which the loads' forces vary most."""
+    spread = np.var(answer.loads.wrenches[:, :3], axis=0)
+    return PLANES[int(np.argmax([spread["xyz".index(p[0])] + spread["xyz".index(p[1])] for p in PLANES]))]
+
+
+def facts(answer: Grasps, which: int) -> list[tuple[str, str]]:
+    """Names and values for the table at the top."""
+    g = answer.grasps[which]
+    unit = words.actuator_unit(g.grasp, g.grasp.mechanism.actuators[0])
+    report, residual = g.solution.verify(), max(a.witness.residuals.worst for a in g.answer.checks if a.witness)
+    c, least = g.clearances, f", at least {num(g.answer.lower, 3)} {unit} proved" if g.answer.lower else ""
+    pair = " and ".join(c.nearest_pair) if c.nearest_pair else "none"
+    return [
+        ("rank", f"{which + 1} of {len(answer.grasps)}, score {g.score:.2f}"),
+        ("existence", "proved" if report.ok else f"REFUSED: {report.reason}"),
+        ("loads", f"{words.count(len(g.answer.checks), 'load')}, each with a witness, residual {residual:.1e} at most"),
+        ("largest command", f"{num(g.command, 3)} {unit}{least}"),
+        ("hand to object", f"{1e3 * c.least_to_object:.2f} mm apart or more outside the contacts ({c.nearest_link})"),
+        ("at the contacts", ", ".join(f"{1e3 * d:.2f}" for d in c.at_contacts) + " mm between the solids"),
+        ("link to link", f"{1e3 * c.least_between:.2f} mm or more ({pair})"),
+        ("curvature at contacts", ", ".join(num(k, 3) for k in g.curvatures) + " 1/m relative; 0 or more fits"),
+        ("friction margin", f"{100 * g.friction_margin:.0f} % less would balance the loads too"),
+        ("joint limits", f"{100 * g.terms['from_limits']:.0f} % of half the range away, or more"),
+        ("manipulability", f"{num(g.dexterity.manipulability, 3)}, isotropy {num(g.dexterity.isotropy, 3)}"),
+    ]

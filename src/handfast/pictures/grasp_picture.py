@@ -17,8 +17,9 @@ from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
 
 from handfast.core.transforms import normal_frame
+from handfast.pictures.camera import View, views
 from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, VIOLET, solids
-from handfast.pictures.scene import Mesh, View, applied, placed_joints, views
+from handfast.pictures.scene import Mesh, arrows, finger_lines, placed_joints
 
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from handfast.stability.witness import Witness
 
 TRIAD = 0.05  # length of the object frame's axes in the corner, in half widths of the figure
+ARROWS = {"forces": (BLUE, 6), "motions": (VIOLET, 5), "disturbance": (AMBER, 7)}  # colours, order of drawing
 JOINT = 0.3  # half length of a joint axis, in grasp sizes
 
 
@@ -95,7 +97,7 @@ def _panel(ax: Any, grasp: Grasp, witness: Witness | None, meshes: Sequence[Mesh
             _arrow(ax, p[i], 0.38 * size * c.normal, V, INK, 3, size=size)
     ax.plot(*(p @ V[:2].T).T, "o", ms=5.5, color=INK, mec="white", mew=0.8, zorder=8)
     if witness is not None:
-        points.append(_forces(ax, p, witness, size, V))
+        points.append(_forces(ax, grasp, witness, V))
     for i in range(grasp.m):
         out = -V[:2] @ grasp.contacts[i].normal
         at = V[:2] @ p[i] + 0.09 * size * (out if np.linalg.norm(out) > 0.3 else np.array([0.0, 1.0]))
@@ -104,14 +106,10 @@ def _panel(ax: Any, grasp: Grasp, witness: Witness | None, meshes: Sequence[Mesh
 
 
 def _skeleton(ax: Any, grasp: Grasp, V: Array) -> Array:
-    """Lines from joint to joint to contact, in the order in which they move each other."""
-    seen = []
-    for i, c in enumerate(grasp.contacts):
-        chain = [j for j in grasp.joints if i in j.moves]
-        chain.sort(key=lambda j: (-len(j.moves), -float(np.linalg.norm(j.origin - c.position))))
-        line = np.array([j.origin for j in chain] + [c.position]) @ V[:2].T
+    """Lines from joint to joint to contact."""
+    seen = [line @ V[:2].T for line in finger_lines(grasp)]
+    for line in seen:
         ax.plot(*line.T, color="#c2c8cf", lw=5, solid_capstyle="round", zorder=1.5)
-        seen.append(line)
     return np.vstack(seen)
 
 
@@ -139,28 +137,16 @@ def _cone(ax: Any, at: Array, n: Array, mu: float, height: float, V: Array) -> N
     ax.plot(*np.array([at, at + height * n]).dot(V[:2].T).T, color=GREEN, lw=0.8, ls=":", zorder=2.5)
 
 
-def _forces(ax: Any, p: Array, witness: Witness, size: float, V: Array) -> Array:
-    """Contact forces, the disturbance and virtual motions; returns what the panel has to show."""
-    w, forces, motions = witness.wrench, witness.forces, witness.motions
-    strength = np.linalg.norm(forces, axis=1)
-    largest = max(float(strength.max()), float(np.linalg.norm(w[:3])), 1e-30)
-    ends = []
-    for i in range(len(p)):
-        if strength[i] > 1e-6 * largest:
-            ends.append(_arrow(ax, p[i], 0.85 * size / largest * forces[i], V, BLUE, 6, size=size))
-    fastest = float(np.linalg.norm(motions, axis=1).max())
-    for i in range(len(p)):
-        if fastest > 0 and np.linalg.norm(motions[i]) > 0.02 * fastest:
-            _arrow(ax, p[i], 0.4 * size / fastest * motions[i], V, VIOLET, 5, size=size, thin=True)
-    origin, w = applied(w, p.mean(axis=0), 2 * size)
-    force, moment = float(np.linalg.norm(w[:3])), float(np.linalg.norm(w[3:]))
-    if force > 1e-9 * largest:
-        length = max(0.85 * size * force / largest, 0.3 * size)
-        ends.append(_arrow(ax, origin, length / force * w[:3], V, AMBER, 7, size=size))
-    if moment > 0:
-        ends.append(_arrow(ax, origin, 0.6 * size / moment * w[3:], V, AMBER, 7, size=size))
-        ends.append(_arrow(ax, origin, 0.48 * size / moment * w[3:], V, AMBER, 7, size=size))
-    return np.array([*ends, V[:2] @ origin])
+def _forces(ax: Any, grasp: Grasp, witness: Witness, V: Array) -> Array:
+    """Contact forces, virtual motions and the disturbance; returns the ends of what the panel has to show."""
+    ends = [np.zeros((0, 2))]
+    for a in arrows(grasp, witness.wrench, witness):
+        color, order = ARROWS[a.kind]
+        for share in (1.0, 0.8)[: a.heads]:
+            end = _arrow(ax, a.at, share * a.step, V, color, order, size=grasp.size, thin=a.kind == "motions")
+        if a.kind != "motions":
+            ends.append(np.array([end, V[:2] @ a.at]))
+    return np.vstack(ends)
 
 
 def _arrow(

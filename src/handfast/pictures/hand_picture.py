@@ -11,10 +11,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from handfast.core.arrays import Array
+from handfast.pictures.camera import View
 from handfast.pictures.drawing import GREEN, GREY, INK, SOLID
 from handfast.pictures.hand_facts import ShownHand
 from handfast.pictures.hand_scene import PALM, hand_sides, link_meshes, tint, triangle_share
-from handfast.pictures.scene import View, coarse
+from handfast.pictures.scene import coarse
 from handfast.pictures.task_picture import DENSE, FINE, Facets, framed, region_facets, rendered, thinned
 
 OF_HAND, OF_OBJECT = 8_000, 6_000  # triangles in a still picture

@@ -18,11 +18,12 @@ from handfast.model.configuration import Configuration
 from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Link
 from handfast.model.shape import Shape
+from handfast.pictures.camera import ALONG, TILT, View, upright
 from handfast.pictures.drawing import SOLID
 from handfast.pictures.hand_facts import HandFacts, ShownHand
-from handfast.pictures.scene import ALONG, Mesh, View, coarse
+from handfast.pictures.scene import Mesh, coarse
 from handfast.pictures.task_picture import region_facets
-from handfast.pictures.view3d import COLORS, TILT, packed, upright
+from handfast.pictures.view3d import COLORS, packed
 
 TINTS = (  # of a finger's links, and of its regions
     ("#8fb3dd", "#1f5fb4"),

@@ -13,9 +13,9 @@ from matplotlib.patches import Patch
 
 from handfast.measures.catalogue import PASSIVE
 from handfast.pictures import words
+from handfast.pictures.camera import views
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK
 from handfast.pictures.grasp_picture import draw_grasp
-from handfast.pictures.scene import views
 from handfast.pictures.words import num
 
 if TYPE_CHECKING:

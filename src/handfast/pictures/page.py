@@ -16,6 +16,7 @@ from handfast.pictures.drawing import data_uri
 from handfast.pictures.grasp_picture import draw_grasp, draw_scene
 from handfast.pictures.map_picture import draw_map, draw_sweep
 from handfast.pictures.page_tables import table
+from handfast.pictures.scene import ShownLoad
 from handfast.pictures.words import laws_text, num
 from handfast.stability.answers import Answer
 from handfast.stability.maps import MapAnswer, SweepAnswer
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
     from handfast.model.grasp import Grasp
     from handfast.pictures import Entry
-    from handfast.pictures.scene import Mesh
+    from handfast.pictures.scene import Mesh, Scene
     from handfast.stability.witness import Witness
 
 
@@ -35,17 +36,17 @@ MANY = 3  # checks; from one more on, only the first one that holds is drawn in 
 
 
 def render(
-    grasp: Grasp,
+    scene: Scene,
     entries: Sequence[Entry],
     *,
     settings: Settings | None = None,
-    meshes: Sequence[Mesh] = (),
     notes: Sequence[str] = (),
     facts: Sequence[tuple[str, str]] = (),
     gallery: Sequence[tuple[Figure, str]] = (),
 ) -> str:
-    """The whole page; see `handfast.pictures.write_report`."""
+    """The whole page; see `handfast.pictures.write_report`. Its entries are about the scene's first grasp."""
     settings = settings or Settings()
+    grasp, meshes = scene.grasps[0].grasp, scene.meshes_of(0)
     checks = [e for e in entries if isinstance(e.answer, CheckAnswer)]
     held = [e for e in checks if getattr(e.answer, "witness", None)]
     folded = {id(e) for e in held[1:]} if len(checks) > MANY else set()
@@ -70,10 +71,18 @@ def render(
             *(f'<p class="facts">{escape(laws)}</p>' for laws in [laws_text(grasp)] if laws),
             *(f"<p>{escape(note)}</p>" for note in notes),
             _overview(facts, checks if len(checks) > MANY else []),
-            view3d.view(grasp, [_load(e, e.answer) for e in entries if isinstance(e.answer, Answer)], meshes),
+            view3d.view(scene),
             *parts,
             "</main></body></html>\n",
         ]
+    )
+
+
+def shown_loads(entries: Sequence[Entry]) -> tuple[ShownLoad, ...]:
+    """The loads of a grasp that was asked about."""
+    asked = [(e, e.answer) for e in entries if isinstance(e.answer, Answer)]
+    return tuple(
+        ShownLoad(e.title, f"{sentences.verdict_word(a)}: {_sentence(e, a)}", *sentences.state_of(a)) for e, a in asked
     )
 
 
@@ -81,16 +90,6 @@ def _overview(facts: Sequence[tuple[str, str]], checks: Sequence[Entry]) -> str:
     """The facts, and with many loads their verdicts at a glance."""
     parts = [table(["", "#"], facts), page_tables.checks_table(checks)]
     return f'<section class="overview">{"".join(parts)}</section>' if any(parts) else ""
-
-
-def _load(entry: Entry, answer: Answer) -> view3d.ShownLoad:
-    wrench, witness = sentences.state_of(answer)
-    return view3d.ShownLoad(
-        entry.title,
-        f"{sentences.verdict_word(answer)}: {_sentence(entry, answer)}",
-        wrench,
-        witness,
-    )
 
 
 def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Mesh], *, folded: bool) -> str:

@@ -1,9 +1,12 @@
-"""What there is to see of a grasp, whoever draws it: solids, where they come from, and directions to look along."""
+"""What there is to see: one description of solids, grasps, loads and arrows, for pictures, pages and the live view.
+
+All in the object frame, SI units.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -17,67 +20,163 @@ if TYPE_CHECKING:
     from handfast.model.grasp import Grasp, GraspJoint
     from handfast.model.hand.hand import Hand
     from handfast.model.shape import Faces, Shape
+    from handfast.stability.witness import Witness
 
+FORCE, MOTION, MOMENT = 0.85, 0.4, 0.6  # [grasp sizes] lengths of the largest force, motion, and of a moment
+LEAST = 0.3  # [grasp sizes] length of a disturbance at least
+SLOW = 0.02  # share of the fastest motion below which one is left out
 SINGLE = 1e-6  # cosine of force and moment below which a wrench is a single force
 OFF = 5e-3  # [m] beyond its gap or depth, a contact that is this far off a surface is none of it
-EDGE = 1e-9  # a ray through an edge meets both triangles
 WIDER = 1.25  # from one try to the next
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A solid to draw: vertices (n, 3) [m] in the object frame, faces (k, 3)."""
+    """A solid to draw: vertices (n, 3) [m], faces (k, 3).
+
+    In the object frame; with a `link` in that of the hand's link of this index, whose poses a `ShownGrasp` has.
+    """
 
     vertices: Array
     faces: Faces
     kind: Literal["object", "hand"]
+    link: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ShownLoad:
+    """A load on a grasp.
+
+    Attributes:
+        title: the question.
+        said: its answer in a sentence.
+        wrench: (6,) the disturbance [N, N m]; None if it is not known.
+        witness: the equilibrium under it; None if none was found.
+    """
+
+    title: str
+    said: str
+    wrench: Array | None
+    witness: Witness | None
+
+
+@dataclass(frozen=True, eq=False)
+class ShownGrasp:
+    """A grasp with its loads.
+
+    Attributes:
+        title: its name in a list; said: a line about it.
+        poses: (n_links, 4, 4) of the hand's links, for meshes that are in the frames of links.
+    """
+
+    grasp: Grasp
+    loads: tuple[ShownLoad, ...] = ()
+    title: str = ""
+    said: str = ""
+    poses: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Grasps of one hand on one object; the meshes of both, as far as they are known."""
+
+    grasps: tuple[ShownGrasp, ...]
+    meshes: tuple[Mesh, ...] = ()
+
+    @classmethod
+    def of(cls, grasp: Grasp, loads: Sequence[ShownLoad] = (), meshes: Sequence[Mesh] = ()) -> Scene:
+        """A single grasp, meshes in the object frame."""
+        return cls((ShownGrasp(grasp, tuple(loads), grasp.name),), tuple(meshes))
+
+    def meshes_of(self, k: int) -> list[Mesh]:
+        """All meshes in the object frame, the hand as in grasp k."""
+        return placed(self.meshes, self.grasps[k].poses)
 
 
 MovingScene = Callable[[Mapping[str, float]], list[Mesh]]
 
 
-def scene_meshes(hand: Hand, q: Array, body: Body, object_pose: Array) -> list[Mesh]:
-    """The object and the hand's collision shapes at q, in the object frame."""
-    to_object = np.linalg.inv(object_pose)
-    meshes = [Mesh(body.vertices, body.faces, "object")]
-    for link, pose in zip(hand.links, hand.link_poses(q), strict=True):
-        for shape in link.shapes:
-            vertices, faces = shape.placed(to_object @ pose).triangles()
-            meshes.append(Mesh(vertices, faces, "hand"))
+def link_meshes(hand: Hand, body: Body | None) -> list[Mesh]:
+    """The object, if it is known, and the hand's collision shapes in the frames of their links."""
+    meshes = [] if body is None else [Mesh(body.vertices, body.faces, "object")]
+    for k, link in enumerate(hand.links):
+        meshes += [Mesh(*shape.triangles(), "hand", k) for shape in link.shapes]
     return meshes
 
 
-# --- where to look from ---
+def link_poses(hand: Hand, q: Array, object_pose: Array) -> Array:
+    """(n_links, 4, 4) of the hand's links at q in the object frame."""
+    return np.linalg.inv(object_pose) @ hand.link_poses(q)
+
+
+def placed(meshes: Iterable[Mesh], poses: Array) -> list[Mesh]:
+    """Meshes in the object frame, those of links at their poses."""
+    out = []
+    for m in meshes:
+        if m.link is not None:
+            T = poses[m.link]
+            m = Mesh(m.vertices @ T[:3, :3].T + T[:3, 3], m.faces, m.kind)
+        out.append(m)
+    return out
+
+
+def scene_meshes(hand: Hand, q: Array, body: Body | None, object_pose: Array) -> list[Mesh]:
+    """The object, if it is known, and the hand's collision shapes at q, in the object frame."""
+    return placed(link_meshes(hand, body), link_poses(hand, q, object_pose))
+
+
+def triangles(meshes: Iterable[Mesh], kind: str = "hand") -> Array:
+    """(n, 3, 3) of all meshes of a kind."""
+    return np.concatenate([np.zeros((0, 3, 3)), *(m.vertices[m.faces] for m in meshes if m.kind == kind)])
+
+
+# --- arrows and lines ---
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """A direction to look along: rows of `matrix` are right, up and towards the viewer."""
+class Arrow:
+    """From `at` (3,) by `step` (3,) [m]; a moment has two heads."""
 
-    title: str
-    matrix: Array
-
-    @classmethod
-    def of(cls, azimuth: float, elevation: float, title: str) -> View:
-        a, e = np.radians([azimuth, elevation])
-        back = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-        right = np.array([-np.sin(a), np.cos(a), 0.0])
-        return cls(title, np.array([right, np.cross(back, right), back]))
+    kind: Literal["forces", "motions", "disturbance"]
+    at: Array
+    step: Array
+    heads: int = 1
 
 
-ALONG = {
-    "x": View("seen from +x", np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])),
-    "y": View("seen from −y", np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])),
-    "z": View("seen from +z", np.eye(3)),
-}
+def arrows(grasp: Grasp, wrench: Array | None, witness: Witness | None) -> list[Arrow]:
+    """Forces of the hand on the object, virtual motions, and the disturbance.
+
+    All forces share one scale, motions have another; small ones are left out.
+    """
+    size, p, out = grasp.size, grasp.positions, []
+    w = np.zeros(6) if wrench is None else wrench
+    forces, motions = (np.zeros((0, 3)),) * 2 if witness is None else (witness.forces, witness.motions)
+    strength, speed = np.linalg.norm(forces, axis=1), np.linalg.norm(motions, axis=1)
+    largest = max(float(strength.max(initial=0.0)), float(np.linalg.norm(w[:3])))
+    for at, force, f in zip(p, forces, strength, strict=False):
+        if f > 1e-6 * largest:
+            out.append(Arrow("forces", at, FORCE * size / largest * force))
+    fastest = float(speed.max(initial=0.0))
+    for at, motion, v in zip(p, motions, speed, strict=False):
+        if v > SLOW * fastest:
+            out.append(Arrow("motions", at, MOTION * size / fastest * motion))
+    at, about = applied(w, p.mean(axis=0), 2 * size)
+    force, moment = float(np.linalg.norm(about[:3])), float(np.linalg.norm(about[3:]))
+    if force > 1e-9 * largest:
+        out.append(Arrow("disturbance", at, size * max(FORCE / largest, LEAST / force) * about[:3]))
+    if moment > 1e-9 * largest * size:
+        out.append(Arrow("disturbance", at, MOMENT * size / moment * about[3:], heads=2))
+    return out
 
 
-def views(grasp: Grasp, count: int = 2) -> list[View]:
-    """The axis view in which the contacts spread most, one at an angle, then the other axes."""
-    p = grasp.positions
-    flat = sorted("xyz", key=lambda a: float(np.var(p[:, "xyz".index(a)])))
-    order = [ALONG[flat[0]], View.of(-55.0, 28.0, "at an angle"), *(ALONG[a] for a in flat[1:])]
-    return order[:count]
+def finger_lines(grasp: Grasp) -> list[Array]:
+    """Per contact the points (k, 3) from joint to joint to it, in the order in which they move each other."""
+    lines = []
+    for i, c in enumerate(grasp.contacts):
+        chain = [j for j in grasp.joints if i in j.moves]
+        chain.sort(key=lambda j: (-len(j.moves), -float(np.linalg.norm(j.origin - c.position))))
+        lines.append(np.array([*(j.origin for j in chain), c.position]))
+    return lines
 
 
 def placed_joints(grasp: Grasp) -> list[GraspJoint]:
@@ -99,22 +198,6 @@ def applied(wrench: Array, near: Array, reach: float) -> tuple[Array, Array]:
         if np.linalg.norm(at - near) <= reach:
             return at, np.r_[F, np.zeros(3)]
     return np.zeros(3), wrench
-
-
-def first_hit(vertices: Array, faces: Faces, eye: Array, through: Array) -> float:
-    """The share of the way from `eye` (3,) to `through` (3,) at which a mesh is first met; 1 if it is not met."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    ray = through - eye
-    across = np.cross(ray, c - a)
-    volume = np.einsum("ij,ij->i", b - a, across)
-    with np.errstate(divide="ignore", invalid="ignore"):  # triangles along the ray
-        away = eye - a
-        u = np.einsum("ij,ij->i", away, across) / volume
-        turned = np.cross(away, b - a)
-        v = turned @ ray / volume
-        share = np.einsum("ij,ij->i", c - a, turned) / volume
-        met = (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE) & (share > 0) & (share < 1)
-    return float(share[met].min(initial=1.0))
 
 
 # --- the solids behind a grasp file ---

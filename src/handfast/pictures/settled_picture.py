@@ -9,8 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from handfast.core.answer import Verdict
+from handfast.pictures.camera import View
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, solids
-from handfast.pictures.scene import Mesh, View, scene_meshes
+from handfast.pictures.scene import Mesh, scene_meshes
 from handfast.pictures.words import count, listed, load_text, num
 from handfast.simulation.settled import Rest, verdict_of
 

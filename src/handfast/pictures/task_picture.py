@@ -19,8 +19,8 @@ from matplotlib.patheffects import withStroke
 
 from handfast.core.arrays import Array
 from handfast.model.region import Region
+from handfast.pictures.camera import LEVEL, View, in_view
 from handfast.pictures.drawing import GREY, INK, SOLID
-from handfast.pictures.scene import View
 from handfast.readers.load_body import load_body
 from handfast.synthesis.task import Task
 
@@ -168,26 +168,10 @@ def clearest(panel: Sequence[Facets], solution: Drawable) -> tuple[View, View]:
     for up, said in ABOVE.items():
         for turn, title in AROUND.items():
             view = View.of(float(turn), float(up), title + said)
-            seen = sum(not hidden(p, view.matrix[2], solids) for p in beside)
-            across = np.linalg.norm(np.cross(normals, view.matrix[2]), axis=1).mean()  # normals at their full length
-            found.append((seen + across - 0.2 * (up != 15), view))
+            found.append((in_view(view, beside, normals, solids) - LEVEL * (up != 15), view))
     found.sort(key=lambda f: -f[0])
     first = found[0][1]
     return first, next(v for _, v in found if v.matrix[2] @ first.matrix[2] <= SECOND)
-
-
-def hidden(point: Array, towards: Array, corners: Array) -> bool:
-    """Whether a triangle (n, 3, 3) lies on the way from a point (3,) in a direction (3,) (Moeller and Trumbore)."""
-    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    p = np.cross(towards, e2)
-    det = np.einsum("ij,ij->i", e1, p)
-    crossed = np.abs(det) > 1e-14
-    det = np.where(crossed, det, 1.0)
-    s = point - corners[:, 0]
-    u = np.einsum("ij,ij->i", s, p) / det
-    q = np.cross(s, e1)
-    v, t = q @ towards / det, np.einsum("ij,ij->i", e2, q) / det
-    return bool((crossed & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)).any())
 
 
 def _window(panel: Sequence[Facets], view: View, solution: Drawable | None) -> tuple[Array, Array]:

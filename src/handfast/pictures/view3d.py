@@ -9,25 +9,22 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.colors import to_hex
-from scipy.spatial.transform import Rotation
 
+from handfast.pictures.camera import ALONG, TILT, View, around, clearest, upright, views
 from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, SOLID, VIOLET
-from handfast.pictures.scene import View, applied, placed_joints, views
+from handfast.pictures.scene import Mesh, Scene, ShownLoad, arrows, coarse, finger_lines, placed_joints, triangles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from handfast.core.arrays import Array
     from handfast.model.grasp import Grasp
-    from handfast.pictures.scene import Mesh
-    from handfast.stability.witness import Witness
 
 BONE = "#c2c8cf"  # fingers as rods, where there are no solids
 COLORS = {
@@ -41,7 +38,6 @@ COLORS = {
     "motion": VIOLET,
     "load": AMBER,
 }
-TILT = Rotation.from_euler("yx", [-25.0, 22.0], degrees=True).as_matrix()  # of the first view, out of the flat one
 PROGRAM = (
     "shapes3d.js",
     "stage3d.js",
@@ -49,6 +45,7 @@ PROGRAM = (
     "view3d.js",
 )  # one script: each uses the names of those before it
 OPACITY = 0.45  # of the object at first; contacts and forces lie inside it
+SHADOW = 300  # triangles of a shape that may hide contacts from view
 WIDE = 1 << 16  # vertices that two bytes can no longer count
 SWITCHES = {  # name: (label, on at first with forces, without)
     "hand": ("hand", True, True),
@@ -65,78 +62,83 @@ SWITCHES = {  # name: (label, on at first with forces, without)
 }
 
 
-@dataclass(frozen=True, eq=False)
-class ShownLoad:
-    """One entry of the selector.
-
-    Attributes:
-        title: the question.
-        said: its answer in a sentence.
-        wrench: (6,) the disturbance [N, N m], object frame; None if it is not known.
-        witness: the equilibrium under it; None if none was found.
-    """
-
-    title: str
-    said: str
-    wrench: Array | None
-    witness: Witness | None
-
-
-def view(grasp: Grasp, loads: Sequence[ShownLoad] = (), meshes: Sequence[Mesh] = ()) -> str:
+def view(shown: Scene) -> str:
     """The figure as HTML, with its switches, its data and its program."""
-    data = scene(grasp, loads, meshes)
+    data = scene_json(shown)
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")  # no name can end the script
     folder = resources.files("handfast.pictures") / "browser"
     program = "\n".join((folder / name).read_text("utf-8") for name in PROGRAM)
+    loaded = any(g.loads for g in shown.grasps)
     return (
-        f'<figure class="view3d"><div class="controls">{_controls(loads, data["sides"])}</div>'
+        f'<figure class="view3d"><div class="controls">{_controls(shown, data["grasps"][0]["sides"])}</div>'
         '<div class="stage"><canvas tabindex="0" aria-label="The grasp in three dimensions"></canvas>'
         '<div class="labels"></div></div><p class="said"></p>'
         '<p class="fallback">Here the grasp can be turned and looked at from all sides, in a browser that runs '
         "scripts and has WebGL; the pictures below need neither.</p>"
-        f"<figcaption>{_caption(loads)}</figcaption>"
+        f"<figcaption>{_caption(loaded)}</figcaption>"
         f'<script type="application/json">{text}</script>'
         f"<script>(() => {{\n'use strict';\n{program}}})();</script></figure>"
     )
 
 
-def scene(grasp: Grasp, loads: Sequence[ShownLoad] = (), meshes: Sequence[Mesh] = ()) -> dict[str, Any]:
+def scene_json(shown: Scene) -> dict[str, Any]:
     """What the figure shows, as JSON: SI units, object frame.
 
-    Keys: `solids` (by kind, see `packed`), `contacts`, `joints`, `fingers` (joint to joint to contact, where
-    there are no solids), `loads` (`title`, `said`, `wrench`, `drawn`: where and as what, `forces`, `motions`),
-    `sides` to look from, `size` of the grasp, `box` around all that is to be seen, `colors`.
+    Keys: `solids` (`kind`, `frame`: the link's place in `poses`, or null, `solid`: see `packed`), `grasps`, `size`,
+    `box` around all that is to be seen, `colors`. Of a grasp: `title`, `said`, `box`, `contacts`, `joints`, `fingers`
+    (joint to joint to contact, where there are no solids), `poses` of links (rows of [R t]), `loads` (`title`,
+    `said`, `wrench`, `arrows`), `sides` to look from.
     """
-    kinds = [k for k in ("hand", "object") if any(m.kind == k for m in meshes)]
-    solids = {k: packed([m for m in meshes if m.kind == k]) for k in kinds}
-    points = [m.vertices for m in meshes] or [np.array([j.origin for j in grasp.joints]).reshape(-1, 3)]
-    p = np.vstack([*points, *([c.position, c.position + 0.5 * grasp.size * c.normal] for c in grasp.contacts)])
-    flat, _, *others = views(grasp, 4)
-    pulls = next((x.wrench[:3] for x in loads if x.wrench is not None and np.any(x.wrench[:3])), None)
-    standing = [] if pulls is None else [View("first load pulls down", TILT @ upright(flat.matrix, -pulls))]
-    sides = (*standing, View("at an angle", TILT @ flat.matrix), flat, *others)
+    groups: dict[tuple[str, int | None], list[Mesh]] = {}
+    for m in shown.meshes:
+        groups.setdefault((m.kind, m.link), []).append(m)
+    solids = [{"kind": kind, "frame": link, "solid": packed(ms)} for (kind, link), ms in groups.items()]
+    known = any(m.kind == "hand" for m in shown.meshes)
+    grasps = [_grasp(shown, k, with_fingers=not known) for k in range(len(shown.grasps))]
+    corners = np.array([g["box"] for g in grasps])
     return {
         "solids": solids,
+        "grasps": grasps,
+        "size": shown.grasps[0].grasp.size,
+        "box": [_short(corners[:, 0].min(axis=0)), _short(corners[:, 1].max(axis=0))],
+        "colors": COLORS,
+    }
+
+
+def _grasp(shown: Scene, k: int, *, with_fingers: bool) -> dict[str, Any]:
+    g = shown.grasps[k]
+    grasp = g.grasp
+    points = [m.vertices for m in shown.meshes_of(k)] or [np.array([j.origin for j in grasp.joints])]
+    points += [np.array([c.position, c.position + 0.5 * grasp.size * c.normal]) for c in grasp.contacts]
+    p = np.vstack([x.reshape(-1, 3) for x in points])
+    return {
+        "box": [_short(p.min(axis=0)), _short(p.max(axis=0))],
+        "title": g.title,
+        "said": g.said,
         "contacts": [
             {"position": _short(c.position), "normal": _short(c.normal), "friction": c.friction, "link": c.link}
             for c in grasp.contacts
         ],
         "joints": [{"name": j.name, "origin": _short(j.origin), "axis": _short(j.axis)} for j in placed_joints(grasp)],
-        "fingers": [] if "hand" in solids else _fingers(grasp),
-        "loads": [_load(load, grasp) for load in loads],
-        "sides": [{"title": v.title, "matrix": _short(v.matrix)} for v in sides],
-        "size": grasp.size,
-        "box": [_short(p.min(axis=0)), _short(p.max(axis=0))],
-        "colors": COLORS,
+        "fingers": [[_short(p) for p in line] for line in finger_lines(grasp)] if with_fingers else [],
+        "poses": [_short(T[:3]) for T in g.poses],
+        "loads": [_load(load, grasp) for load in g.loads],
+        "sides": [{"title": v.title, "matrix": _short(v.matrix)} for v in sides(shown, k)],
     }
 
 
-def upright(matrix: Array, up: Array) -> Array:
-    """(3, 3) rows right, up, towards the viewer: the view nearest to another in which `up` (3,) points up."""
-    up = up / np.linalg.norm(up)
-    back = max((b - (b @ up) * up for b in (matrix[2], matrix[1], matrix[0])), key=lambda b: round(float(b @ b), 3))
-    back /= np.linalg.norm(back)
-    return np.array([np.cross(up, back), up, back])
+def sides(shown: Scene, k: int) -> list[View]:
+    """Where a grasp is looked at from: first where most of its contacts can be seen, the first load pulling down."""
+    grasp = shown.grasps[k].grasp
+    loads = (x.wrench[:3] for x in shown.grasps[k].loads if x.wrench is not None)
+    pull = next((w for w in loads if np.any(w)), None)
+    up = np.array([0.0, 0.0, 1.0]) if pull is None else -pull
+    hand = [Mesh(*coarse(m.vertices, m.faces, SHADOW)[:2], m.kind) for m in shown.meshes_of(k) if m.kind == "hand"]
+    first = View("contacts in view", clearest(around(up), grasp, triangles(hand)).matrix)
+    flat = views(grasp, 1)[0].matrix
+    standing = View("first load pulls down", TILT @ upright(flat, up))
+    tilted = View("at an angle", TILT @ flat)
+    return [first, tilted if pull is None else standing, *ALONG.values()]
 
 
 def packed(meshes: Sequence[Mesh]) -> dict[str, Any]:
@@ -154,43 +156,34 @@ def packed(meshes: Sequence[Mesh]) -> dict[str, Any]:
 
 
 def _load(load: ShownLoad, grasp: Grasp) -> dict[str, Any]:
-    w, drawn = load.witness, None
-    if load.wrench is not None:
-        center = grasp.positions.mean(axis=0)
-        at, about = applied(load.wrench, center, 2 * grasp.size)
-        drawn = {"at": _short(at), "wrench": _short(about)}
+    drawn = arrows(grasp, load.wrench, load.witness)
     return {
         "title": load.title,
         "said": load.said,
         "wrench": None if load.wrench is None else _short(load.wrench),
-        "drawn": drawn,
-        "forces": None if w is None else [_short(f) for f in w.forces],
-        "motions": None if w is None else [_short(d) for d in w.motions],
+        "arrows": [{"kind": a.kind, "at": _short(a.at), "step": _short(a.step), "heads": a.heads} for a in drawn],
     }
 
 
-def _fingers(grasp: Grasp) -> list[list[list[float]]]:
-    """Per contact the points from joint to joint to it, in the order in which they move each other."""
-    lines = []
-    for i, c in enumerate(grasp.contacts):
-        chain = [j for j in grasp.joints if i in j.moves]
-        chain.sort(key=lambda j: (-len(j.moves), -float(np.linalg.norm(j.origin - c.position))))
-        lines.append([_short(p) for p in (*(j.origin for j in chain), c.position)])
-    return lines
-
-
-def _controls(loads: Sequence[ShownLoad], sides: Sequence[dict[str, Any]]) -> str:
+def _controls(shown: Scene, sides: Sequence[dict[str, Any]]) -> str:
     def select(name: str, label: str, options: Sequence[str], chosen: int, *, hidden: bool = False) -> str:
         rows = "".join(
             f'<option value="{i}"{" selected" if i == chosen else ""}>{escape(o)}</option>'
             for i, o in enumerate(options)
         )
         style = " hidden" if hidden else ""
-        return f'<label{style}>{label} <select name="{name}" autocomplete="off">{rows}</select></label>'
+        step = "".join(
+            f'<button type="button" name="{name}-{way}" aria-label="{way} {name}">{arrow}</button>'
+            for way, arrow in (("previous", "‹"), ("next", "›"))
+            if label
+        )
+        return f'<label{style}>{label} <select name="{name}" autocomplete="off">{rows}</select>{step}</label>'
 
+    loads = shown.grasps[0].loads
     forces = any(load.witness for load in loads)
     first = next((i for i, load in enumerate(loads) if load.witness), 0)
     parts = [
+        select("grasp", "grasp", [g.title for g in shown.grasps], 0, hidden=len(shown.grasps) < 2),
         select("load", "load", [load.title for load in loads], first, hidden=len(loads) < 2),
         select("side", "", [side["title"] for side in sides], 0),
         f'<label>object <input type="range" name="opacity" min="0" max="1" step="0.05" value="{OPACITY}" '
@@ -202,9 +195,9 @@ def _controls(loads: Sequence[ShownLoad], sides: Sequence[dict[str, Any]]) -> st
     return "".join([*parts, '<button type="button" name="reset">reset</button>'])
 
 
-def _caption(loads: Sequence[ShownLoad]) -> str:
+def _caption(loaded: bool) -> str:
     key = [("force", "force of the hand on the object"), ("load", "disturbance (two heads: moment)")]
-    entries = [*(key if loads else []), ("cone", "friction cone, joint axis"), ("ink", "contact, normal")]
+    entries = [*(key if loaded else []), ("cone", "friction cone, joint axis"), ("ink", "contact, normal")]
     marks = "".join(f'<span class="mark" style="background:{COLORS[name]}"></span>{text} ' for name, text in entries)
     return (
         f"{marks}<br>Drag to turn, with Shift (or two fingers) to shift; click and scroll, or pinch, to zoom; "

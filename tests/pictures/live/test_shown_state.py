@@ -9,12 +9,12 @@ import pytest
 
 from handfast.core.answer import Verdict
 from handfast.model.shape import Shape
+from handfast.pictures.camera import first_hit
 from handfast.pictures.live.page_text import bar_html, map_svg, verdict_html
 from handfast.pictures.live.shown_state import COLORS, GREY, LATE, shown
 from handfast.pictures.live.slip_motion import PERIOD, escape, slip_motion
 from handfast.pictures.live.stage import ARROW, reaches, rounded_up, stage_of
 from handfast.pictures.live.view_state import ViewState
-from handfast.pictures.scene import first_hit
 from tests.support.viewed import jaws, replies, two_fingers
 
 HELD = ViewState.of(jaws()).with_plane("yz").pulled([0, 0, -5.0])
@@ -170,8 +170,10 @@ def test_a_stage_with_files_has_hand_and_object() -> None:
 def test_a_ray_meets_the_near_side_first() -> None:
     box = Shape("box", (0.2, 0.2, 0.2))
     eye, far = np.array([1.1, 0.01, 0.02]), np.array([-0.1, 0.01, 0.02])
-    assert first_hit(*box.triangles(), eye, far) == pytest.approx(1.0 / 1.2)
-    assert first_hit(*box.triangles(), eye, far + np.array([0, 0, 5])) == 1.0
+    vertices, faces = box.triangles()
+    corners = vertices[faces]
+    assert first_hit(corners, eye, far) == pytest.approx(1.0 / 1.2)
+    assert first_hit(corners, eye, far + np.array([0, 0, 5])) == 1.0
 
 
 def test_scales_are_round_and_follow_weight_or_preload() -> None:

@@ -56,10 +56,11 @@ find("[name=reset]").addEventListener("click", reset);
 new ResizeObserver(later).observe(canvas);
 canvas.addEventListener("webglcontextlost", () => figure.classList.remove("live"));
 
-/** The numbers behind #view= in the page's address: AZIMUTH,ELEVATION[,LOAD[,ZOOM]] [degrees], to point at a view. */
-function addressed() {
+/** The numbers behind #view= in the page's address: AZIMUTH,ELEVATION[,LOAD[,ZOOM[,GRASP]]] [degrees], to point at a view. */
+function addressed(still = false) {
   const m = /^#view=(.+)$/.exec(location.hash), v = m && m[1].split(",").map(Number);
   if (!v || v.length < 2 || !v.every(Number.isFinite)) return [];
+  if (still) return v;
   const [a, e] = [v[0], v[1]].map((x) => (x * Math.PI) / 180);
   const right = [-Math.sin(a), Math.cos(a), 0], flat = Math.cos(e);
   const back = [flat * Math.cos(a), flat * Math.sin(a), Math.sin(e)];

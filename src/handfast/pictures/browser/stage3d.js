@@ -28,8 +28,10 @@ function made(layer, color, draw, more) {
   thing(layer, color, out, more);
 }
 
-const C = scene.colors, size = scene.size;
-const [low, high] = scene.box, middle = times(0.5, add(low, high)), radius = norm(add(high, low, -1)) / 2;
+const C = scene.colors, size = scene.size, night = matchMedia("(prefers-color-scheme: dark)").matches;
+if (night) Object.assign(C, { ink: "#d7dde3", bone: "#8b949e" });
+const [low, high] = scene.box, radius = norm(add(high, low, -1)) / 2;
+let middle = times(0.5, add(low, high)); // what the eye turns about
 /** A solid and its edges. */
 function showSolid(layer, color, packed, { glass, ...more } = {}) {
   const [corners, edges] = solid(packed);
@@ -83,8 +85,9 @@ function look(R, zoom = 1) {
   Object.assign(camera, { R, target: middle, zoom, half: 1.05 * half });
   later();
 }
+let sides = () => scene.sides; // to look from
 function reset() {
-  look(scene.sides[+find("[name=side]").value].matrix);
+  look(sides()[+find("[name=side]").value].matrix);
 }
 /** Half of the height that is shown, where the target is [m]. */
 const half = () => camera.half / camera.zoom;
@@ -121,7 +124,7 @@ function draw() {
   const fit = [wide, high].map((x) => Math.round(x * scale));
   if (fit[0] !== canvas.width || fit[1] !== canvas.height) [canvas.width, canvas.height] = fit;
   gl.viewport(0, 0, canvas.width, canvas.height);
-  gl.clearColor(1, 1, 1, 1);
+  gl.clearColor(...(night ? [0.106, 0.125, 0.149] : [1, 1, 1]), 1); // as the paper of page.css
   gl.depthMask(true);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
   [gl.DEPTH_TEST, gl.BLEND].forEach((x) => gl.enable(x));
@@ -162,6 +165,11 @@ function label(at, kind, text, needs, frame) {
   const span = board.appendChild(document.createElement("span"));
   span.className = kind;
   texts.push({ at, span, text, needs, frame });
+}
+/** Keep the first so many things and labels. */
+function forget(drawn, written) {
+  for (const t of things.splice(drawn)) gl.deleteBuffer(t.buffer);
+  for (const t of texts.splice(written)) t.span.remove();
 }
 function write(wide, high) {
   const names = on("names");

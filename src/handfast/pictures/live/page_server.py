@@ -12,6 +12,7 @@ import numpy as np
 from handfast.core.errors import InputError
 from handfast.core.transforms import matrix_quaternion, quaternion_matrix
 from handfast.pictures import words
+from handfast.pictures.camera import first_hit
 from handfast.pictures.live.answering import Reply
 from handfast.pictures.live.live_session import LiveSession
 from handfast.pictures.live.page_text import map_svg, verdict_html
@@ -20,7 +21,6 @@ from handfast.pictures.live.shown_state import CURVE, FORCE, GREY, Shown, ShownM
 from handfast.pictures.live.slip_motion import SlipMotion
 from handfast.pictures.live.stage import ARROW, Stage
 from handfast.pictures.live.view_state import MAP_PLANES, NOTHING, ViewState
-from handfast.pictures.scene import first_hit
 
 STEEL, BONE, CONE, OBJECT_OPACITY, HAND_OPACITY = (158, 171, 186), (194, 200, 207), (44, 125, 79), 0.55, 1.0
 MOST_FRICTION, MOST_TILT, MOST_PRELOAD = 2.0, 15.0, 3.0  # ends of sliders: coefficient, degrees, times the file's
@@ -330,7 +330,7 @@ class PageServer:
             carrier = self._nodes["carrier"]
             turned, moved = quaternion_matrix(carrier.wxyz), np.array(carrier.position, dtype=float)
             eye_there, inside_there = turned.T @ (eye - moved), turned.T @ (inside - moved)
-            share = first_hit(*self.session.stage.object, eye_there, inside_there)
+            share = first_hit(self.session.stage.object_triangles, eye_there, inside_there)
             back = (eye - inside) / np.linalg.norm(eye - inside)
             self._start = eye_there + share * (inside_there - eye_there), back, inside, share
         at, back, inside, share = self._start

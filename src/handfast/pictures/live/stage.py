@@ -11,9 +11,9 @@ from handfast.core.errors import InputError
 from handfast.core.transforms import normal_frame
 from handfast.model.grasp import Grasp
 from handfast.model.shape import Faces, Shape
+from handfast.pictures.camera import views
 from handfast.pictures.hand_scene import OF_HAND, OF_OBJECT
-from handfast.pictures.scene import Mesh, coarse, source_meshes, views
-from handfast.pictures.view3d import scene
+from handfast.pictures.scene import Mesh, coarse, finger_lines, source_meshes
 
 ARROW = 2.2  # grasp sizes that the longest load is drawn with
 PAD = 0.16  # grasp sizes around each contact, of an object that nobody knows
@@ -52,6 +52,12 @@ class Stage:
         return self.grasp.size
 
     @property
+    def object_triangles(self) -> Array:
+        """(k, 3, 3) of the object."""
+        vertices, faces = self.object
+        return vertices[faces]
+
+    @property
     def metres_per_newton(self) -> float:
         """Of a load's arrow, and of the map."""
         return ARROW * self.size / self.force_reach
@@ -78,10 +84,9 @@ class Stage:
 def stage_of(grasp: Grasp) -> Stage:
     """The solids behind a grasp if its files are there, and stand-ins if not."""
     meshes, notes = source_meshes(grasp)
-    known = scene(grasp)
     hand = _joined([m for m in meshes if m.kind == "hand"], OF_HAND)
     thing = _joined([m for m in meshes if m.kind == "object"], OF_OBJECT)
-    lines = [line[i : i + 2] for line in known["fingers"] for i in range(len(line) - 1)] if hand is None else []
+    lines = [line[i : i + 2] for line in finger_lines(grasp) for i in range(len(line) - 1)] if hand is None else []
     guessed = thing is None
     thing = thing or contact_hull(grasp)
     points = np.vstack([thing[0], grasp.positions, *(np.asarray(lines).reshape(-1, 3),)])

@@ -11,8 +11,8 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.transforms import cross, normal_frame
 from handfast.model.grasp import Grasp
+from handfast.pictures.camera import views
 from handfast.pictures.live.stage import reaches
-from handfast.pictures.scene import views
 from handfast.stability.margin import rubbed
 
 MapPlane = Literal["with the load", "xy", "xz", "yz", "none"]
