@@ -30,8 +30,8 @@ from handfast.core.arrays import Array
 from handfast.core.bundled import names
 from handfast.model.grasp import Grasp
 from handfast.papers.baseline import BaselineState
-from handfast.papers.pyramid_step import pyramid_step
-from handfast.papers.turn_scheme import turn_scheme
+from handfast.papers.earlier_scheme import turn_scheme
+from handfast.papers.friction_pyramids import pyramid_step
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability import model
 from handfast.stability.queries import check, maximum

@@ -28,6 +28,7 @@ from benchmarks.machine import describe
 from handfast import check, check_many, max_many, maximum, prepare
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.papers import algorithm1
 from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "batches.json"
@@ -121,9 +122,9 @@ def changing(case: Case) -> list[float]:
 
 def peer(case: Case, limit: float) -> dict[str, Any]:
     """Algorithm 1 on Gurobi; processor time [s]."""
-    settings = Settings(method="algorithm1", solver="gurobi", time_limit=limit, as_printed=True)
+    settings = algorithm1.RefinementSettings(solver="gurobi", timeout=limit, as_printed=True)
     try:
-        answer, seconds = timed(lambda: maximum(case.grasp, case.direction, settings=settings))
+        answer, seconds = timed(lambda: algorithm1.maximum(case.grasp, case.direction, settings=settings).answer)
     except InputError as error:
         return {"name": case.name, "contacts": case.contacts, "stop": str(error), "seconds": None}
     return {"name": case.name, "contacts": case.contacts, "stop": str(answer.stop), "seconds": seconds}

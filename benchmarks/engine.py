@@ -26,13 +26,14 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from benchmarks.grasps import FAMILIES, Case, cases, fingerprint
 from benchmarks.machine import describe
 from handfast.core.errors import InputError
+from handfast.papers import algorithm1
 from handfast.proofs.checker import verify
 from handfast.stability.answers import finite
 from handfast.stability.queries import MaxAnswer, maximum
@@ -50,6 +51,7 @@ BRIEF, REPEATS = 0.05, 5  # [s] below this a time is a median of so many runs
 APART = 3e-3  # relative; answers further apart than this disagree
 
 Row = dict[str, Any]
+T = TypeVar("T")
 
 
 # --- running ------------------------------------------------------------------------------------
@@ -78,19 +80,23 @@ def record(answer: MaxAnswer, cost: Cost) -> Row:
     }
 
 
-def timed(case: Case, settings: Settings) -> tuple[MaxAnswer, Cost]:
+def timed(ask: Callable[[], T]) -> tuple[T, Cost]:
     """The answer and its cost."""
     wall, cpu = time.perf_counter(), time.process_time()
-    answer = maximum(case.grasp, case.direction, base=case.base, settings=settings)
+    answer = ask()
     return answer, Cost(time.perf_counter() - wall, time.process_time() - cpu)
 
 
 def ours(case: Case, limit: float) -> Row:
     """The engine on one case."""
     settings = Settings(gap=GAP, time_limit=limit)
-    answer, cost = timed(case, settings)
+
+    def ask() -> MaxAnswer:
+        return maximum(case.grasp, case.direction, base=case.base, settings=settings)
+
+    answer, cost = timed(ask)
     if cost.seconds < BRIEF:
-        more = [cost] + [timed(case, settings)[1] for _ in range(REPEATS - 1)]
+        more = [cost] + [timed(ask)[1] for _ in range(REPEATS - 1)]
         cost = Cost(statistics.median(c.seconds for c in more), statistics.median(c.cpu for c in more))
     row = {"name": case.name, "family": case.family, "contacts": case.contacts, "joints": case.grasp.l}
     row |= record(answer, cost)
@@ -116,15 +122,15 @@ def proof(answer: MaxAnswer) -> Row:
 
 def theirs(case: Case, solver: str, limit: float, early: bool) -> Row:
     """Algorithm 1 on one case."""
-    settings = Settings(
-        method="algorithm1", solver=solver, sectors=SECTORS, gap=GAP, time_limit=limit, as_printed=not early
+    settings = algorithm1.RefinementSettings(
+        solver=solver, sectors=SECTORS, gap=GAP, timeout=limit, as_printed=not early
     )
     clock = time.perf_counter()
     try:
-        answer, cost = timed(case, settings)
+        found, cost = timed(lambda: algorithm1.maximum(case.grasp, case.direction, base=case.base, settings=settings))
     except InputError as error:  # a licence that is too small for the program
         return {"verdict": None, "stop": str(error), "seconds": time.perf_counter() - clock}
-    return record(answer, cost) | {"programs": len(answer.steps)}
+    return record(found.answer, cost) | {"programs": len(found.steps)}
 
 
 def subsample(chosen: Iterable[Case], per_size: int, real: int) -> set[str]:
@@ -143,7 +149,7 @@ def warm_up(chosen: list[Case]) -> None:
     """Compile whatever the engine compiles: a maximum of each kind of question."""
     for family in ("random", "fixture"):
         case = next((c for c in chosen if c.family == family), chosen[0])
-        timed(case, Settings(gap=GAP, time_limit=60.0))
+        maximum(case.grasp, case.direction, base=case.base, settings=Settings(gap=GAP, time_limit=60.0))
 
 
 def save(data: dict[str, Any], file: Path) -> None:

@@ -25,6 +25,7 @@ from benchmarks.grasps import random_case
 from benchmarks.machine import describe
 from handfast.core.answer import Verdict
 from handfast.model.grasp import Grasp
+from handfast.papers import algorithm1
 from handfast.proofs.checker import verify
 from handfast.stability.queries import CheckAnswer, check
 from handfast.stability.settings import Settings
@@ -77,8 +78,8 @@ def main() -> None:
         args.out.write_text(json.dumps(data, indent=1) + "\n")
 
     def compare(answer: CheckAnswer, grasp: Grasp, w: np.ndarray) -> None:
-        settings = Settings(method="algorithm1", solver=args.peer, time_limit=args.peer_limit)
-        other = check(grasp, w, settings=settings)
+        settings = algorithm1.RefinementSettings(solver=args.peer, timeout=args.peer_limit)
+        other = algorithm1.check(grasp, w, settings=settings).answer
         both = Verdict.UNDECIDED not in (answer.verdict, other.verdict)
         peers["open"] += other.verdict is Verdict.UNDECIDED
         peers["agrees"] += both and other.verdict is answer.verdict

@@ -100,7 +100,6 @@ class Row:
     verdict: str
     stop: str
     seconds: float
-    steps: int
     nodes: int
     residual: float | None
 
@@ -153,7 +152,6 @@ def record(scene: Scenario, answers: dict[str, CheckAnswer]) -> dict[str, Any]:
             str(a.verdict),
             str(a.stop),
             round(a.seconds, 2),
-            len(a.steps),
             a.nodes,
             float(f"{a.witness.residuals.worst:.1e}") if a.witness else None,
         )
@@ -198,9 +196,9 @@ def drawn(scene: Scenario, answer: CheckAnswer) -> bytes:
     return picture(figure)
 
 
-def machine(solver: str) -> dict[str, Any]:
+def machine() -> dict[str, Any]:
     """What the times belong to."""
-    libraries = ["handfast", "numpy", "scipy", "mujoco", "trimesh", "pyscipopt" if solver == "scip" else "gurobipy"]
+    libraries = ["handfast", "numpy", "scipy", "mujoco", "trimesh"]
     return {
         "cores": os.cpu_count(),
         "architecture": platform.machine(),
@@ -238,13 +236,12 @@ def main() -> int:
     parser.add_argument("--results", type=Path, help="JSON file for the numbers")
     parser.add_argument("--pictures", type=Path, help="folder for the pictures of the documentation")
     parser.add_argument("--time-limit", type=float, default=30.0, metavar="S", help="per check [s]")
-    parser.add_argument("--solver", choices=("scip", "gurobi"), default="scip")
     parser.add_argument("--only", default="", metavar="TEXT", help="pairs whose name contains this")
     options = parser.parse_args()
     if not (options.shared / "hands").is_dir():
         print(f"{options.shared}: no folder hands/ in it; give --shared", file=sys.stderr)
         return 2
-    settings = Settings(solver=options.solver, time_limit=options.time_limit)
+    settings = Settings(time_limit=options.time_limit)
     for folder in (options.out, options.pictures, options.results and options.results.parent):
         if folder:
             folder.mkdir(parents=True, exist_ok=True)
@@ -271,10 +268,8 @@ def main() -> int:
         data = {
             "poses": "chosen among many for the most sides that hold, see real_hands.py: no success rate",
             "friction": FRICTION,
-            "solver": options.solver,
             "time_limit": options.time_limit,
-            "sectors": settings.sectors,
-            "machine": machine(options.solver),
+            "machine": machine(),
             "rows": records,
         }
         options.results.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

@@ -21,53 +21,22 @@ from typing import Any
 import numpy as np
 
 from benchmarks.machine import describe
-from handfast.core.errors import InputError
-from handfast.papers import algorithm1, mip
+from handfast.papers import mixed_integer_solvers
+from handfast.papers.stability_tables import DOWN, ETAS, LEVELS, resolution_cell
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability import scaled_problem
-from handfast.stability.goal import SMALLEST_PRELOAD
 from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.queries import maximum
 from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "table1.json"
-DIRECTION = np.array([0, -1.0, 0, 0, 0, 0])
-ETAS = (0.0, 2.5)
-LEVELS = range(10)  # 4 * 2^q sectors
 
 
-def cell(solver: mip.Solver, q: int, full: bool, eta: float, limit: float) -> dict[str, Any]:
-    """One run of Algorithm 1: value, seconds, programs, nodes, status."""
-    p = scaled_problem.build(load_grasp("fig9"), np.zeros(6), DIRECTION, limits=GraspLimits(eta=np.radians(eta)))
-    run = algorithm1.run(p, SMALLEST_PRELOAD, q=q, solver=solver, full=full, printed_robustness=True, time_limit=limit)
-    try:
-        steps = list(run)
-    except InputError:
-        return {"solver": solver, "sectors": 4 * 2**q, "method": "full", "eta": eta, "status": "licence too small"}
-    last = steps[-1]
-    done = last.finished
-    bound = max((s.bound for s in steps), default=0.0)
+def exact(eta: float, limit: float) -> dict[str, Any]:
+    """The bracket that `handfast max` gives: witnessed and certified."""
+    settings = Settings(gap=1e-3, time_limit=limit)
+    a = maximum(load_grasp("fig9"), DOWN, limits=GraspLimits(eta=np.radians(eta)), settings=settings)
     return {
-        "solver": solver,
-        "sectors": 4 * 2**q,
-        "method": "full" if full else "refined",
-        "eta": eta,
-        "status": "finished" if done else str(last.result.status),
-        "value": 1.0 / last.point.scalar if done and last.point is not None else None,
-        "upper": 1.0 / bound if bound > 0 else None,
-        "seconds": sum(s.seconds for s in steps),
-        "programs": len(steps),
-        "nodes": sum(s.result.nodes for s in steps),
-        "edges": last.edges,
-    }
-
-
-def exact(solver: mip.Solver, eta: float, limit: float) -> dict[str, Any]:
-    """The bracket that `handfast max` gives: witnessed and certified by the relaxation."""
-    settings = Settings(solver=solver, gap=1e-3, time_limit=limit)
-    a = maximum(load_grasp("fig9"), DIRECTION, limits=GraspLimits(eta=np.radians(eta)), settings=settings)
-    return {
-        "solver": solver,
+        "solver": None,
         "sectors": None,
         "method": "exact",
         "eta": eta,
@@ -75,7 +44,6 @@ def exact(solver: mip.Solver, eta: float, limit: float) -> dict[str, Any]:
         "lower": a.lower,
         "upper": a.upper,
         "seconds": a.seconds,
-        "programs": len(a.steps),
         "nodes": a.nodes,
         "residual": a.witness.residuals.worst if a.witness else None,
     }
@@ -103,17 +71,19 @@ def table(rows: list[dict[str, Any]], solver: str) -> str:
             out += [f"{min(values):.5f}" if values else "", seconds(found.get("full")), seconds(found.get("refined"))]
         lines.append("| " + " | ".join(out) + " |")
     for r in rows:
-        if r["solver"] == solver and r["method"] == "exact":
+        if r["method"] == "exact":
             lines.append(f"\nexact, eta {r['eta']}: {r['lower']:.5f} to {r['upper']:.5f} N in {r['seconds']:.1f} s")
     return "\n".join(lines)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--solver", action="append", choices=mip.SOLVERS, help="scip and gurobi if installed")
+    parser.add_argument(
+        "--solver", action="append", choices=mixed_integer_solvers.SOLVERS, help="scip and gurobi if installed"
+    )
     parser.add_argument("--limit", type=float, default=120.0, help="seconds per cell")
     options = parser.parse_args()
-    solvers = options.solver or [s for s in mip.SOLVERS if mip.available(s)]
+    solvers = options.solver or [s for s in mixed_integer_solvers.SOLVERS if mixed_integer_solvers.available(s)]
     data = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"machine": describe(), "limit": options.limit}
     rows = data.setdefault("rows", [])
     seen = {(r["solver"], r["sectors"], r["method"], r["eta"]) for r in rows}
@@ -128,17 +98,16 @@ def main() -> None:
                         continue
                     if full and (solver, "full", eta) in gave_up:
                         continue
-                    row = cell(solver, q, full, eta, options.limit)
+                    row = resolution_cell(solver, q, full, eta, options.limit)
                     rows.append(row)
                     if full and row["status"] != "finished":
                         gave_up.add((solver, "full", eta))
                     RESULTS.write_text(json.dumps(data, indent=1) + "\n")
                     print(json.dumps(row), flush=True)
     for eta in ETAS:
-        for solver in solvers:
-            if (solver, None, "exact", eta) not in seen:
-                rows.append(exact(solver, eta, options.limit))
-                RESULTS.write_text(json.dumps(data, indent=1) + "\n")
+        if (None, "exact", eta) not in {key[1:] for key in seen}:
+            rows.append(exact(eta, options.limit))
+            RESULTS.write_text(json.dumps(data, indent=1) + "\n")
     for solver in solvers:
         print(f"\n{solver}\n\n{table(rows, solver)}")
 

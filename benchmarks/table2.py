@@ -20,141 +20,44 @@ direction and wrench 2, ..., so that a run can be stopped at any time. A grasp w
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
 import math
 import os
 import statistics
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from benchmarks.engine import BRIEF, REPEATS, Cost, load, proof, save, seconds, timeout
+from benchmarks.engine import BRIEF, REPEATS, Cost, load, proof, save, seconds, timed, timeout
 from benchmarks.machine import describe
-from handfast import load_body, load_configuration, load_grasp
-from handfast.core.arrays import Array
 from handfast.core.errors import InputError
-from handfast.model.grasp import Grasp
-from handfast.readers.grasp_file import to_dict
+from handfast.papers.stability_tables import (
+    GAP,
+    MOST,
+    PRINTED_2,
+    SECTORS,
+    SEED,
+    TWELVE,
+    PrintedTimes,
+    TaskQuestion,
+    task_questions,
+)
 from handfast.stability.answers import Answer, finite
-from handfast.stability.loads import Loads
-from handfast.stability.queries import CheckAnswer, check, maximum, torques
+from handfast.stability.queries import CheckAnswer
 from handfast.stability.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "table2.json"
-SEED = 2020
-ROUNDS = 10  # directions, and wrenches
-GAP = 1e-3
-SECTORS = 2048
 APART = 1e-3  # relative; brackets further apart than this disagree
 NIL = 1e-6  # [N, N m] and smaller differences are rounding
-TASKS: dict[str, Callable[..., Answer]] = {"check": check, "max": maximum, "torques": torques}
 METHODS = ("handfast", "gurobi")
 
 Row = dict[str, Any]
 Numbers = tuple[float, float, float]  # mean, standard error, median [s]
 
 
-@dataclass(frozen=True)
-class Printed:
-    """A row of the paper's Table II: letter in Fig. 13, contacts, and its times [s] as printed.
-
-    Attributes:
-        check: a time.
-        max, torques: mean ± standard error, and median.
-    """
-
-    letter: str
-    contacts: int
-    check: tuple[str]
-    max: tuple[str, str]
-    torques: tuple[str, str]
-
-
-PAPER = (
-    Printed("a", 3, ("0.246",), ("0.797 ± 0.067", "0.754"), ("0.389 ± 0.063", "0.343")),
-    Printed("b", 3, ("0.234",), ("0.785 ± 0.085", "0.745"), ("0.447 ± 0.074", "0.408")),
-    Printed("c", 3, ("0.294",), ("0.893 ± 0.056", "0.907"), ("0.347 ± 0.017", "0.345")),
-    Printed("d", 3, ("0.259",), ("0.664 ± 0.081", "0.560"), ("0.308 ± 0.036", "0.281")),
-    Printed("e", 4, ("1.07",), ("10.0 ± 3.4", "6.39"), ("3.26 ± 0.50", "3.83")),
-    Printed("f", 4, ("15.7",), ("36.7 ± 6.5", "39.5"), ("13.5 ± 4.8", "9.58")),
-    Printed("g", 4, ("2.78",), ("33.8 ± 9.3", "20.8"), ("16.8 ± 5.3", "12.3")),
-    Printed("h", 4, ("8.02",), ("23.7 ± 4.2", "23.2"), ("12.3 ± 3.3", "8.10")),
-    Printed("i", 4, ("1.66",), ("14.4 ± 2.7", "11.4"), ("1.67 ± 0.12", "1.60")),
-    Printed("j", 5, ("6.06",), ("150 ± 24", "105"), ("22.8 ± 5.8", "19.0")),
-    Printed("k", 6, ("51.0",), ("398 ± 104", "344"), ("136 ± 54", "80.6")),
-    Printed("l", 6, ("27.5",), ("488 ± 99", "330"), ("777 ± 288", "626")),
-)
-# our grasp with as many contacts for each of those
-GRASPS = ("ball", "can", "mug", "pear", "block", "egg", "dumbbell", "wedge", "mallet", "ring", "bottle", "torch")
-
-
-# --- questions ----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Question:
-    """One cell's question.
-
-    Attributes:
-        name: of the object in the hand.
-        task: a key of `TASKS`.
-        k: number of the direction or wrench, from 1; 0 for the check.
-        wrench: (6,) disturbance or direction [N, N m], object frame, at its origin.
-        fingerprint: of the grasp as it is stored, and the object's weight.
-    """
-
-    name: str
-    grasp: Grasp
-    task: str
-    k: int
-    wrench: Array
-    fingerprint: str
-
-    @property
-    def key(self) -> tuple[str, str, int]:
-        return self.name, self.task, self.k
-
-    def ask(self, settings: Settings) -> tuple[Answer, Cost]:
-        """The answer and its cost."""
-        wall, cpu = time.perf_counter(), time.process_time()
-        answer = TASKS[self.task](self.grasp, self.wrench, settings=settings)
-        return answer, Cost(time.perf_counter() - wall, time.process_time() - cpu)
-
-
-def drawn() -> tuple[Array, Array]:
-    """(n, 6) each: unit directions for the disturbances and for the wrenches."""
-    x = np.random.default_rng(SEED).normal(size=(2, ROUNDS, 6))
-    x /= np.linalg.norm(x, axis=2, keepdims=True)
-    return x[0], x[1]
-
-
-def of_grasp(name: str) -> list[Question]:
-    """All questions about one of the twelve, as its files are now."""
-    grasp = load_grasp(f"barrett-{name}")
-    body = load_body(load_configuration(f"barrett-{name}").object or "")
-    weight = Loads.gravity(body, "-z").wrenches[0]
-    numbers = {key: value for key, value in to_dict(grasp).items() if key != "schema"}
-    text = json.dumps([numbers, np.round(weight, 9).tolist()], sort_keys=True)
-    fingerprint = hashlib.sha256(text.encode()).hexdigest()[:16]
-
-    def about_center(x: Array) -> Array:
-        return np.r_[x[:3], grasp.size * x[3:] + np.cross(body.center_of_mass, x[:3])]
-
-    disturbances, wrenches = drawn()
-    asked = [("check", 0, weight)]
-    for k, (d, w) in enumerate(zip(disturbances, wrenches, strict=True), start=1):
-        asked += [("max", k, about_center(d)), ("torques", k, float(np.linalg.norm(weight[:3])) * about_center(w))]
-    return [Question(name, grasp, task, k, wrench, fingerprint) for task, k, wrench in asked]
-
-
-def questions() -> Iterator[Question]:
+def questions() -> Iterator[TaskQuestion]:
     """All questions, round by round."""
-    for a_round in zip(*(of_grasp(name) for name in GRASPS), strict=True):
+    for a_round in zip(*(task_questions(name) for name in TWELVE), strict=True):
         yield from a_round
 
 
@@ -173,24 +76,23 @@ def record(answer: Answer, cost: Cost) -> Row:
     return row | {"residual": answer.witness.residuals.worst if answer.witness else None}
 
 
-def ours(question: Question, limit: float) -> Row:
+def ours(question: TaskQuestion, limit: float) -> Row:
     """The engine, and what the checker says to its certificate."""
     settings = Settings(gap=GAP, time_limit=limit)
-    answer, cost = question.ask(settings)
+    answer, cost = timed(lambda: question.ask(settings))
     if cost.seconds < BRIEF:
-        more = [cost, *(question.ask(settings)[1] for _ in range(REPEATS - 1))]
+        more = [cost, *(timed(lambda: question.ask(settings))[1] for _ in range(REPEATS - 1))]
         cost = Cost(statistics.median(c.seconds for c in more), statistics.median(c.cpu for c in more))
     return record(answer, cost) | proof(answer)
 
 
-def theirs(question: Question, limit: float) -> Row:
+def theirs(question: TaskQuestion, limit: float) -> Row:
     """Algorithm 1 on Gurobi, refined to the finest sectors."""
-    settings = Settings("algorithm1", GAP, limit, solver="gurobi", sectors=SECTORS, as_printed=True)
-    answer, cost = question.ask(settings)
-    return record(answer, cost) | {"programs": len(answer.steps)}
+    found, cost = timed(lambda: question.refined("gurobi", limit))
+    return record(found.answer, cost) | {"programs": len(found.steps)}
 
 
-def answered(question: Question, method: str, limit: float) -> Row:
+def answered(question: TaskQuestion, method: str, limit: float) -> Row:
     """A row of either method; an input that is refused (a licence that is too small) is a row as well."""
     clock = time.perf_counter()
     try:
@@ -199,7 +101,7 @@ def answered(question: Question, method: str, limit: float) -> Row:
         return {"verdict": None, "stop": str(error), "seconds": time.perf_counter() - clock}
 
 
-def pending(data: dict[str, Any], rounds: int) -> list[tuple[Question, str]]:
+def pending(data: dict[str, Any], rounds: int) -> list[tuple[TaskQuestion, str]]:
     """What is not answered of the first round that is not done; rows of grasps that changed are dropped on the way."""
     rows = {(r["grasp"], r["task"], r["k"]): r for r in data["rows"]}
     asked = [q for q in questions() if q.k <= rounds]
@@ -211,7 +113,7 @@ def pending(data: dict[str, Any], rounds: int) -> list[tuple[Question, str]]:
     return [(q, method) for q, method in left if (q.task, q.k) == (left[0][0].task, left[0][0].k)]
 
 
-def keep(data: dict[str, Any], question: Question, method: str, found: Row) -> None:
+def keep(data: dict[str, Any], question: TaskQuestion, method: str, found: Row) -> None:
     """Add an answer to its row."""
     key = question.key
     row = next((r for r in data["rows"] if (r["grasp"], r["task"], r["k"]) == key), None)
@@ -232,8 +134,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     }
     if data["limit"] != options.limit:
         raise SystemExit(f"{options.out} has another time limit, {data['limit']:g} s; choose another --out")
-    for name in (GRASPS[0], GRASPS[-1]):  # compile whatever the engine compiles
-        for question in of_grasp(name)[:3]:
+    for name in (TWELVE[0], TWELVE[-1]):  # compile whatever the engine compiles
+        for question in task_questions(name)[:3]:
             question.ask(Settings(gap=GAP, time_limit=options.limit))
     while some := pending(data, options.rounds):
         for question, method in some:
@@ -276,12 +178,12 @@ def numbers(times: list[float]) -> Numbers:
     return statistics.mean(times), error, statistics.median(times)
 
 
-def cells(name: str, printed: Printed, task: str, data: dict[str, Any]) -> list[str]:
+def cells(name: str, printed: PrintedTimes, task: str, data: dict[str, Any]) -> list[str]:
     """A grasp's row of one task's table: the paper's times, Algorithm 1's, ours, their ratios."""
     done = [r for r in data["rows"] if r["grasp"] == name and r["task"] == task and all(m in r for m in METHODS)]
     both = [r for r in done if all(r[m]["verdict"] for m in METHODS)]
     single, limit = task == "check", data["limit"]
-    count = f"{len(both)} of {1 if single else ROUNDS}"
+    count = f"{len(both)} of {1 if single else MOST}"
     out = [name, str(printed.contacts), printed.letter, *getattr(printed, task)]
     if not both:
         return [*out, *[""] * (5 if single else 7), count]
@@ -317,7 +219,7 @@ def table(task: str, data: dict[str, Any]) -> list[str]:
     else:
         head += ["paper, mean [s]", "median", "Algorithm 1, mean [s]", "median", "time-outs"]
         head += ["Handfast, mean [ms]", "median", "ratio of medians", "processor", "done"]
-    rows = [cells(name, printed, task, data) for name, printed in zip(GRASPS, PAPER, strict=True)]
+    rows = [cells(name, printed, task, data) for name, printed in zip(TWELVE, PRINTED_2, strict=True)]
     lines = [head, ["---", "---:", "---", *["---:"] * (len(head) - 3)], *rows]
     return [f"| {' | '.join(r)} |" for r in lines]
 
@@ -358,7 +260,7 @@ def summary(data: dict[str, Any]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--limit", type=float, default=60.0, help="[s] per question and method")
-    parser.add_argument("--rounds", type=int, default=ROUNDS, help="directions and wrenches, at most ten")
+    parser.add_argument("--rounds", type=int, default=MOST, help="directions and wrenches, at most ten")
     parser.add_argument("--out", type=Path, default=RESULTS, help="JSON file of the results")
     parser.add_argument("--print", action="store_true", help="print the tables of what is there")
     options = parser.parse_args()

@@ -9,29 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from handfast.core import bundled
+from handfast.papers.region_tables import PRINTED_TASKS
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_file import load_task
 
 AUTHORS = Path(__file__).parents[2] / "shared" / "tasks"  # three of the authors' own files, where they are at hand
-# Table 2 of the synthesis paper: [s] for one configuration on 64 cores (Xeon E5310), sigma = 0.1
-PUBLISHED = {
-    "scalpel-upholding": 106,
-    "scalpel-handling": 255,
-    "scalpel-incision": 418,
-    "teapot-lid-lifting": 114,
-    "teapot-service": 262,
-    "teapot-transportation": 375,
-    "guitar-tuning": 68,
-    "guitar-playing": 229,
-    "guitar-holding": 664,
-}
 SAME = {"upholding": "scalpel-upholding", "handling": "scalpel-handling", "service": "teapot-service"}
 
 
 def tasks() -> dict[str, Task]:
     """The bundled tasks of Table 2, then the authors' own files, by name."""
     known = bundled.names("tasks")
-    found = {name: load_task(name) for name in PUBLISHED if name in known}
+    found = {name: load_task(name) for name in PRINTED_TASKS if name in known}
     files = sorted(AUTHORS.glob("*.json")) if AUTHORS.is_dir() else []
     return found | {f"{f.stem} (authors' file)": load_task(f) for f in files}
 
@@ -43,8 +32,9 @@ def origin(name: str) -> str:
 
 
 def published(name: str) -> int | None:
-    """[s] in Table 2."""
-    return PUBLISHED.get(origin(name))
+    """[s] for one configuration in Table 2, on 64 cores, sigma = 0.1."""
+    printed = PRINTED_TASKS.get(origin(name))
+    return printed.seconds if printed else None
 
 
 class Others:

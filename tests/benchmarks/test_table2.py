@@ -28,9 +28,9 @@ def stored(table2: ModuleType) -> dict[str, Any]:
 
 
 def test_ours_match_the_papers_contacts(table2: ModuleType) -> None:
-    assert {f"barrett-{n}" for n in table2.GRASPS} == {n for n in bundled.names("grasps") if n.startswith("barrett-")}
-    for name, printed in zip(table2.GRASPS, table2.PAPER, strict=True):
-        questions = table2.of_grasp(name)
+    assert {f"barrett-{n}" for n in table2.TWELVE} == {n for n in bundled.names("grasps") if n.startswith("barrett-")}
+    for name, printed in zip(table2.TWELVE, table2.PRINTED_2, strict=True):
+        questions = table2.task_questions(name)
         assert questions[0].grasp.m == printed.contacts
         assert [(q.task, q.k) for q in questions[:3]] == [("check", 0), ("max", 1), ("torques", 1)]
         assert len(questions) == 21
@@ -39,7 +39,7 @@ def test_ours_match_the_papers_contacts(table2: ModuleType) -> None:
 def test_directions_are_units_of_force_and_torque_about_the_centre_of_mass(table2: ModuleType) -> None:
     from handfast import load_body
 
-    questions = table2.of_grasp("mallet")
+    questions = table2.task_questions("mallet")
     center, size = load_body("mallet").center_of_mass, questions[0].grasp.size
     weight = np.linalg.norm(questions[0].wrench[:3])
 
@@ -52,13 +52,13 @@ def test_directions_are_units_of_force_and_torque_about_the_centre_of_mass(table
 @pytest.mark.parametrize("name", ["ball", "pear"])
 def test_the_stored_answers_are_the_engines(table2: ModuleType, stored: dict[str, Any], name: str) -> None:
     rows = {(r["task"], r["k"]): r for r in stored["rows"] if r["grasp"] == name and "handfast" in r}
-    asked = [q for q in table2.of_grasp(name) if q.k <= 3]
+    asked = [q for q in table2.task_questions(name) if q.k <= 3]
     assert [(q.task, q.k) for q in asked] == [("check", 0), *((t, k) for k in (1, 2, 3) for t in ("max", "torques"))]
 
     for q in asked:
         row = rows[q.task, q.k]
         assert row["fingerprint"] == q.fingerprint, "the grasp was changed since; run benchmarks/table2.py"
-        before, now = row["handfast"], table2.record(*q.ask(Settings(gap=table2.GAP)))
+        before, now = row["handfast"], table2.record(q.ask(Settings(gap=table2.GAP)), table2.Cost(0.0, 0.0))
         for answer in (before, now):
             assert (answer["verdict"], answer["stop"]) == ("holds", "complete")
         if q.task == "check":
@@ -81,7 +81,7 @@ def test_each_table_has_a_row_for_each_of_the_twelve(table2: ModuleType, task: s
     for lines in (empty, some):
         assert len(lines) == 2 + 12
         assert len({line.count("|") for line in lines}) == 1
-        assert [line.split(" | ")[0].strip("| ") for line in lines[2:]] == list(table2.GRASPS)
+        assert [line.split(" | ")[0].strip("| ") for line in lines[2:]] == list(table2.TWELVE)
     assert "0 of" in empty[2]
     assert "≥ 60" in some[2]
     assert "≥ 6,000" in some[2]

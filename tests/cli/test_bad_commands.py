@@ -64,7 +64,6 @@ WRONG = {
         ["--wrnch", "did you mean --wrench?"],
     ),
     "node limit": (["check", "grasp.json", "--wrench", "0", "1", "0", "--node-limit", "0"], ["node limit", "0"]),
-    "method": (["check", "grasp.json", "--wrench", "0", "1", "0", "--method", "guess"], ["--method", "algorithm1"]),
     "an option in place of a command": (["--wat"], ["unknown option '--wat'; a command comes first: check, max"]),
     "a short option in place of a command": (["-x", "check"], ["unknown option '-x'; a command comes first"]),
     "a demo in a file": (["demo", "-o", "empty.obj"], ["empty.obj: is a file; a folder is needed"]),
@@ -115,7 +114,6 @@ WRONG = {
         ["wrench", "balanced"],
     ),
     "eta": (["check", "grasp.json", "--wrench", "0", "1", "0", "--eta", "60"], ["eta", "60", "45"]),
-    "sectors": (["check", "grasp.json", "--wrench", "0", "1", "0", "--sectors", "100"], ["sectors", "100"]),
     "torque limit": (
         ["check", "grasp.json", "--wrench", "0", "1", "0", "--torque-limit", "thumb=1"],
         ["torque limit", "thumb", "right, left"],

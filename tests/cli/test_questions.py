@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handfast.papers import mip
-from tests.support.program import ask, complains, run
+from tests.support.program import ask, run
 
 QUICK = ["--gap", "0.02"]
 COMMON = {"schema", "query", "verdict", "stop", "seconds", "nodes"}
@@ -124,15 +123,6 @@ def test_a_node_limit_is_undecided_too(grasp: str, capsys: pytest.CaptureFixture
     status, out, _ = run(capsys, *question)
     assert status == 3
     assert "The node limit of 1 was hit; a larger --node-limit may decide it." in out
-
-
-@pytest.mark.parametrize("solver", mip.SOLVERS)
-def test_a_missing_solver_is_one_line(
-    solver: str, grasp: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(mip, "available", lambda solver: False)
-    question = ["check", grasp, "--wrench", "0", "1", "0", "--method", "algorithm1", "--solver", solver]
-    complains(capsys, question, [f"'{solver}' is not installed", "--method algorithm1", "'handfast[reference]'"])
 
 
 # --- maps and sweeps ----------------------------------------------------------------------------

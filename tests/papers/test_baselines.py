@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from handfast import InputError, Verdict, check, load_grasp
-from handfast.papers import mip
-from handfast.papers.lemke import lemke
-from handfast.papers.pyramid_step import pyramid_step
-from handfast.papers.turn_scheme import turn_scheme
+from handfast.papers import mixed_integer_solvers
+from handfast.papers.earlier_scheme import turn_scheme
+from handfast.papers.friction_pyramids import lemke, pyramid_step
 from handfast.stability import model
 from tests.support.problems import nest, pinch, table
 
-scip = pytest.mark.skipif(not mip.available("scip"), reason="pyscipopt is not installed")
+scip = pytest.mark.skipif(not mixed_integer_solvers.available("scip"), reason="pyscipopt is not installed")
 
 
 def push(size: float, angle: float, weight: float = 10.0) -> list[float]:

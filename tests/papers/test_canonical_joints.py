@@ -7,8 +7,8 @@ import pytest
 
 from handfast.core.errors import InputError
 from handfast.model.hand import Coupling
-from handfast.papers.canonical_build import canonical, point
-from handfast.papers.loops import Kind
+from handfast.papers.canonical_equations import canonical, point
+from handfast.papers.kinematic_loops import Kind
 from handfast.readers.load_hand import load_hand
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.canonical_systems import TIGHT, at, check_solution, nullity, sah_system, tip

@@ -8,7 +8,7 @@ import pytest
 from handfast.model.bernstein import evaluate
 from handfast.model.cylinder_side import CylinderSide
 from handfast.papers.box_shrinking import Over, PaperSolver, ShrinkingSettings, SystemBox
-from handfast.papers.canonical_build import canonical
+from handfast.papers.canonical_equations import canonical
 from handfast.papers.patch_form import PatchForm, cylinder_parameters
 from handfast.readers.load_hand import load_hand
 from tests.support.canonical_systems import TIGHT, at, check_solution, sah_system, tip

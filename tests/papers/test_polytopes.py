@@ -16,10 +16,9 @@ from handfast.papers.box_shrinking import (
     Over,
     ShrinkingSettings,
 )
-from handfast.papers.canonical import Expanded, Patch
-from handfast.papers.dual_bound import DualBound
-from handfast.papers.highs import LinearProgram
-from handfast.papers.polytopes import LinearRows, relaxation
+from handfast.papers.canonical_system import Expanded, Patch
+from handfast.papers.linear_programs import DualBound, LinearProgram
+from handfast.papers.polytopes import LinearRows, polytopes
 from tests.support.exact_programs import exact, exact_below, finger
 
 STEADY = settings(max_examples=40, deadline=None, derandomize=True)
@@ -80,7 +79,7 @@ def test_polytopes_hold_every_point_of_their_form(seed, shape, width, height):
     size = np.array([width, height])
     lower = rng.uniform(0, 1, 2) * (1 - size)
     lower, upper = (np.concatenate([a, np.zeros(3)]) for a in (lower, np.minimum(lower + size, 1.0)))
-    rows = relaxation(forms(patch), lower, upper, 1e-9)
+    rows = polytopes(forms(patch), lower, upper, 1e-9)
     ends = [(F(float(a)), F(float(b))) for a, b in zip(lower[:2], upper[:2], strict=True)]
     for s, t in [(F(0), F(0)), (F(1), F(0)), (F(0), F(1)), (F(1), F(1))] + [
         (F(int(a), 97), F(int(b), 97)) for a, b in rng.integers(0, 98, (6, 2))
@@ -97,7 +96,7 @@ def test_polytopes_hold_little_else(seed, width):
     patch = rng.normal(size=(3, 3))
     lower = np.concatenate([rng.uniform(0, 1 - width, 2), np.zeros(3)])
     upper = lower + width * np.array([1, 1, 0, 0, 0])
-    rows = relaxation(forms(patch), lower, upper, 1e-9)
+    rows = polytopes(forms(patch), lower, upper, 1e-9)
     x, y = exact((lower + upper)[:2] / 2)
     right = [x, y, x * x, x * y, bernstein(patch, x, y)]
     thick = F(width) ** 2  # triangle and tetrahedron: a quarter; a quadratic patch: its second derivatives
@@ -112,7 +111,7 @@ def test_polytopes_hold_little_else(seed, width):
 def test_the_triangle_and_the_tetrahedron_of_figure_5():
     """The corners of both, which lie on their edges, and the known ends of x^2 and x y above the middle."""
     lower, upper = np.array([0.25, 0.5, 0, 0, 0]), np.array([0.75, 1.0, 0, 0, 0])
-    rows = relaxation(forms(np.zeros((2, 2))), lower, upper, 1e-9)
+    rows = polytopes(forms(np.zeros((2, 2))), lower, upper, 1e-9)
     for column, low, high in ((2, 0.1875, 0.3125), (3, 0.3125, 0.4375)):
         c = np.zeros(5)
         c[column] = 1
@@ -206,7 +205,7 @@ def test_rounding_is_on_the_safe_side(A, lo):
 def test_limits_of_a_program_are_kept():
     system = finger(0.15)
     x = system.expanded
-    rows = relaxation(x, x.lower, x.upper, 1e-9)
+    rows = polytopes(x, x.lower, x.upper, 1e-9)
     moving = np.flatnonzero(x.upper > x.lower)[:30]
 
     def finished(iterations: int, seconds: float) -> int:

@@ -6,7 +6,6 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -109,22 +108,11 @@ def test_bounds_commands_and_slips(grasp: Grasp, tmp_path: Path) -> None:
 
 
 def test_undecided_says_why(grasp: Grasp, tmp_path: Path) -> None:
-    answer = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, (), None, None)
+    answer = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, None, None)
     write_report(tmp_path / "a.html", grasp, [Entry("?", answer)], settings=Settings(time_limit=1.0))
     text = page(tmp_path / "a.html")
     assert '<b class="undecided">UNDECIDED</b>' in text
     assert "The time limit of 1 s was hit" in text
-
-
-def test_algorithm_1_is_told_by_its_steps(grasp: Grasp, tmp_path: Path) -> None:
-    settings = Settings(method="algorithm1", sectors=64)
-    point = SimpleNamespace(nodes=7, status="infeasible")
-    step = SimpleNamespace(number=1, edges=8, width=0.1, seconds=0.5, result=point, finished=True)
-    answer = CheckAnswer(Verdict.SLIPS, Stop.COMPLETE, 1.0, 7, (step,), None, None)
-    write_report(tmp_path / "a.html", grasp, [Entry("?", answer)], settings=settings)
-    text = page(tmp_path / "a.html")
-    for said in ("The search: 1 step, 7 nodes", "Algorithm 1", "scip (pyscipopt", "wider than the model, has no"):
-        assert said in text
 
 
 def test_the_grasp_alone_and_no_writing_over(grasp: Grasp, tmp_path: Path) -> None:
@@ -137,9 +125,7 @@ def test_the_grasp_alone_and_no_writing_over(grasp: Grasp, tmp_path: Path) -> No
 
 
 def test_map_table_has_every_direction(grasp: Grasp, tmp_path: Path) -> None:
-    answers = [
-        MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), None, None, v, v, False) for v in (1.25, 2.5, 3.75, 5)
-    ]
+    answers = [MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, None, None, v, v, False) for v in (1.25, 2.5, 3.75, 5)]
     curve = Curve.of([*answers[:3], None])
     directions = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0.0]])
     answer = MapAnswer(grasp, "xy", directions, curve, None, 1.0, 0)
@@ -190,7 +176,7 @@ def test_a_slip_names_its_load(grasp: Grasp, tmp_path: Path) -> None:
 
 
 def test_a_map_says_where_its_forces_act_and_what_the_weight_meets(grasp: Grasp, tmp_path: Path) -> None:
-    holds = [MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, (), None, None, v, v, False) for v in (1.0, 3.0)]
+    holds = [MaxAnswer(Verdict.HOLDS, Stop.COMPLETE, 0.0, 0, None, None, v, v, False) for v in (1.0, 3.0)]
     directions = np.array([[1, 0, 0], [-1, 0, 0.0]])
     plain = MapAnswer(grasp, "xy", directions, Curve.of(holds), None, 1.0, 0)
     entry = Entry("map", replace(plain, at=np.array([0, 0.02, 0])), weight=2.0)

@@ -242,7 +242,7 @@ def test_a_single_force_is_drawn_on_its_line_of_action(seed: int) -> None:
 
 
 def test_an_answer_without_anything_to_show_is_listed() -> None:
-    nothing = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, (), None, None)
+    nothing = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 1.0, 0, None, None)
     [seen] = scene_json(Scene.of(bell(), [ShownLoad("?", f"{nothing.verdict}", None, None)]))["grasps"]
     assert seen["loads"] == [{"title": "?", "said": "undecided", "wrench": None, "arrows": []}]
 

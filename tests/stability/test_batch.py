@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +11,6 @@ import pytest
 from handfast import Loads, check, check_many, load_grasp, max_many, maximum, torques, torques_many
 from handfast.core.answer import Stop
 from handfast.core.errors import InputError
-from handfast.core.parallel import WorkerPool
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import checker
@@ -252,25 +250,6 @@ def test_intervals_on_request() -> None:
     assert found.intervals is not None
     assert [i.holds_from_zero_to for i in found.intervals if i] == pytest.approx([1.0, 1.0], rel=2e-3)
     assert all(i is not None and not i.arcs for i in found.intervals)
-
-
-def test_solvers_of_algorithm1_are_not_for_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[tuple[int, bool]] = []
-
-    class Pool(WorkerPool):
-        def __init__(self, shared: object, jobs: int, *, threads: bool) -> None:
-            super().__init__(shared, jobs, threads=threads)
-            seen.append((self.jobs, threads))
-
-        def map(self, *_: object, **__: object) -> Iterator[list[Any]]:
-            return iter(())
-
-    monkeypatch.setattr("handfast.core.parallel.START", "spawn")
-    monkeypatch.setattr(batch, "WorkerPool", Pool)
-    monkeypatch.setattr(batch, "BLOCK", 2)
-    max_many(bell(), np.eye(6), settings=Settings(method="algorithm1"), jobs=3)
-    max_many(bell(), np.eye(6), jobs=3)
-    assert seen == [(1, True), (3, True)]
 
 
 def test_ctrl_c_leaves_none_in_processes_either(monkeypatch: pytest.MonkeyPatch) -> None:

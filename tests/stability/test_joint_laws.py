@@ -23,6 +23,7 @@ from handfast import (
 )
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
+from handfast.papers import algorithm1
 from handfast.proofs.answers import read_answer, replay
 from handfast.readers.grasp_file import from_dict, to_dict
 from handfast.stability import model
@@ -272,7 +273,7 @@ def test_nothing_moves_into_a_stop(stop: str) -> None:
 @pytest.mark.parametrize(
     ("ask", "words"),
     [
-        (lambda g: check(g, OPENS, settings=Settings(method="algorithm1")), "Algorithm 1 knows no friction"),
+        (lambda g: algorithm1.check(g, OPENS), "Algorithm 1 knows no friction"),
         (lambda g: torques(g, OPENS, actuators=["motor"]), "'motor' is backdrivable: its command is given"),
         (
             lambda g: check(g, OPENS, limits=GraspLimits(torque_limits={"motor": 0.05})),

@@ -26,7 +26,7 @@ from handfast.stability.maps import force_map, sweep
 from handfast.stability.settings import Settings
 from tests.support.problems import bell, pinch, table
 
-QUICK = Settings(sectors=64, gap=1e-2)
+QUICK = Settings(gap=1e-2)
 
 
 def test_map_of_the_pinch_by_hand() -> None:

@@ -147,7 +147,7 @@ def test_fig1_hair_offset_wedges_to_one_side_and_eta_forgives_it() -> None:
 @pytest.mark.slow
 def test_fig1_coupled_differs_from_the_papers_actuation() -> None:
     """The Barrett's distal joints follow at 1/3 instead of being locked: the load also closes them."""
-    settings = Settings(sectors=64, gap=0.02)
+    settings = Settings(gap=0.02)
     direct, coupled = (maximum(load_grasp(n), up(1), settings=settings) for n in ("fig1", "fig1-coupled"))
     assert coupled.witness.valid
     assert load_grasp("fig1-coupled").mechanism.A.shape[0] >= 2
@@ -211,7 +211,7 @@ def test_fig12_nothing_is_left_at_0_09() -> None:
 def test_fig9_wastes_preload() -> None:
     """Section VII-C: the force that 0.1 N m everywhere resists needs less than that of some fingers."""
     g = load_grasp("fig9")
-    settings = Settings(sectors=256, gap=2e-2)
+    settings = Settings(gap=2e-2)
     assert check(g, 1.2 * up(-1), settings=settings).verdict is Verdict.HOLDS
     answer = torques(g, 1.2 * up(-1), settings=settings)
     assert answer.verdict is Verdict.HOLDS
@@ -224,7 +224,7 @@ def test_fig9_wastes_preload() -> None:
 
 def test_a_coarse_map_of_fig1_shows_the_paper() -> None:
     """Without preload everything below is held and nothing straight up; with it, straight up too."""
-    answer = force_map(load_grasp("fig1"), "xy", steps=8, settings=Settings(sectors=64, gap=0.02))
+    answer = force_map(load_grasp("fig1"), "xy", steps=8, settings=Settings(gap=0.02))
     below = slice(5, 8)
     assert answer.passive.unbounded[below].all()
     assert answer.passive.verdicts[2] is Verdict.SLIPS

@@ -238,14 +238,10 @@ def test_laws_of_the_maximum(seed: int) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("sectors", 100, "sectors: is 100; 4, 8, 16"),
-        ("sectors", 2, "sectors: is 2; 4, 8, 16"),
         ("gap", 0.0, "gap: is 0; a positive number"),
         ("time_limit", -1.0, "time limit: is -1 s; a positive number"),
         ("node_limit", 0, "node limit: is 0; a positive number"),
         ("workers", 3, "workers: is 3; 1 or 2"),
-        ("method", "guess", "method: is 'guess'; one of engine, algorithm1"),
-        ("solver", "cplex", "solver: is 'cplex'; one of scip, gurobi"),
     ],
 )
 def test_settings_are_checked(field: str, value: object, message: str) -> None:

@@ -14,6 +14,7 @@ from handfast import verify
 from handfast.core.answer import Verdict
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact
+from handfast.papers import algorithm1
 from handfast.proofs import checker
 from handfast.readers.grasp_file import from_dict, load_grasp, save_grasp, to_dict
 from handfast.stability import model
@@ -151,7 +152,7 @@ def test_what_knows_point_contacts_only_says_so() -> None:
     with pytest.raises(InputError, match=r"contacts\[0\].torsion: is 0.004 m; uncertainty of the normals knows point"):
         check(coin(), np.zeros(6), limits=GraspLimits(eta=0.1))
     with pytest.raises(InputError, match="Algorithm 1 knows point contacts only"):
-        check(coin(), np.zeros(6), settings=Settings(method="algorithm1"))
+        algorithm1.check(coin(), np.zeros(6))
 
 
 @pytest.mark.parametrize("seed", range(12))

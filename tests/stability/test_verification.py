@@ -66,7 +66,7 @@ def test_a_bare_certificate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_an_answer_that_knows_no_question_is_not_saved(tmp_path: Path) -> None:
-    bare = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 0.0, 0, (), None, None)
+    bare = CheckAnswer(Verdict.UNDECIDED, Stop.TIME, 0.0, 0, None, None)
     with pytest.raises(InputError, match="answer: does not know its question"):
         bare.save(tmp_path / "r.json")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from handfast.model.region import Cap
-from handfast.papers.canonical import Canonical
-from handfast.papers.canonical_build import point
+from handfast.papers.canonical_equations import point
+from handfast.papers.canonical_system import Canonical
 from handfast.readers.load_hand import load_hand
 from tests.support.planted import bump, plant
 

@@ -7,8 +7,8 @@ from fractions import Fraction as F
 import numpy as np
 
 from handfast.model.region import Bezier, Cap
-from handfast.papers.canonical import Canonical
-from handfast.papers.canonical_build import canonical, point
+from handfast.papers.canonical_equations import canonical, point
+from handfast.papers.canonical_system import Canonical
 from handfast.papers.polytopes import LinearRows
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.planted import HOME, X, Z, bump, chain, joint, plant, pose

@@ -28,6 +28,7 @@ from handfast.cli.map import Map
 from handfast.cli.max import Max
 from handfast.cli.measures import MeasureGrasp
 from handfast.cli.options import Command, GraspOptions, is_number
+from handfast.cli.paper import Paper
 from handfast.cli.plan import PlanGrasps
 from handfast.cli.propose import Propose
 from handfast.cli.robust import Robust
@@ -66,6 +67,7 @@ COMMANDS: dict[str, type[Command]] = {
     "show": Show,
     "view": ViewGrasps,
     "list": List,
+    "paper": Paper,
     "demo": Demo,
 }
 
@@ -83,7 +85,8 @@ a little off, measures sets what the literature measures beside it. synthesize l
 configurations that bring regions of the hand onto regions of an object; grasp joins the two, from regions to a \
 hold with its torques. propose chooses such regions, plan closes the hand from everywhere. label says of every grasp \
 of a dataset what it holds. verify replays what backs an answer, simulate puts a load on a grasp in a dynamics engine, \
-settle follows one that slips to where it rests. show looks at a hand, view at a grasp under your mouse.
+settle follows one that slips to where it rests. show looks at a hand, view at a grasp under your mouse. \
+paper makes the tables and figures of the two papers again, and runs their own methods.
 
 Start with `handfast demo` or `handfast list`. SI units throughout; object frame. Exit status: 0 answered, \
 1 refused by verify, 2 bad input, 3 undecided."""

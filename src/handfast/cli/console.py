@@ -70,8 +70,6 @@ class Watch:
     def step(self, progress: Progress) -> None:
         """As one query goes on."""
         text = f"{progress.nodes} nodes"
-        if progress.step:
-            text = f"step {progress.step.number} · sectors {progress.step.width * 57.29578:.3g}° wide"
         if 0 < progress.upper < float("inf"):
             text += f" · bounds {progress.lower:.5g} to {progress.upper:.5g}"
         self._show(text, None, None)

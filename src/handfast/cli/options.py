@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from tyro.conf import Positional, UseAppendAction, arg
 from tyro.constructors import PrimitiveConstructorSpec
@@ -187,16 +187,6 @@ class QueryOptions(GraspOptions):
     """seconds for a question (in a map or sweep: for each direction)"""
     node_limit: Annotated[float, arg(metavar="N")] = float("inf")
     """nodes of the search for a question (in a map or sweep: for each direction)"""
-    method: Literal["engine", "algorithm1"] = "engine"
-    """engine, or algorithm1: the stability paper's, for comparison; needs pip install 'handfast[reference]'"""
-    solver: Literal["scip", "gurobi"] = "scip"
-    """for algorithm1: mixed-integer solver"""
-    sectors: Annotated[int, arg(metavar="N")] = 2048
-    """for algorithm1: finest friction sectors per contact: 4, 8, 16, ... more are more exact"""
-    full: bool = False
-    """for algorithm1: all sectors at once, no refinement (the paper's comparison)"""
-    as_printed: bool = False
-    """for algorithm1: the paper to the letter: refine to the end, (19) as printed"""
     json: bool = False
     """print one JSON object instead of a table"""
     report: Annotated[Path | None, arg(metavar="FILE.html")] = None
@@ -218,14 +208,9 @@ class QueryOptions(GraspOptions):
         from handfast.stability.settings import Settings
 
         return Settings(
-            method=self.method,
-            solver=self.solver,
-            sectors=self.sectors,
             gap=self.gap,
             time_limit=self.time_limit,
             node_limit=self.node_limit,
-            full=self.full,
-            as_printed=self.as_printed,
         )
 
     def options(self) -> dict[str, Any]:

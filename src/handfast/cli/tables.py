@@ -287,7 +287,7 @@ def _verdict(out: Console, grasp: Grasp, answer: Answer, sentence: str, asked: Q
     why = sentences.reason(answer, asked.settings())
     if why:
         out.print(why, style="yellow")
-    out.print(sentences.work(answer, asked.settings()), style="dim")
+    out.print(sentences.work(answer), style="dim")
 
 
 def _head(

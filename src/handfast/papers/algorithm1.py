@@ -1,54 +1,165 @@
 """Algorithm 1 of the stability paper: solve a relaxation, refine the active sectors, repeat (section V).
 
-An iterator: each step is one solved mixed-integer program; limits and early stops live outside.
+`refine` is the loop, `check`, `maximum` and `torques` ask the paper's three queries (section VII-A to C) with it. Every
+relaxation's result is tried as the start of an exact state, so HOLDS and the witnessed bounds are proved here, too;
+SLIPS and the other bounds rest on the mixed-integer solver's word, and there are no certificates.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from handfast.papers import mip
-from handfast.papers.program import INF
-from handfast.papers.relaxation import polygon, relaxation
-from handfast.papers.sectors import Discretisation, Sector
-from handfast.stability.goal import Goal
-from handfast.stability.refinement import RefinementStep, SolverStatus
-from handfast.stability.scaled_problem import ScaledProblem
-from handfast.stability.settings import Solver
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.model.grasp import Grasp
+from handfast.papers import mixed_integer_solvers
+from handfast.papers.friction_relaxation import Discretisation, Sector, polygon, relaxation
+from handfast.papers.mixed_integer import SOLVERS, Solver, SolverResult, SolverStatus
+from handfast.stability import scaled_problem
+from handfast.stability.answers import Answer
+from handfast.stability.goal import ANY_STATE, INF, NEAR_END, Effort, Goal, SmallestCommands
+from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.posed import Posed
+from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.queries.max_query import max_goal
+from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
+from handfast.stability.search import exact
+from handfast.stability.search.reduced import Reduced, reduce
+from handfast.stability.witness import Witness
+
+MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
+NEAR = 1e-9  # relative: what a witnessed magnitude is lowered by
+MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
+NEARLY_NONE = 1e-6  # (scaled) commands where the least that hold are only approached, as they go to 0
+LEAST = 1e-3  # [s] that a search has where no time is left
+STOPS = {
+    SolverStatus.OPTIMAL: Stop.COMPLETE,
+    SolverStatus.INFEASIBLE: Stop.COMPLETE,
+    SolverStatus.UNBOUNDED: Stop.COMPLETE,
+    SolverStatus.TIME: Stop.TIME,
+    SolverStatus.INTERRUPTED: Stop.INTERRUPTED,
+    SolverStatus.FAILED: Stop.NUMERICAL,
+}
 
 
-def run(
-    p: ScaledProblem,
-    goal: Goal,
-    *,
-    q: int = 9,
-    solver: Solver = "scip",
-    full: bool = False,
-    printed_robustness: bool = False,
-    time_limit: float = INF,
-) -> Iterator[RefinementStep]:
-    """Algorithm 1, one `RefinementStep` per mixed-integer program, until nothing is left to refine or none is feasible.
+@dataclass(frozen=True)
+class RefinementSettings:
+    """How Algorithm 1 runs.
+
+    Attributes:
+        solver: "scip" or "gurobi".
+        sectors: the finest friction discretisation: 4, 8, .. 2048 .. (4 * 2^q).
+        full: all sectors at the finest level at once, no refinement (the paper's comparison).
+        as_printed: refine to the finest level even when an exact solution already answers, and take (19) as printed.
+        gap: relative distance between witnessed and proved bound at which a number is precise enough.
+        timeout: [s] for one question.
+
+    Raises:
+        InputError: a number of sectors that is not 4 * 2^q, an unknown solver, or limits that are not positive.
+    """
+
+    solver: Solver = "scip"
+    sectors: int = 2048
+    full: bool = False
+    as_printed: bool = False
+    gap: float = 1e-3
+    timeout: float = INF
+
+    def __post_init__(self) -> None:
+        q = np.log2(self.sectors / 4) if self.sectors >= 4 else -1.0
+        if q < 0 or q != int(q) or q > 20:
+            raise InputError(f"is {self.sectors}; 4, 8, 16, ... (4 times a power of two) is needed", field="sectors")
+        if not self.gap > 0:
+            raise InputError(f"is {self.gap:g}; a positive number is needed", field="gap")
+        if not self.timeout > 0:
+            raise InputError(f"is {self.timeout:g} s; a positive number is needed", field="timeout")
+        if self.solver not in SOLVERS:
+            raise InputError(f"is '{self.solver}'; one of {', '.join(SOLVERS)} is needed", field="solver")
+
+    @property
+    def q(self) -> int:
+        """Refinements from four sectors to the finest level."""
+        return round(np.log2(self.sectors / 4))
+
+    def after(self, seconds: float) -> RefinementSettings:
+        """For what follows a search of so many seconds: the rest of its time."""
+        return replace(self, timeout=max(self.timeout - seconds, LEAST))
+
+
+@dataclass(frozen=True, eq=False)
+class RefinementStep:
+    """One pass of Algorithm 1.
+
+    Attributes:
+        number: counts from 1.
+        result: the solver's answer, checked against its program.
+        point: the relaxation's solution in the model's (scaled) unknowns, None without one. Its scalar is lambda, s
+            or the objective, whatever the goal.
+        bound: what the solver proved about the objective of this relaxation, hence of the exact problem.
+        width: [rad] the widest active sector, 0 if none is active; `finished` once all are at gamma / 2^q.
+        sectors: of each contact, at this step.
+        edges: friction edges over all contacts.
+        seconds: of this step.
+    """
+
+    number: int
+    result: SolverResult
+    point: ScaledPoint | None
+    bound: float
+    width: float
+    finished: bool
+    sectors: tuple[Discretisation, ...]
+    edges: int
+    seconds: float
+
+
+class RefinementProgress(NamedTuple):
+    """Where a question is: the bounds so far, the solver's nodes, and the last step."""
+
+    lower: float
+    upper: float
+    nodes: int
+    step: RefinementStep
+
+
+OnProgress = Callable[[RefinementProgress], None]
+A = TypeVar("A", bound=Answer)
+
+
+class Refined(NamedTuple, Generic[A]):
+    """What Algorithm 1 answers: as the queries do, without a certificate; and the steps that it took."""
+
+    answer: A
+    steps: tuple[RefinementStep, ...]
+
+
+# --- the loop -----------------------------------------------------------------------------------------------------
+
+
+def refine(p: ScaledProblem, goal: Goal, settings: RefinementSettings) -> Iterator[RefinementStep]:
+    """Algorithm 1, one step per mixed-integer program, until nothing is left to refine or none is feasible.
+
+    Each step returns control: limits and early stops live outside.
 
     Args:
         p: the scaled problem; with `p.mdp` False one program without sectors is solved.
         goal: the objective.
-        q: finest level, sectors of gamma / 2^q; 4 * 2^q sectors in all (9: 2048).
-        solver: "scip" or "gurobi".
-        full: all sectors at the finest level from the start (the paper's comparison).
-        printed_robustness: use (19) as printed, see `relaxation`.
-        time_limit: [s] for all steps together.
+        settings: solver, sectors, the time for all steps together; as printed, (19) is an equality.
     """
-    deadline = time.monotonic() + time_limit
-    begin = Discretisation.full if full else Discretisation.coarse
-    sectors = [begin(q) for _ in p.mu]
+    deadline = time.monotonic() + settings.timeout
+    begin = Discretisation.full if settings.full else Discretisation.coarse
+    sectors = [begin(settings.q) for _ in p.mu]
     for number in range(1, 10_000):
         clock = time.monotonic()
         edges = [s.edges() for s in sectors] if p.mdp else [polygon() for _ in p.mu]
-        model = relaxation(p, goal, edges, printed_robustness)
-        result = mip.solve(model.program, solver, time_limit=deadline - clock)
+        model = relaxation(p, goal, edges, settings.as_printed)
+        result = mixed_integer_solvers.solve(model.program, settings.solver, time_limit=deadline - clock)
         point = model.read(result.x) if result.x is not None else None
         to_refine: list[tuple[int, Sector]] = []
         width = 0.0
@@ -65,6 +176,7 @@ def run(
             bound=result.bound,
             width=width,
             finished=result.status is SolverStatus.OPTIMAL and not to_refine,
+            sectors=tuple(sectors),
             edges=sum(len(e.length) for e in edges),
             seconds=time.monotonic() - clock,
         )
@@ -72,3 +184,237 @@ def run(
             return
         for i, sector in to_refine:
             sectors[i] = sectors[i].refined(sector)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What the loop came to: the smallest objective with its witness, the bound on it, why it ended, its steps."""
+
+    value: float
+    bound: float
+    witness: Witness | None
+    stop: Stop
+    seconds: float
+    steps: tuple[RefinementStep, ...]
+
+    def after(self, before: _Found) -> _Found:
+        """With the cost of what was asked before."""
+        return replace(self, seconds=self.seconds + before.seconds, steps=before.steps + self.steps)
+
+    @property
+    def cost(self) -> tuple[float, int]:
+        """Seconds and nodes, as answers have them."""
+        return self.seconds, sum(s.result.nodes for s in self.steps)
+
+
+def _search(p: ScaledProblem, goal: Goal, settings: RefinementSettings, on_progress: OnProgress | None) -> _Found:
+    """Refine until value and bound are as near as asked; Ctrl-C leaves what was reached."""
+    start = time.monotonic()
+    r = reduce(p, goal)
+    end = float(r.lo[0]) if goal.has_direction else -INF  # of the search
+    last = end + NEAR_END * abs(end) if end > -INF else -INF
+    found: Witness | None = None
+    value, bound = INF, -INF
+    steps: list[RefinementStep] = []
+    interrupted = False
+    try:
+        for step in refine(p, goal, settings):
+            steps.append(step)
+            if step.result.status is SolverStatus.INFEASIBLE:
+                bound = INF
+            elif goal.has_scalar and step.bound > last:
+                bound = max(bound, step.bound)
+            if step.point is not None:
+                at_end = end > -INF and goal.objective(step.point.scalar) <= last
+                hit = _exact_state(r, step.point, hold=True) if at_end else None
+                hit = hit or _exact_state(r, step.point)
+                if hit and end > -INF and goal.objective(hit[1].scalar) < end:  # past it: is there one right there?
+                    hit = _exact_state(r, hit[1], hold=True)
+                if hit:
+                    achieved = goal.achieved(hit[0], hit[1].scalar)
+                    if achieved < value:
+                        value, found = achieved, hit[0]
+            if on_progress:
+                bounds = goal.bounds(p, value, bound)
+                on_progress(RefinementProgress(*bounds, sum(s.result.nodes for s in steps), step))
+            if ((found and not goal.has_scalar) or value <= last or goal.near(value, bound, settings.gap)) and (
+                not settings.as_printed
+            ):
+                break
+    except KeyboardInterrupt:
+        interrupted = True
+    stop = Stop.INTERRUPTED if interrupted or not steps else STOPS[steps[-1].result.status]
+    done = value <= last or goal.near(value, bound, settings.gap) or (found is not None and not goal.has_scalar)
+    if (bound == INF and found is None) or done:
+        stop = Stop.COMPLETE
+    elif stop is Stop.COMPLETE:
+        stop = Stop.RESOLUTION
+    if bound == INF:  # no state at all: whatever an earlier step seemed to find
+        value, found = INF, None
+    bound = min(bound, value)  # it holds within the motion cap, which Newton's method may leave
+    return _Found(value, bound, found, stop, time.monotonic() - start, tuple(steps))
+
+
+def _exact_state(r: Reduced, start: ScaledPoint, *, hold: bool = False) -> tuple[Witness, ScaledPoint] | None:
+    """A valid witness near a relaxation's solution, with its scaled point; None if Newton finds none.
+
+    hold: at the end of the search for a maximum.
+    """
+    for tol in MODE_TOLERANCES:
+        z = exact.solve(r, r.z(start), tolerance=tol, hold=hold)
+        if z is None:
+            continue
+        x = r.point(z)
+        witness = r.witness(x)
+        if witness.valid:
+            return witness, x
+    return None
+
+
+# --- the queries --------------------------------------------------------------------------------------------------
+
+
+def check(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    limits: GraspLimits = NO_LIMITS,
+    mdp: bool = True,
+    settings: RefinementSettings | None = None,
+    on_progress: OnProgress | None = None,
+) -> Refined[CheckAnswer]:
+    """Is a wrench (6,) [N, N m], or a force (3,), resisted? Section VII-A, (20)-(22).
+
+    Arguments are those of `handfast.check`.
+
+    Raises:
+        InputError: as there; laws of joints, and soft fingers, which the paper does not know; no such solver.
+    """
+    settings = settings or RefinementSettings()
+    p = _posed(grasp, wrench, limits=limits, mdp=mdp)
+    caps = (p.cn_max,) if p.mdp else (min(p.cn_max, MODEST), p.cn_max)  # without (6) moderate forces first
+    for cap in caps:
+        found = _search(replace(p, cn_max=cap), ANY_STATE, settings, on_progress)
+        verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
+        if verdict is Verdict.HOLDS:
+            break
+        settings = settings.after(found.seconds)
+    posed = Posed(replace(p, cn_max=cap), ANY_STATE)
+    answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, None, posed=posed, verified=True)
+    return Refined(answer.settled(), found.steps)
+
+
+def maximum(
+    grasp: Grasp,
+    direction: Sequence[float] | Array,
+    *,
+    base: Sequence[float] | Array | None = None,
+    limits: GraspLimits = NO_LIMITS,
+    mdp: bool = True,
+    settings: RefinementSettings | None = None,
+    on_progress: OnProgress | None = None,
+) -> Refined[MaxAnswer]:
+    """The largest s such that base + s direction is resisted. Section VII-B, (23)-(25).
+
+    Arguments and errors are those of `handfast.maximum` and of `check` here.
+    """
+    settings = settings or RefinementSettings()
+    p = _posed(grasp, np.zeros(6) if base is None else base, direction, limits=limits, mdp=mdp)
+    goal = max_goal(p)
+    if not goal.has_scalar:  # nothing but the disturbance: resisted at every magnitude or at none
+        p = replace(p, w0=p.direction, wrench=p.along)
+    if goal.maximised and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
+        free = scaled_problem.build(p.grasp, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
+        alone = _search(free, ANY_STATE, settings, on_progress)
+        if alone.bound == INF:  # what slips without limits slips with them
+            return _largest(Posed(free, ANY_STATE), alone)
+        settings = settings.after(alone.seconds)
+    found = _search(p, goal, settings, on_progress)
+    if found.witness is None and found.bound < INF and goal.maximised and found.stop is not Stop.INTERRUPTED:
+        alone = _search(p, ANY_STATE, settings.after(found.seconds), None)  # is the base load resisted, at least?
+        found = found.after(alone)
+        if alone.witness is not None:
+            found = replace(found, witness=alone.witness, value=0.0)
+    return _largest(Posed(p, goal), found)
+
+
+def _largest(posed: Posed, found: _Found) -> Refined[MaxAnswer]:
+    """The answer to a maximum, with its witness at the largest magnitude."""
+    p, goal = posed
+    w, lower, upper, unbounded = found.witness, 0.0, INF, False
+    if found.bound == INF:
+        verdict, w, upper = Verdict.SLIPS, None, 0.0
+    elif w is None:
+        verdict = Verdict.UNDECIDED
+        upper = goal.bounds(p, INF, found.bound)[1] if goal.has_scalar else INF
+    else:
+        verdict = Verdict.HOLDS
+        if goal.has_scalar:
+            lower, upper = goal.bounds(p, found.value, found.bound)
+            unbounded = bool(lower >= p.last_magnitude * (1 - NEAR_END))
+            w = _scaled(w, lower / p.direction_scale, p.grasp) if goal.homogeneous else w
+        else:
+            lower, unbounded, w = p.last_magnitude, True, _scaled(w, p.last_magnitude, p.grasp)
+        upper = INF if unbounded else upper
+        if lower == 0 and not p.w0.any():  # rest without a load says nothing of any magnitude
+            verdict, w = Verdict.UNDECIDED, None
+    bounds: dict[str, Any] = {"lower": lower * (1 - NEAR), "upper": upper, "unbounded": unbounded}
+    answer = MaxAnswer(verdict, found.stop, *found.cost, w, None, **bounds, posed=posed, verified=True)
+    return Refined(answer.settled(), found.steps)
+
+
+def _scaled(w: Witness, s: float, grasp: Grasp) -> Witness:
+    """A homogeneous witness (w = d, commands lambda f_c) scaled so that the commands are the grasp's own."""
+    return Witness(grasp.with_preload(s * w.grasp.command), s * w.wrench, w.state.scaled(s), w.eta, w.mdp)
+
+
+def torques(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    objective: Effort = "max",
+    actuators: Sequence[str] | None = None,
+    limits: GraspLimits = NO_LIMITS,
+    settings: RefinementSettings | None = None,
+    on_progress: OnProgress | None = None,
+) -> Refined[TorquesAnswer]:
+    """The commands that resist a wrench with the least effort. Section VII-C, (26)-(27).
+
+    Arguments and errors are those of `handfast.torques` and of `check` here.
+    """
+    settings = settings or RefinementSettings()
+    if objective not in ("max", "sum"):
+        raise InputError(f"is '{objective}'; 'max' or 'sum' is needed", field="objective")
+    names = list(actuators or grasp.sought_actuators)
+    chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
+    sense = {n: v for n, v in grasp.preload.items() if n in names}
+    asked = grasp.with_commands({n: np.sign(sense.get(n, 1.0)) for n in names})
+    p, goal = _posed(asked, wrench, driven=chosen, limits=limits), SmallestCommands(objective)
+    found = _search(p, goal, settings, on_progress)
+    if found.witness is None and found.bound <= 0.0 and found.stop is not Stop.INTERRUPTED:
+        # any will do, and none will not: ask for hardly any
+        same = p.equivalent
+        little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
+        held = scaled_problem.build(little, p.wrench, limits=p.limits)
+        there = _search(held, ANY_STATE, settings.after(found.seconds), None)
+        if there.witness is not None:
+            found = replace(found.after(there), witness=there.witness, stop=Stop.COMPLETE)
+    preload, lower, upper = None, max(found.bound, 0.0), INF
+    if found.bound == INF:
+        verdict, lower = Verdict.SLIPS, INF
+    elif found.witness is None:
+        verdict = Verdict.UNDECIDED
+    else:
+        verdict, commands = Verdict.HOLDS, found.witness.grasp.command
+        every = dict(zip(found.witness.grasp.mechanism.actuators, commands.tolist(), strict=True))
+        preload, upper = {n: every[n] for n in names}, goal.cost(found.witness.grasp)
+    backing: dict[str, Any] = {"posed": Posed(p, goal), "verified": True}
+    answer = TorquesAnswer(verdict, found.stop, *found.cost, found.witness, None, preload, lower, upper, **backing)
+    return Refined(answer.settled(), found.steps)
+
+
+def _posed(grasp: Grasp, *loads: Any, **options: Any) -> ScaledProblem:
+    """The scaled problem of a grasp that the paper's model knows."""
+    grasp.refuse_laws("Algorithm 1")
+    grasp.refuse_soft_fingers("Algorithm 1")
+    return scaled_problem.build(grasp, *loads, **options)

@@ -30,10 +30,9 @@ from handfast.core.arrays import Array
 from handfast.core.branch import BranchAndPrune, Discarded, Final, Order, Outcome, Split
 from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
-from handfast.papers.canonical import Canonical
-from handfast.papers.dual_bound import DualBound
-from handfast.papers.highs import LinearProgram, highspy
-from handfast.papers.polytopes import relaxation
+from handfast.papers.canonical_system import Canonical
+from handfast.papers.linear_programs import DualBound, LinearProgram, highspy
+from handfast.papers.polytopes import polytopes
 
 
 class Over(StrEnum):
@@ -103,7 +102,7 @@ class Emptiness:
     Attributes:
         box: the box at the time, already shrunk by proved bounds.
         start: the box at the beginning of the pass: the polytopes are those over it.
-        multipliers: of the rows of `relaxation(start)`.
+        multipliers: of the rows of `polytopes(start)`.
         column, sign: of the variable whose proved bound contradicts the box; None for a Farkas ray.
         margin: by how much, at least.
     """
@@ -197,7 +196,7 @@ class PaperSolver:
         """One pass of LP1 and LP2 over the variables (4.3): a box that holds all solutions of `start`, or why none."""
         s, x = self.settings, self.system.expanded
         lower, upper = start.lower.copy(), start.upper.copy()
-        rows = relaxation(x, lower, upper, s.slack)
+        rows = polytopes(x, lower, upper, s.slack)
         dual = DualBound(rows)
         program = LinearProgram(rows, lower, upper, iterations=s.iterations, seconds=s.seconds)
         programs = unproved = 0

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from handfast.core.arrays import Array, Indices
 from handfast.model.bernstein import PADDING, restrict
-from handfast.papers.canonical import Expanded, Patch
+from handfast.papers.canonical_system import Expanded, Patch
 
 INF = np.inf
 UNIT = 2.0**-53
@@ -31,7 +31,7 @@ class LinearRows:
     hi: Array
 
 
-def relaxation(x: Expanded, lower: Array, upper: Array, slack: float) -> LinearRows:
+def polytopes(x: Expanded, lower: Array, upper: Array, slack: float) -> LinearRows:
     """Lambda, each equation to within `slack`, and the polytopes of all Psi over the box [lower, upper].
 
     The slack is for the rounding of the coefficients: the true mechanism fulfils the equations to within it.

@@ -8,9 +8,7 @@ always did, slowly, and come last. "Infeasible" counts when two attempts say so:
 
 from __future__ import annotations
 
-import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -21,8 +19,8 @@ from typing import Any
 import numpy as np
 from pyscipopt import SCIP_EVENTTYPE, Eventhdlr, Model, quicksum
 
-from handfast.papers.program import INF, MixedIntegerProgram
-from handfast.stability.refinement import SolverResult, SolverStatus
+from handfast.core.quiet import silent
+from handfast.papers.mixed_integer import INF, MixedIntegerProgram, SolverResult, SolverStatus
 
 STATUS = {
     "optimal": SolverStatus.OPTIMAL,
@@ -38,7 +36,7 @@ FAILED = SolverResult(SolverStatus.FAILED, None, -INF, 0)
 
 
 def solve(program: MixedIntegerProgram, time_limit: float) -> SolverResult:
-    """Minimise the program; see `handfast.papers.mip.solve`."""
+    """Minimise the program; see `mixed_integer_solvers.solve`."""
     deadline = time.monotonic() + time_limit
     claims = 0
     for order, nodes in LADDER:
@@ -102,7 +100,7 @@ def _solve(
     for members in program.sos2:
         _sos2(model, [xs[i] for i in members], native)
     model.setObjective(quicksum(v * xs[i] for i, v in program.cost.items()), "minimize")
-    with _quiet():
+    with silent(2):  # SCIP's LP solver writes remarks on tolerances straight to standard error
         model.optimize()
 
     name = model.getStatus()
@@ -186,18 +184,3 @@ def _ctrl_c() -> Iterator[list[bool]]:
         yield pressed
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """SCIP's LP solver writes remarks on tolerances straight to file descriptor 2: let nobody read them."""
-    sys.stderr.flush()
-    saved = os.dup(2)
-    sink = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(sink, 2)
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(sink)

@@ -152,7 +152,7 @@ def _answer(
             proved = sentences.certified(answer.certificate, answer.verified)
             why = f"every case of equations (1) to (8) was refuted: {proved}."
         parts.append(f'<p class="note">There is no equilibrium to show: {escape(why)}</p>')
-    parts.append(page_tables.search_table(answer, settings))
+    parts.append(page_tables.search_note(answer))
     return parts
 
 
@@ -212,18 +212,7 @@ def _settings_section(settings: Settings, entries: Sequence[Entry]) -> str:
     etas = sorted({float(np.degrees(e.eta)) for e in entries}) or [0.0]
     versions = f"handfast {_version('handfast')}, Python {platform.python_version()}, numpy {np.__version__}"
     rows = [["gap of the bounds", f"{num(100 * settings.gap)} %"], ["time limit per question", limit]]
-    if settings.method == "engine":
-        rows = [["method", "tree search with certificates"], *rows, ["node limit per question", nodes]]
-    else:
-        package = {"scip": "pyscipopt", "gurobi": "gurobipy"}[settings.solver]
-        rows = [
-            ["method", "Algorithm 1"],
-            ["solver", f"{settings.solver} ({package} {_version(package)})"],
-            ["finest friction sectors", str(settings.sectors)],
-            *rows,
-            ["refinement", "all sectors at once" if settings.full else "where the solution lies"],
-            ["algorithm", "as printed" if settings.as_printed else "ends once an exact solution answers"],
-        ]
+    rows = [["method", "tree search with certificates"], *rows, ["node limit per question", nodes]]
     rows += [["uncertainty of the normals", ", ".join(f"{num(x)}°" for x in etas)], ["versions", versions]]
     return (
         f"<section><h2>Settings</h2>{table(['', ''], rows)}"

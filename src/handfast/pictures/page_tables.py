@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
     from handfast.stability.margin import Margin
     from handfast.stability.queries import TorquesAnswer
-    from handfast.stability.settings import Settings
     from handfast.stability.witness import Witness
 
 BAD = "\x00"  # in front of a cell: a number that should worry
@@ -223,24 +222,9 @@ def sweep_table(answer: SweepAnswer) -> str:
     return table(heads, rows, "Numbers")
 
 
-def search_table(answer: Answer, settings: Settings) -> str:
-    """What the search took, and the steps of Algorithm 1, folded away."""
-    if not answer.steps:
-        return f'<p class="note">The search: {escape(sentences.work(answer, settings))}.</p>'
-    heads = ["step", "friction edges", "widest active sector [°]", "nodes", "seconds", "#program"]
-    rows = [
-        [
-            str(s.number),
-            str(s.edges),
-            num(np.degrees(s.width), 3),
-            str(s.result.nodes),
-            f"{s.seconds:.2f}",
-            str(s.result.status),
-        ]
-        for s in answer.steps
-    ]
-    total = f"{words.count(len(answer.steps), 'step')}, {answer.nodes} nodes, {answer.seconds:.2f} s"
-    return f"<details><summary>The search: {total}</summary>{table(heads, rows)}</details>"
+def search_note(answer: Answer) -> str:
+    """What the search took."""
+    return f'<p class="note">The search: {escape(sentences.work(answer))}.</p>'
 
 
 def grasp_table(grasp: Grasp) -> str:

@@ -175,33 +175,15 @@ def reason(answer: Answer, settings: Settings) -> str:
             return f"The node limit of {num(settings.node_limit)} was hit; a larger --node-limit may decide it."
         case Stop.INTERRUPTED:
             return "It was interrupted; these are the bounds so far."
-        case _ if settings.method == "engine" and answer.verdict is Verdict.HOLDS:
-            return f"The bounds have not met to {num(100 * settings.gap)} %: the numbers did not suffice for all cases."
-        case _ if settings.method == "engine":
-            return "The search ended without an answer: the numbers did not suffice for all cases."
-        case _ if answer.verdict is Verdict.HOLDS and settings.sectors < 2048:
-            return (
-                f"The bounds have not met to {num(100 * settings.gap)} % with {settings.sectors} sectors "
-                f"({num(360 / settings.sectors)}° each); more --sectors bring them closer."
-            )
         case _ if answer.verdict is Verdict.HOLDS:
-            gap = num(100 * settings.gap)
-            return f"The bounds have not met to {gap} %; more --sectors may bring them closer."
-        case _ if answer.steps and answer.steps[-1].finished:
-            return (
-                f"The relaxed model has a solution at the finest of {settings.sectors} sectors, but no exact "
-                "one was found near it; more --sectors may decide it."
-            )
+            return f"The bounds have not met to {num(100 * settings.gap)} %: the numbers did not suffice for all cases."
         case _:
-            return "The search ended without an answer: the solver's numbers did not suffice."
+            return "The search ended without an answer: the numbers did not suffice for all cases."
 
 
-def work(answer: Answer, settings: Settings) -> str:
+def work(answer: Answer) -> str:
     """How an answer was found, and what proves it."""
-    seconds = f"{num(answer.seconds, 2)} s"
-    if settings.method == "algorithm1":
-        return f"Algorithm 1 on {settings.solver}: {count(len(answer.steps), 'program')}, {seconds}"
-    found = f"{count(answer.nodes, 'node')}, {seconds}"
+    found = f"{count(answer.nodes, 'node')}, {num(answer.seconds, 2)} s"
     return f"{found}; {certified(answer.certificate, answer.verified)}" if answer.certificate else found
 
 

@@ -27,7 +27,6 @@ from handfast.proofs.states import Problem
 from handfast.proofs.states import State as StateData
 from handfast.stability.model import State
 from handfast.stability.posed import Posed, grasp_data, stated
-from handfast.stability.refinement import RefinementStep
 from handfast.stability.witness import Witness
 
 if TYPE_CHECKING:
@@ -42,9 +41,9 @@ class Answer(Shown, ABC):
         query: its name in JSON.
         verdict: HOLDS with a valid witness; SLIPS if every case is refuted; else UNDECIDED.
         stop: why the search ended.
-        seconds, nodes: its cost: wall time, nodes of the tree. steps: those of Algorithm 1.
+        seconds, nodes: its cost: wall time, nodes of the tree.
         found: the exact solution behind `verdict` or `lower`, as it was found; see `witness`.
-        proof: what the other bound rests on; Algorithm 1 has none.
+        proof: what the other bound rests on; None without one.
         posed: the problem and the goal of the search.
         verified: was everything that it says replayed, the proof by the independent checker?
     """
@@ -55,7 +54,6 @@ class Answer(Shown, ABC):
     stop: Stop
     seconds: float
     nodes: int
-    steps: tuple[RefinementStep, ...]
     found: Witness | None
     proof: Proof | None = field(repr=False)
     posed: Posed | None = field(default=None, kw_only=True, repr=False)

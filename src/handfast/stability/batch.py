@@ -74,7 +74,7 @@ class BatchOptions:
 
     def together(self, grasp: Grasp) -> bool:
         """Are rows about a grasp for the kernel?"""
-        if self.answers or self.interval or self.query == "torques" or not self.mdp or self.settings.method != "engine":
+        if self.answers or self.interval or self.query == "torques" or not self.mdp:
             return False
         return self.query == "check" or bool(grasp.command.any()) or equivalent_of(grasp).is_given
 
@@ -184,11 +184,10 @@ def _ask(
     W = as_rows(wrenches, len(each), field_)
     B, options = as_base(base, W), options.of_rows()
     (g, n), done = W.shape[:2], 0
-    solver = options.settings.method != "engine"  # whose cases take long
-    pieces = _pieces(g, n, 1 if solver else BLOCK)
+    pieces = _pieces(g, n, BLOCK)
     many = g * n > (FORK if all(map(options.together, each)) else FORK_ALONE)
-    forked = parallel.START == "fork" and (many or solver or options.answers or options.query == "torques")
-    jobs = 1 if solver and not forked else min(jobs or default_jobs(), max(len(pieces), 1))  # no solver is for threads
+    forked = parallel.START == "fork" and (many or options.answers or options.query == "torques")
+    jobs = min(jobs or default_jobs(), max(len(pieces), 1))
     parts: list[AnswerRows] = []
     with WorkerPool((each, W, B, options), jobs, threads=not forked) as pool:
         try:

@@ -196,7 +196,7 @@ def hold(
     The other arguments and errors are those of `check` and `torques`.
     """
     asked = settings or Settings()
-    compiled(asked)
+    compiled()
     names = tuple(actuators or grasp.sought_actuators)
     whole = SearchLimits(timeout)
     clock = SearchLimits((1 - MARGINS) * whole.seconds_left) if margins else whole

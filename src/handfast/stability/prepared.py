@@ -86,7 +86,7 @@ class PreparedGrasp:
         if found is None:
             return check(self.grasp, w, limits=self.limits, settings=self.settings)
         witness = Witness(self.grasp, w, found[0], self.limits.eta, True)
-        cost = time.perf_counter() - start, found[1], ()
+        cost = time.perf_counter() - start, found[1]
         posed = Posed(partial(scaled_problem.build, self.grasp, w, limits=self.limits), ANY_STATE)
         return CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, *cost, witness, None, posed=posed, verified=True)
 

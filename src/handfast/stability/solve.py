@@ -1,4 +1,4 @@
-"""A posed question to the method of the settings: the engine, or the paper's Algorithm 1."""
+"""A posed question to the engine, and what follows its search."""
 
 from __future__ import annotations
 
@@ -22,29 +22,22 @@ LEAST = 1e-3  # [s] that a search has where no time is left
 
 
 def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | None, **hints: Any) -> Outcome:
-    """What the search finds; hints: to the engine's, see `search.front`. Methods load when they are asked first."""
-    if settings.method == "algorithm1":
-        p.grasp.refuse_laws("Algorithm 1")
-        p.grasp.refuse_soft_fingers("Algorithm 1")
-        from handfast.papers import reference
-
-        return reference.search(p, goal, settings, on_step)
+    """What the search finds; hints: see `search.front`. The engine loads when it is asked first."""
     from handfast.stability.search import front
 
     return front.search(p, goal, settings, on_step, **hints)
 
 
-def compiled(settings: Settings) -> None:
+def compiled() -> None:
     """Let the engine be compiled, or loaded, before the clock of a question runs: that is no question's time."""
-    if settings.method == "engine":
-        from handfast.stability.search.machine import LIBRARY
+    from handfast.stability.search.machine import LIBRARY
 
-        LIBRARY.functions  # noqa: B018
+    LIBRARY.functions  # noqa: B018
 
 
 def clock_of(settings: Settings) -> SearchLimits:
     """The time of a question, from now on."""
-    compiled(settings)
+    compiled()
     return SearchLimits(settings.time_limit)
 
 

@@ -191,7 +191,7 @@ class Runner:
             return RejectionReason.STRONG, None
         if a.options.simulate and not self.simulated(grasp, Bodies.of(a.hand, closed.q, a.body, pose)):
             return RejectionReason.SIMULATED, None
-        checks = tuple(replace(c, steps=(), proof=None) for c in answer.checks)  # grasps travel between processes
+        checks = tuple(replace(c, proof=None) for c in answer.checks)  # grasps travel between processes
         answer = replace(answer, checks=checks)
         return PlannedGrasp(closed.q, pose, grasp, answer, inside, deep.itself, number, searched)
 

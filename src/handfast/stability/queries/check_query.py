@@ -85,7 +85,7 @@ def check(
         limits: uncertainty of the contact normals, largest forces of actuators and at contacts.
         mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
             literature), for comparison only: it creates energy out of nothing.
-        settings: method, precision, limits; of each question, if there are several.
+        settings: precision, limits; of each question, if there are several.
         on_step: called while it runs, with the bounds so far.
 
     Raises:

@@ -242,8 +242,8 @@ def largest(
         if lower == 0 and not p.w0.any():  # rest without a load says nothing of any magnitude
             verdict, w = Verdict.UNDECIDED, None
     backing: dict[str, Any] = {"posed": posed, "verified": found.backed}
-    bounds = lower * (1 - NEAR), upper, unbounded
-    answer = MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, *bounds, **backing)
+    backing |= {"lower": lower * (1 - NEAR), "upper": upper, "unbounded": unbounded}
+    answer = MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, **backing)
     return answer.settled(limits.end) if settings.verify else answer
 
 
@@ -267,13 +267,13 @@ def _search(
         if alone.bound == INF:
             return Posed(free, ANY_STATE), alone
         settings = time_left(settings, limits)
-    hints = {"near": near} if near and goal.has_scalar and settings.method == "engine" else {}
+    hints = {"near": near} if near and goal.has_scalar else {}
     found = solve(p, goal, settings, on_step, **hints)
-    if found.bound == INF and goal.has_scalar and settings.method == "engine" and runs_away(p.grasp):
+    if found.bound == INF and goal.has_scalar and runs_away(p.grasp):
         if goal.homogeneous:  # by the same rows with any preload
             left = time_left(settings, limits)
             found = solve(p, goal, left, on_step, within=(goal.search_range(p)[0], INF)).after(found)
-    elif found.bound == INF and goal.has_scalar and settings.method == "engine":
+    elif found.bound == INF and goal.has_scalar:
         found = without_end(p, goal, settings, on_step, found, limits)
     interrupted = found.stop is Stop.INTERRUPTED
     if found.witness is None and found.bound < INF and goal.maximised and not interrupted:

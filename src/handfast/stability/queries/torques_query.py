@@ -103,8 +103,8 @@ def torques(
         every = dict(zip(found.witness.grasp.mechanism.actuators, commands.tolist(), strict=True))
         preload, upper = {n: every[n] for n in names}, goal.cost(found.witness.grasp)
     backing: dict[str, Any] = {"posed": Posed(p, goal), "verified": found.backed}
-    bounds = preload, lower, upper
-    answer = TorquesAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, *bounds, **backing)
+    backing |= {"preload": preload, "lower": lower, "upper": upper}
+    answer = TorquesAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
     return answer.settled(clock.end) if settings.verify else answer
 
 
@@ -119,7 +119,7 @@ def _search(
     """The least commands that were found, raised by a little so that they hold by more than luck."""
     finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
     found = solve(p, goal, finer, on_step)
-    if found.bound == INF and settings.method == "engine":
+    if found.bound == INF:
         found = without_end(p, goal, finer, on_step, found, clock)
     if found.stop is Stop.INTERRUPTED:
         return found
@@ -128,7 +128,7 @@ def _search(
         little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
         held = held_under(little, p, settings, found, clock)
         return found if held is None else replace(held, stop=Stop.COMPLETE)  # nothing is less than none
-    if found.witness is not None and settings.method == "engine" and not clock.late:
+    if found.witness is not None and not clock.late:
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
         command = found.witness.grasp.command
         back = np.array(grasp.mechanism.backdrivable, dtype=bool)

@@ -1,4 +1,4 @@
-"""What a search returns, whichever method ran: a value achieved, a bound on it, and what backs them."""
+"""What a search returns: a value achieved, a bound on it, and what backs them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
-from handfast.stability.refinement import RefinementStep
 from handfast.stability.search.proof import Proof
 from handfast.stability.witness import Witness
 
@@ -21,8 +20,7 @@ class Outcome:
         witness: the state that achieves `value`.
         stop: why it ended.
         seconds, nodes: wall time, programs solved.
-        steps: of Algorithm 1.
-        proof: of `bound`, where the engine gave it; verified: it was replayed and holds.
+        proof: of `bound`, where there is one; verified: it was replayed and holds.
         point: (n,) the witness in the engine's unknowns, a start for neighbouring questions.
     """
 
@@ -32,15 +30,14 @@ class Outcome:
     stop: Stop
     seconds: float
     nodes: int
-    steps: tuple[RefinementStep, ...] = ()
     proof: Proof | None = None
     point: Array | None = None
     verified: bool = False
 
     @property
-    def cost(self) -> tuple[float, int, tuple[RefinementStep, ...]]:
-        """Seconds, nodes and steps, as answers have them."""
-        return self.seconds, self.nodes, self.steps
+    def cost(self) -> tuple[float, int]:
+        """Seconds and nodes, as answers have them."""
+        return self.seconds, self.nodes
 
     @property
     def backed(self) -> bool:

@@ -22,13 +22,11 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.papers import mip
+from handfast.papers import mixed_integer_solvers
 from handfast.papers.baseline import BaselineState
-from handfast.papers.program import INF, MixedIntegerProgram, Term
+from handfast.papers.mixed_integer import INF, MixedIntegerProgram, Solver, SolverStatus, Term
 from handfast.stability import scaled_problem
-from handfast.stability.refinement import SolverStatus
 from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
-from handfast.stability.settings import Solver
 
 BALANCED = 1e-5  # of the force scale: what may be left where the grasp holds
 NEARER = 1e-3  # relative: what a turn has to take off what is left
@@ -110,7 +108,7 @@ def _nearest(
         P.row([(q, p.R[i]), (t, -1.0)], 0.0, 0.0)
         P.row([(f[i], 1.0), (slack, -1.0)], p.f_c[i], p.f_c[i])
         P.sos1.append([t, slack])
-    found = mip.solve(P, solver, time_limit=time_limit)
+    found = mixed_integer_solvers.solve(P, solver, time_limit=time_limit)
     if found.x is None or found.status is not SolverStatus.OPTIMAL:
         return None
     x = found.x

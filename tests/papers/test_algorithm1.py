@@ -11,23 +11,24 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from handfast.core.answer import Stop, Verdict
+from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
-from handfast.papers import mip, relaxation
+from handfast.papers import friction_relaxation, mixed_integer_solvers
+from handfast.papers.algorithm1 import RefinementSettings, check, maximum, torques
+from handfast.papers.mixed_integer import SolverResult, SolverStatus
 from handfast.readers.grasp_file import load_grasp
+from handfast.stability import queries
 from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.queries import check, maximum, torques
-from handfast.stability.refinement import SolverResult, SolverStatus
-from handfast.stability.settings import Settings
 from tests.support.problems import bell, nest, pinch, solved, table
 
 pytestmark = [
     pytest.mark.optional,
-    pytest.mark.skipif(not mip.available("scip"), reason="pyscipopt is not installed"),
+    pytest.mark.skipif(not mixed_integer_solvers.available("scip"), reason="pyscipopt is not installed"),
 ]
 
 
-def settings(**options) -> Settings:
-    return Settings(**{"method": "algorithm1", "sectors": 256} | options)
+def settings(**options) -> RefinementSettings:
+    return RefinementSettings(**{"sectors": 256} | options)
 
 
 def w(*force: float) -> np.ndarray:
@@ -47,7 +48,7 @@ def w(*force: float) -> np.ndarray:
     ],
 )
 def test_maxima(grasp: Grasp, direction, base, value: float) -> None:
-    answer = maximum(grasp, w(*direction), base=base and w(*base), settings=settings())
+    answer, _ = maximum(grasp, w(*direction), base=base and w(*base), settings=settings())
     assert answer.verdict is Verdict.HOLDS
     assert answer.witness.valid
     assert answer.certificate is None
@@ -64,12 +65,12 @@ def test_verdicts() -> None:
         (nest(), (0, 0, -100), Verdict.HOLDS),
         (nest(), (0, 0, 1), Verdict.SLIPS),
     ):
-        assert check(grasp, w(*force), settings=settings()).verdict is verdict
-    assert maximum(pinch(), w(1, 0, 0), settings=settings()).unbounded
-    assert maximum(nest(), w(0, 0, 1), settings=settings()).verdict is Verdict.SLIPS
-    least = torques(pinch(), w(0, 1, 0), settings=settings())
+        assert check(grasp, w(*force), settings=settings()).answer.verdict is verdict
+    assert maximum(pinch(), w(1, 0, 0), settings=settings()).answer.unbounded
+    assert maximum(nest(), w(0, 0, 1), settings=settings()).answer.verdict is Verdict.SLIPS
+    least, _ = torques(pinch(), w(0, 1, 0), settings=settings())
     assert least.upper == pytest.approx(0.1, rel=1e-3)
-    assert torques(nest(), w(0, 0, 1), settings=settings()).verdict is Verdict.SLIPS
+    assert torques(nest(), w(0, 0, 1), settings=settings()).answer.verdict is Verdict.SLIPS
 
 
 # --- engine and Algorithm 1 -----------------------------------------------------------------------------
@@ -88,8 +89,8 @@ def random_case(seed: int):
 def test_the_engine_agrees(case) -> None:
     grasp, direction, eta = case
     d = np.resize(np.r_[direction, 0, 0, 0], 6) / np.linalg.norm(direction)
-    a = maximum(grasp, d, limits=GraspLimits(eta=eta), settings=settings(sectors=2048))
-    b = maximum(grasp, d, limits=GraspLimits(eta=eta))
+    a, _ = maximum(grasp, d, limits=GraspLimits(eta=eta), settings=settings(sectors=2048))
+    b = queries.maximum(grasp, d, limits=GraspLimits(eta=eta))
     for answer in (a, b):
         assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.COMPLETE)
         assert answer.witness.valid
@@ -105,28 +106,28 @@ def test_the_engine_agrees(case) -> None:
 
 def test_printed_refinement_ends_at_the_finest_sectors() -> None:
     """As printed: no early stop; the last step's active sectors are all at 360 / 64 degrees."""
-    answer = check(bell(), w(0, 2.0, 0), settings=settings(sectors=64, as_printed=True))
+    answer, steps = check(bell(), w(0, 2.0, 0), settings=settings(sectors=64, as_printed=True))
     assert answer.verdict is Verdict.HOLDS
-    last = answer.steps[-1]
+    last = steps[-1]
     assert last.finished
     assert last.width <= 2 * np.pi / 64 * (1 + 1e-9)
-    assert len(answer.steps) >= 5
+    assert len(steps) >= 5
 
 
 def test_full_resolution_agrees_with_refinement() -> None:
-    full = maximum(bell(), w(0, 1, 0), settings=settings(sectors=32, full=True))
-    fine = maximum(bell(), w(0, 1, 0), settings=settings(sectors=32, as_printed=True))
-    assert len(full.steps) == 1
+    full, steps = maximum(bell(), w(0, 1, 0), settings=settings(sectors=32, full=True))
+    fine, _ = maximum(bell(), w(0, 1, 0), settings=settings(sectors=32, as_printed=True))
+    assert len(steps) == 1
     assert full.upper == pytest.approx(fine.upper, rel=1e-6)
 
 
 @pytest.mark.slow
 def test_bounds_are_monotone_under_refinement() -> None:
     """A child's bound is never better than its parent's; coarse sectors resist more, never less."""
-    answer = maximum(bell(), w(0.2, 1, 0), settings=settings(sectors=64, as_printed=True))
-    bounds = [s.bound for s in answer.steps]
+    _, steps = maximum(bell(), w(0.2, 1, 0), settings=settings(sectors=64, as_printed=True))
+    bounds = [s.bound for s in steps]
     assert all(b >= a - 1e-6 for a, b in itertools.pairwise(bounds))
-    by_resolution = [maximum(bell(), w(0, 1, 0), settings=settings(sectors=n)).upper for n in (4, 16, 64)]
+    by_resolution = [maximum(bell(), w(0, 1, 0), settings=settings(sectors=n)).answer.upper for n in (4, 16, 64)]
     assert all(b <= a + 1e-6 for a, b in itertools.pairwise(by_resolution))
 
 
@@ -137,7 +138,7 @@ def test_a_relaxation_contains_every_exact_solution(seed: int, m: int, eta: floa
     s = solved(seed, m, eta)
     assume(s.wrench.any())
     coarse, fine = (
-        check(s.grasp, s.wrench, limits=GraspLimits(eta=eta), settings=settings(sectors=n)) for n in (4, 32)
+        check(s.grasp, s.wrench, limits=GraspLimits(eta=eta), settings=settings(sectors=n)).answer for n in (4, 32)
     )
     # coarse sectors may have solutions of their own with no exact one near
     found = (Verdict.HOLDS, Stop.COMPLETE), (Verdict.UNDECIDED, Stop.RESOLUTION)
@@ -149,9 +150,9 @@ def test_a_relaxation_contains_every_exact_solution(seed: int, m: int, eta: floa
 
 
 def test_a_time_out_is_undecided() -> None:
-    answer = check(bell(), w(0, 2.0, 0), settings=settings(time_limit=1e-6))
+    answer, _ = check(bell(), w(0, 2.0, 0), settings=settings(timeout=1e-6))
     assert (answer.verdict, answer.stop) == (Verdict.UNDECIDED, Stop.TIME)
-    best = maximum(bell(), w(0, 1, 0), settings=settings(time_limit=1e-6))
+    best, _ = maximum(bell(), w(0, 1, 0), settings=settings(timeout=1e-6))
     assert (best.verdict, best.stop, best.upper) == (Verdict.UNDECIDED, Stop.TIME, np.inf)
 
 
@@ -159,9 +160,9 @@ def test_a_time_out_is_undecided() -> None:
 def test_whatever_the_solver_does_nothing_slips_without_infeasible(
     monkeypatch: pytest.MonkeyPatch, status: SolverStatus
 ) -> None:
-    monkeypatch.setattr(mip, "solve", lambda *a, **k: SolverResult(status, None, -np.inf, 0))
+    monkeypatch.setattr(mixed_integer_solvers, "solve", lambda *a, **k: SolverResult(status, None, -np.inf, 0))
     asked = {"settings": settings()}
-    for answer in (
+    for answer, _ in (
         check(bell(), w(0, 9, 0), **asked),
         maximum(bell(), w(0, 1, 0), **asked),
         torques(bell(), w(0, 1, 0), **asked),
@@ -172,16 +173,16 @@ def test_whatever_the_solver_does_nothing_slips_without_infeasible(
 
 def test_a_relaxation_without_an_exact_solution_is_undecided() -> None:
     """With four sectors 2.5 N on the bell looks feasible, and no exact solution exists: neither verdict."""
-    answer = check(bell(), w(0, 2.4, 0), settings=settings(sectors=4))
+    answer, _ = check(bell(), w(0, 2.4, 0), settings=settings(sectors=4))
     assert (answer.verdict, answer.stop) == (Verdict.UNDECIDED, Stop.RESOLUTION)
 
 
 def test_a_witness_beyond_the_motion_cap_lifts_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     """The bound holds within the cap; an exact state that moves farther refutes it."""
-    monkeypatch.setattr(relaxation, "MOTIONS", 1.0)
-    answer = maximum(load_grasp("fig1"), w(1, 0, 0), settings=settings(sectors=16))
+    monkeypatch.setattr(friction_relaxation, "MOTIONS", 1.0)
+    answer, steps = maximum(load_grasp("fig1"), w(1, 0, 0), settings=settings(sectors=16))
     assert answer.witness.valid
-    within = answer.posed.problem.direction_scale / max(step.bound for step in answer.steps)
+    within = answer.posed.problem.direction_scale / max(step.bound for step in steps)
     assert 1.03 * within < answer.lower <= answer.upper
 
 
@@ -189,27 +190,42 @@ def test_ctrl_c_leaves_the_bounds_so_far() -> None:
     def interrupt(progress) -> None:
         raise KeyboardInterrupt
 
-    answer = maximum(bell(), w(0, 1, 0), settings=settings(), on_step=interrupt)
+    answer, steps = maximum(bell(), w(0, 1, 0), settings=settings(), on_progress=interrupt)
     assert answer.stop is Stop.INTERRUPTED
-    assert len(answer.steps) == 1
+    assert len(steps) == 1
     assert answer.upper >= 2.2222 - 1e-6
 
 
 def test_progress_reports_every_step() -> None:
     seen = []
-    answer = maximum(bell(), w(0, 1, 0), settings=settings(), on_step=seen.append)
-    assert [p.step.number for p in seen] == [s.number for s in answer.steps][: len(seen)]
+    _, steps = maximum(bell(), w(0, 1, 0), settings=settings(), on_progress=seen.append)
+    assert [p.step.number for p in seen] == [s.number for s in steps][: len(seen)]
     assert all(p.lower <= p.upper for p in seen)
 
 
-@pytest.mark.skipif(not mip.available("gurobi"), reason="gurobipy is not installed")
+@pytest.mark.skipif(not mixed_integer_solvers.available("gurobi"), reason="gurobipy is not installed")
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0.5, 1, 0), (-1, 0.2, 0.1)])
 def test_gurobi_agrees_with_scip(direction: tuple[float, ...]) -> None:
     g = bell(0.02)
-    a = maximum(g, w(*direction), settings=settings(sectors=128))
-    b = maximum(g, w(*direction), settings=settings(sectors=128, solver="gurobi"))
+    a, _ = maximum(g, w(*direction), settings=settings(sectors=128))
+    b, _ = maximum(g, w(*direction), settings=settings(sectors=128, solver="gurobi"))
     assert a.unbounded == b.unbounded == (direction == (0.5, 1, 0))
     for answer in (a, b):
         assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.COMPLETE)
     assert a.lower <= b.upper * (1 + 1e-6)
     assert b.lower <= a.upper * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("sectors", 100, "sectors: is 100; 4, 8, 16"),
+        ("sectors", 2, "sectors: is 2; 4, 8, 16"),
+        ("gap", 0.0, "gap: is 0; a positive number"),
+        ("timeout", -1.0, "timeout: is -1 s; a positive number"),
+        ("solver", "cplex", "solver: is 'cplex'; one of scip, gurobi"),
+    ],
+)
+def test_settings_are_checked(field: str, value: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        RefinementSettings(**{field: value})  # type: ignore[arg-type]

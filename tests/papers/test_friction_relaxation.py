@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast.papers.sectors import Discretisation, Sector, edge_length
+from handfast.papers.friction_relaxation import Discretisation, Sector, edge_length
 
 
 def test_edge_lengths_by_hand() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from handfast.model.bernstein import evaluate
 from handfast.model.region import Bezier, Cap
-from handfast.papers.canonical_build import canonical
+from handfast.papers.canonical_equations import canonical
 from handfast.papers.patch_form import PatchForm, cap_parameters
 from handfast.readers.load_hand import load_hand
 from handfast.synthesis.task import Task

@@ -23,10 +23,10 @@ from handfast.papers.box_shrinking import (
     bisect,
     search,
 )
-from handfast.papers.canonical import Canonical
-from handfast.papers.canonical_build import canonical, point
-from handfast.papers.highs import LinearProgram
-from handfast.papers.polytopes import relaxation
+from handfast.papers.canonical_equations import canonical, point
+from handfast.papers.canonical_system import Canonical
+from handfast.papers.linear_programs import LinearProgram
+from handfast.papers.polytopes import polytopes
 from handfast.readers.load_hand import load_hand
 from tests.support.exact_programs import exact_below, finger, gripper, touching, wall
 from tests.support.planted import bump, plant
@@ -134,7 +134,7 @@ def run(search: BranchAndPrune[SystemBox], steps: int = 10**6) -> list[Discarded
 
 def proved(system: Canonical, why: Emptiness, slack: float) -> bool:
     """Is the box empty, by rational arithmetic alone?"""
-    rows = relaxation(system.expanded, why.start.lower, why.start.upper, slack)
+    rows = polytopes(system.expanded, why.start.lower, why.start.upper, slack)
     bound = exact_below(rows, why.multipliers, why.box.lower, why.box.upper, why.column, why.sign)
     if why.column is None:
         return bound > 0

@@ -1,9 +1,11 @@
-"""A mixed-integer program with special ordered sets: the table that solvers are given."""
+"""A mixed-integer program with special ordered sets, and what a solver returns of it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +14,29 @@ from handfast.core.arrays import Array, Indices
 
 INF = float("inf")
 Term = tuple[ArrayLike, ArrayLike]  # indices of variables, their coefficients
+Solver = Literal["scip", "gurobi"]
+SOLVERS: tuple[Solver, ...] = ("scip", "gurobi")
+
+
+class SolverStatus(StrEnum):
+    """How a solve of a mixed-integer program ended."""
+
+    OPTIMAL = "optimal"
+    INFEASIBLE = "infeasible"
+    UNBOUNDED = "unbounded"
+    TIME = "time"
+    INTERRUPTED = "interrupted"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, eq=False)
+class SolverResult:
+    """What a solver returned: `x` is None without a point, `bound` is its proven bound on the objective."""
+
+    status: SolverStatus
+    x: Array | None
+    bound: float
+    nodes: int
 
 
 @dataclass

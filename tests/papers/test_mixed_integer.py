@@ -8,19 +8,20 @@ import numpy as np
 import pytest
 
 from handfast.core.errors import InputError
-from handfast.papers import mip
-from handfast.papers.program import INF, MixedIntegerProgram
-from handfast.stability.refinement import SolverResult, SolverStatus
+from handfast.papers import mixed_integer_solvers
+from handfast.papers.mixed_integer import INF, MixedIntegerProgram, SolverResult, SolverStatus
 
 scip = pytest.importorskip("handfast.papers.scip", reason="pyscipopt is not installed", exc_type=ImportError)
 
 pytestmark = pytest.mark.optional
+needs_gurobi = pytest.mark.skipif(not mixed_integer_solvers.available("gurobi"), reason="gurobipy is not installed")
 solvers = pytest.mark.parametrize(
     "solver",
     [
         "scip",
         pytest.param(
-            "gurobi", marks=pytest.mark.skipif(not mip.available("gurobi"), reason="gurobipy is not installed")
+            "gurobi",
+            marks=pytest.mark.skipif(not mixed_integer_solvers.available("gurobi"), reason="gurobipy is not installed"),
         ),
     ],
 )
@@ -37,8 +38,8 @@ def sos_program(kind: str) -> MixedIntegerProgram:
 
 @solvers
 @pytest.mark.parametrize(("kind", "best"), [("sos1", 3.0), ("sos2", 5.0)])
-def test_ordered_sets(solver: mip.Solver, kind: str, best: float) -> None:
-    result = mip.solve(sos_program(kind), solver)
+def test_ordered_sets(solver: mixed_integer_solvers.Solver, kind: str, best: float) -> None:
+    result = mixed_integer_solvers.solve(sos_program(kind), solver)
     assert result.status is SolverStatus.OPTIMAL
     assert result.bound == pytest.approx(-best)
 
@@ -49,21 +50,21 @@ def test_scip_without_native_sets_agrees(kind: str, best: float) -> None:
 
 
 @solvers
-def test_infeasible_and_unbounded_are_told_apart(solver: mip.Solver) -> None:
+def test_infeasible_and_unbounded_are_told_apart(solver: mixed_integer_solvers.Solver) -> None:
     P = MixedIntegerProgram()
     x = P.variables(2, 0.0)
     P.row([(x, [1.0, 1.0])], -INF, -1.0)
     P.cost = {0: -1.0}
-    assert mip.solve(P, solver).status is SolverStatus.INFEASIBLE
+    assert mixed_integer_solvers.solve(P, solver).status is SolverStatus.INFEASIBLE
     Q = MixedIntegerProgram()
     Q.variables(1, 0.0)
     Q.cost = {0: -1.0}
-    assert mip.solve(Q, solver).status is SolverStatus.UNBOUNDED
+    assert mixed_integer_solvers.solve(Q, solver).status is SolverStatus.UNBOUNDED
 
 
 @solvers
-def test_no_time_is_a_time_out_not_an_answer(solver: mip.Solver) -> None:
-    result = mip.solve(sos_program("sos2"), solver, time_limit=0.0)
+def test_no_time_is_a_time_out_not_an_answer(solver: mixed_integer_solvers.Solver) -> None:
+    result = mixed_integer_solvers.solve(sos_program("sos2"), solver, time_limit=0.0)
     assert result.status is SolverStatus.TIME
     assert result.x is None
 
@@ -71,7 +72,7 @@ def test_no_time_is_a_time_out_not_an_answer(solver: mip.Solver) -> None:
 def test_a_wrong_point_is_a_failure_whatever_the_solver_says(monkeypatch: pytest.MonkeyPatch) -> None:
     lie = SolverResult(SolverStatus.OPTIMAL, np.array([1.0, 0.0, 1.0]), -4.0, 1)
     monkeypatch.setattr(scip, "solve", lambda program, time_limit: lie)
-    assert mip.solve(sos_program("sos2"), "scip").status is SolverStatus.FAILED
+    assert mixed_integer_solvers.solve(sos_program("sos2"), "scip").status is SolverStatus.FAILED
 
 
 @pytest.mark.parametrize(
@@ -103,7 +104,7 @@ def test_scip_confirms_infeasible_with_a_second_attempt(monkeypatch: pytest.Monk
         )
 
     monkeypatch.setattr(scip, "_solve", wrong)
-    assert mip.solve(sos_program("sos2"), "scip").bound == pytest.approx(-5.0)
+    assert mixed_integer_solvers.solve(sos_program("sos2"), "scip").bound == pytest.approx(-5.0)
 
 
 def test_scip_falls_back_when_its_lp_solver_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,7 +118,7 @@ def test_scip_falls_back_when_its_lp_solver_gives_up(monkeypatch: pytest.MonkeyP
         return honest(program, time_limit, order, nodes, pressed)
 
     monkeypatch.setattr(scip, "_solve", broken)
-    assert mip.solve(sos_program("sos1"), "scip").bound == pytest.approx(-3.0)
+    assert mixed_integer_solvers.solve(sos_program("sos1"), "scip").bound == pytest.approx(-3.0)
 
 
 def test_scip_remembers_ctrl_c_even_where_it_fails(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,23 +133,21 @@ def test_scip_remembers_ctrl_c_even_where_it_fails(monkeypatch: pytest.MonkeyPat
         raise Exception("SCIP: error in LP solver!")
 
     monkeypatch.setattr(scip, "_solve", interrupted)
-    assert mip.solve(sos_program("sos1"), "scip").status is SolverStatus.INTERRUPTED
+    assert mixed_integer_solvers.solve(sos_program("sos1"), "scip").status is SolverStatus.INTERRUPTED
     assert calls == [0]
 
 
 def test_unknown_or_missing_solver_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="solver: is 'glpk'; one of scip, gurobi is needed"):
-        mip.solve(sos_program("sos1"), "glpk")  # type: ignore[arg-type]
-    monkeypatch.setattr(mip, "available", lambda solver: False)
-    for solver in mip.SOLVERS:
-        said = (
-            rf"solver: '{solver}' is not installed; --method algorithm1 on it needs pip install 'handfast\[reference\]'"
-        )
+        mixed_integer_solvers.solve(sos_program("sos1"), "glpk")  # type: ignore[arg-type]
+    monkeypatch.setattr(mixed_integer_solvers, "available", lambda solver: False)
+    for solver in mixed_integer_solvers.SOLVERS:
+        said = rf"solver: '{solver}' is not installed; Algorithm 1 on it needs pip install 'handfast\[reference\]'"
         with pytest.raises(InputError, match=said):
-            mip.solve(sos_program("sos1"), solver)
+            mixed_integer_solvers.solve(sos_program("sos1"), solver)
 
 
-@pytest.mark.skipif(not mip.available("gurobi"), reason="gurobipy is not installed")
+@needs_gurobi
 def test_a_licence_that_is_too_small_is_said() -> None:
     """The wheel's own licence ends at 2,000 variables; with a full one this program simply solves."""
     P = MixedIntegerProgram()
@@ -156,7 +155,7 @@ def test_a_licence_that_is_too_small_is_said() -> None:
     P.row([(x, np.ones(3000))], 1.0, INF)
     P.cost = {0: 1.0}
     try:
-        status, said = mip.solve(P, "gurobi").status, ""
+        status, said = mixed_integer_solvers.solve(P, "gurobi").status, ""
     except InputError as error:
         status, said = None, str(error)
     assert status is SolverStatus.OPTIMAL or "licence does not admit this program (3000 variables, 1 rows)" in said

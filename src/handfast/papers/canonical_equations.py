@@ -18,10 +18,21 @@ import numpy as np
 from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
 from handfast.model.bernstein import evaluate
-from handfast.papers.canonical import Canonical, Limit, Patch, Quadratic, Side, VariableLayout
-from handfast.papers.loops import HELD, Assembly, Kind, Loops, loops
+from handfast.papers.canonical_system import (
+    Canonical,
+    Limit,
+    Patch,
+    Polynomial,
+    Quadratic,
+    Side,
+    VariableLayout,
+    monomial,
+    multiplied,
+    scaled,
+    total,
+)
+from handfast.papers.kinematic_loops import HELD, Assembly, Kind, Loops, loops
 from handfast.papers.patch_form import COEFFICIENT_ROUNDING, PatchForm
-from handfast.papers.polynomial import Polynomial, monomial, multiplied, scaled, total
 from handfast.synthesis.task import Task
 
 XYZ = "xyz"

@@ -1,0 +1,227 @@
+"""`handfast paper`: the two papers' tables and figures made again, and their own methods."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from handfast.cli import console
+from handfast.cli.options import Assignments, Command, Wrench, assigned, check_writable
+from handfast.core.errors import InputError, unknown_name
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from handfast.papers.exhibit import Exhibit, MakingOptions, TextTable
+    from handfast.papers.methods import MethodOptions
+
+PICTURES, TABLES = (".svg", ".png"), (".md",)
+
+
+@dataclass(kw_only=True)
+class Paper(Command):
+    """The two papers Handfast began with: their tables and figures made again, their own methods run.
+
+    `handfast paper` lists every table, figure and method. `handfast paper fig8 -o fig8.svg` makes one again from
+    bundled data; `handfast paper algorithm1 fig9 --direction 0 -1 0` runs a method on a grasp or a task.
+    """
+
+    what: Annotated[Positional[str], arg(metavar="NAME")] = ""
+    """a table, a figure or a method of the list; without one, the list"""
+    about: Annotated[Positional[str], arg(metavar="GRASP|TASK")] = ""
+    """for a method: a file, or the name of a bundled grasp or task"""
+    output: Annotated[Path | None, arg(metavar="FILE", aliases=["-o"])] = None
+    """picture (.svg, .png), NAME.svg by default; for a table, Markdown (.md)"""
+    force: bool = False
+    """write over a file that exists"""
+    json: bool = False
+    """print one JSON object instead of text"""
+    quick: bool = False
+    """coarse and in seconds: 24 directions of a map, four rows of Table I, one direction of Table II"""
+    count: Annotated[int | None, arg(metavar="N")] = None
+    """for table1: rows, up to 10 (6); for table2: random directions and wrenches, up to 10 (3)"""
+    steps: Annotated[int | None, arg(metavar="N")] = None
+    """directions of a map (360; with --plane 36), commands of fig12 (21)"""
+    timeout: Annotated[float, arg(metavar="S")] = 20.0
+    """seconds for each question"""
+    direction: Wrench = ()
+    """for a method: how large a force and torque along this is resisted?"""
+    wrench: Wrench = ()
+    """for a method: is this load resisted?"""
+    base: Wrench = ()
+    """a constant load beside --direction"""
+    least: bool = False
+    """for algorithm1: the smallest commands that resist --wrench"""
+    plane: Literal["xy", "xz", "yz"] | None = None
+    """for algorithm1: the largest force in --steps directions of a plane"""
+    eta: Annotated[float, arg(metavar="DEG")] = 0.0
+    """for algorithm1: how far the contact normals may be off [degrees]"""
+    torque_limit: Assignments = ()
+    """for algorithm1: largest torque (force) of an actuator with its gearing"""
+    force_limit: Annotated[float | None, arg(metavar="N")] = None
+    """for algorithm1: largest normal force at any contact [N]"""
+    gap: Annotated[float, arg(metavar="G")] = 1e-3
+    """for algorithm1: relative distance of the two bounds at which a number is exact enough"""
+    solver: Literal["scip", "gurobi"] | None = None
+    """mixed-integer solver: by default the first that is installed; table2 times Algorithm 1 only if one is named"""
+    sectors: Annotated[int, arg(metavar="N")] = 2048
+    """for algorithm1: finest friction sectors per contact: 4, 8, 16, ... more are more exact"""
+    full: bool = False
+    """for algorithm1: all sectors at once, no refinement (the paper's comparison)"""
+    as_printed: bool = False
+    """for algorithm1: the paper to the letter: refine to the end, (19) as printed"""
+    edges: Annotated[int, arg(metavar="N")] = 8
+    """for pyramids and earlier-scheme: edges of a friction pyramid"""
+    over: Literal["all", "original"] = "all"
+    """for box-shrinking: shrink all variables of (29), or the original ones alone"""
+
+    def run(self) -> int:
+        from handfast.papers.exhibits import EXHIBITS
+        from handfast.papers.methods import METHODS
+
+        if not self.what:
+            return self._list()
+        if self.what in METHODS:
+            return self._method()
+        if self.what not in EXHIBITS:
+            raise unknown_name("table, figure or method", self.what, [*EXHIBITS, *METHODS])
+        if self.about:
+            raise InputError(f"is '{self.about}'; {self.what} is made from bundled data alone", field="GRASP|TASK")
+        return self._exhibit()
+
+    def _list(self) -> int:
+        from handfast.papers.exhibits import EXHIBITS
+        from handfast.papers.methods import METHODS
+
+        if self.json:
+            exhibits = {
+                e.name: {"paper": e.paper, "title": e.title, "made": e.make is not None} for e in EXHIBITS.values()
+            }
+            methods = {name: {"about": m.about.lower(), "title": m.title} for name, m in METHODS.items()}
+            console.print_json({"schema": "handfast/paper/1", "exhibits": exhibits, "methods": methods})
+            return console.ANSWERED
+        out = console.out()
+        for paper in dict.fromkeys(e.paper for e in EXHIBITS.values()):
+            out.print(paper, style="bold")
+            _grid(out, [(e.name, e.title, _effort(e)) for e in EXHIBITS.values() if e.paper == paper])
+        out.print("Methods", style="bold")
+        _grid(out, [(f"{name} {m.about}", m.title, "") for name, m in METHODS.items()])
+        return console.ANSWERED
+
+    def _exhibit(self) -> int:
+        from handfast.core.files import write_bytes, write_text
+        from handfast.papers.exhibit import TextTable
+        from handfast.papers.exhibits import EXHIBITS, make
+
+        is_table = "table" in self.what
+        file = self.output or (None if is_table else Path(f"{self.what}.svg"))
+        if EXHIBITS[self.what].make is not None:
+            check_writable(file, self.force, TABLES if is_table else PICTURES)
+        with console.watch(self.what):
+            made = make(self.what, self._effort())
+        out = console.out()
+        if isinstance(made, TextTable):
+            if self.json:
+                console.print_json({"schema": "handfast/paper/1", "table": _records(made), "notes": list(made.notes)})
+            else:
+                _print(out, made)
+            if file:
+                write_text(file, made.markdown(), force=self.force)
+        else:
+            from handfast.pictures.drawing import picture
+
+            assert file is not None
+            write_bytes(file, picture(made, file.suffix.lower().removeprefix(".")), force=self.force)
+        if file and not self.json:
+            out.print(f"{file} written.", style="dim")
+        return console.ANSWERED
+
+    def _effort(self) -> MakingOptions:
+        from handfast.papers.exhibit import MakingOptions
+
+        steps, count = self.steps, self.count
+        if self.quick:
+            steps, count = steps or (6 if self.what == "fig12" else 24), count or (4 if self.what == "table1" else 1)
+        return MakingOptions(steps, count, self.timeout, self.solver)
+
+    def _method(self) -> int:
+        from handfast.papers.methods import METHODS
+
+        method = METHODS[self.what]
+        if not self.about:
+            raise InputError(
+                f"missing: {method.about}, a file or the name of a bundled one", source=f"paper {self.what}"
+            )
+        with console.watch(self.what):
+            answer = method.run(self.about, self._asked())
+        if self.json:
+            console.print_json(
+                {"schema": "handfast/paper/1", "method": self.what, "about": self.about, **answer.numbers}
+            )
+        else:
+            out = console.out()
+            out.print(answer.sentence)
+            for line in answer.lines:
+                out.print(line, style="dim")
+            if answer.table:
+                _print(out, answer.table)
+        return console.UNDECIDED if answer.undecided else console.ANSWERED
+
+    def _asked(self) -> MethodOptions:
+        import numpy as np
+
+        from handfast.papers.algorithm1 import RefinementSettings
+        from handfast.papers.box_shrinking import Over
+        from handfast.papers.methods import MethodOptions
+        from handfast.papers.mixed_integer_solvers import available
+        from handfast.stability.grasp_limits import GraspLimits
+
+        torques = assigned(self.torque_limit, "--torque-limit")
+        limits = GraspLimits(float(np.radians(self.eta)), torques, self.force_limit)
+        solver = self.solver or ("gurobi" if available("gurobi") and not available("scip") else "scip")
+        settings = RefinementSettings(solver, self.sectors, self.full, self.as_printed, self.gap, self.timeout)
+        return MethodOptions(
+            direction=self.direction,
+            wrench=self.wrench,
+            base=self.base,
+            least=self.least,
+            plane=self.plane,
+            steps=36 if self.steps is None else self.steps,
+            limits=limits,
+            settings=settings,
+            edges=self.edges,
+            over=Over(self.over),
+        )
+
+
+def _effort(exhibit: Exhibit) -> str:
+    """How long it takes; of a sketch, where to look instead."""
+    return f"about {exhibit.seconds} s" if exhibit.make else f"sketch: {exhibit.instead}"
+
+
+def _grid(out: Console, rows: list[tuple[str, str, str]]) -> None:
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    grid = Table(box=SIMPLE, show_header=False, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
+    for name, title, effort in rows:
+        grid.add_row("  " + name, title, effort)
+    out.print(grid)
+
+
+def _records(made: TextTable) -> list[dict[str, str]]:
+    return [dict(zip(made.heads, row, strict=True)) for row in made.rows]
+
+
+def _print(out: Console, made: TextTable) -> None:
+    from handfast.cli.table import table
+
+    grid = table(*made.heads)
+    for row in made.rows:
+        grid.add_row(*row)
+    out.print(grid)
+    for note in made.notes:
+        out.print(note, style="dim")
