@@ -108,7 +108,7 @@ def closed(run: Runner, name: str, number: int, rng: np.random.Generator) -> tup
     placed = run.placed(start, rng.exponential(STANDARD.back))
     if not isinstance(placed, Placed):
         return None
-    found, pose = placed
+    found, pose, _ = placed
     deep = run.clearance.overlaps(found.q, pose)
     if len(found.contacts) < FEWEST or max(deep.inside, found.penetration, deep.itself) > PENETRATION:
         return None

@@ -76,7 +76,7 @@ def postures_of(made: Runner, thing: str, number: int, draws: int, most: int) ->
     placed = made.placed(start, back)
     if not isinstance(placed, Placed):
         return []
-    closed, pose = placed
+    closed, pose, _ = placed
     fingers = {asked.palm.anatomy.finger(asked.hand.link(c.link)) for c in closed.contacts}
     deep = made.clearance.overlaps(closed.q, pose)
     if len(fingers) < 2 or max(deep.inside, closed.penetration, deep.itself) > PENETRATION:

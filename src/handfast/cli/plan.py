@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from tyro.conf import arg
+import numpy as np
+from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli import console
 from handfast.cli.options import Assignments, Command, Triple, assigned
@@ -17,6 +18,8 @@ from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.body import Body
+    from handfast.planning.filters.surroundings import Surroundings
+    from handfast.planning.question import PlanOptions
     from handfast.planning.results.plan import Plan
     from handfast.stability.loads import Loads
 
@@ -30,6 +33,8 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
     gives the same grasps.
     """
 
+    others: Annotated[Positional[tuple[str, ...]], arg(metavar="OBJECT")] = ()
+    """more objects, one after the other; files of each go to a folder of its name below FOLDER"""
     count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 20
     """grasps to look for"""
     timeout: Annotated[float, arg(metavar="S")] = 300.0
@@ -42,6 +47,12 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
     """direction in which the palm approaches, in the hand's base frame; guessed"""
     closing: Assignments = ()
     """sense in which a joint closes: JOINT=1, JOINT=-1, or JOINT=0 to sample it as a spread"""
+    support: Literal["plane"] | None = None
+    """the object stands on a plane, below its lowest point along --up, or z; hand and ways keep clear of it"""
+    obstacle: UseAppendAction[tuple[str, ...]] = ()
+    """a mesh or handfast/body/1 file in the object's frame that nothing may touch; repeatable"""
+    travel: Annotated[float | None, arg(metavar="M")] = None
+    """length of a straight approach and of a retreat that collide with nothing [m]; 0.1 with a support or obstacles"""
     simulate: bool = False
     """keep what the dynamics engine holds too: hand and object themselves, each load without the factor of safety"""
     give_up: Annotated[int, arg(metavar="N")] = 1000
@@ -50,16 +61,54 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
     """write a configuration and a grasp file for each grasp as it is found, and plan.json"""
 
     def run(self) -> int:
-        from handfast.cli.grasp_tables import starts_text
         from handfast.planning.candidates.palm_poses import Sampling
-        from handfast.planning.plan_grasps import plan
         from handfast.planning.question import PlanOptions
+        from handfast.planning.results.folder import PlanFolder
+
+        names = [self.object, *self.others]
+        twice = next((n for k, n in enumerate(names) if _name(n) in map(_name, names[:k])), None)
+        if twice:
+            raise InputError(f"'{twice}' is given twice", field="OBJECT")
+        options: PlanOptions = self.options(
+            PlanOptions, sampling=Sampling(approach=self.approach or None), surroundings=self._surroundings()
+        )
+        asked = [self._for(name) for name in names] if self.others else [self]
+        for one in asked:
+            PlanFolder.refuse(one.output, resume=self.resume, force=self.force)
+        rows: list[tuple[str, dict[str, Any] | None, str]] = []
+        worst = console.ANSWERED  # what is wrong with one of several objects comes before what is open of another
+        for one in asked:
+            try:
+                status, said = one.plan(options)
+                rows.append((one.object, said, ""))
+            except InputError as fault:
+                if not self.others:
+                    raise
+                status = console.complain(str(fault))
+                rows.append((one.object, None, str(fault)))
+            worst = status if worst == console.ANSWERED or status == console.BAD_INPUT else worst
+        if self.json and self.others:
+            told = [{"name": name, "answer": said, "reason": reason or None} for name, said, reason in rows]
+            console.print_json({"schema": "handfast/answers/1", "query": "plan", "rows": told})
+        elif self.json:
+            console.print_json(rows[0][1] or {})
+        return worst
+
+    def _for(self, name: str) -> PlanGrasps:
+        """The same question about one of several objects; its files are named after it."""
+        of = _name(name)
+        folder = self.output / of if self.output else None
+        page = self.report.with_name(f"{self.report.stem}-{of}{self.report.suffix}") if self.report else None
+        return replace(self, object=name, others=(), output=folder, report=page)
+
+    def plan(self, options: PlanOptions) -> tuple[int, dict[str, Any]]:
+        """The exit status, and what is said of one object."""
+        from handfast.cli.grasp_tables import starts_text
+        from handfast.planning.plan_grasps import plan
         from handfast.planning.results.folder import PlanFolder
         from handfast.planning.search import Journal
         from handfast.planning.sizes import compared
 
-        options: PlanOptions = self.options(PlanOptions, sampling=Sampling(approach=self.approach or None))
-        PlanFolder.refuse(self.output, resume=self.resume, force=self.force)
         hand, body = self.load_scene()
         senses = {name: int(s) for name, s in self._senses().items()}
         hand = hand.with_closing(senses)
@@ -79,11 +128,22 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
             from handfast.pictures.found_page import report_plan
 
             report_plan(self.report, planned, force=self.force)
-        if self.json:
-            console.print_json(folder.answer if folder else planned.to_json())
-        else:
+        if not self.json:
             self._show(planned)
-        return console.status(planned.verdict, planned.stop)
+        return console.status(planned.verdict, planned.stop), folder.answer if folder else planned.to_json()
+
+    def _surroundings(self) -> Surroundings | None:
+        """What the object stands on and what is around it; None if nothing was said of that."""
+        from handfast.planning.filters.surroundings import TRAVEL, Surroundings
+        from handfast.readers.load_body import load_body
+
+        if not (self.support or self.obstacle or self.travel is not None):
+            return None
+        along = self.up or "z"
+        way = np.eye(3)["xyz".index(along[-1])] * (-1.0 if along.startswith("-") else 1.0)
+        solids = [piece for file in self.obstacle for piece in load_body(file).pieces]
+        travel = TRAVEL if self.travel is None else self.travel
+        return Surroundings(way if self.support else None, solids, travel)
 
     def _senses(self) -> dict[str, float]:
         senses = assigned(self.closing, "--closing")
@@ -104,9 +164,10 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
         from handfast.planning.evaluation.quality import largest_command
 
         out = console.out()
-        found = words.count(len(planned.grasps), "grasp")
+        found = f"{planned.body.name}: {words.count(len(planned.grasps), 'grasp')}"
+        first = "" if planned.first is None else f", the first after {planned.first:.1f} s"
         asked = "" if planned.stop == "complete" else f" of {planned.count} asked for (stopped: {planned.stop})"
-        out.print(f"{found}{asked}, {planned.tried} starts, {planned.seconds:.1f} s", style="bold")
+        out.print(f"{found}{asked}, {planned.tried} starts, {planned.seconds:.1f} s{first}", style="bold")
         what = "Each holds, under its preload" if planned.grasps else "Asked to hold, under one preload"
         out.print(f"{what}: {words.times_text(self.safety)}{', '.join(planned.loads.names)}")
         if planned.grasps:
@@ -138,6 +199,11 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
                 out.print(f"Written: {path}", soft_wrap=True)
         if self.report and not planned.grasps:
             out.print(f"Not written: {self.report}; there is nothing to show", soft_wrap=True)
+
+
+def _name(object_: str) -> str:
+    """What folders and pages of an object are called."""
+    return Path(object_).name.partition(".")[0]
 
 
 def _from_anywhere(name: str) -> str:

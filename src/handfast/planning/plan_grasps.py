@@ -66,6 +66,7 @@ def plan(
     before = journal.earlier(asked)
     if before:
         refuse_another(before.question, question)
+    first: float | None = before.first if before else None
     prismatic = np.array([j.type == "prismatic" for j in hand.joints])
 
     def alike(a: PlannedGrasp, b: PlannedGrasp) -> bool:
@@ -75,9 +76,11 @@ def plan(
 
     def so_far(stop: Stop, chosen: list[PlannedGrasp]) -> Plan:
         chosen = best_first(chosen)
-        seconds = time.monotonic() - begin + (before.seconds if before else 0.0)
         others = tuple(g for g in gathered.kept if g not in chosen)
-        return Plan(asked, o.count, tuple(chosen), gathered.tally.copy(), stop, seconds, question, others)
+        return Plan(asked, o.count, tuple(chosen), gathered.tally.copy(), stop, spent(), question, others, first)
+
+    def spent() -> float:
+        return time.monotonic() - begin + (before.seconds if before else 0.0)
 
     def measure(workers: WorkerPool[Runner]) -> None:
         bare = [(k, g) for k, g in enumerate(gathered.kept) if g.quality is None]
@@ -94,6 +97,7 @@ def plan(
             units = iter(()) if done else workers.map(Runner.run, numbers, until=end)
             for unit in units:
                 new = gathered.take(unit)
+                first = spent() if new and first is None else first
                 measure(workers)
                 journal.note(so_far(Stop.INTERRUPTED, gathered.kept), new=new)
                 if gathered.enough or fruitless(gathered.tally, o.give_up):

@@ -13,6 +13,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
 from handfast.planning.candidates.palm_poses import STANDARD, Sampling
+from handfast.planning.filters.surroundings import Surroundings
 from handfast.planning.rejection import GIVE_UP
 from handfast.stability.grasp_limits import GraspLimits
 from handfast.stability.loads import Loads
@@ -129,6 +130,8 @@ class PlanOptions(SearchOptions):
         sampling: how the starts are drawn.
         give_up: the search ends after so many attempts of which none came through the filters, or after three tenths
             of these if one reason rejected all of them.
+        surroundings: what the object stands on and what is around it. The hand comes in and leaves in a straight line
+            and touches nothing of it; None does not look at that.
         simulate: keep what the dynamics engine holds too (`simulate_bodies`), each load without the factor of safety.
     """
 
@@ -138,6 +141,7 @@ class PlanOptions(SearchOptions):
     pool: int | None = None
     sampling: Sampling = STANDARD
     give_up: int = GIVE_UP
+    surroundings: Surroundings | None = None
     simulate: bool = False
 
     def __post_init__(self) -> None:

@@ -22,6 +22,7 @@ class RejectionReason(StrEnum):
     PAST = "passed the object by"
     INSIDE = "started with the hand in the object"
     FOLDED = "started with the hand in itself"
+    BLOCKED = "collides with support or obstacles, there or on a straight way in or out"
     MISSES = "would miss, as a few steps of closing show (heuristic)"
     FEW = "touches with fewer than two fingers or a finger and the palm"
     PENETRATES = "penetrates by more than 1 mm"
@@ -164,6 +165,7 @@ FILTERED = (
     RejectionReason.FEW,
     RejectionReason.PENETRATES,
     RejectionReason.UNBALANCED,
+    RejectionReason.BLOCKED,
 )
 
 AIM = "see whether --approach (the palm's face) and --closing (the joints' senses) were guessed right"
@@ -174,6 +176,8 @@ ADVICE: Mapping[RejectionReason, str] = {
     "convex hull, are much wider than they.",
     RejectionReason.PENETRATES: "Once closed, the hand is in the object or in itself: see whether its shapes, each a "
     "convex hull, are much wider than its links.",
+    RejectionReason.BLOCKED: "The hand does not get to the object in a straight line: a shorter one (--travel) may do, "
+    "or fewer obstacles; a flat object on a support leaves little room below.",
     RejectionReason.MISSES: f"The fingers do not reach around the object when they close: it may be too small, or "
     f"too large; {AIM}.",
     RejectionReason.FEW: f"Only one finger reaches the object: it may be too large for the hand; {AIM}.",

@@ -25,6 +25,7 @@ from handfast.planning.evaluation.preload_search import PreloadSearch, SearchedC
 from handfast.planning.evaluation.quality import GraspQuality, quality, with_margins
 from handfast.planning.filters.balance import balances
 from handfast.planning.filters.quick_look import Overlaps, QuickLook
+from handfast.planning.filters.surroundings import CLEAR, Way, WayFinder
 from handfast.planning.question import PlanOptions, fingerprint
 from handfast.planning.rejection import FILTERED, Overlap, RejectionReason, Tally, of_verdict
 from handfast.planning.search import UnitResult
@@ -36,6 +37,7 @@ from handfast.stability.loads import Loads
 
 PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
 CALMER = (0.5, 0.5, 0.0)  # of its abductions a hand keeps, where it started in itself, one after the other
+DIGITS = 9  # of a clearance [m], which is measured to about 1e-9
 PUSHES = 4  # of the object by a finger, at most
 
 REASONS = (
@@ -63,6 +65,7 @@ class PlannedGrasp(Shown):
         index: number of the attempt, which with the seed reproduces it.
         searched: with which contacts its preload was looked for; None where that is not known.
         quality: margin, fragility, clearance; None until it is measured.
+        way: in and out; None where it was not looked for.
     """
 
     q: Array
@@ -74,6 +77,7 @@ class PlannedGrasp(Shown):
     index: int
     searched: SearchedContacts | None = None
     quality: GraspQuality | None = None
+    way: Way | None = None
 
     @property
     def held(self) -> HoldAnswer:
@@ -107,14 +111,16 @@ class Attempts:
         o = self.options
         others = vars(o.limits) | {"palm": self.palm, "sampling": o.sampling}
         others |= {name: getattr(o, name) for name in ("ignored", "simulate") if getattr(o, name)}
+        others |= {"surroundings": o.surroundings.numbers} if o.surroundings else {}
         return fingerprint(self.hand, self.body, self.loads, o.seed, **others)
 
 
 class Placed(NamedTuple):
-    """A hand that was closed, and the object's pose (4, 4) in its base frame."""
+    """A hand that was closed, the object's pose (4, 4) in its base frame, and the start from which it closed."""
 
     closed: Closed
     pose: Array
+    start: Start
 
 
 class Runner:
@@ -128,6 +134,8 @@ class Runner:
         self.scene = Scene(asked.hand, asked.body, asked.options.ignored)
         self.surface = SurfaceSampler(asked.body)
         self.clearance = QuickLook(self.scene)
+        around = asked.options.surroundings
+        self.ways = WayFinder(self.scene, around) if around else None
 
     def run(self, number: int) -> UnitResult[PlannedGrasp]:
         """The attempt of a number: what became of it, and the grasp if it holds."""
@@ -135,7 +143,7 @@ class Runner:
         rng = np.random.default_rng([a.options.seed, number])
         start = palm_poses.draw(rng, a.hand, a.palm, self.surface, a.options.sampling)
         placed = self.placed(start, rng.exponential(a.options.sampling.back))
-        found = self.evaluated(*placed, number) if isinstance(placed, Placed) else placed
+        found = self.evaluated(placed, number) if isinstance(placed, Placed) else placed
         if isinstance(found, tuple):
             tally.add(found[0], overlap=found[1])
             return UnitResult(tally, ())
@@ -158,17 +166,20 @@ class Runner:
         deep = self.clearance.overlaps(start.q, pose)
         if deep.inside > PENETRATION:
             return _overlap(deep, RejectionReason.INSIDE, RejectionReason.INSIDE)
+        if self.ways and self.ways.clearance(start.q, pose) < CLEAR:
+            return RejectionReason.BLOCKED, None
         near = palm_poses.sweeps(self.scene, self.asked.palm.anatomy, start.q, pose)
         if len({self.asked.palm.anatomy.finger(i) for i in np.flatnonzero(near).tolist()}) < 2:
             return RejectionReason.MISSES, None
         try:
-            return Placed(*self._closed(start.q, pose))
+            closed, pose = self._closed(start.q, pose)
         except InputError:  # it started deeper in the object than closing allows
             return _overlap(deep, RejectionReason.INSIDE, RejectionReason.INSIDE)
+        return Placed(closed, pose, start)
 
-    def evaluated(self, closed: Closed, pose: Array, number: int) -> PlannedGrasp | Dropped:
+    def evaluated(self, placed: Placed, number: int) -> PlannedGrasp | Dropped:
         """The grasp of a closed hand with a preload that holds all loads, or why it is rejected."""
-        a = self.asked
+        a, (closed, pose, start) = self.asked, placed
         if len({a.palm.anatomy.finger(a.hand.link(c.link)) for c in closed.contacts}) < 2:
             return RejectionReason.FEW, None
         deep = self.clearance.overlaps(closed.q, pose)
@@ -178,6 +189,9 @@ class Runner:
         grasp = self._grasp(closed, pose, spanning(closed.contacts))
         if not balances(grasp, a.loads.wrenches):
             return RejectionReason.UNBALANCED, None
+        way = self.ways.way(start.q, closed.q, pose, start.approach) if self.ways else None
+        if self.ways and not way:
+            return RejectionReason.BLOCKED, None
         actuators = squeezing(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
         if not actuators:
             return RejectionReason.UNDECIDED, None
@@ -193,7 +207,7 @@ class Runner:
             return RejectionReason.SIMULATED, None
         checks = tuple(replace(c, proof=None) for c in answer.checks)  # grasps travel between processes
         answer = replace(answer, checks=checks)
-        return PlannedGrasp(closed.q, pose, grasp, answer, inside, deep.itself, number, searched)
+        return PlannedGrasp(closed.q, pose, grasp, answer, inside, deep.itself, number, searched, way=way)
 
     def simulated(self, grasp: Grasp, bodies: Bodies) -> bool:
         """Does the dynamics engine hold every load, without the factor of safety?"""
@@ -214,7 +228,8 @@ class Runner:
         if not answer.margins and answer.loads.wrenches.any():
             return g
         clearance = self.clearance.clearance(g.q, g.pose, but=[str(c.link) for c in g.grasp.contacts])
-        return replace(g, answer=answer, quality=quality(answer, o, clearance))
+        clearance = min(clearance, self.ways.clearance(g.q, g.pose)) if self.ways else clearance
+        return replace(g, answer=answer, quality=quality(answer, o, round(clearance, DIGITS)))
 
     def _grasp(self, closed: Closed, pose: Array, contacts: Sequence[Contact]) -> Grasp:
         """The grasp of a closed hand with some of its contacts."""

@@ -30,7 +30,8 @@ class GraspQuality:
         weakest: name of the load with that margin; "" where all loads are 0.
         leans_on: what makes that HOLDS fragile (`stability.margin.Margin.why`): "motion", "friction", "tilt"; () if it
             is robust.
-        clearance: [m] the least distance of links that do not touch to the object, and of links to each other.
+        clearance: [m] the least distance of links that do not touch to the object, of links to each other, and
+            of the hand to what is around the object (that up to 50 mm).
     """
 
     margin: float

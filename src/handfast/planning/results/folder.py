@@ -178,7 +178,8 @@ class PlanFolder(SearchFolder[Plan]):
             raise fault.at(self.source) from None
         grasps, others = (tuple(self._held(e, question) for e in some) for some in (file.grasps, file.others))
         self._written = len(grasps) + len(others)
-        return Plan(question, len(grasps), grasps, tally, Stop.INTERRUPTED, file.seconds, file.question, others)
+        spent = file.seconds, file.question, others, file.first_seconds
+        return Plan(question, len(grasps), grasps, tally, Stop.INTERRUPTED, *spent)
 
     def _held(self, entry: PlannedEntry, asked: Attempts) -> PlannedGrasp:
         place, source = load_configuration(self.path / entry.configuration_file), self.path / entry.grasp_file
@@ -195,4 +196,4 @@ class PlanFolder(SearchFolder[Plan]):
         q, how = place.applied(asked.hand)[1], entry.preload_search
         searched = how.contacts() if how else None
         depths = entry.penetration, entry.self_penetration
-        return PlannedGrasp(q, place.pose, grasp, answer, *depths, entry.attempt, searched)
+        return PlannedGrasp(q, place.pose, grasp, answer, *depths, entry.attempt, searched, way=entry.way)

@@ -16,12 +16,15 @@ from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import REASONS, Attempts, PlannedGrasp
 from handfast.planning.evaluation.preload_search import SearchedContacts
 from handfast.planning.evaluation.quality import largest_command
+from handfast.planning.filters.surroundings import Way
 from handfast.planning.rejection import OverlapEntry, Tally, diagnosis
 from handfast.planning.results.verify import verify_planned
 from handfast.proofs.replay import Replay
 from handfast.stability.loads import Loads
 
-STARTS = ("what became of the other starts, and that the grasps differ from each other",)
+STARTS = (
+    "what became of the other starts, that the grasps differ from each other, and that the ways in and out are free",
+)
 
 
 class PreloadSearchEntry(Strict):
@@ -48,6 +51,7 @@ class PlannedEntry(Strict):
     grasp_file: str
     hold_file: str
     preload_search: PreloadSearchEntry | None = None
+    way: Way | None = None
 
 
 class PlanFile(Strict):
@@ -58,6 +62,7 @@ class PlanFile(Strict):
     query: Literal["plan"]
     question: str
     seconds: float
+    first_seconds: float | None = None
     fates: dict[str, int]
     overlaps: dict[str, list[OverlapEntry]] = Field(default_factory=dict)
     grasps: list[PlannedEntry]
@@ -77,6 +82,7 @@ class Plan(Shown):
             given up) or INTERRUPTED if fewer were found.
         seconds: wall time.
         question: the fingerprint of what was asked, but for how many and how long.
+        first: [s] after which the first grasp was found; None if none was.
     """
 
     asked: Attempts
@@ -87,6 +93,7 @@ class Plan(Shown):
     seconds: float
     question: str = ""
     others: tuple[PlannedGrasp, ...] = ()
+    first: float | None = None
 
     @property
     def hand(self) -> Hand:
@@ -140,6 +147,7 @@ class Plan(Shown):
         """The keys that the command line prints and writes to plan.json, beside the files' names."""
         return header(self, "plan") | {
             "seconds": round(self.seconds, 3),
+            "first_seconds": None if self.first is None else round(self.first, 3),
             "seed": self.asked.options.seed,
             "safety": self.asked.options.safety,
             "loads": self.loads.by_name,
@@ -168,6 +176,7 @@ def _entry(g: PlannedGrasp) -> dict[str, Any]:
             "penetration": g.penetration,
             "self_penetration": g.self_penetration,
             "largest_command": largest_command(g.grasp),
+            "way": asdict(g.way) if g.way else None,
             "residual": max(a.proved.residual for a in g.answer.checks if a.proved),
         }
     )

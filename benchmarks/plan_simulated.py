@@ -1,0 +1,114 @@
+"""Planned grasps in the dynamics engine: what share of them it holds, of six hands on two objects each.
+
+    python -m benchmarks.plan_simulated [--shared ../shared] [--count 10] [--seconds 600]
+
+`plan` looks for grasps that hold 1.5 times the weight from all six sides, with its defaults and a fixed seed. Each grasp is written
+to a file, read again, and put under the weight itself, from each side, in `simulate_bodies`: hand and object as the files
+that the grasp names have them. A grasp is held if all six end in HOLDS, refused if the engine has no model of it; else
+the endings of its loads say what became of it. `--shared` has the Allegro and the Barrett hand as URDF; without it these are rows
+that say so.
+
+Writes results/plan_simulated.json as it goes on; pairs that are there already are not done again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from benchmarks.machine import describe
+from handfast import Loads, load_body, load_grasp, load_hand, simulate_bodies
+from handfast.core.errors import InputError
+from handfast.planning.plan_grasps import plan
+from handfast.planning.results.folder import PlanFolder
+from handfast.simulation.result import Ending
+
+RESULTS = Path(__file__).parent / "results" / "plan_simulated.json"
+HANDS = {
+    "barrett-bh8-280": ("can", "bottle"),
+    "schunk-sah": ("can", "mallet"),
+    "parallel-gripper": ("egg", "block"),
+    "tendon-hand": ("ball", "egg"),
+    "shared/hands/allegro_hand/allegro_hand_right.urdf": ("can", "ball"),
+    "shared/hands/barrett_hand/bhand_model.urdf": ("can", "mug"),
+}
+SAFETY, SEED = 1.5, 0
+TIMEOUT = 300.0  # [s] for a plan
+HELD, REFUSED = "held", "refused"
+
+
+def simulated(path: Path, loads: Loads) -> dict[str, str]:
+    """How the engine ends under each load, or why it has no model of a grasp."""
+    grasp, endings = load_grasp(path), {}
+    for name, wrench in loads.by_name.items():
+        try:
+            endings[name] = str(simulate_bodies(grasp, wrench).ending)
+        except InputError as fault:
+            endings[name] = f"{REFUSED}: {fault}"
+    return endings
+
+
+def became(endings: dict[str, str]) -> str:
+    """Of a grasp: held, refused, or the ending that was not HOLDS."""
+    others = sorted({e.partition(":")[0] for e in endings.values()} - {str(Ending.HOLDS)})
+    return others[0] if others else HELD
+
+
+def row(hand_file: str, thing: str, count: int) -> dict[str, Any]:
+    """One hand on one object."""
+    hand, body = load_hand(hand_file), load_body(thing)
+    begin = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        journal = PlanFolder(Path(folder), hand_file, thing)
+        how = {"count": count, "seed": SEED, "timeout": TIMEOUT, "safety": SAFETY}
+        planned = plan(hand, body, jobs=1, journal=journal, **how)
+        planning = time.process_time() - begin
+        loads, grasps = Loads.gravity(body), []
+        for g in planned.grasps:
+            endings = simulated(Path(folder) / f"{planned.number(g):03d}.grasp.json", loads)
+            measured = g.quality.to_json() if g.quality else {}
+            grasps.append({"start": g.index, "became": became(endings), "endings": endings} | measured)
+    told = {"starts": planned.tried, "stop": str(planned.stop), "processor_seconds": round(planning, 1)}
+    return told | {"became": dict(Counter(g["became"] for g in grasps)), "grasps": grasps}
+
+
+def summary(rows: dict[str, Any]) -> dict[str, Any]:
+    """All rows together."""
+    counts: Counter[str] = Counter()
+    for r in rows.values():
+        counts.update(r.get("became", {}))
+    total = sum(counts.values())
+    return {"grasps": total, **counts, "share": round(counts[HELD] / total, 3) if total else None}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--shared", type=Path, default=Path("../shared"), help="where hands/ with the URDF files is")
+    parser.add_argument("--count", type=int, default=10, help="grasps of each pair")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="begin no pair after this")
+    parser.add_argument("--output", type=Path, default=RESULTS, help="the file of the results")
+    asked, begun = parser.parse_args(), time.monotonic()
+    data = json.loads(asked.output.read_text()) if asked.output.exists() else {"rows": {}}
+    for name, things in HANDS.items():
+        file = str(asked.shared.resolve() / name.removeprefix("shared/")) if name.startswith("shared/") else name
+        for thing in things:
+            key = f"{Path(name).stem} {thing}"
+            if "grasps" in data["rows"].get(key, {}) or time.monotonic() - begun > asked.seconds:
+                continue
+            try:
+                data["rows"][key] = row(file, thing, asked.count)
+            except InputError as fault:
+                data["rows"][key] = {"fault": str(fault)}
+            data |= {"machine": describe(), "count": asked.count, "safety": SAFETY, "all": summary(data["rows"])}
+            asked.output.write_text(json.dumps(data, indent=1) + "\n")
+            print(key, data["rows"][key].get("became", data["rows"][key]), flush=True)
+    print(data.get("all"))
+
+
+if __name__ == "__main__":
+    main()
