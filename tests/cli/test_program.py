@@ -31,6 +31,7 @@ def test_help_shows_every_option(name: str, capsys: pytest.CaptureFixture[str]) 
     status, out, err = run(capsys, name, "--help")
     assert (status, err) == (0, "")
     others = {"close": ("hand", "object"), "verify": ("result",), "synthesize": ("task",), "grasp": ("task",)}
+    others |= {"plan": ("hand", "object", "others")}
     others |= {"import": ("files",), "export": ("source",), "view": ("grasps",), "label": ("dataset",)}
     positional = others.get(name, ("grasp", "hand", "object"))
     for field in fields(COMMANDS[name]):

@@ -96,7 +96,7 @@ def test_the_object_has_to_be_as_heavy_as_the_plans(planned: Plan) -> None:
     (one,) = planned.grasps
     heavy = one.grasp.about(mass=99.0)
     posed = [c.posed for c in one.answer.checks if c.posed]
-    asked = [p._replace(problem=replace(p.problem, grasp=heavy)) for p in posed]
+    asked = [replace(p, source=replace(p.problem, grasp=heavy)) for p in posed]
     checks = tuple(replace(c, posed=p) for c, p in zip(one.answer.checks, asked, strict=True))
     assert "another mass" in reason(planned, grasp=heavy, answer=replace(one.answer, checks=checks, grasp=heavy))
 

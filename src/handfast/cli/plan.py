@@ -33,7 +33,7 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
     gives the same grasps.
     """
 
-    others: Annotated[Positional[tuple[str, ...]], arg(metavar="OBJECT")] = ()
+    others: Annotated[Positional[tuple[str, ...]], arg(metavar="[OBJECT ...]")] = ()
     """more objects, one after the other; files of each go to a folder of its name below FOLDER"""
     count: Annotated[int, arg(metavar="N", aliases=["-n"])] = 20
     """grasps to look for"""
