@@ -44,6 +44,15 @@ def data_uri(figure: Figure, ending: str = "png", *, dpi: int = DPI) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(picture(figure, ending, dpi=dpi)).decode('ascii')}"
 
 
+def tidy(ax: Any, size: float | None = None) -> None:
+    """Axes of a plot: left and below alone, in grey; `size` [points] of the numbers."""
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        ax.spines[side].set_color(GREY)
+    ax.tick_params(color=GREY, labelcolor=INK, labelsize=size or 10)
+
+
 def solids(ax: Any, meshes: Sequence[Mesh], V: Array, clear: Mapping[str, float] = CLEAR) -> list[Array]:
     """Triangles, far ones first, shaded by how far they face the viewer; returns the corners of what they cover.
 

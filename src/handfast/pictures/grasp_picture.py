@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
     from handfast.stability.witness import Witness
 
+NAMED, COLUMNS, LINE = 8, 3, 0.16  # joints that are named in place; columns of the key, and [inches] a line of it
 TRIAD = 0.05  # length of the object frame's axes in the corner, in half widths of the figure
 ARROWS = {"forces": (BLUE, 6), "motions": (VIOLET, 5), "disturbance": (AMBER, 7)}  # colours, order of drawing
 JOINT = 0.3  # half length of a joint axis, in grasp sizes
@@ -62,7 +63,8 @@ def _side_by_side(panels: Sequence[tuple[Grasp, Sequence[Mesh], View]], witness:
     triad = TRIAD * count * width / 2
     headroom = 1.6 * triad  # above the drawing, for the object frame's axes
     height = max(height, 0.6 * width) + 2 * headroom
-    legend = 0.78  # [inches] below the panels
+    names = [] if panels[0][1] else joint_key(grasp)
+    legend = 0.78 + LINE * -(-len(names) // COLUMNS)  # [inches] below the panels
     panel = 8.0 / count * height / width
     figure.set_size_inches(8.0, panel + legend + 0.28)
     total = panel + legend + 0.28
@@ -72,7 +74,13 @@ def _side_by_side(panels: Sequence[tuple[Grasp, Sequence[Mesh], View]], witness:
         _frame(ax, middle, np.array([width, height]) / 2, view, triad)
         if not meshes:
             _joint_labels(ax, g, view.matrix)
-    figure.legend(handles=_key(grasp, witness), loc="lower center", ncols=3, frameon=False, fontsize=9)
+    foot: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, (legend - 0.78) / total)}
+    figure.legend(handles=_key(grasp, witness), ncols=3, frameon=False, fontsize=9, **foot)
+    for k, text in enumerate(names):
+        column, row = divmod(k, -(-len(names) // COLUMNS))
+        figure.text(
+            0.02 + column / COLUMNS, (legend - 0.8 - LINE * row) / total, text, va="top", fontsize=7.5, color=GREEN
+        )
     return figure
 
 
@@ -179,21 +187,29 @@ def _joints(ax: Any, grasp: Grasp, V: Array) -> Array:
     return np.array(ends).reshape(-1, 2)
 
 
+def joint_key(grasp: Grasp) -> list[str]:
+    """What stands for names of joints: nothing for a few, which are written beside their axes, else 'j0 NAME', ..."""
+    joints = placed_joints(grasp)
+    return [f"j{k} {j.name}" for k, j in enumerate(joints)] if len(joints) > NAMED else []
+
+
 def _joint_labels(ax: Any, grasp: Grasp, V: Array) -> None:
-    """Joint names below their joints, moved down where they would overlap."""
+    """Joint names, or numbers of `joint_key`, below their joints, moved down where they would overlap."""
     (x0, x1), y0 = ax.get_xlim(), ax.get_ylim()[0]
     inches = ax.get_position().width * ax.figure.get_size_inches()[0]
     wide, high = (x1 - x0) * 0.058 / inches, (x1 - x0) * 0.15 / inches  # of a letter, of a line
     put: list[tuple[float, float, float]] = []
-    for j in sorted(placed_joints(grasp), key=lambda j: -float(V[1] @ j.origin)):
-        half = 0.5 * wide * len(j.name)
+    joints = placed_joints(grasp)
+    texts = [key.split()[0] for key in joint_key(grasp)] or [j.name for j in joints]
+    for j, text in sorted(zip(joints, texts, strict=True), key=lambda x: -float(V[1] @ x[0].origin)):
+        half = 0.5 * wide * len(text)
         x = min(max(float(V[0] @ j.origin), x0 + half), x1 - half)
         y = float(V[1] @ j.origin) - abs(JOINT * grasp.size * float(V[1] @ j.axis)) - 1.1 * high
         while any(abs(x - a) < half + b and abs(y - c) < high for a, b, c in put) and y > y0:
             y -= 0.25 * high
         y = max(y, y0 + 0.6 * high)
         put.append((x, half, y))
-        _label(ax, x, y, j.name, GREEN, 7.5)
+        _label(ax, x, y, text, GREEN, 7.5)
 
 
 def _label(ax: Any, x: float, y: float, text: str, color: str, size: float, *, bold: bool = False) -> None:

@@ -6,14 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from handfast.datasets.labels.label_summary import edges
-from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON
+from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, tidy
+from handfast.pictures.words import num
 
 if TYPE_CHECKING:
     from handfast.datasets.labels.label_summary import LabelSummary
 
 VERDICT_COLORS = {"holds": BLUE, "slips": MAROON, "undecided": AMBER, "no weight": GREY, "broken": INK}
+APART, ROOM = 3, 5  # bins between the rest and what is beyond it, and that the words below it take
 PANELS = {
     "weight_factor": "least factor on the weight",
     "worst_force": "largest force in the worst direction [N]",
@@ -32,7 +36,7 @@ def draw_labels(summary: LabelSummary, name: str) -> Figure:
     for ax, column in zip(axes.ravel()[1:], PANELS, strict=True):
         _spread(ax, summary, column)
     seen = [v for v in VERDICT_COLORS if summary.verdicts.get(v)]
-    handles = [_patch(VERDICT_COLORS[v], f"{v} {summary.verdicts[v]}") for v in seen]
+    handles = [Patch(color=VERDICT_COLORS[v], label=f"{v} {summary.verdicts[v]}") for v in seen]
     if handles:
         place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.075, 0.955)}
         figure.legend(handles=handles, ncols=4, frameon=False, fontsize=9, title="", **place)
@@ -40,41 +44,43 @@ def draw_labels(summary: LabelSummary, name: str) -> Figure:
 
 
 def _contacts(ax: Any, summary: LabelSummary) -> None:
+    """Grasps by their number of contacts, on an axis of numbers."""
     numbers = sorted(summary.contacts)
-    ax.bar([str(n) for n in numbers], [summary.contacts[n] for n in numbers], color=GREY)
+    ax.bar(numbers, [summary.contacts[n] for n in numbers], color=GREY)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_title("contacts", loc="left", fontsize=10, color=INK)
     ax.set_ylabel("grasps", fontsize=9)
-    _plain(ax)
+    tidy(ax, 8)
 
 
 def _spread(ax: Any, summary: LabelSummary, column: str) -> None:
-    """Histograms by verdict, one on the other, over a logarithmic axis."""
-    places = edges(column)
-    below = np.zeros(len(places) - 1)
+    """Histograms by verdict, one on the other, over powers of ten; zeros and what is beyond apart from the rest."""
+    places = np.log10(edges(column))
+    wide, n = places[1] - places[0], len(places) - 1
+    bins = {v: np.array(summary.spread[column].get(v) or [0.0] * n, dtype=float) for v in VERDICT_COLORS}
+    inside = np.flatnonzero(np.sum(list(bins.values()), axis=0)[1:-1]) + 1
+    first, last = (inside[0], inside[-1]) if len(inside) else (n // 2, n // 2)
+    x = places[:-1].copy()
+    x[0], x[-1] = places[first] - APART * wide, places[last] + APART * wide  # the first and last hold all beyond them
+    beyond = [(0, "up to {}", places[1]), (-1, "from {}", places[-2])]
+    filled = [(k, text.format(num(10**edge, 2))) for k, text, edge in beyond if any(b[k] for b in bins.values())]
+    ends = [(x[k] + wide / 2, text) for k, text in filled]
+    below = np.zeros(n)
     for verdict, color in VERDICT_COLORS.items():
-        bins = np.array(summary.spread[column].get(verdict, []), dtype=float)
-        if len(bins):
-            ax.bar(places[:-1], bins, np.diff(places), below, align="edge", color=color, lw=0)
-            below += bins
-    filled = np.flatnonzero(below)
-    if len(filled):
-        ax.set_xlim(places[max(filled[0] - 1, 0)], places[min(filled[-1] + 2, len(places) - 1)])
-    else:
+        ax.bar(x, bins[verdict], wide, below, align="edge", color=color, lw=0)
+        below += bins[verdict]
+    if not below.any():
         ax.text(0.5, 0.5, "none", transform=ax.transAxes, ha="center", color=GREY)
-    ax.set_xscale("log")
+        ax.set_yticks([])
+    if len(inside):
+        tens = np.arange(np.floor(places[first]), np.ceil(places[last + 1]) + 1)
+        shown = tens[(tens >= places[first] - wide) & (tens <= places[last + 1] + wide)]
+        shown = [t for t in shown if all(abs(t - at) > ROOM * wide for at, _ in ends)]
+        ends += [(t, num(10**t)) for t in shown or [(places[first] + places[last + 1]) / 2]]
+    ends.sort()
+    ax.set_xticks([at for at, _ in ends], [text for _, text in ends])
+    ax.set_xlim((x[0] if below[0] else places[first]) - wide, (x[-1] if below[-1] else places[last]) + 2 * wide)
     if column == "weight_factor":
-        ax.axvline(1.0, color=INK, lw=0.8, ls=":")
+        ax.axvline(0.0, color=INK, lw=0.8, ls=":")
     ax.set_title(PANELS[column], loc="left", fontsize=10, color=INK)
-    _plain(ax)
-
-
-def _plain(ax: Any) -> None:
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
-    ax.tick_params(color=GREY, labelcolor=INK, labelsize=8)
-
-
-def _patch(color: str, text: str) -> Any:
-    from matplotlib.patches import Patch
-
-    return Patch(color=color, label=text)
+    tidy(ax, 8)

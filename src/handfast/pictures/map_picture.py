@@ -12,7 +12,7 @@ from matplotlib.patches import Arc, Patch, Polygon, Wedge
 
 from handfast.core.errors import kinds_checked
 from handfast.pictures import sentences, words
-from handfast.pictures.drawing import AMBER, BLUE, DPI, GREY, INK, MAROON
+from handfast.pictures.drawing import AMBER, BLUE, DPI, GREY, INK, MAROON, tidy
 from handfast.pictures.words import num
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def draw_map(
     ax.set_ylabel(f"force along {answer.plane[1]} [N]")
     ax.set_title(f"Forces resisted in the {answer.plane} plane", loc="left", fontsize=12, color=INK)
     ax.grid(color="#e4e4e4", lw=0.6, zorder=0)
-    _tidy(ax)
+    tidy(ax)
     figure = ax.get_figure(root=True)
     assert figure is not None
     if own:
@@ -215,15 +215,7 @@ def _inset(figure: Figure, answer: MapAnswer, axes: tuple[int, int], height: flo
     ax.locator_params(nbins=4)
     title = "contacts; × force" if answer.at.any() else "contacts and normals"
     ax.set_title(title, fontsize=8.5, loc="left", color=INK, pad=4)
-    _tidy(ax)
-
-
-def _tidy(ax: Any) -> None:
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        ax.spines[side].set_color(GREY)
-    ax.tick_params(color=GREY, labelcolor=INK)
+    tidy(ax)
 
 
 # --- sweeps -------------------------------------------------------------------------------------
@@ -263,7 +255,7 @@ def draw_sweep(answer: SweepAnswer) -> Figure:
         kind = {"N": "largest force resisted [N]", "N·m": "largest moment resisted [N·m]"}
         axis.set_ylabel(kind.get(unit, f"largest multiple resisted ({unit})"), color=color)
         axis.set_ylim(0, 1.08 * tops[unit] if tops[unit] > 0 else 1.0)
-        _tidy(axis)
+        tidy(axis)
         axis.tick_params(axis="y", labelcolor=color)
         if n:
             axis.spines["right"].set_visible(True)

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from handfast.measures.catalogue import PASSIVE
 from handfast.pictures import words
 from handfast.pictures.camera import views
-from handfast.pictures.drawing import AMBER, BLUE, GREY, INK
+from handfast.pictures.drawing import AMBER, BLUE, INK, tidy
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.pictures.words import num
 
@@ -119,9 +119,7 @@ def _bars(ax: Any, found: Measures) -> None:
     ax.set_yticks(rows, [n.replace("-", "−") for n in names])
     ax.set(xlim=(0, reach), ylim=(rows[-1] + 0.6, -0.6))
     ax.set_xlabel(f"force [N], or torque divided by {num(1e3 * found.scale.length)} mm [N]", color=INK)
-    ax.tick_params(color=GREY, labelcolor=INK, labelsize=8.5)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
+    tidy(ax, 8.5)
     keys: list[Any] = [Patch(fc=color, label=label) for _, _, color, label in series]
     if found.passive is not None and (found.passive.upper > 1.02 * found.passive.lower).any():
         keys.append(Patch(ec=BLUE, label="not decided", **OPEN_BAR))

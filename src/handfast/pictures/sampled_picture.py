@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from handfast.core.answer import Stop
-from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON
+from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, tidy
 from handfast.pictures.words import count, direction_text, listed, magnitude, num
 
 if TYPE_CHECKING:
@@ -77,47 +77,42 @@ def _others(found: SampledMaximum) -> tuple[float, float, float]:
 def draw_sampled(found: SampledMaximum) -> Figure:
     """A histogram of the samples' maxima, with nominal, eta and quantiles as lines.
 
-    Samples beyond the picture, unbounded ones among them, are counted in its last bar, which says so.
+    Samples beyond the picture, unbounded ones among them, are counted in a bar of their own.
     """
     factor, unit = magnitude(found.direction)
-    figure = Figure(figsize=(8.0, 4.2), dpi=100)
-    ax = figure.add_axes((0.09, 0.15, 0.88, 0.68))
+    figure = Figure(figsize=(8.0, 4.6), dpi=100)
+    ax = figure.add_axes((0.09, 0.135, 0.88, 0.6))
     values = factor * found.values
-    marks: list[tuple[float, str, str, str]] = [_mark(found.nominal, factor, "as it stands", INK, "-")]
+    marks: list[tuple[float, str, str, Any]] = [_mark(found.nominal, factor, "as it stands", INK, "-")]
     if found.uncertain is not None:
         eta = num(float(np.degrees(found.bounds.normals)))
         marks.append(_mark(found.uncertain, factor, f"eta = {eta}°", MAROON, "--"))
-    for share, label in ((0.0, "worst sample"), (0.05, "5 %"), (0.5, "median")):
+    for share, label, style in ((0.0, "worst sample", ":"), (0.05, "5 %", (0, (1, 4))), (0.5, "median", "-.")):
         if share in found.quantiles:
-            marks.append((factor * found.quantiles[share], label, GREY, ":"))
+            marks.append((factor * found.quantiles[share], label, GREY, style))
     end = _end(values, [x for x, *_ in marks if np.isfinite(x)])
-    shown = np.minimum(values, end)
-    _, edges, _ = ax.hist(
-        shown, BINS, range=(min(0.0 if not len(shown) else shown.min(), end * 0.999), end), color=BLUE
-    )
-    beyond = int((values > end).sum())
-    top = ax.get_ylim()[1] * 1.3
-    ax.set_ylim(0, top)
-    for k, (x, label, color, style) in enumerate(sorted(marks, key=lambda m: m[0])):
-        if not np.isfinite(x):
-            continue
-        ax.axvline(min(x, end), color=color, ls=style, lw=1.6)
-        place: dict[str, Any] = {"ha": "left", "va": "top", "fontsize": 8, "color": INK if color == GREY else color}
-        ax.text(min(x, end), top * (0.99 - 0.055 * (k % 6)), f" {label} {num(x, 3)}", **place)
-    if beyond:
-        text = f"{beyond} resist\nmore, or\nany size"
-        ax.text(edges[-2], top * 0.5, text, ha="right", va="center", fontsize=8, color=AMBER)
+    inside = values[values <= end]
+    first = min(0.0 if not len(inside) else float(inside.min()), end * 0.999)
+    ax.hist(inside, BINS, range=(first, end), color=BLUE)
+    beyond = len(values) - len(inside)
+    if beyond:  # apart from the bars that have a place on the axis
+        wide = (end - first) / BINS
+        ax.bar(end + 2 * wide, beyond, 2 * wide, color=AMBER, label=f"{beyond} resist more, or any size")
+    for x, label, color, style in sorted(marks, key=lambda m: m[0]):
+        value = num(x, 3) if np.isfinite(x) else "any size"
+        line = ax.axvline(x, ls=style) if np.isfinite(x) else ax.plot([], [])[0]
+        line.set(color=color, lw=1.6, label=f"{label}: {value}")
+    place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (-0.01, 1.0), "ncols": 3}
+    ax.legend(frameon=False, fontsize=8, **place)
     ax.set_xlabel(f"largest {direction_text(found.direction)} that is resisted [{unit}]")
     ax.set_ylabel("samples")
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
-    ax.tick_params(color=GREY, labelcolor=INK, labelsize=8)
-    figure.text(0.09, 0.93, f"{found.grasp.name}: {count(len(found.lower), 'sample')}", fontsize=12, color=INK)
-    figure.text(0.09, 0.875, bounds_text(found), fontsize=8.5, color=INK)
+    tidy(ax, 8)
+    figure.text(0.09, 0.935, f"{found.grasp.name}: {count(len(found.lower), 'sample')}", fontsize=12, color=INK)
+    figure.text(0.09, 0.885, bounds_text(found), fontsize=8.5, color=INK)
     return figure
 
 
-def _mark(answer: MaxAnswer, factor: float, label: str, color: str, style: str) -> tuple[float, str, str, str]:
+def _mark(answer: MaxAnswer, factor: float, label: str, color: str, style: str) -> tuple[float, str, str, Any]:
     return (np.inf if answer.unbounded else factor * answer.lower, label, color, style)
 
 
