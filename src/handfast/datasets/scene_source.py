@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
+from handfast.core.files import same_json
 from handfast.datasets.dataset_rows import GraspChanges, PosedRow
 from handfast.model.grasp import Grasp
 from handfast.model.hand.hand import Hand
@@ -51,7 +53,7 @@ class SceneSource:
         from handfast.model.provenance import SourceFile
         from handfast.readers.load_hand import load_hand
 
-        bare = cls(_absolute(hand), _absolute(object), **others)
+        bare = cls(_absolute(hand, Path()), _absolute(object, Path()), **others)
         known = SourceFile.of(load_hand(bare.hand, root=bare.root).source, "hand"), SourceFile.of(bare.object, "object")
         hand_sum, object_sum = (f.sha256 if f else None for f in known)
         made = replace(bare, files=(hand_sum, object_sum))
@@ -103,16 +105,48 @@ class SceneSource:
             grasp = grasp.about(mass=mass, center_of_mass=changes.center_of_mass)
         return grasp
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self, folder: Path) -> dict[str, Any]:
+        """As a file in a folder has it: hand and object as seen from there."""
         kept = dict(zip(("hand_sha256", "object_sha256"), self.files, strict=True))
-        paths = {"hand": self.hand, "object": self.object, "root": self.root}
+        paths = {"hand": _seen_from(folder, self.hand), "object": _seen_from(folder, self.object), "root": self.root}
         laws = {"joint_laws": self.joint_laws, "backdrivable": list(self.backdrivable)}
         return paths | kept | {"scale": self.scale, "threshold": self.threshold} | laws
 
+    @classmethod
+    def from_json(cls, said: Mapping[str, Any], folder: Path) -> SceneSource:
+        """What `to_json` wrote to a file in a folder; raises `KeyError` or `TypeError` for anything else."""
+        files = said["hand_sha256"], said["object_sha256"]
+        kept = {key: x for key, x in said.items() if key not in ("hand_sha256", "object_sha256")}
+        for key in ("hand", "object"):
+            kept[key] = _absolute(str(said[key]), folder)
+        return cls(**kept | {"backdrivable": tuple(said["backdrivable"]), "files": files})
 
-def _absolute(name: str) -> str:
+
+def same_scene(one: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -> bool:
+    """Do two files speak of the same scene? Where a checksum is known the place of the file does not matter."""
+
+    def plain(said: Mapping[str, Any] | None) -> Any:
+        return said and {
+            k: v for k, v in said.items() if k not in ("hand", "object") or said.get(f"{k}_sha256") is None
+        }
+
+    return same_json(plain(one), plain(other))
+
+
+def _seen_from(folder: Path, name: str) -> str:
     file, mark, part = name.partition("#")
-    return str(Path(file).resolve()) + mark + part if Path(file).exists() else name
+    if not Path(file).is_absolute():
+        return name
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix() + mark + part
+    except ValueError:  # on another drive
+        return name
+
+
+def _absolute(name: str, folder: Path) -> str:
+    """A path that is there as seen from a folder, as an absolute one; what is none stays."""
+    file, mark, part = name.partition("#")
+    return str((folder / file).resolve()) + mark + part if (folder / file).exists() else name
 
 
 def _named(values: Array | dict[str, float], names: tuple[str, ...], field: str) -> dict[str, float]:

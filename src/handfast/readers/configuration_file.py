@@ -14,6 +14,9 @@ from handfast.readers import registry
 def load_configuration(path: str | Path) -> Configuration:
     """Read a configuration file, or a bundled one by name, or the configuration in a GraspIt! world.
 
+    A hand or an object that is named by a relative path with a "/" is looked for from the file's folder first; what is
+    not there stays as it is named.
+
     Of a world (XML), hand and object are named by their files. `world.xml#Barrett,mug` chooses among several; a robot
     that carries another, an arm, is not the hand. Obstacles are left out.
 
@@ -28,9 +31,17 @@ def load_configuration(path: str | Path) -> Configuration:
     file = bundled.resolve("configurations", str(path))
     data = read_json(file, "configuration")
     try:
-        return validate(Configuration, data)
+        read_file = validate(Configuration, data)
     except InputError as fault:
         raise fault.at(str(path)) from None
+    named = {key: _seen_from(Path(file).parent, getattr(read_file, key)) for key in ("hand", "object")}
+    return read_file.model_copy(update=named)
+
+
+def _seen_from(folder: Path, name: str | None) -> str | None:
+    file, mark, part = (name or "").partition("#")
+    beside = folder / file
+    return str(beside) + mark + part if "/" in file and beside.is_file() else name
 
 
 def save_configuration(configuration: Configuration, path: str | Path, *, force: bool = False) -> None:

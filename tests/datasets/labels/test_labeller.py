@@ -164,7 +164,7 @@ def held(grasp: Grasp) -> dict[str, object]:
 def test_what_slips_with_these_commands_may_be_held_by_others() -> None:
     said = held(pinch().with_preload(None))
     assert (said["verdict"], said["held_by"]) == ("slips", "others")
-    assert np.min(said["holding_commands"]) >= 0.049
+    assert np.max(said["holding_commands"]) >= 0.049  # the other finger may be locked
     assert said["largest_command"] == pytest.approx(0.049, rel=2e-3)
     again = held(pinch().with_preload(np.array(said["holding_commands"])))
     assert (again["verdict"], again["held_by"]) == ("holds", "these")
@@ -184,7 +184,10 @@ def test_commands_that_hold_are_never_below_the_largest_that_is_needed(monkeypat
     monkeypatch.setattr(Questions, "commands", lambda self, wrench: far)
     said = held(pinch(torque=0.1))
     assert (said["commands"], said["largest_command"], said["largest_command_lower"]) == ([0.1, 0.1], 0.1, None)
+    near = LeastCommands(None, 0.0)  # none were found for the hardest direction, but one preload for all
+    monkeypatch.setattr(Questions, "commands", lambda self, wrench: near)
     weak = held(pinch(torque=0.01))
     assert weak["held_by"] == "others"
     assert weak["commands"] == weak["holding_commands"]
-    assert weak["largest_command"] == np.max(weak["holding_commands"]) < 0.5
+    assert weak["largest_command"] == np.max(weak["holding_commands"])
+    assert weak["largest_command_lower"] is None

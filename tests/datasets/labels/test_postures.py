@@ -16,10 +16,12 @@ from handfast.datasets.labels import label_dataset as run_module
 from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.label_files import load_labels
 from handfast.datasets.labels.labeller import Labelling
+from handfast.datasets.labels.verify_labels import about_labels
 from handfast.datasets.open_dataset import open_dataset
 from handfast.datasets.scene_source import SceneSource
 from handfast.geometry.contacts import contact_grasp
 from handfast.readers.configuration_file import load_configuration
+from tests.support.published import tiny
 
 LITTLE = Labelling(directions=1, gravity=((0, 0, -1.0),), node_limit=300)
 
@@ -182,7 +184,7 @@ def test_laws_of_joints_count_as_asked(arrays: dict[str, Any]) -> None:
         mechanism = scene.grasp(row, "a", GraspChanges()).mechanism
         lawful.append(any(joint.law.any for joint in scene.scene().hand.joints))
         back.append([name for name, b in zip(mechanism.actuators, mechanism.backdrivable, strict=True) if b])
-        manifests.append(scene.to_json())
+        manifests.append(scene.to_json(Path()))
     assert (lawful, back) == ([True, False], [[], ["finger_1_prox"]])
     assert manifests[0] != manifests[1]
     with pytest.raises(InputError, match="thumb"):
@@ -194,3 +196,25 @@ def test_odd_changes_are_refused() -> None:
         GraspChanges(mass=0.0)
     with pytest.raises(InputError, match="friction: is -1"):
         GraspChanges(friction=-1.0)
+
+
+def test_a_project_can_be_moved(tmp_path: Path) -> None:
+    """Hand, object, postures and labels together; the hand stands too far away, which breaks the row."""
+
+    def run(folder: Path, **how: Any) -> Any:
+        scene = SceneSource.of(str(folder / "tiny.xml"), str(folder / "objects" / "cube" / "cube.obj"))
+        return label_dataset(folder / "a.npz", folder / "b.jsonl", labelling=LITTLE, scene=scene, jobs=1, **how)
+
+    before, after = tmp_path / "before", tmp_path / "after"
+    tiny(before)
+    row = {"joints": [[0.0, 0.0]], "object_position": [[0.0, 0, 1]], "object_quaternion": [[1.0, 0, 0, 0]]}
+    np.savez(before / "a.npz", **{key: np.array(value) for key, value in row.items()})
+    assert run(before).broken == 1
+    before.rename(after)
+    assert (run(after, resume=True).rows, run(after, resume=True).fresh) == (1, 0)
+    scene = about_labels(after / "b.jsonl")["scene"]
+    assert (scene["hand"], scene["object"]) == ("tiny.xml", "objects/cube/cube.obj")
+    assert SceneSource.from_json(scene, after).hand == str((after / "tiny.xml").resolve())
+    (after / "tiny.xml").write_text((after / "tiny.xml").read_text().replace("0.008", "0.009"))
+    with pytest.raises(InputError, match="is of another dataset or of other questions"):
+        run(after, resume=True)

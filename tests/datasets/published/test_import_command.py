@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -359,3 +360,33 @@ def test_bundled_mappings_are_whole() -> None:
         assert set(found.layouts) <= set(LAYOUTS)
         for order in (found.joints or [], list(found.names.values())):
             assert len(set(order)) == len(order)
+
+
+def test_a_folder_can_be_moved(here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the objects that it was made of, and from wherever it is read."""
+    file = str(samples(here)["bodex"])
+    ask(capsys, "import", file, *WITH, "-o", "out")
+    (here / "elsewhere").mkdir()
+    Path("out").rename("elsewhere/moved")
+    shutil.rmtree("objects")
+    monkeypatch.chdir(here / "elsewhere" / "moved" / "objects")
+    folder = here / "elsewhere" / "moved"
+    placed, came = load_configuration("../00000.configuration.json"), load_grasp("../00000.grasp.json").provenance
+    assert placed.object
+    assert came
+    assert came.object
+    assert Path(placed.object).resolve() == Path(came.object.path) == folder / "objects" / "cube-1.json"
+    assert load_body(placed.object).name == "cube"
+    texts = [f.read_text() for f in folder.rglob("*.json") if f.name != "import.json"]
+    assert not any(str(here) in text for text in texts)  # no absolute path
+
+
+def test_grasps_without_commands_are_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(samples(here)["bodex"])
+    _, out, _ = run(capsys, "import", file, *WITH, "-o", "locked")
+    said = " ".join(out.split())
+    assert "1 of 1 grasps come without commands: their motors are locked" in said
+    assert "--gain KP" in said
+    assert "`handfast label locked -o labels.jsonl --mass KG`" in said
+    _, out, _ = run(capsys, "import", file, *WITH, "-o", "pulled", "--gain", "0.5")
+    assert "without commands" not in out

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from handfast.datasets.labels.label_summary import KEPT, LabelSummary
 from handfast.datasets.labels.labeller import Labelling, label
 from handfast.datasets.labels.part_folder import PartFolder, folder_of
 from handfast.datasets.open_dataset import open_dataset
-from handfast.datasets.scene_source import SceneSource
+from handfast.datasets.scene_source import SceneSource, same_scene
 from handfast.model.grasp import Grasp
 
 PART = 64  # rows of a task at most, and
@@ -45,11 +45,12 @@ class LabelRecipe:
     scene: SceneSource | None = None
     ending: str = ".jsonl"
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self, folder: Path) -> dict[str, Any]:
+        """As a file in a folder has it."""
         return {
             "questions": self.labelling.to_json(),
             "changes": self.changes.to_json(),
-            "scene": self.scene and self.scene.to_json(),
+            "scene": self.scene and self.scene.to_json(folder),
         }
 
 
@@ -142,12 +143,12 @@ def label_dataset(
         raise InputError("is a table of postures; give the hand and the object", source=str(dataset))
     if not rows.posed and scene is not None:
         raise InputError("has grasps with their contacts; a hand and an object are for tables", source=str(dataset))
-    about = {"schema": SCHEMA, "columns": described(), "dataset": rows.identity()} | recipe.to_json()
+    about = {"schema": SCHEMA, "columns": described(), "dataset": rows.identity()} | recipe.to_json(target.parent)
     folder = PartFolder(target, format, {k: v for k, v in about.items() if k != "schema"}, rows.count)
     _refuse(target, folder, resume=resume, force=force)
     summary = LabelSummary()
     if resume and target.exists() and not folder.begun:  # the last run came to its end
-        if not same_json(format.about(target), about):
+        if not same_run(format.about(target), about):
             raise InputError("is of another dataset or of other questions; give --force", source=str(target))
         _count(summary, format, target, rows.count)
         return summary
@@ -175,6 +176,13 @@ def label_dataset(
             folder.remove()
     summary.fresh, summary.wall = fresh, time.monotonic() - begin
     return summary
+
+
+def same_run(known: Any, about: Mapping[str, Any]) -> bool:
+    """Do the metadata of a table say the same dataset, columns and questions?"""
+    if not isinstance(known, dict) or known.keys() != about.keys():
+        return False
+    return all(same_scene(known[k], v) if k == "scene" else same_json(known[k], v) for k, v in about.items())
 
 
 def _refuse(target: Path, folder: PartFolder, *, resume: bool, force: bool) -> None:

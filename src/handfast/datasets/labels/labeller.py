@@ -12,7 +12,7 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.datasets.labels.label_columns import MEASURES, WRENCHES, LabelColumn, wrench_column
-from handfast.datasets.labels.questions import LargestLoad, LeastCommands, Questions, free_motors, largest_command
+from handfast.datasets.labels.questions import LargestLoad, LeastCommands, Questions, largest_command
 from handfast.measures.measuring import measure_columns
 from handfast.model.grasp import Grasp
 from handfast.stability.settings import Settings
@@ -174,7 +174,7 @@ def _under_gravity(
     worst = min(range(len(pulls)), key=lambda k: (most[k].lower, most[k].upper, k))
     loads = [weight * force_at(v, center) for v in pulls]
     smallest = ask.commands(loads[worst])
-    held_by, holding = _held_by(ask, loads, all_hold(verdicts), smallest)
+    held_by, holding = _held_by(ask, loads, all_hold(verdicts), worst, smallest)
     own = ask.grasp.command if verdicts[worst] is Verdict.HOLDS else None
     scaled = LargestLoad(most[worst].lower / weight, most[worst].upper / weight, most[worst].unbounded)
     return (
@@ -190,15 +190,19 @@ def _under_gravity(
     )
 
 
-def _held_by(ask: Questions, loads: list[Array], verdict: Verdict, smallest: LeastCommands) -> tuple[str, Array | None]:
-    """Which commands resist all loads: a word of `HELD_BY`, and one preload (a,) that does, if one is known."""
+def _held_by(
+    ask: Questions, loads: list[Array], verdict: Verdict, hardest: int, smallest: LeastCommands
+) -> tuple[str, Array | None]:
+    """Which commands resist all loads: a word of `HELD_BY`, and one preload (a,) that does, if one is known.
+
+    Args:
+        hardest: of the loads. smallest: commands that resist that one.
+    """
     if verdict is Verdict.HOLDS:
         return "these", ask.grasp.command
     if verdict is Verdict.UNDECIDED:
         return "undecided", None
-    if smallest.lower == np.inf and set(ask.grasp.sought_actuators) == set(free_motors(ask.grasp)):
-        return "none", None  # of a single load already
-    found, preload = ask.one_preload(loads)
+    found, preload = ask.one_preload(loads, hardest, smallest)
     return {Verdict.HOLDS: "others", Verdict.SLIPS: "none"}.get(found, "undecided"), preload
 
 

@@ -19,6 +19,7 @@ from typing import Any
 from handfast.core.errors import InputError
 from handfast.core.files import read_json, same_json
 from handfast.datasets.labels.label_files import LabelFormat, write_durably
+from handfast.datasets.scene_source import same_scene
 
 MANIFEST, LOCK = "manifest.json", "lock"
 SCHEMA = "handfast/label-parts/1"
@@ -37,7 +38,7 @@ class PartFolder:
 
     def __init__(self, output: Path, format: LabelFormat, manifest: dict[str, Any], rows: int) -> None:
         self.path, self.format, self.rows = folder_of(output), format, rows
-        self.manifest = {"schema": SCHEMA, "rows": rows} | manifest
+        self.manifest: dict[str, Any] = {"schema": SCHEMA, "rows": rows} | manifest
         self._lock: Any = None
         self._parts: dict[int, tuple[range, Path]] = {}  # by the first row
 
@@ -82,7 +83,8 @@ class PartFolder:
         if self.begun and resume:
             known = read_json(self.path / MANIFEST, "manifest")
             for key, value in self.manifest.items():
-                if not same_json(known.get(key), value):
+                there: Any = known.get(key)
+                if not (same_scene(there, value) if key == "scene" else same_json(there, value)):
                     problem = "is another than the parts were made with; give --force to begin anew"
                     raise InputError(problem, source=str(self.path / MANIFEST), field=key.replace("_", " "))
             return self._done()

@@ -25,6 +25,13 @@ from handfast.stability.settings import Settings
 
 LEAST = 1e-3  # [s] that a question has where no time is left,
 FEWEST = 64  # and nodes
+FACTORS = (
+    1.5,
+    1.1,
+    2.5,
+    5.0,
+    1.00001,
+)  # of the smallest commands for one load, which may hold all; some to spare first
 
 
 @dataclass(frozen=True)
@@ -110,28 +117,41 @@ class Questions:
             self._count_row(found, i, out[k] is not Verdict.UNDECIDED)
         return out
 
-    def commands(self, wrench: Array) -> LeastCommands:
-        """The smallest commands that resist a disturbance (6,), of the motors that the grasp commands, else of all."""
-        if unbalanced(self.grasp, wrench) or not self.grasp.sought_actuators:
+    def commands(self, wrench: Array, motors: tuple[str, ...] | None = None) -> LeastCommands:
+        """The smallest commands that resist a disturbance (6,), of the motors that the grasp commands, else of all.
+
+        Args:
+            motors: others in place of these.
+        """
+        if unbalanced(self.grasp, wrench) or not (motors or self.grasp.sought_actuators):
             return LeastCommands(None, np.inf)
-        answer = torques(self.grasp, wrench, settings=self._limited(1))
+        answer = torques(self.grasp, wrench, actuators=motors, settings=self._limited(1))
         self._count(answer.stop, answer.nodes, answer.verdict is not Verdict.UNDECIDED)
         if answer.preload is None:
             return LeastCommands(None, answer.lower)
         return LeastCommands(self.grasp.with_commands(answer.preload).command, answer.lower)
 
-    def one_preload(self, wrenches: list[Array]) -> tuple[Verdict, Array | None]:
+    def one_preload(self, wrenches: list[Array], hardest: int, least: LeastCommands) -> tuple[Verdict, Array | None]:
         """Is there one preload (a,) under which each of these disturbances (6,) is resisted? The first that is found.
 
         The motors that the grasp commands are tried first, then all; backdrivable ones stay as they are commanded.
+
+        Args:
+            hardest: which of them asks most. least: the smallest commands for it, of the motors that are commanded.
         """
-        found = Verdict.SLIPS
-        if any(unbalanced(self.grasp, wrench) for wrench in wrenches):
-            return found, None
-        loads = Loads(tuple(str(k) for k in range(len(wrenches))), np.array(wrenches))
-        for motors in dict.fromkeys((self.grasp.sought_actuators, free_motors(self.grasp))):
-            if not motors:
-                continue
+        own, free = self.grasp.sought_actuators, free_motors(self.grasp)
+        if not free or any(unbalanced(self.grasp, wrench) for wrench in wrenches):
+            return Verdict.SLIPS, None
+        if least.lower == np.inf and own != free:
+            least, own = self.commands(wrenches[hardest], free), free
+        if least.lower == np.inf:
+            return Verdict.SLIPS, None
+        if least.commands is not None:
+            for command in (factor * least.commands for factor in FACTORS):
+                if self._all_held(command, wrenches):
+                    return Verdict.HOLDS, command
+        loads, found = Loads(tuple(str(k) for k in range(len(wrenches))), np.array(wrenches)), Verdict.UNDECIDED
+        for motors in dict.fromkeys((own, free)):
             settings = self._limited(len(wrenches))
             timeout = len(wrenches) * settings.time_limit
             answer = hold(self.grasp, loads, actuators=motors, least=False, settings=settings, timeout=timeout)
@@ -140,6 +160,13 @@ class Questions:
             if answer.preload is not None:
                 return found, self.grasp.with_commands(answer.preload).command
         return found, None
+
+    def _all_held(self, command: Array, wrenches: list[Array]) -> bool:
+        """Is each of these disturbances (6,) shown to be resisted under other commands (a,)?"""
+        found = GraspBatch(self.grasp.with_preload(command)).checks(wrenches, self._limited(len(wrenches)))
+        for k in range(len(wrenches)):
+            self._count_row(found, k, closed=True)  # what is open is tried otherwise
+        return all(str(verdict) == Verdict.HOLDS for verdict in found.verdict)
 
     def _limited(self, count: int) -> Settings:
         """The settings with an equal share of the time that is left, and of the nodes if these are fewer."""

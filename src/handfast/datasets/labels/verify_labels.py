@@ -129,9 +129,7 @@ class _Recipe:
         scene = about.get("scene")
         if scene is not None:
             try:
-                files = scene["hand_sha256"], scene["object_sha256"]
-                kept = {key: x for key, x in scene.items() if key not in ("hand_sha256", "object_sha256")}
-                scene = SceneSource(**kept | {"backdrivable": tuple(scene["backdrivable"]), "files": files})
+                scene = SceneSource.from_json(scene, Path(source).parent)
             except (KeyError, TypeError):
                 raise InputError("is not as label writes it", source=source, field="scene") from None
         return cls(gravity, directions, g, Terms(gap=gap), GraspChanges(mass, place, friction, preload), scene)

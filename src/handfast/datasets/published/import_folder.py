@@ -5,15 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from handfast.core.errors import InputError
 from handfast.core.files import write_bytes, write_text
 from handfast.datasets.published.importing import ImportedGrasp
-from handfast.model.configuration import Configuration
+from handfast.datasets.published.object_finder import FoundObject
 from handfast.model.grasp import Grasp
 from handfast.model.provenance import Provenance, SourceFile
 from handfast.readers.configuration_file import save_configuration
@@ -39,7 +41,10 @@ def refuse_target(path: Path, force: bool) -> None:
 
 
 def write_folder(path: Path, rows: Sequence[ImportedGrasp], about: dict[str, Any], friction: float | None) -> None:
-    """Two files a grasp, `objects/` with a body file for each object and scale, and `import.json` last.
+    """Two files a grasp, `objects/` with a body file for each object and scale and its meshes, `import.json` last.
+
+    The folder can be moved: its files name each other by relative paths, and meshes are copied. Hands, and objects that
+    are no meshes, stay where they are.
 
     Args:
         about: of the whole import, for `import.json`.
@@ -48,54 +53,90 @@ def write_folder(path: Path, rows: Sequence[ImportedGrasp], about: dict[str, Any
     for file in [path / SUMMARY, *(f for name in FILES for f in path.glob(name.format(0).replace("00000", "[0-9]*")))]:
         file.unlink(missing_ok=True)  # of an earlier import, which may have had more grasps
     entries: list[dict[str, Any]] = []
-    objects: dict[tuple[Any, ...], str] = {}
+    objects = _ObjectFiles(path, about.get("mass"), friction)
     for row in rows:
         entry = row.to_json()
         if row.configuration is not None:
-            configuration = row.configuration
-            if row.object is not None:
-                configuration = configuration.model_copy(
-                    update={"object": _object(path, row, objects, about, friction)}
-                )
+            body = None if row.object is None else objects.file(row.object, row.scale)
+            named = {"object": row.configuration.object if body is None else _seen_from(path, body)}
+            named["hand"] = _seen_from(path, row.configuration.hand) if row.configuration.hand else None
             number = sum("configuration_file" in e for e in entries)
             name, grasp = (file.format(number) for file in FILES)
-            save_configuration(configuration, path / name, force=True)
+            save_configuration(row.configuration.model_copy(update=named), path / name, force=True)
             entry["configuration_file"] = name
             if row.grasp is not None:
-                save_grasp(_sourced(row.grasp, configuration, path / name, about.get("mass")), path / grasp, force=True)
+                save_grasp(_sourced(row.grasp, body, path / name, about.get("mass")), path / grasp, force=True)
                 entry["grasp_file"] = grasp
         entries.append(entry)
     text = json.dumps({"schema": SCHEMA, **about, "rows": entries}, indent=1) + "\n"
     write_text(path / SUMMARY, text, force=True)
 
 
-def _sourced(grasp: Grasp, configuration: Configuration, path: Path, mass: float | None) -> Grasp:
+def _seen_from(folder: Path, name: str) -> str:
+    """A file's path relative to a folder, with a "/" in it; what is no file stays."""
+    file, mark, part = name.partition("#")
+    if not Path(file).is_file():
+        return name
+    try:
+        relative = Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # on another drive
+        return name
+    return (relative if "/" in relative else f"./{relative}") + mark + part
+
+
+def _sourced(grasp: Grasp, body: str | None, path: Path, mass: float | None) -> Grasp:
     """With the files that were written: configuration and object; and the mass that was said."""
     came = (grasp.provenance or Provenance()).with_configuration(path)
-    if configuration.object:
-        came = replace(came, object=SourceFile.of(configuration.object, "object"))
+    if body:
+        came = replace(came, object=SourceFile.of(body, "object"))
     return grasp.about(provenance=came, mass=mass)
 
 
-def _object(
-    path: Path, row: ImportedGrasp, objects: dict[tuple[Any, ...], str], about: dict[str, Any], friction: float | None
-) -> str:
-    """The body file of a row's object and scale, written once."""
-    found, scale = row.object, row.scale
-    assert found is not None
-    key = (found.meshes, scale)
-    if found.states_its_size:
-        objects[key] = str(found.meshes[0])
-    if key not in objects:
-        name = "".join(c if c.isalnum() or c in "-_." else "-" for c in f"{found.name}-{scale:g}")
-        taken = sum(Path(o).stem == name or Path(o).stem.startswith(f"{name}_") for o in objects.values())
-        file = path / "objects" / (f"{name}_{taken}.json" if taken else f"{name}.json")
-        body = found.body_file(scale, about.get("mass"), friction)
-        text = json.dumps(body.model_dump(by_alias=True, exclude_none=True, exclude_defaults=True), indent=1)
-        text = json.dumps({"schema": "handfast/body/1"} | json.loads(text), indent=1) + "\n"
-        write_text(file, text, force=True)
-        objects[key] = str(file)
-    return objects[key]
+@dataclass
+class _ObjectFiles:
+    """The body files of a folder, and the meshes that they name; each is written once.
+
+    Attributes:
+        path: of the folder. mass [kg], friction: of the objects.
+    """
+
+    path: Path
+    mass: float | None
+    friction: float | None
+    _bodies: dict[tuple[tuple[Path, ...], float], str] = field(default_factory=dict)
+    _meshes: dict[tuple[Path, ...], list[str]] = field(default_factory=dict)  # from `objects/`
+    _taken: set[str] = field(default_factory=set)
+
+    def file(self, found: FoundObject, scale: float) -> str:
+        """The body file of an object at a scale."""
+        if found.states_its_size:
+            return str(found.meshes[0])
+        key = found.meshes, scale
+        if key not in self._bodies:
+            body = found.body_file(self._copied(found), scale, self.mass, self.friction)
+            text = json.dumps(body.model_dump(by_alias=True, exclude_none=True, exclude_defaults=True), indent=1)
+            text = json.dumps({"schema": "handfast/body/1"} | json.loads(text), indent=1) + "\n"
+            file = self.path / "objects" / f"{self._free(f'{found.name}-{scale:g}')}.json"
+            write_text(file, text, force=True)
+            self._bodies[key] = str(file)
+        return self._bodies[key]
+
+    def _copied(self, found: FoundObject) -> list[str]:
+        """The object's meshes in a folder of their own."""
+        if found.meshes not in self._meshes:
+            folder = self._free(found.name)
+            for mesh in found.meshes:
+                write_bytes(self.path / "objects" / folder / mesh.name, mesh.read_bytes(), force=True)
+            self._meshes[found.meshes] = [f"{folder}/{mesh.name}" for mesh in found.meshes]
+        return self._meshes[found.meshes]
+
+    def _free(self, name: str) -> str:
+        """A name that a file can have and no other has."""
+        plain = "".join(c if c.isalnum() or c in "-_." else "-" for c in name)
+        names = (plain if k == 0 else f"{plain}_{k}" for k in count())
+        free = next(n for n in names if n not in self._taken)
+        self._taken.add(free)
+        return free
 
 
 def write_table(path: Path, rows: Sequence[ImportedGrasp], *, force: bool = False) -> None:

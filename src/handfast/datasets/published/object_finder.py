@@ -36,9 +36,9 @@ class FoundObject:
         """Whether it is a `handfast/body/1` file, which no grasp scales."""
         return self.meshes[0].suffix.lower() not in MESH_FILES
 
-    def body_file(self, scale: float, mass: float | None, friction: float | None) -> BodyFile:
-        """As a `handfast/body/1` file, with the scale of the grasp."""
-        shapes = [ShapeFile(mesh=MeshFile(file=str(m.resolve()), scale=scale)) for m in self.meshes]
+    def body_file(self, meshes: Sequence[str], scale: float, mass: float | None, friction: float | None) -> BodyFile:
+        """As a `handfast/body/1` file, with its meshes as the file is to name them and the scale of the grasp."""
+        shapes = [ShapeFile(mesh=MeshFile(file=mesh, scale=scale)) for mesh in meshes]
         return BodyFile(schema="handfast/body/1", name=self.name, shapes=shapes, mass=mass, friction=friction)
 
 
