@@ -25,13 +25,7 @@ from handfast.stability.settings import Settings
 
 LEAST = 1e-3  # [s] that a question has where no time is left,
 FEWEST = 64  # and nodes
-FACTORS = (
-    1.5,
-    1.1,
-    2.5,
-    5.0,
-    1.00001,
-)  # of the smallest commands for one load, which may hold all; some to spare first
+FACTORS = (1.5, 1.1, 2.5, 5.0, 1.00001)  # of the smallest commands for one load: they may hold all, some to spare
 
 
 @dataclass(frozen=True)
@@ -163,7 +157,7 @@ class Questions:
 
     def _all_held(self, command: Array, wrenches: list[Array]) -> bool:
         """Is each of these disturbances (6,) shown to be resisted under other commands (a,)?"""
-        found = GraspBatch(self.grasp.with_preload(command)).checks(wrenches, self._limited(len(wrenches)))
+        found = prepare(self.grasp.with_preload(command), settings=self._limited(len(wrenches))).check(wrenches)
         for k in range(len(wrenches)):
             self._count_row(found, k, closed=True)  # what is open is tried otherwise
         return all(str(verdict) == Verdict.HOLDS for verdict in found.verdict)
