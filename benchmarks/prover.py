@@ -145,7 +145,7 @@ def measure(name: str, family: str, at: float | None, seconds: float, cores: int
             if time.process_time() > end:
                 raise KeyboardInterrupt
 
-        done = prover.run(on_step=stop)
+        done = prover.run(on_progress=stop)
         rows.append(
             base
             | {"margin": float(margin), "proved": done.empty, "by": done.by, "seconds": time.perf_counter() - clock}

@@ -39,7 +39,7 @@ def verify(
     time_limit: float = 60.0,
     timeout: float | None = None,
     jobs: int | None = None,
-    on_item: Callable[[int, int], None] | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
 ) -> Replay:
     """Is everything that an answer claims proved? Replayed without any search and without any solver.
 
@@ -53,12 +53,12 @@ def verify(
         rows: of a table of labels: numbers of rows, from 0; all unless given.
         time_limit: [s] for each question that is asked again. timeout: [s] for all of them.
         jobs: cores to use for these; by default all.
-        on_item: called with (done, total) of these.
+        on_progress: called with (done, total) of these.
 
     Raises:
         InputError: the file cannot be read, or is none that can be verified; limits that are not positive.
     """
-    how: dict[str, Any] = {"time_limit": time_limit, "jobs": jobs, "on_item": on_item}
+    how: dict[str, Any] = {"time_limit": time_limit, "jobs": jobs, "on_progress": on_progress}
     how |= {} if timeout is None else {"timeout": timeout}
     if not isinstance(what, str | Path):
         asks = _asks_again(what.to_json()) if replay and hasattr(what, "to_json") else None

@@ -149,7 +149,7 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_a_bad_command_is_one_line(case: str, grasp: str, capsys: pytest.CaptureFixture[str]) -> None:
     data = planar()
-    data["contacts"] = [data["contacts"][0], data["contacts"][2]]  # opposing points: no moment about x
+    data["contacts"] = [data["contacts"][0], data["contacts"][2]]  # opposing points: no torque about x
     data["joints"], data["preload"] = [], {}
     Path("pair.json").write_text(json.dumps(data))
     Path("empty.obj").write_text("v 0 0 0\n")

@@ -83,8 +83,9 @@ def test_ctrl_c_leaves_the_directions_of_a_map_that_were_asked(grasp: str) -> No
     assert answer["stop"] == "interrupted"
     without, with_preload = (answer[key]["lower"] for key in ("without_preload", "with_preload"))
     assert len(without) == len(with_preload) == 6000
-    assert None not in without[:40]
-    assert set(without[40:]) == set(with_preload) == {None}
+    asked = without.index(None)  # directions are answered in blocks
+    assert 40 <= asked < 1000
+    assert set(without[asked:]) == set(with_preload) == {None}
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -157,11 +157,11 @@ def test_sweep_has_an_axis_per_unit(swept: SweepAnswer) -> None:
     figure = draw_sweep(swept)
     assert len(figure.axes) == 2
     said = texts(figure)
-    for text in ("largest force resisted [N]", "largest moment resisted [N·m]", "command of left [N·m]"):
+    for text in ("largest force resisted [N]", "largest torque resisted [N·m]", "command of left [N·m]"):
         assert text in said
-    force, moment = (ax.lines[0].get_ydata() for ax in figure.axes)
+    force, torque = (ax.lines[0].get_ydata() for ax in figure.axes)
     np.testing.assert_allclose(force, [1, 0.5, 0])
-    np.testing.assert_allclose(moment, [0.2, 0.4, 0.2])  # times the direction's own length, 2
+    np.testing.assert_allclose(torque, [0.2, 0.4, 0.2])  # times the direction's own length, 2
 
 
 def test_sweep_says_where_it_is_unbounded(swept: SweepAnswer) -> None:

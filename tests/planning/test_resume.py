@@ -256,7 +256,7 @@ from handfast.stability.batch import max_many
 from tests.support.interruptions import killed
 angles = np.linspace(0, 6, 20000)
 directions = [[np.cos(a), np.sin(a), 0, 0, 0, 0] for a in angles]
-max_many(load_grasp("fig1"), directions, jobs=2, on_item=lambda done, of: killed())
+max_many(load_grasp("fig1"), directions, jobs=2, on_progress=lambda done, of: killed())
 """
 
 

@@ -88,7 +88,7 @@ def test_a_folder_is_written_at_once_for_what_is_new_and_now_and_then_else(
     heard: list[int] = []
     clock = iter([10.0, 10.0, 11.0, 11.5, 13.0, 13.0, 13.0])
     monkeypatch.setattr("handfast.planning.results.folder.time.monotonic", lambda: next(clock))
-    folder = Kept(tmp_path, on_note=heard.append)
+    folder = Kept(tmp_path, on_progress=heard.append)
     for state, new in ((1, False), (2, False), (3, True), (4, False)):
         folder.note(state, new=new)
     folder.close(5)

@@ -204,7 +204,7 @@ def test_ctrl_c_leaves_what_was_answered(monkeypatch: pytest.MonkeyPatch) -> Non
         raise KeyboardInterrupt
 
     monkeypatch.setattr(batch, "BLOCK", 2)
-    found = check_many(pinch(), [[0, 0.9, 0]] * 5, jobs=1, on_item=stop)
+    found = check_many(pinch(), [[0, 0.9, 0]] * 5, jobs=1, on_progress=stop)
     assert found.verdict.tolist() == ["holds", "holds", "", "", ""]
     assert found.error[-1] == batch.INTERRUPTED
 
@@ -258,7 +258,7 @@ def test_ctrl_c_leaves_none_in_processes_either(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(batch, "FORK", 0)
     monkeypatch.setattr(batch, "BLOCK", 8)
-    found = max_many(pinch(), [[0, 1, 0]] * 96, jobs=2, on_item=stop)
+    found = max_many(pinch(), [[0, 1, 0]] * 96, jobs=2, on_progress=stop)
     assert found.error[0] == ""
     assert found.error[-1] == batch.INTERRUPTED
 

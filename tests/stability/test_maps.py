@@ -67,7 +67,7 @@ def test_sweep_by_hand() -> None:
 
 def test_progress_counts_every_case() -> None:
     seen = []
-    force_map(pinch(), steps=3, settings=QUICK, jobs=1, on_item=lambda done, total: seen.append((done, total)))
+    force_map(pinch(), steps=3, settings=QUICK, jobs=1, on_progress=lambda done, total: seen.append((done, total)))
     assert seen == [(k, 6) for k in range(1, 7)]
 
 
@@ -78,7 +78,7 @@ def test_ctrl_c_keeps_what_was_reached(monkeypatch: pytest.MonkeyPatch) -> None:
         if done == 2:
             raise KeyboardInterrupt
 
-    answer = force_map(pinch(), steps=4, settings=QUICK, jobs=1, on_item=stop)
+    answer = force_map(pinch(), steps=4, settings=QUICK, jobs=1, on_progress=stop)
     assert answer.stop is Stop.INTERRUPTED
     assert np.isfinite(answer.passive.upper[1]) or answer.passive.unbounded[1]
     assert answer.passive.verdicts[3] is Verdict.UNDECIDED
@@ -102,8 +102,8 @@ def test_default_jobs() -> None:
     assert default_jobs() >= 1
 
 
-def test_a_force_beside_the_origin_has_its_moment(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every case is (f, at x f); at the origin there is no moment, and the answer is the one of a plain map."""
+def test_a_force_beside_the_origin_has_its_torque(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every case is (f, at x f); at the origin there is no torque, and the answer is the one of a plain map."""
     asked: list[np.ndarray] = []
 
     def watched(grasps: list[Grasp], wrenches: np.ndarray, **rest: object) -> BatchAnswer:
@@ -161,7 +161,7 @@ def test_refuses_a_point_that_is_none_or_that_no_force_could_balance() -> None:
         force_map(pinch(), at=(0, 0, np.nan), steps=2)
     seen: list[int] = []
     with pytest.raises(InputError, match=r"cannot be balanced by any forces at these 2 contacts"):
-        force_map(pinch(), "xy", at=(0, 0, 0.01), steps=4, on_item=lambda done, total: seen.append(done))
+        force_map(pinch(), "xy", at=(0, 0, 0.01), steps=4, on_progress=lambda done, total: seen.append(done))
     assert not seen  # before any work
 
 

@@ -247,7 +247,7 @@ def test_the_four_sides_of_a_contact() -> None:
     np.testing.assert_allclose(margin_search.sides(away, twist), margin_search.sides(pinch(), twist), atol=1e-12)
     there = np.r_[load[:3], np.cross(shift, load[:3])]
     np.testing.assert_allclose(margin_search.sides(away, there), margin_search.sides(pinch(), load), atol=1e-12)
-    flat = table(0.5, 4)  # pushed onto it: its sides are turned by the moment about its middle, wherever the origin is
+    flat = table(0.5, 4)  # pushed onto it: its sides are turned by the torque about its middle, wherever the origin is
     push = np.array([0, 0, -5.0, 0, 0, 0.2])
     there = push + np.r_[np.zeros(3), np.cross(shift, push[:3])]
     moved_ = moved(flat, np.eye(3), shift, [0, 1, 2, 3], 1.0, 1.0)

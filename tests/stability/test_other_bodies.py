@@ -53,7 +53,7 @@ def test_a_locked_tendon_carries_what_its_command_does_not() -> None:
     assert witness is not None
     tension = dict(zip(grasp.mechanism.actuators, witness.state.f, strict=True))
     assert tension["left"] == pytest.approx(50)
-    # the thumb's pads carry 0.16 N for each newton of tension, give or take friction's share of its moments
+    # the thumb's pads carry 0.16 N for each newton of tension, give or take friction's share of its torques
     assert tension["thumb"] > 300
     thumb, fingers = witness.forces[:2, 0].sum(), -witness.forces[2:, 0].sum()
     assert thumb == pytest.approx(fingers + 40)

@@ -163,10 +163,10 @@ def fig11(third: float) -> Grasp:
 
 
 def by_hand(third: float) -> tuple[float, float]:
-    """Force along z and moment about x: friction of tips 1 and 2, mu 0.1 / h each, less what finger 3 takes.
+    """Force along z and torque about x: friction of tips 1 and 2, mu 0.1 / h each, less what finger 3 takes.
 
     All tips are h above their joints. Finger 3 pushes with third / h along z, so 2 mu 0.1 / h - third / h is
-    left. The moment is finger 3's friction times its 50 mm from the x axis, limited by its own cone and by
+    left. The torque is finger 3's friction times its 50 mm from the x axis, limited by its own cone and by
     what tips 1 and 2 can still hold sideways.
     """
     g = load_grasp("fig11")
@@ -186,8 +186,8 @@ def assert_next_to_nothing(answer: MaxAnswer) -> None:
 
 @pytest.mark.parametrize("third", slow_after(2, [0.0, 0.045, 0.08, 0.0895]))
 def test_fig12_two_curves(third: float) -> None:
-    force, moment = by_hand(third)
-    for direction, expected in (([0, 0, 1, 0, 0, 0], force), ([0, 0, 0, 1, 0, 0], moment)):
+    force, torque = by_hand(third)
+    for direction, expected in (([0, 0, 1, 0, 0, 0], force), ([0, 0, 0, 1, 0, 0], torque)):
         answer = maximum(fig11(third), direction, settings=None if expected else BRIEF)
         if expected == 0:
             assert_next_to_nothing(answer)

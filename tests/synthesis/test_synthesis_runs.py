@@ -50,7 +50,7 @@ def test_ctrl_c_keeps_what_was_reached(when: int) -> None:
         if len(seen) == when:
             raise KeyboardInterrupt
 
-    answer = synthesize(grip(OPEN), timeout=None, on_step=step)
+    answer = synthesize(grip(OPEN), timeout=None, on_progress=step)
     assert (answer.verdict, answer.stop) == (Reach.UNDECIDED, Stop.INTERRUPTED)
     again = synthesize(grip(OPEN), resume=answer, timeout=None, nodes=1)
     assert again.starts >= answer.starts
@@ -61,7 +61,7 @@ def test_ctrl_c_keeps_those_of_many_that_were_found() -> None:
         if progress.found >= 5:
             raise KeyboardInterrupt
 
-    answer = synthesize(pinch(), count=1000, on_step=step)
+    answer = synthesize(pinch(), count=1000, on_progress=step)
     assert (answer.verdict, answer.stop) == (Reach.FOUND, Stop.INTERRUPTED)
     assert 5 <= len(answer.solutions) < 1000
     assert all(solution.verify().ok for solution in answer.solutions[:20])
@@ -103,7 +103,7 @@ class Scripted:
     def restore(self, state: dict[str, Any]) -> None:
         self.asked.append({"restored": state})
 
-    def run(self, *, seconds: float, nodes: int | None, on_step: Any) -> Disproof:
+    def run(self, *, seconds: float, nodes: int | None, on_progress: Any) -> Disproof:
         self.asked.append({"seconds": seconds, "nodes": nodes})
         self.nodes += 10
         empty = self.script.pop(0)

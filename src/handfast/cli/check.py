@@ -59,11 +59,11 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
         from handfast.stability.margin_search import RUBBER_PAD, margin
         from handfast.stability.queries import check
 
-        answer = check(grasp, wrench, mdp=self.mdp, on_step=watch.step, **options)
+        answer = check(grasp, wrench, mdp=self.mdp, on_progress=watch.step, **options)
         if not self.margin:
             return answer
         k = RUBBER_PAD if self.stiffness is None else self.stiffness
-        asked = options | {"mdp": self.mdp, "stiffness": k, "answer": answer, "on_sample": watch.say}
+        asked = options | {"mdp": self.mdp, "stiffness": k, "answer": answer, "on_progress": watch.say}
         return replace(answer, margin=margin(grasp, wrench, **asked))
 
     def _report(self, grasp: Grasp, loads: Loads, answers: list[CheckAnswer], options: dict[str, Any]) -> None:

@@ -54,23 +54,23 @@ class Demo(Command):
         entries: list[Entry] = []
         for force in (SMALL, LARGE):
             with console.watch("check") as watch:
-                checked = check(grasp, force * y, settings=settings, on_step=watch.step)
+                checked = check(grasp, force * y, settings=settings, on_progress=watch.step)
             load = words.load_text(force * y)
             entries.append(Entry(f"Does it resist {load}?", checked))
             _say(out, "Check", f"{checked.verdict.upper()}  {sentences.check_sentence(checked, load)}")
         with console.watch("max") as watch:
-            largest = maximum(grasp, y, settings=settings, on_step=watch.step)
+            largest = maximum(grasp, y, settings=settings, on_progress=watch.step)
         entries.append(Entry("How much force along +y does it resist?", largest, direction=list(y)))
         _say(out, "Max", sentences.max_sentence(largest, y))
         half = 0.5 * largest.lower * y if largest.lower > 0 else SMALL * y
         load = words.load_text(half)
         with console.watch("torques") as watch:
-            best = torques(grasp, half, settings=settings, on_step=watch.step)
+            best = torques(grasp, half, settings=settings, on_progress=watch.step)
         entries.append(Entry(f"Which commands resist {load}?", best))
         _say(out, "Torques", sentences.torques_sentence(best, load))
         limited = replace(settings, time_limit=PATIENCE)
         with console.watch("map") as watch:
-            drawn = force_map(grasp, "xy", steps=DIRECTIONS, settings=limited, on_item=watch.item)
+            drawn = force_map(grasp, "xy", steps=DIRECTIONS, settings=limited, on_progress=watch.item)
         entries.append(Entry(f"Which of {DIRECTIONS} directions of force in the xy plane does it resist?", drawn))
         named = zip(("locked", "preloaded"), drawn.curves, strict=False)
         _say(out, "Map", "; ".join(f"{name}: {_resisted(sentences.curve_states(c))}" for name, c in named))

@@ -70,7 +70,7 @@ class FindGrasps(SearchFlags, JointLawOptions, Command):
             def note(so_far: Grasps) -> None:
                 watch.say(grasp_tables.progress_text(so_far))
 
-            folder = GraspFolder(self.output, resume=self.resume, on_note=note) if self.output else None
+            folder = GraspFolder(self.output, resume=self.resume, on_progress=note) if self.output else None
             journal = folder or Journal(note)
             answer = grasp_for(task, body, self.asked(body), options=options, jobs=self.jobs, journal=journal)
         written = folder.written if folder else []

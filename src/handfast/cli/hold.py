@@ -64,7 +64,7 @@ class Hold(Disturbances, QueryOptions, Saved):
 
         grasp, options = self.load(), self.options()
         with console.watch("hold") as watch:
-            answer = self._asked(grasp, self.grasp, options | {"on_query": watch.say})
+            answer = self._asked(grasp, self.grasp, options | {"on_progress": watch.say})
         if self.save:
             answer.save(self.save, force=self.force)
         if self.report:

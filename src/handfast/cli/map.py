@@ -53,7 +53,7 @@ class Map(QueryOptions, Command):
                 raise InputError(f"is {force:g}; a force above 0 [N] is needed", field=name)
         with console.watch("map") as watch:
             options |= {"interval": self.interval}
-            options |= {"at": self.at, "steps": self.steps, "on_item": watch.item}
+            options |= {"at": self.at, "steps": self.steps, "on_progress": watch.item}
             answer = force_map(grasp, self.plane, **options)
         if self.output:
             save(answer, self.output, limit=self.limit, weight=self.weight, force=self.force)

@@ -31,7 +31,7 @@ class Max(Direction, QueryOptions, Saved, FrictionModel):
         direction = self.along(grasp, self.grasp)
         options |= {"base": self.base or None, "mdp": self.mdp, "interval": self.interval}
         with console.watch("max") as watch:
-            answer = maximum(grasp, direction, on_step=watch.step, **options)
+            answer = maximum(grasp, direction, on_progress=watch.step, **options)
         if self.save:
             answer.save(self.save, force=self.force)
         if self.report:

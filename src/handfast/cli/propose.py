@@ -86,7 +86,7 @@ class Propose(Command):
                 timeout=self.timeout,
                 friction=self.friction,
                 object=named,
-                on_step=watch.say,
+                on_progress=watch.say,
             )
         written = found.save(self.output, force=self.force) if self.output else []
         if copy and written:

@@ -58,7 +58,7 @@ class Robust(Direction, GraspOptions):
         with console.watch("robust") as watch:
             found = sampled_maximum(
                 grasp, direction, bounds, samples=self.samples, seed=self.seed, base=self.base or None,
-                settings=Settings(time_limit=self.time_limit), on_item=watch.item,
+                settings=Settings(time_limit=self.time_limit), on_progress=watch.item,
             )  # fmt: skip
         if self.output:
             save(found, self.output, force=self.force)

@@ -64,7 +64,7 @@ class Settle(GraspOptions, Load):
             found = settle(
                 grasp, wrench, at=at, follow=self.follow, judge=self.judge, distance=self.distance, steps=self.steps,
                 settings=Settings(time_limit=self.time_limit),
-                on_path=lambda share, moved: watch.say(f"{100 * share:.0f} % of the load, {1e3 * moved:.3g} mm"),
+                on_progress=lambda share, moved: watch.say(f"{100 * share:.0f} % of the load, {1e3 * moved:.3g} mm"),
             )  # fmt: skip
         self._write(found)
         if self.json:

@@ -54,7 +54,7 @@ class Simulate(GraspOptions, Load):
         with console.watch("simulate") as watch:
             found = (simulate_bodies if self.bodies else simulate)(
                 grasp, wrench, loading=self.loading, ramp=self.ramp,
-                on_time=lambda now, end: watch.item(round(now), round(end), " simulated seconds"),
+                on_progress=lambda now, end: watch.item(round(now), round(end), " simulated seconds"),
             )  # fmt: skip
         self._write(found)
         if self.json:

@@ -58,7 +58,7 @@ class Sweep(QueryOptions, WeightOptions):
                 raise InputError(f"is {value}; a finite number is needed", field=field)
         values = np.linspace(self.from_, self.to, self.steps)
         with console.watch("sweep") as watch:
-            answer = sweep(grasp, self.joint, values, directions, on_item=watch.item, **options)
+            answer = sweep(grasp, self.joint, values, directions, on_progress=watch.item, **options)
         if self.output:
             save(answer, self.output, force=self.force)
         if self.report:

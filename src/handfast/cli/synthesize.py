@@ -66,7 +66,7 @@ class Synthesize(Command):
                 timeout=None if self.timeout == float("inf") else self.timeout,
                 nodes=self.node_limit,
                 resume=self.resume,
-                on_step=lambda progress: watch.say(synthesis_tables.progress_text(progress)),
+                on_progress=lambda progress: watch.say(synthesis_tables.progress_text(progress)),
             )
         written = []
         if self.save:

@@ -28,7 +28,7 @@ class Torques(Load, QueryOptions, Saved):
         grasp, options = self.load(), self.options()
         wrench = self.disturbance(grasp, self.grasp)
         with console.watch("torques") as watch:
-            answer = torques(grasp, wrench, objective=self.objective, on_step=watch.step, **options)
+            answer = torques(grasp, wrench, objective=self.objective, on_progress=watch.step, **options)
         if self.save:
             answer.save(self.save, force=self.force)
         if self.report:

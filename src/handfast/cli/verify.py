@@ -48,7 +48,7 @@ class Verify(Command):
         with console.watch("verify") as watch:
             done = verify(
                 self.result, replay=self.replay, dataset=self.dataset, rows=self.row, time_limit=self.time_limit,
-                timeout=self.timeout, on_item=watch.item,
+                timeout=self.timeout, on_progress=watch.item,
             )  # fmt: skip
         data, seconds = stated(self.result), time.monotonic() - start
         again = question_tables.is_asked_again(data)

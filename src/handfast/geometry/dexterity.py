@@ -116,8 +116,8 @@ def object_singular_values(grasp: Grasp, *, locked: Sequence[str] = ()) -> Array
     """
     size = grasp.size
     middle = grasp.positions.mean(axis=0)
-    moments = (grasp.G[3:] - np.cross(middle, grasp.G[:3].T).T) / size
-    G = np.vstack([grasp.G[:3], moments])
+    torques = (grasp.G[3:] - np.cross(middle, grasp.G[:3].T).T) / size
+    G = np.vstack([grasp.G[:3], torques])
     length = np.array([size if joint.type == "prismatic" else 1.0 for joint in grasp.joints])
     still = [i for i, joint in enumerate(grasp.joints) if joint.name in locked]
     speeds = _free(np.vstack([grasp.mechanism.A * length, np.eye(grasp.l)[still]]))  # (l, k)

@@ -53,7 +53,7 @@ EXHIBITS = {
         _stability("fig9", "a flask in three fingers", 2),
         _stability("fig10", "resisted forces of Fig. 9, normals off by 2.5 degrees", 5),
         _stability("fig11", "three fingers around a plane", 2),
-        _stability("fig12", "largest force and moment over the command of finger 3", 2),
+        _stability("fig12", "largest force and torque over the command of finger 3", 2),
         _stability("fig13", "twelve generated grasps", 2),
         _stability("table1", "largest force of Fig. 9 by the number of sectors, full and refined", 30),
         _stability("table2", "times of the three queries on twelve grasps", 20),

@@ -160,7 +160,7 @@ def force_maps(name: str, etas: tuple[float, ...], options: MakingOptions) -> Fi
 
 
 def fig12(options: MakingOptions) -> Figure:
-    """The largest force along z and moment about x over the command of finger 3."""
+    """The largest force along z and torque about x over the command of finger 3."""
     commands: Array = np.linspace(0, 0.1, options.steps or COMMANDS)
     settings = Settings(time_limit=options.timeout)
     return draw_sweep(sweep(load_grasp("fig11"), "finger_3_prox", commands, [FORCE_Z, MOMENT_X], settings=settings))

@@ -262,7 +262,7 @@ def _key(grasp: Grasp, witness: Witness | None) -> list[Any]:
         return [*entries, Line2D([], [], color=INK, lw=2.4, label="contact normal")]
     entries.append(Line2D([], [], color=BLUE, lw=2.4, label="force of the hand"))
     if witness.wrench.any():
-        label = "disturbance (two heads: moment)" if witness.wrench[3:].any() else "disturbance"
+        label = "disturbance (two heads: torque)" if witness.wrench[3:].any() else "disturbance"
         entries.append(Line2D([], [], color=AMBER, lw=2.4, label=label))
     entries.append(Line2D([], [], color=VIOLET, lw=1.3, label="virtual motion, not to scale"))
     return entries

@@ -227,7 +227,7 @@ STYLES = [(BLUE, "-", "o"), (MAROON, "--", "s"), ("#c98a12", "-.", "^"), ("#3f8f
 def draw_sweep(answer: SweepAnswer) -> Figure:
     """The largest resisted disturbances over one actuator's command, as in Fig. 12.
 
-    Forces have the left axis, moments the right one. Bounds that have not met are a band.
+    Forces have the left axis, torques the right one. Bounds that have not met are a band.
     """
     figure = Figure(figsize=(8.0, 5.0), dpi=DPI)
     ax = figure.add_axes((0.10, 0.22, 0.79, 0.68))
@@ -252,7 +252,7 @@ def draw_sweep(answer: SweepAnswer) -> Figure:
     for n, (unit, axis) in enumerate(axes.items()):
         mine = [STYLES[k % len(STYLES)][0] for k, u in enumerate(units) if u == unit]
         color = mine[0] if len(mine) == 1 else INK
-        kind = {"N": "largest force resisted [N]", "N·m": "largest moment resisted [N·m]"}
+        kind = {"N": "largest force resisted [N]", "N·m": "largest torque resisted [N·m]"}
         axis.set_ylabel(kind.get(unit, f"largest multiple resisted ({unit})"), color=color)
         axis.set_ylim(0, 1.08 * tops[unit] if tops[unit] > 0 else 1.0)
         tidy(axis)

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from handfast.model.shape import Faces, Shape
     from handfast.stability.witness import Witness
 
-FORCE, MOTION, MOMENT = 0.85, 0.4, 0.6  # [grasp sizes] lengths of the largest force, motion, and of a moment
+FORCE, MOTION, MOMENT = 0.85, 0.4, 0.6  # [grasp sizes] lengths of the largest force, motion, and of a torque
 LEAST = 0.3  # [grasp sizes] length of a disturbance at least
 SLOW = 0.02  # share of the fastest motion below which one is left out
-SINGLE = 1e-6  # cosine of force and moment below which a wrench is a single force
+SINGLE = 1e-6  # cosine of force and torque below which a wrench is a single force
 OFF = 5e-3  # [m] beyond its gap or depth, a contact that is this far off a surface is none of it
 WIDER = 1.25  # from one try to the next
 
@@ -135,7 +135,7 @@ def triangles(meshes: Iterable[Mesh], kind: str = "hand") -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Arrow:
-    """From `at` (3,) by `step` (3,) [m]; a moment has two heads."""
+    """From `at` (3,) by `step` (3,) [m]; a torque has two heads."""
 
     kind: Literal["forces", "motions", "disturbance"]
     at: Array
@@ -161,11 +161,11 @@ def arrows(grasp: Grasp, wrench: Array | None, witness: Witness | None) -> list[
         if v > SLOW * fastest:
             out.append(Arrow("motions", at, MOTION * size / fastest * motion))
     at, about = applied(w, p.mean(axis=0), 2 * size)
-    force, moment = float(np.linalg.norm(about[:3])), float(np.linalg.norm(about[3:]))
+    force, torque = float(np.linalg.norm(about[:3])), float(np.linalg.norm(about[3:]))
     if force > 1e-9 * largest:
         out.append(Arrow("disturbance", at, size * max(FORCE / largest, LEAST / force) * about[:3]))
-    if moment > 1e-9 * largest * size:
-        out.append(Arrow("disturbance", at, MOMENT * size / moment * about[3:], heads=2))
+    if torque > 1e-9 * largest * size:
+        out.append(Arrow("disturbance", at, MOMENT * size / torque * about[3:], heads=2))
     return out
 
 

@@ -196,7 +196,7 @@ def _controls(shown: Scene, sides: Sequence[dict[str, Any]]) -> str:
 
 
 def _caption(loaded: bool) -> str:
-    key = [("force", "force of the hand on the object"), ("load", "disturbance (two heads: moment)")]
+    key = [("force", "force of the hand on the object"), ("load", "disturbance (two heads: torque)")]
     entries = [*(key if loaded else []), ("cone", "friction cone, joint axis"), ("ink", "contact, normal")]
     marks = "".join(f'<span class="mark" style="background:{COLORS[name]}"></span>{text} ' for name, text in entries)
     return (

@@ -56,12 +56,12 @@ def along(v: Sequence[float] | Array) -> str:
 def load_text(w: Sequence[float] | Array) -> str:
     """A disturbance: '2.2 N along +y'."""
     w = np.asarray(w, dtype=float)
-    force, moment = math.hypot(*w[:3]), math.hypot(*w[3:])
+    force, torque = math.hypot(*w[:3]), math.hypot(*w[3:])
     parts = []
     if force:
         parts.append(f"{num(force)} N along {along(w[:3])}")
-    if moment > 1e-12 * force:  # a millionth of a micrometre: rounding
-        parts.append(f"{num(moment)} N·m about {along(w[3:])}")
+    if torque > 1e-12 * force:  # a millionth of a micrometre: rounding
+        parts.append(f"{num(torque)} N·m about {along(w[3:])}")
     return " with ".join(parts) or "no load"
 
 
@@ -72,23 +72,23 @@ def place_text(at: Sequence[float] | Array) -> str:
 
 
 def direction_text(d: Sequence[float] | Array) -> str:
-    """What kind of disturbance a direction is: 'force along +y', 'moment about −x'."""
+    """What kind of disturbance a direction is: 'force along +y', 'torque about −x'."""
     d = np.asarray(d, dtype=float)
     if not d[3:].any() and d[:3].any():
         return f"force along {along(d[:3])}"
     if not d[:3].any() and d[3:].any():
-        return f"moment about {along(d[3:])}"
+        return f"torque about {along(d[3:])}"
     return f"load along {vector(d)}"
 
 
 def magnitude(d: Sequence[float] | Array) -> tuple[float, str]:
     """(factor, unit) of a multiple of the direction: N, N·m, or a bare number if it is both."""
     d = np.asarray(d, dtype=float)
-    force, moment = float(np.linalg.norm(d[:3])), float(np.linalg.norm(d[3:]))
-    if force and not moment:
+    force, torque = float(np.linalg.norm(d[:3])), float(np.linalg.norm(d[3:]))
+    if force and not torque:
         return force, "N"
-    if moment and not force:
-        return moment, "N·m"
+    if torque and not force:
+        return torque, "N·m"
     return 1.0, "× the direction"
 
 

@@ -150,7 +150,7 @@ def propose(
     timeout: float = 1.0,
     friction: float | None = None,
     object: str | None = None,
-    on_step: OnStep | None = None,
+    on_progress: OnStep | None = None,
 ) -> Proposals:
     """Tasks in which a hand holds an object with a kind of grasp, each with a certified configuration.
 
@@ -164,7 +164,7 @@ def propose(
         timeout: [s] of synthesis for each candidate.
         friction: coefficient; the object's unless given.
         object: name or path of the object, for the tasks.
-        on_step: called with a line of text while it runs.
+        on_progress: called with a line of text while it runs.
 
     Raises:
         InputError: an unknown kind, a count below 1, a timeout or friction that is not positive, a region on a
@@ -186,8 +186,8 @@ def propose(
             tally.add(RejectionReason.NOT_TRIED, len(candidates) - n, "enough were found before")
             break
         trial.run(candidate)
-        if on_step:
-            on_step(f"{n + 1} of at most {len(candidates)} candidates, {len(trial.found)} certified")
+        if on_progress:
+            on_progress(f"{n + 1} of at most {len(candidates)} candidates, {len(trial.found)} certified")
     best = sorted(trial.found, key=lambda p: (not p.clear, -p.score))
     tally.add(RejectionReason.CERTIFIED_BEHIND, len(best) - min(len(best), count))
     tally.add_all(trial.tally)

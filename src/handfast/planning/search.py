@@ -67,7 +67,7 @@ class Journal(Generic[State]):
     """Hears how far a search has come. This one keeps nothing; `handfast.planning.results.folder` has one that does.
 
     Args:
-        on_note: called after each unit of work with the answer so far.
+        on_progress: called after each unit of work with the answer so far.
 
     Attributes:
         source: the file that says how far an earlier search has come.
@@ -75,8 +75,8 @@ class Journal(Generic[State]):
 
     source = ""
 
-    def __init__(self, on_note: Callable[[State], None] | None = None) -> None:
-        self.on_note = on_note
+    def __init__(self, on_progress: Callable[[State], None] | None = None) -> None:
+        self.on_progress = on_progress
 
     def earlier(self, question: Any) -> Any:
         """What to go on from; None to begin.
@@ -88,8 +88,8 @@ class Journal(Generic[State]):
 
     def note(self, state: State, *, new: bool) -> None:
         """The search goes on; `new`: something was found."""
-        if self.on_note:
-            self.on_note(state)
+        if self.on_progress:
+            self.on_progress(state)
 
     def close(self, state: State) -> None:
         """The search has ended."""

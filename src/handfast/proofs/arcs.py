@@ -180,12 +180,12 @@ def missed(
     if scale is not None and not len(g.soft):  # whose torsion over the lever is rounded
         missed = np.array([_sum(g, *one) for one in zip(phi, w, strict=True)])
         rounding = 4 * ULP * np.abs(missed).max(axis=0)
-    moment = missed[:, 3:6] - np.cross(g.centroid, missed[:, :3])
+    torque = missed[:, 3:6] - np.cross(g.centroid, missed[:, :3])
     joints = np.abs(missed[:, 6:]).max(axis=0) + rounding[6:]
     point = np.abs(np.delete(x["torsion"], g.soft, axis=1)).max(initial=0.0)  # point contacts carry no torsion
     out = {
         "force": np.linalg.norm(missed[:, :3], axis=1).max() + rounding[:3].sum(),
-        "torque": (np.linalg.norm(moment, axis=1).max() + rounding[3:6].sum()) / g.size + rounding[:3].sum(),
+        "torque": (np.linalg.norm(torque, axis=1).max() + rounding[3:6].sum()) / g.size + rounding[:3].sum(),
         "joints": joints / g.joint_units,
         "couplings": np.abs(d[:, parts[3]]).max(axis=0) + noise[parts[3]],
         "normal": normal,

@@ -265,13 +265,13 @@ def _within_slack(p: Problem, box: Box, v: Array) -> None:
     load_size = np.abs(np.r_[np.abs(p.wrench) + np.abs(along), g.torque])
     missing = M.T @ box.phi + np.r_[p.load, g.torque]
     off = unit * (size.T @ np.abs(box.phi) + load_size) + size.T @ box.phi_off
-    moment = about_centroid(g, missing[:6])
+    torque = about_centroid(g, missing[:6])
     arm = np.abs(g.centroid)[[1, 2, 0, 2, 0, 1]].reshape(2, 3)
     wide = off[:3] + 4 * ULP * np.abs(missing[:3])
-    moment_off = off[3:6] + arm[0] * wide[[2, 0, 1]] + arm[1] * wide[[1, 2, 0]]
+    torque_off = off[3:6] + arm[0] * wide[[2, 0, 1]] + arm[1] * wide[[1, 2, 0]]
     parts = {
         "(1), forces": float(np.linalg.norm(np.abs(missing[:3]) + off[:3])),
-        "(1), torques": float(np.linalg.norm(np.abs(moment) + moment_off)) / g.size,
+        "(1), torques": float(np.linalg.norm(np.abs(torque) + torque_off)) / g.size,
     }
     torques = (np.abs(missing[6:]) + off[6:]) / g.joint_units
     parts |= {f"(2) of joint '{name}'": float(x) for name, x in zip(g.joints, torques, strict=True)}

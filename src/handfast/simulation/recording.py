@@ -39,9 +39,9 @@ class Recording:
         why: what broke the engine down; '' if nothing did.
     """
 
-    def __init__(self, stepper: Stepper, step: float, end: float, on_time: OnTime | None) -> None:
+    def __init__(self, stepper: Stepper, step: float, end: float, on_progress: OnTime | None) -> None:
         """`end` [s] is when it will be over if nothing takes longer."""
-        self.stepper, self._step, self._end, self._on_time = stepper, step, end, on_time
+        self.stepper, self._step, self._end, self._on_progress = stepper, step, end, on_progress
         self.history: list[Moment] = []
         self.before, self.rate, self.creeping, self.why = 0, 0.0, False, ""
         self._begun = clock.perf_counter()
@@ -94,8 +94,8 @@ class Recording:
                 self.stepper.command(TOUCH + (1 - TOUCH) * more)
             self.stepper.run(each, (more - share) / each)
             self.history.append(self.stepper.moment())
-            if self._on_time is not None:
-                self._on_time(self.history[-1].time, max(self._end, self.history[-1].time))
+            if self._on_progress is not None:
+                self._on_progress(self.history[-1].time, max(self._end, self.history[-1].time))
 
     def _wait(self) -> None:
         """Until it rests, drives on without fading, or time is up; then tell what creeps from what slips."""

@@ -107,7 +107,7 @@ def settle(
     steps: int = MOST_STEPS,
     judge: bool = True,
     settings: Settings | None = None,
-    on_path: OnPath | None = None,
+    on_progress: OnPath | None = None,
 ) -> Settled:
     """Where does the grasp end up under a load that it does not resist?
 
@@ -126,7 +126,7 @@ def settle(
         steps: the most there may be.
         judge: ask how much of the load the last grasp resists, and what `simulate` says of it.
         settings: of `check` and `maximum`, 20 s each unless given.
-        on_path: called after each step with the share of the load and the distance moved [m].
+        on_progress: called after each step with the share of the load and the distance moved [m].
 
     Raises:
         InputError: no files or changed ones, a wrench of another length, nothing that acts, soft fingers.
@@ -152,7 +152,7 @@ def settle(
     )  # fmt: skip
     if follow or before is None or before.verdict is not Verdict.HOLDS:
         motion = _motion(placed, load, (force_unit(grasp, w), length))
-        path, onset, ending = _followed(motion, placed, bound, steps, on_path)
+        path, onset, ending = _followed(motion, placed, bound, steps, on_progress)
         found = replace(found, rest=ending, path=tuple(path), onset=onset[0], onset_of=onset[1])
         found = replace(found, last=None, after=None, last_wrench=None)
         if ending is Rest.RESTS:
@@ -223,7 +223,7 @@ def _friction(grasp: Grasp) -> dict[str, float]:
 
 
 def _followed(
-    motion: SlowMotion, placed: GraspInScene, bound: float, steps: int, on_path: OnPath | None
+    motion: SlowMotion, placed: GraspInScene, bound: float, steps: int, on_progress: OnPath | None
 ) -> tuple[list[PathPoint], tuple[float | None, str], Rest]:
     """The path, at which share of what it first slipped, and whether it is at rest, has left or still moves."""
     start, points = motion.pose, placed.grasp.positions
@@ -237,8 +237,8 @@ def _followed(
         done = motion.step()
         moved = _distance(points, start, motion.pose)
         path.append(_path_point(motion, done, moved))
-        if on_path:
-            on_path(motion.share, moved)
+        if on_progress:
+            on_progress(motion.share, moved)
         since += done.far
         if onset[0] is None and since > SLID * FARTHEST:
             onset = (motion.share, "load") if loading else (motion.driven, "commands")

@@ -33,7 +33,7 @@ def simulate(
     ramp: float = 8.0,
     step: float = STEP,
     stiffness: float = STIFFNESS,
-    on_time: Callable[[float, float], None] | None = None,
+    on_progress: Callable[[float, float], None] | None = None,
     start: tuple[Array, Array] | None = None,
 ) -> SimulationResult:
     """Does the grasp resist the wrench in a simulation of its contacts (mujoco)?
@@ -50,7 +50,7 @@ def simulate(
         ramp: [s of the twin] over which the load grows.
         step: [s of the twin] of the engine; rates by which endings are judged were measured at the default.
         stiffness: of a contact, in force units by grasp sizes; likewise.
-        on_time: called with the time that has passed and the time there will be.
+        on_progress: called with the time that has passed and the time there will be.
         start: virtual motions of object (6,) and joints (l,) as in a witness's state [N, N/m]: commands and load act in
             full from the beginning, and it begins where that equilibrium is, at this stiffness. Does it rest there?
 
@@ -73,7 +73,7 @@ def simulate(
         moved = per_newton * q[list(twin.joints)] * np.where(turns, twin.length, 1.0)
         turned = Rotation.from_rotvec(per_newton * twin.length * r[3:]).as_matrix()
         stepper.place(moved, transform(per_newton * r[:3], turned))
-    recording = Recording(stepper, step, ramp + HOLD + PRELOAD, on_time)
+    recording = Recording(stepper, step, ramp + HOLD + PRELOAD, on_progress)
     recording.run(ramp, preload=first, commands=not first and start is None)
     return recording.result(grasp, w, loading, twin, stiffness)
 
@@ -130,7 +130,7 @@ def simulate_bodies(
     ramp: float = 8.0,
     step: float = STEP,
     stiffness: float = STIFFNESS,
-    on_time: Callable[[float, float], None] | None = None,
+    on_progress: Callable[[float, float], None] | None = None,
     bodies: Bodies | None = None,
 ) -> SimulationResult:
     """Do hand and object themselves resist the wrench? Where they touch is found by the engine as they move.
@@ -146,6 +146,6 @@ def simulate_bodies(
     checked_times(ramp, step, stiffness, loading)
     twin = build_bodies(grasp, bodies or bodies_of(grasp), force_unit(grasp, w), step=step, stiffness=stiffness)
     first = loading == "preload-first"
-    recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), step, ramp + HOLD + PRELOAD, on_time)
+    recording = Recording(BodyStepper(twin, grasp, twin.scaled(w)), step, ramp + HOLD + PRELOAD, on_progress)
     recording.run(ramp, preload=first, commands=not first)
     return recording.result(grasp, w, loading, twin, stiffness, bodies=True)

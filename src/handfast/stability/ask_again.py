@@ -49,13 +49,13 @@ class Asking:
     Attributes:
         time_limit: [s] for each question. timeout: [s] for all of them.
         jobs: cores to use; by default all.
-        on_item: called with (done, total).
+        on_progress: called with (done, total).
     """
 
     time_limit: float = TIME_LIMIT
     timeout: float = INF
     jobs: int | None = None
-    on_item: OnItem | None = None
+    on_progress: OnItem | None = None
 
     def __post_init__(self) -> None:
         Settings(time_limit=self.time_limit)
@@ -311,8 +311,8 @@ def asked(claims: Sequence[Claim], how: Asking) -> list[tuple[Replay, ...]]:
     with WorkerPool(Clock(how.time_limit, until, 1 if jobs > 1 else 0), jobs) as pool:
         for told in pool.map(_ask, claims, until=until):
             out.append(told)
-            if how.on_item:
-                how.on_item(len(out), len(claims))
+            if how.on_progress:
+                how.on_progress(len(out), len(claims))
     return out + [(Replay(claim.place, undecided=NO_TIME),) for claim in claims[len(out) :]]
 
 

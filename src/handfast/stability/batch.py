@@ -88,7 +88,7 @@ def check_many(
     settings: Settings | None = None,
     jobs: int | None = None,
     answers: bool = False,
-    on_item: OnItem | None = None,
+    on_progress: OnItem | None = None,
 ) -> BatchAnswer:
     """Which of these disturbances does each grasp resist? `check` for many.
 
@@ -98,7 +98,7 @@ def check_many(
             (g, n, 6), (g, n, 3), own ones for each; or `Loads`.
         jobs: cores to use; by default all. Answers do not depend on it.
         answers: keep whole answers, with witness and certificate; each is then asked by itself.
-        on_item: called with (done, total).
+        on_progress: called with (done, total).
 
     The other arguments are those of `check`; `settings.verify` says whether what slips is replayed by the checker.
 
@@ -111,7 +111,7 @@ def check_many(
         InputError: wrenches of another shape; no grasps.
     """
     options = BatchOptions("check", limits, mdp, settings or Settings(), answers=answers)
-    return _ask(grasps, wrenches, None, options, jobs, on_item)
+    return _ask(grasps, wrenches, None, options, jobs, on_progress)
 
 
 def max_many(
@@ -125,7 +125,7 @@ def max_many(
     settings: Settings | None = None,
     jobs: int | None = None,
     answers: bool = False,
-    on_item: OnItem | None = None,
+    on_progress: OnItem | None = None,
 ) -> BatchAnswer:
     """How large a disturbance along each of these directions does each grasp resist? `maximum` for many.
 
@@ -139,7 +139,7 @@ def max_many(
     The other arguments, what is returned and raised are those of `check_many` and `maximum`.
     """
     options = BatchOptions("max", limits, mdp, settings or Settings(), answers=answers, interval=interval)
-    return _ask(grasps, directions, base, options, jobs, on_item)
+    return _ask(grasps, directions, base, options, jobs, on_progress)
 
 
 def torques_many(
@@ -152,7 +152,7 @@ def torques_many(
     settings: Settings | None = None,
     jobs: int | None = None,
     answers: bool = False,
-    on_item: OnItem | None = None,
+    on_progress: OnItem | None = None,
 ) -> BatchAnswer:
     """The least commands under which each grasp resists each of these disturbances: `torques` for many.
 
@@ -162,7 +162,7 @@ def torques_many(
     The arguments are those of `torques` and `check_many`.
     """
     options = BatchOptions("torques", limits, True, settings or Settings(), objective, actuators, answers)
-    return _ask(grasps, wrenches, None, options, jobs, on_item)
+    return _ask(grasps, wrenches, None, options, jobs, on_progress)
 
 
 # --- from arrays to rows, and back --------------------------------------------------------------
@@ -174,7 +174,7 @@ def _ask(
     base: Any,
     options: BatchOptions,
     jobs: int | None,
-    on_item: OnItem | None,
+    on_progress: OnItem | None,
 ) -> BatchAnswer:
     """All rows, in blocks."""
     each = (grasps,) if isinstance(grasps, Grasp) else tuple(grasps)
@@ -196,8 +196,8 @@ def _ask(
                 for part in some:
                     for stop in part["stop"]:
                         done += 1
-                        if on_item:
-                            on_item(done, g * n)
+                        if on_progress:
+                            on_progress(done, g * n)
                         if stop == Stop.INTERRUPTED:  # Ctrl-C during a search ends in an answer
                             raise KeyboardInterrupt
         except KeyboardInterrupt:

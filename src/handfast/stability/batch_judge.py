@@ -96,8 +96,8 @@ class Judge:
         if g.has_laws:
             missing_torque = missing_torque - g.given_torques - x.reaction
         t = x.q @ mech.R.T
-        moment = missing_force[:, 3:] - _cross(self.middle, missing_force[:, :3])
-        balance = np.maximum(_norm(missing_force[:, :3]), _norm(moment) / g.size) / F
+        torque = missing_force[:, 3:] - _cross(self.middle, missing_force[:, :3])
+        balance = np.maximum(_norm(missing_force[:, :3]), _norm(torque) / g.size) / F
         joints = np.abs(missing_torque) / (F[:, None] * self.units)
 
         d3 = d.reshape(k, g.m, 3)

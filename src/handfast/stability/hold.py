@@ -177,7 +177,7 @@ def hold(
     settings: Settings | None = None,
     bounding: Settings | None = None,
     timeout: float | None = None,
-    on_query: OnSample | None = None,
+    on_progress: OnSample | None = None,
 ) -> HoldAnswer:
     """One preload that resists every load, each on its own.
 
@@ -191,7 +191,7 @@ def hold(
         bounding: settings of the queries for the least commands; `settings` unless given. If these do not verify, no
             lower bound is claimed, and only what says that there is no preload is asked again with its proof.
         timeout: [s] for the whole question, margins included; `settings.time_limit` is that of a single query.
-        on_query: told in words what is asked next.
+        on_progress: told in words what is asked next.
 
     The other arguments and errors are those of `check` and `torques`.
     """
@@ -200,7 +200,7 @@ def hold(
     names = tuple(actuators or grasp.sought_actuators)
     whole = SearchLimits(timeout)
     clock = SearchLimits((1 - MARGINS) * whole.seconds_left) if margins else whole
-    search = _HoldSearch(grasp, loads, names, asked, clock, on_query)
+    search = _HoldSearch(grasp, loads, names, asked, clock, on_progress)
     search.bounds = bounding or search.settings
     search.most = np.inf if command_limit is None else command_limit
     search.limits = limits
@@ -235,12 +235,12 @@ class _HoldSearch:
         names: tuple[str, ...],
         settings: Settings,
         clock: SearchLimits,
-        on_query: OnSample | None,
+        on_progress: OnSample | None,
     ) -> None:
         self.grasp, self.loads, self.names, self.settings = grasp, loads, names, settings
         self.bounds = settings
         self.tried: set[tuple[tuple[str, float], ...]] = set()
-        self.clock, self.on_query = clock, on_query
+        self.clock, self.on_progress = clock, on_progress
         self.limits = NO_LIMITS
         self.nodes = 0
         self.lower, self.most = 0.0, np.inf
@@ -405,8 +405,8 @@ class _HoldSearch:
         return replace(answer, margins=found, nodes=self.nodes, stop=stop)
 
     def say(self, what: str) -> None:
-        if self.on_query:
-            self.on_query(what)
+        if self.on_progress:
+            self.on_progress(what)
 
     def within(self, settings: Settings, share: float) -> Settings:
         """The settings of a query that has a share of the time that is left."""

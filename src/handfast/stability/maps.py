@@ -231,7 +231,7 @@ def force_map(
     interval: bool = False,
     settings: Settings | None = None,
     jobs: int | None = None,
-    on_item: OnItem | None = None,
+    on_progress: OnItem | None = None,
 ) -> MapAnswer:
     """The largest resisted force in every direction of a plane: stability paper, Figs 6, 8 and 10.
 
@@ -242,7 +242,7 @@ def force_map(
         steps: number of directions, evenly spaced.
         interval: show which smaller forces are resisted, too, in every direction; it takes many times as long.
         jobs: cores to use; by default all.
-        on_item: called with (done, total).
+        on_progress: called with (done, total).
 
     The other arguments and errors are those of `maximum`. Ctrl-C returns what was reached.
 
@@ -259,7 +259,12 @@ def force_map(
     wrenches = forces_at(point, directions)
     for w in wrenches[:2]:  # they span the others: bad input's one line is raised here, not half way through
         scaled_problem.build(grasps[0], np.zeros(6), w, limits=limits)
-    asked: dict[str, Any] = {"limits": limits, "settings": _unreplayed(settings), "jobs": jobs, "on_item": on_item}
+    asked: dict[str, Any] = {
+        "limits": limits,
+        "settings": _unreplayed(settings),
+        "jobs": jobs,
+        "on_progress": on_progress,
+    }
     start = time.monotonic()
     answers = max_many(grasps, wrenches, interval=interval, **asked)
     return MapAnswer(
@@ -306,7 +311,7 @@ def sweep(
     limits: GraspLimits = NO_LIMITS,
     settings: Settings | None = None,
     jobs: int | None = None,
-    on_item: OnItem | None = None,
+    on_progress: OnItem | None = None,
 ) -> SweepAnswer:
     """The largest resisted disturbance while one command varies, the others as in the grasp: Fig. 12.
 
@@ -324,7 +329,12 @@ def sweep(
     grasps = [grasp.with_preload(grasp.preload | {actuator: float(value)}) for value in x]
     for w in d:  # bad input's one line
         scaled_problem.build(grasp, np.zeros(6), w, limits=limits)
-    asked: dict[str, Any] = {"limits": limits, "settings": _unreplayed(settings), "jobs": jobs, "on_item": on_item}
+    asked: dict[str, Any] = {
+        "limits": limits,
+        "settings": _unreplayed(settings),
+        "jobs": jobs,
+        "on_progress": on_progress,
+    }
     start = time.monotonic()
     answers = max_many(grasps, d, **asked)
     return SweepAnswer(

@@ -51,7 +51,7 @@ def margin(
     mdp: bool = True,
     settings: Settings | None = None,
     answer: CheckAnswer | None = None,
-    on_sample: OnSample | None = None,
+    on_progress: OnSample | None = None,
 ) -> Margin | None:
     """How much does a HOLDS lean on? None unless `check` answers HOLDS.
 
@@ -70,7 +70,7 @@ def margin(
         stiffness: [N/m] of every contact; by default a rubber fingertip pad's.
         settings: of every check, limits included; without a time limit each changed grasp has `TIME_LIMIT`.
         answer: that of `check` to the same question, if it is known already.
-        on_sample: told in words what is asked next.
+        on_progress: told in words what is asked next.
 
     The other arguments and errors are those of `check`.
 
@@ -90,7 +90,7 @@ def margin(
     w = as_wrench(wrench)
     own = settings or Settings()
     limited = own if np.isfinite(own.time_limit) else replace(own, time_limit=TIME_LIMIT)
-    ask = _Ask(w, options | {"settings": limited}, on_sample)
+    ask = _Ask(w, options | {"settings": limited}, on_progress)
     less = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 - x))])
     more = ask.flip("friction", FRICTION_CHANGES, FRICTION_RESOLUTION, lambda x: [_Change(rubbed(grasp, 1 + x))])
     patterns = list(_patterns(sides(grasp, w)))
@@ -101,7 +101,7 @@ def margin(
 def sides(grasp: Grasp, wrench: Array) -> Array:
     """(m, 5, 3) unit vectors across each contact's normal: four sides, and outwards (zero where there is no outwards).
 
-    The first side is where the load pulls at the contact: its force, or else its moment about the middle of the
+    The first side is where the load pulls at the contact: its force, or else its torque about the middle of the
     contacts; where neither does, it is outwards from that middle, or along the axis of a joint behind the contact.
     Then come the opposite side and the two at right angles. None of it depends on the axes of the object's frame,
     unless there is nothing else to tell sides by.
@@ -162,8 +162,8 @@ def _tilted(grasp: Grasp, towards: Array, angle: float) -> _Change:
 class _Ask:
     """Asks `check` about changed grasps, and counts."""
 
-    def __init__(self, wrench: Array, options: dict[str, Any], on_sample: OnSample | None) -> None:
-        self.wrench, self.options, self.on_sample = wrench, options, on_sample
+    def __init__(self, wrench: Array, options: dict[str, Any], on_progress: OnSample | None) -> None:
+        self.wrench, self.options, self.on_progress = wrench, options, on_progress
         self.count, self.stop = 0, Stop.COMPLETE
 
     def flip(
@@ -181,8 +181,8 @@ class _Ask:
         skip: set[int] = set()  # a pattern that was undecided once is not asked again: it may take as long each time
         while ahead and self.stop is Stop.COMPLETE:
             size = ahead.pop(0)
-            if self.on_sample:
-                self.on_sample(f"{what} changed by {size:.3g}")
+            if self.on_progress:
+                self.on_progress(f"{what} changed by {size:.3g}")
             asked = made(size)
             verdict, which, answer = self._any_slips(asked, first, skip)
             if verdict is Verdict.SLIPS:

@@ -346,7 +346,7 @@ def residuals(
     d, c = sums.d, state.c.reshape(-1, 3)
     rubs, slides = friction(grasp, state.c, state.torsion), sliding(grasp, d, sums.twist)
     dt = _norms(slides)
-    moment = sums.object[3:] - cross(grasp.positions.mean(axis=0), sums.object[:3])
+    torque = sums.object[3:] - cross(grasp.positions.mean(axis=0), sums.object[:3])
 
     # (8) in the actuator's own sense of command, motions and forces both brought to newtons
     sense = np.where(f_c < 0, -1.0, 1.0)
@@ -365,7 +365,7 @@ def residuals(
         return float(values.max(initial=0.0)) / F
 
     return Residuals(
-        object_balance=max(float(np.linalg.norm(sums.object[:3])), float(np.linalg.norm(moment)) / grasp.size) / F,
+        object_balance=max(float(np.linalg.norm(sums.object[:3])), float(np.linalg.norm(torque)) / grasp.size) / F,
         joint_balance=worst(np.abs(sums.joints) / joint_units(grasp)),
         couplings=worst(slip),
         normal=worst(np.abs(c[:, 0] - spring_force(d, eta))),

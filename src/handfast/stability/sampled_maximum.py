@@ -140,7 +140,7 @@ def sampled_maximum(
     base: Sequence[float] | Array | None = None,
     settings: Settings | None = None,
     jobs: int | None = None,
-    on_item: OnItem | None = None,
+    on_progress: OnItem | None = None,
 ) -> SampledMaximum:
     """The largest disturbance along a direction, of samples of a grasp that may be off by stated bounds.
 
@@ -151,7 +151,7 @@ def sampled_maximum(
         samples: how many are drawn; sample i is the same for the same seed, however many there are.
         settings: of each question; by default 10 s at most for each.
         jobs: cores to use; by default all. Answers do not depend on it.
-        on_item: called with (done, total) of the samples.
+        on_progress: called with (done, total) of the samples.
 
     Raises:
         InputError: no samples, a negative seed, bounds that leave this grasp as it is, and what `maximum` raises.
@@ -170,7 +170,7 @@ def sampled_maximum(
     tilted = GraspLimits(eta=bounds.normals)
     uncertain = maximum(grasp, towards, base=beside, limits=tilted, settings=settings) if bounds.normals else None
     drawn = [bounds.sample(grasp, seed, i) for i in range(samples)]
-    found = max_many(drawn, [towards], base=beside, settings=settings, jobs=jobs, on_item=on_item)
+    found = max_many(drawn, [towards], base=beside, settings=settings, jobs=jobs, on_progress=on_progress)
     verdict, error = found.verdict[:, 0], found.error[:, 0]
     interrupted = error == INTERRUPTED
     unbalanced = np.array([bool(e) for e in error]) & ~interrupted  # by any forces at its contacts: refused

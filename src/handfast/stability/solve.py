@@ -21,11 +21,11 @@ MANY = 4096  # nodes at most
 LEAST = 1e-3  # [s] that a search has where no time is left
 
 
-def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | None, **hints: Any) -> Outcome:
+def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_progress: OnStep | None, **hints: Any) -> Outcome:
     """What the search finds; hints: see `search.front`. The engine loads when it is asked first."""
     from handfast.stability.search import front
 
-    return front.search(p, goal, settings, on_step, **hints)
+    return front.search(p, goal, settings, on_progress, **hints)
 
 
 def compiled() -> None:
@@ -47,7 +47,7 @@ def time_left(settings: Settings, limits: SearchLimits) -> Settings:
 
 
 def without_end(
-    p: ScaledProblem, goal: Goal, settings: Settings, on_step: OnStep | None, found: Outcome, limits: SearchLimits
+    p: ScaledProblem, goal: Goal, settings: Settings, on_progress: OnStep | None, found: Outcome, limits: SearchLimits
 ) -> Outcome:
     """Nothing was found up to the end of a search: is there anything beyond? What both searches showed.
 
@@ -56,7 +56,7 @@ def without_end(
     settings = time_left(settings, limits)
     if goal.maximised:  # any of them would do
         settings = replace(settings, gap=ANY, node_limit=min(settings.node_limit, MANY + 2 * found.nodes))
-    beyond = solve(p, goal, settings, on_step, endless=True)
+    beyond = solve(p, goal, settings, on_progress, endless=True)
     if beyond.witness is not None or beyond.bound == INF:
         stop = Stop.COMPLETE if goal.maximised else beyond.stop
         return replace(beyond.after(found), stop=stop)

@@ -70,7 +70,7 @@ def synthesize(
     nodes: int | None = None,
     workers: int = 2,
     resume: Synthesis | str | Path | None = None,
-    on_step: OnStep | None = None,
+    on_progress: OnStep | None = None,
 ) -> Synthesis:
     """Can the hand bring every region onto its object region, within all limits?
 
@@ -81,7 +81,7 @@ def synthesize(
         nodes: boxes of the search for a contradiction in this call; None: any number.
         workers: threads of that search.
         resume: an UNDECIDED answer or its file, to go on from; its seed is taken over.
-        on_step: called while it runs.
+        on_progress: called while it runs.
 
     Raises:
         InputError: count, seed or a limit out of range; limits and couplings that leave nothing; an answer
@@ -92,7 +92,7 @@ def synthesize(
     state = _state_of(task, resume) if resume is not None else {}
     with limits.paused():  # it compiles
         starts = Starts(TaskProblem.of(task), int(state.get("seed", seed)), int(state.get("block", 0)))
-    run = _Run(starts, count, limits, workers, state.get("prover") or None, on_step)
+    run = _Run(starts, count, limits, workers, state.get("prover") or None, on_progress)
     try:
         run.search()
     except KeyboardInterrupt:
@@ -110,10 +110,10 @@ class _Run:
         limits: SearchLimits,
         workers: int,
         state: dict[str, Any] | None,
-        on_step: OnStep | None,
+        on_progress: OnStep | None,
     ) -> None:
         self.starts, self.problem, self.count = starts, starts.problem, count
-        self.limits, self.workers, self.on_step = limits, workers, on_step
+        self.limits, self.workers, self.on_progress = limits, workers, on_progress
         self.state = state
         self.pool: list[Certified] = []
         self.chosen: list[Certified] = []
@@ -180,7 +180,7 @@ class _Run:
             before = prover.nodes
             seconds, left = min(turn, self.limits.seconds_left), self.limits.nodes_left(before - begin)
             with nullcontext() if turn else self.limits.paused():  # the first turn compiles
-                self.disproof = prover.run(seconds=seconds, nodes=left, on_step=self._tell)
+                self.disproof = prover.run(seconds=seconds, nodes=left, on_progress=self._tell)
             if self.disproof.interrupted:
                 raise KeyboardInterrupt
             last -= BETWEEN if prover.nodes == before else 0
@@ -239,11 +239,11 @@ class _Run:
     # --- limits and progress ---
 
     def _tell(self, disproof: Disproof | None = None, *, wanted: int = 1) -> None:
-        if self.on_step is None:
+        if self.on_progress is None:
             return
         d = disproof or self.disproof
         far = (d.nodes, d.depth, d.pending, d.discarded) if d else ()
-        self.on_step(SynthesisProgress(self.starts.count, len(self.pool), wanted, *far))
+        self.on_progress(SynthesisProgress(self.starts.count, len(self.pool), wanted, *far))
 
 
 def _refuse_numbers(count: int, seed: int, timeout: float | None, nodes: int | None, workers: int) -> None:

@@ -236,7 +236,7 @@ def test_progress_has_falling_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(front, "PAUSE", -INF)  # every slice is reported, however quick
     seen = []
     settings = Settings(gap=1e-9, node_limit=8000, workers=1, verify=False)
-    answer = maximum(random_case(10, 1).grasp, w(0, 0, 1), settings=settings, on_step=seen.append)
+    answer = maximum(random_case(10, 1).grasp, w(0, 0, 1), settings=settings, on_progress=seen.append)
     assert len(seen) > 3
     assert all(p.lower <= p.upper for p in seen)
     for before, after in itertools.pairwise(seen):
@@ -255,7 +255,7 @@ def test_ctrl_c_leaves_the_bounds_so_far(monkeypatch: pytest.MonkeyPatch) -> Non
             raise KeyboardInterrupt
 
     s = solved(1, 8)
-    answer = maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14), on_step=interrupt)
+    answer = maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14), on_progress=interrupt)
     assert (answer.verdict, answer.stop) == (Verdict.HOLDS, Stop.INTERRUPTED)
     assert answer.witness.valid
     assert 0 < answer.lower <= answer.upper
@@ -263,7 +263,7 @@ def test_ctrl_c_leaves_the_bounds_so_far(monkeypatch: pytest.MonkeyPatch) -> Non
     def at_once(progress) -> None:
         raise KeyboardInterrupt
 
-    assert maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14), on_step=at_once).stop is Stop.INTERRUPTED
+    assert maximum(s.grasp, s.wrench, settings=Settings(gap=1e-14), on_progress=at_once).stop is Stop.INTERRUPTED
 
 
 # --- certificates ---------------------------------------------------------------------------------------

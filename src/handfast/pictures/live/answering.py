@@ -100,7 +100,7 @@ def answer(state: ViewState, before: Reply | None, outdated: Callable[[], bool],
     try:
         possible = not unbalanced(state.grasp, state.wrench)
         found = (
-            check(state.asked, state.wrench, limits=GraspLimits(state.eta), settings=QUICK, on_step=late)
+            check(state.asked, state.wrench, limits=GraspLimits(state.eta), settings=QUICK, on_progress=late)
             if possible
             else None
         )
@@ -110,7 +110,9 @@ def answer(state: ViewState, before: Reply | None, outdated: Callable[[], bool],
         if outdated():
             return
         if not unbalanced(state.grasp, state.direction):
-            most = maximum(state.asked, state.direction, limits=GraspLimits(state.eta), settings=QUICK, on_step=leave)
+            most = maximum(
+                state.asked, state.direction, limits=GraspLimits(state.eta), settings=QUICK, on_progress=leave
+            )
             reply = replace(reply, most=most)
             tell(reply)
         for piece in _pieces(state, kept, leave):
@@ -146,7 +148,7 @@ def _pieces(state: ViewState, known: PlaneMap | None, leave: OnStep) -> Iterator
         possible = np.array([not unbalanced(state.grasp, wrenches[i]) for i in asked])
         answers = []
         for w in wrenches[asked[possible]]:
-            answers.append(maximum(state.asked, w, limits=GraspLimits(state.eta), settings=OF_MAP, on_step=leave))
+            answers.append(maximum(state.asked, w, limits=GraspLimits(state.eta), settings=OF_MAP, on_progress=leave))
         indices, curve = _merged(indices, curve, asked[possible], Curve.of(answers))
         indices, curve = _merged(indices, curve, asked[~possible], _nothing(int((~possible).sum())))
         yield PlaneMap(key, state.at, directions, state.is_torque, indices, curve)

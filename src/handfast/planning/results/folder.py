@@ -52,8 +52,8 @@ class SearchFolder(Journal[State]):
     holds: ClassVar[str]  # what stands in a folder that was begun
     files: ClassVar[tuple[str, ...]]  # patterns of its files, first the one that says how far the search has come
 
-    def __init__(self, path: Path, *, resume: bool = False, on_note: Callable[[State], None] | None = None) -> None:
-        super().__init__(on_note)
+    def __init__(self, path: Path, *, resume: bool = False, on_progress: Callable[[State], None] | None = None) -> None:
+        super().__init__(on_progress)
         self.path, self.resume, self._when = path, resume, -PAUSE
         self.source = str(path / self.files[0])
 

@@ -54,7 +54,7 @@ def check(
     limits: GraspLimits = ...,
     mdp: bool = ...,
     settings: Settings | None = ...,
-    on_step: OnStep | None = ...,
+    on_progress: OnStep | None = ...,
 ) -> CheckAnswer: ...
 @overload
 def check(
@@ -64,7 +64,7 @@ def check(
     limits: GraspLimits = ...,
     mdp: bool = ...,
     settings: Settings | None = ...,
-    on_step: OnStep | None = ...,
+    on_progress: OnStep | None = ...,
 ) -> list[CheckAnswer]: ...
 @kinds_checked
 def check(
@@ -74,7 +74,7 @@ def check(
     limits: GraspLimits = NO_LIMITS,
     mdp: bool = True,
     settings: Settings | None = None,
-    on_step: OnStep | None = None,
+    on_progress: OnStep | None = None,
 ) -> CheckAnswer | list[CheckAnswer]:
     """Does the grasp resist a disturbance passively? Stability paper, section VII-A, (20)-(22).
 
@@ -86,12 +86,17 @@ def check(
         mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
             literature), for comparison only: it creates energy out of nothing.
         settings: precision, limits; of each question, if there are several.
-        on_step: called while it runs, with the bounds so far.
+        on_progress: called while it runs, with the bounds so far.
 
     Raises:
         InputError: see `handfast.stability.scaled_problem.build`.
     """
-    asked: dict[str, Any] = {"limits": limits, "mdp": mdp, "settings": settings or Settings(), "on_step": on_step}
+    asked: dict[str, Any] = {
+        "limits": limits,
+        "mdp": mdp,
+        "settings": settings or Settings(),
+        "on_progress": on_progress,
+    }
     if isinstance(wrench, Loads):
         return [_check(grasp, w, **asked) for w in wrench.wrenches]
     if not is_table(wrench):
@@ -115,22 +120,22 @@ def _check(
     limits: GraspLimits,
     mdp: bool,
     settings: Settings,
-    on_step: OnStep | None,
+    on_progress: OnStep | None,
 ) -> CheckAnswer:
     """The answer for one wrench."""
     p = scaled_problem.build(grasp, wrench, limits=limits, mdp=mdp)
     if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
         clock = clock_of(settings)
-        modest = _any_state(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_step)
+        modest = _any_state(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_progress)
         if modest.verdict is Verdict.HOLDS:
             return modest
         settings = time_left(settings, clock)
-    return _any_state(p, settings, on_step)
+    return _any_state(p, settings, on_progress)
 
 
-def _any_state(p: ScaledProblem, settings: Settings, on_step: OnStep | None) -> CheckAnswer:
+def _any_state(p: ScaledProblem, settings: Settings, on_progress: OnStep | None) -> CheckAnswer:
     limits = clock_of(settings)
-    found = solve(p, ANY_STATE, settings, on_step)
+    found = solve(p, ANY_STATE, settings, on_progress)
     verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
     backing: dict[str, Any] = {"posed": Posed(p, ANY_STATE), "verified": found.backed}
     answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)

@@ -152,7 +152,7 @@ def maximum(
     mdp: bool = True,
     interval: bool = False,
     settings: Settings | None = None,
-    on_step: OnStep | None = None,
+    on_progress: OnStep | None = None,
     near: Sequence[Near] = (),
 ) -> MaxAnswer:
     """The largest s such that the disturbance base + s direction is resisted: section VII-B, (23)-(25).
@@ -171,7 +171,7 @@ def maximum(
     settings = settings or Settings()
     clock = clock_of(settings)
     w0 = np.zeros(6) if base is None else base
-    answer = largest(scaled_problem.build(grasp, w0, direction, limits=limits, mdp=mdp), settings, on_step, near)
+    answer = largest(scaled_problem.build(grasp, w0, direction, limits=limits, mdp=mdp), settings, on_progress, near)
     return with_interval(answer, time_left(settings, clock)) if interval else answer
 
 
@@ -215,11 +215,11 @@ def max_goal(p: ScaledProblem) -> Goal:
 
 
 def largest(
-    p: ScaledProblem, settings: Settings, on_step: OnStep | None = None, near: Sequence[Near] = ()
+    p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None, near: Sequence[Near] = ()
 ) -> MaxAnswer:
     """The answer to a built problem; near: see `maximum`."""
     end, limits = p.last_magnitude, clock_of(settings)
-    posed, found = _search(p, settings, on_step, near)
+    posed, found = _search(p, settings, on_progress, near)
     p, goal = posed
     w = found.witness
     lower, upper, unbounded = 0.0, INF, False
@@ -248,7 +248,7 @@ def largest(
 
 
 def _search(
-    p: ScaledProblem, settings: Settings, on_step: OnStep | None, near: Sequence[Near]
+    p: ScaledProblem, settings: Settings, on_progress: OnStep | None, near: Sequence[Near]
 ) -> tuple[Posed, Outcome]:
     """What was asked in the end, and what was found."""
     goal, limits = max_goal(p), clock_of(settings)
@@ -256,25 +256,25 @@ def _search(
         p = replace(p, w0=p.direction, wrench=p.along)
     if goal.maximised and p.is_given and not p.w0.any():  # what slips without limits slips with them
         free = scaled_problem.build(p.grasp, p.wrench, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
-        posed, alone = _search(free, settings, on_step, ())
+        posed, alone = _search(free, settings, on_progress, ())
         if alone.bound == INF:
             return posed, alone
         settings = time_left(settings, limits)
     elif goal.maximised and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
         # no search tells small magnitudes from 0, which every limit allows; what slips without limits slips with them
         free = scaled_problem.build(p.grasp, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
-        alone = solve(free, ANY_STATE, settings, on_step)
+        alone = solve(free, ANY_STATE, settings, on_progress)
         if alone.bound == INF:
             return Posed(free, ANY_STATE), alone
         settings = time_left(settings, limits)
     hints = {"near": near} if near and goal.has_scalar else {}
-    found = solve(p, goal, settings, on_step, **hints)
+    found = solve(p, goal, settings, on_progress, **hints)
     if found.bound == INF and goal.has_scalar and runs_away(p.grasp):
         if goal.homogeneous:  # by the same rows with any preload
             left = time_left(settings, limits)
-            found = solve(p, goal, left, on_step, within=(goal.search_range(p)[0], INF)).after(found)
+            found = solve(p, goal, left, on_progress, within=(goal.search_range(p)[0], INF)).after(found)
     elif found.bound == INF and goal.has_scalar:
-        found = without_end(p, goal, settings, on_step, found, limits)
+        found = without_end(p, goal, settings, on_progress, found, limits)
     interrupted = found.stop is Stop.INTERRUPTED
     if found.witness is None and found.bound < INF and goal.maximised and not interrupted:
         alone = solve(p, ANY_STATE, time_left(settings, limits), None)  # is the base load resisted, at least?

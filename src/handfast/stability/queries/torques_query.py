@@ -64,7 +64,7 @@ def torques(
     actuators: Sequence[str] | None = None,
     limits: GraspLimits = NO_LIMITS,
     settings: Settings | None = None,
-    on_step: OnStep | None = None,
+    on_progress: OnStep | None = None,
 ) -> TorquesAnswer:
     """The commands that resist a disturbance with the least effort: section VII-C, (26)-(27).
 
@@ -92,7 +92,7 @@ def torques(
     p = scaled_problem.build(asked, wrench, limits=limits, driven=chosen)
     goal = SmallestCommands(objective)
     clock = clock_of(settings)
-    found = _search(grasp, p, goal, settings, on_step, clock)
+    found = _search(grasp, p, goal, settings, on_progress, clock)
     preload, lower, upper = None, max(found.bound, 0.0), INF
     if found.bound == INF:
         verdict, lower = Verdict.SLIPS, INF
@@ -113,14 +113,14 @@ def _search(
     p: ScaledProblem,
     goal: SmallestCommands,
     settings: Settings,
-    on_step: OnStep | None,
+    on_progress: OnStep | None,
     clock: SearchLimits,
 ) -> Outcome:
     """The least commands that were found, raised by a little so that they hold by more than luck."""
     finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
-    found = solve(p, goal, finer, on_step)
+    found = solve(p, goal, finer, on_progress)
     if found.bound == INF:
-        found = without_end(p, goal, finer, on_step, found, clock)
+        found = without_end(p, goal, finer, on_progress, found, clock)
     if found.stop is Stop.INTERRUPTED:
         return found
     if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any

@@ -41,7 +41,7 @@ def search(
     p: ScaledProblem,
     goal: Goal,
     settings: Settings,
-    on_step: OnStep | None = None,
+    on_progress: OnStep | None = None,
     *,
     near: Sequence[tuple[State, float]] = (),
     endless: bool = False,
@@ -66,13 +66,13 @@ def search(
         return _beyond(r, value, replace(settings, node_limit=nodes, time_limit=max(seconds, LEAST), verify=False))
 
     beside = Capped(r, *_gaps(r, goal, settings), settings.workers or default_jobs(), bounds=capped, beyond=beyond)
-    out = _search(p, goal, settings, on_step, r, limits, beside, guess)
+    out = _search(p, goal, settings, on_progress, r, limits, beside, guess)
     for gap in (g for g in FINER if g < settings.gap):  # the tolerances of programs go with the gap
         nodes = settings.node_limit - out.nodes
         if out.stop is not Stop.NUMERICAL or nodes <= 0 or limits.late:
             break
         finer = replace(settings, gap=gap, node_limit=nodes)
-        out = _better(out, _search(p, goal, finer, on_step, r, limits, guess=guess))
+        out = _better(out, _search(p, goal, finer, on_progress, r, limits, guess=guess))
     if out.stop is Stop.NUMERICAL and out.nodes < settings.node_limit and not limits.late:
         out = _to_cap(beside, goal, settings, limits, out)
     if beside.better is not None and out.stop is not Stop.COMPLETE:
@@ -96,7 +96,7 @@ def _search(
     p: ScaledProblem,
     goal: Goal,
     settings: Settings,
-    on_step: OnStep | None,
+    on_progress: OnStep | None,
     r: Reduced,
     limits: SearchLimits,
     beside: Capped | None = None,
@@ -128,11 +128,11 @@ def _search(
             s.node_limit = settings.node_limit - spent
             s.time_limit = searching.seconds_left
             for state in s:
-                if on_step and (state.stop or time.monotonic() - shown > PAUSE):
+                if on_progress and (state.stop or time.monotonic() - shown > PAUSE):
                     shown = time.monotonic()
                     bound = min(max(bound, state.bound), state.best)  # the end is proved to the gap, points say more
                     nodes = spent + state.nodes
-                    on_step(Progress(*goal.bounds(p, state.best * r.scale, bound * r.scale), nodes))
+                    on_progress(Progress(*goal.bounds(p, state.best * r.scale, bound * r.scale), nodes))
                 other = beside.watch(state, settings.node_limit - spent, searching) if beside else None
                 if beside and other:
                     return _outcome(other, goal, settings, limits, spent + s.nodes + beside.nodes - other.nodes)

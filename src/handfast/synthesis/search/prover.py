@@ -104,7 +104,7 @@ class Prover:
         *,
         seconds: float | None = None,
         nodes: int | None = None,
-        on_step: Callable[[Disproof], None] | None = None,
+        on_progress: Callable[[Disproof], None] | None = None,
         state: dict[str, Any] | None = None,
     ) -> Disproof:
         """Go on until a search is empty, each has come to the resolution somewhere, or a limit is hit.
@@ -121,8 +121,8 @@ class Prover:
                 for _ in turns:
                     if self._empty() is not None:
                         break
-                    if on_step is not None:
-                        on_step(self._standing())
+                    if on_progress is not None:
+                        on_progress(self._standing())
                     if self._limits.stop(self.nodes - before):
                         break
             if self._empty() is None:
