@@ -33,9 +33,9 @@ from handfast.papers.baseline import BaselineState
 from handfast.papers.earlier_scheme import turn_scheme
 from handfast.papers.friction_pyramids import pyramid_step
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability import model
-from handfast.stability.queries import check, maximum
-from handfast.stability.settings import Settings
+from handfast.stability.answers import check, maximum
+from handfast.stability.problem import model
+from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "baselines.json"
 SIZES = (3, 4, 5)

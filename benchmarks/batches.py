@@ -29,7 +29,7 @@ from handfast import check, check_many, max_many, maximum, prepare
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.papers import algorithm1
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "batches.json"
 SIZES = (3, 4, 5, 6)

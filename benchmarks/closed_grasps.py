@@ -34,7 +34,7 @@ from handfast.planning.candidates import palm_poses
 from handfast.planning.candidates.palm_poses import STANDARD, Palm, palm_of
 from handfast.planning.evaluation.attempt import PENETRATION, Attempts, Placed, Runner, squeezing
 from handfast.readers.load_hand import load_hand
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 NAMES = {"barrett": "barrett-bh8-280", "sah": "schunk-sah"} | {n: FILES[n] for n in ("allegro", "shadow", "adroit")}
 COMMANDS = {"barrett": 1.0, "sah": 1.0, "allegro": 0.3, "shadow": 0.3, "adroit": 0.3}  # [N m] the largest of a motor

@@ -33,7 +33,7 @@ from handfast import check, load_grasp, max_many, maximum
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
 
 WEIGHT = 0.3 * 9.81  # [N]
 COMMAND = 0.3  # [N m]

@@ -35,9 +35,9 @@ from benchmarks.machine import describe
 from handfast.core.errors import InputError
 from handfast.papers import algorithm1
 from handfast.proofs.checker import verify
-from handfast.stability.answers import finite
-from handfast.stability.queries import MaxAnswer, maximum
-from handfast.stability.settings import Settings
+from handfast.stability.answers import MaxAnswer, maximum
+from handfast.stability.answers.answer import finite
+from handfast.stability.problem.settings import Settings
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "engine.json"

@@ -35,10 +35,10 @@ from handfast.proofs.existence import Proved, nearby, prove
 from handfast.proofs.grasp import read_grasp
 from handfast.proofs.states import Problem, State
 from handfast.readers.grasp_file import to_dict
-from handfast.stability.grasp_limits import NO_LIMITS
-from handfast.stability.queries import check, maximum
-from handfast.stability.settings import Settings
-from handfast.stability.witness import Witness
+from handfast.stability.answers import check, maximum
+from handfast.stability.problem.grasp_limits import NO_LIMITS
+from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.witness import Witness
 
 RESULTS = Path(__file__).parent / "results" / "exact_states.json"
 FAMILIES = (*KINDS, "joint laws", "soft fingers", "no dissipation")

@@ -46,7 +46,7 @@ from handfast.planning.candidates.palm_poses import STANDARD
 from handfast.planning.evaluation.attempt import PENETRATION, Attempts, Placed, Runner, squeezing
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 OBJECTS = ("ball", "block", "bottle", "can", "dumbbell", "egg", "mallet", "mug", "pear", "ring", "torch", "wedge")
 BLOCK = 50  # attempts that are made, and written, at a time

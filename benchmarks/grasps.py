@@ -48,7 +48,7 @@ from handfast.model.shape import Shape
 from handfast.readers.grasp_file import from_dict, to_dict
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.stability.model import reaction_range
+from handfast.stability.problem.model import reaction_range
 
 DATA = Path(__file__).parent / "grasps"
 INDEX = DATA / "index.json"

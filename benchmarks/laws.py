@@ -35,11 +35,12 @@ from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.stability import maps, queries
-from handfast.stability.answers import Answer
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
-from handfast.stability.settings import Settings
+from handfast.stability import answers as queries
+from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.answers.answer import Answer
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies import maps
 
 RESULTS = Path(__file__).parent / "results" / "laws.json"
 SIZES = (3, 4, 5)

@@ -29,7 +29,7 @@ from handfast.measures.measuring import measure_columns
 from handfast.measures.passive import GAP, passive_maxima
 from handfast.measures.wrench_space import MOST_SUMS
 from handfast.model.grasp import Grasp
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "measures.json"
 SIZES = (3, 4, 5)

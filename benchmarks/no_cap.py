@@ -6,7 +6,8 @@ Fresh random grasps of 3 to 8 contacts (`grasps.random_case` with seeds that not
 with a base load, torque limits, a force limit, uncertain normals, a coupling between two joints, a prismatic joint.
 Each is asked for its maximum. Its upper bound is then attacked: `check` just and far above it, 2 s each, and Newton's
 method from random states whose motions are spread over nine decades, the magnitude held above the bound. A witness
-that `stability/model` accepts there would be a contradiction. With --shared, the grasps of reference/cap-cases too.
+that `stability/problem/model` accepts there would be a contradiction. With --shared, the grasps of
+reference/cap-cases too.
 Writes results/no_cap.json as it goes on, and goes on where it was stopped.
 """
 
@@ -29,13 +30,13 @@ from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability import scaled_problem
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.queries import check, maximum
-from handfast.stability.queries.max_query import max_goal
-from handfast.stability.search import exact
+from handfast.stability.answers import check, maximum
+from handfast.stability.answers.max_query import max_goal
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.settings import Settings
 from handfast.stability.search.reduced import reduce
-from handfast.stability.settings import Settings
+from handfast.stability.search.search import exact_solution
 
 RESULTS = Path(__file__).parent / "results" / "no_cap.json"
 SIZES = (3, 4, 5, 6, 7, 8)
@@ -97,7 +98,7 @@ def attacked(grasp: Grasp, direction: Array, options: dict[str, Any], upper: flo
             z[:nu] *= 10 ** rng.uniform(0, 9)
             z[nu:] *= 10 ** rng.uniform(-1, 2)
             near = replace(r, lo=np.r_[held, r.lo[1:]])
-            y = exact.solve(near, z, hold=True)
+            y = exact_solution(near, z, hold=True)
             if y is not None and r.witness(r.point(y)).valid:
                 found.append(f"a state at {s * p.direction_scale / upper:.6g} times the bound")
     return found

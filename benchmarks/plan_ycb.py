@@ -38,7 +38,7 @@ from handfast.model.mechanism import Mechanism
 from handfast.planning.plan_grasps import plan
 from handfast.planning.rejection import RejectionReason
 from handfast.planning.results.plan import Plan
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 HERE = Path(__file__).parent
 HANDS = {

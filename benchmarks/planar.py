@@ -34,9 +34,9 @@ from handfast.core.arrays import Array
 from handfast.core.rational import rational, rounded
 from handfast.papers.planar_grasp import PlanarContact, PlanarGrasp
 from handfast.papers.planar_oracle import PlanarRanges, planar_check, planar_least_motion, planar_ranges
-from handfast.stability.answers import Answer
-from handfast.stability.queries import check, maximum
-from handfast.stability.settings import Settings
+from handfast.stability.answers import check, maximum
+from handfast.stability.answers.answer import Answer
+from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "planar.json"
 SIZES = (3, 4, 5, 6, 7, 8)

@@ -17,8 +17,8 @@ from typing import Any
 
 from benchmarks.grasps import Case, cases
 from benchmarks.machine import describe
-from handfast.stability import scaled_problem
-from handfast.stability.queries.max_query import max_goal
+from handfast.stability.answers.max_query import max_goal
+from handfast.stability.problem import scaled_problem
 from handfast.stability.search import arrays
 from handfast.stability.search.reduced import reduce
 from handfast.stability.search.search import Search

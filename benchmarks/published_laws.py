@@ -35,7 +35,7 @@ from handfast.datasets.published.importing import Importer, imported
 from handfast.datasets.published.mapping_file import mapping_for
 from handfast.datasets.published.published_file import sources
 from handfast.model.grasp import Grasp
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 VARIANTS = ("none", "stops", "friction", "locked")
 GAINS = (5.0, 0.5, 0.05, 0.0)  # [N m/rad] of servos: the set's own, less, and none, with all motors locked

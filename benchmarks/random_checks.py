@@ -4,7 +4,7 @@
 
 Grasps of 3 to 6 contacts from `grasps.random_case` with seeds of their own (no case chosen by its answer, and
 not those of the published set). The disturbance is a pull along the case's direction of 10^u newtons, u uniform
-between -1 and 1, which straddles what most of them resist. A HOLDS counts as witnessed if `stability/model`
+between -1 and 1, which straddles what most of them resist. A HOLDS counts as witnessed if `stability/problem/model`
 finds residuals below 1e-9, a SLIPS as replayed if `verify` accepts its certificate. The sample is asked again of
 Algorithm 1 (2048 sectors); it is contradicted where both answer and differ. Results are written every 500
 checks to results/random_checks.json.
@@ -27,8 +27,8 @@ from handfast.core.answer import Verdict
 from handfast.model.grasp import Grasp
 from handfast.papers import algorithm1
 from handfast.proofs.checker import verify
-from handfast.stability.queries import CheckAnswer, check
-from handfast.stability.settings import Settings
+from handfast.stability.answers import CheckAnswer, check
+from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "random_checks.json"
 SIZES = (3, 4, 5, 6)

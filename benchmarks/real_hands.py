@@ -46,7 +46,7 @@ from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.pictures.scene import Mesh, scene_meshes
 from handfast.planning.closing import Closed
-from handfast.stability.queries.check_query import CheckAnswer
+from handfast.stability.answers.check_query import CheckAnswer
 
 HERE = Path(__file__).parent
 POSES = HERE / "real_hands"

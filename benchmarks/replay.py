@@ -27,8 +27,8 @@ from benchmarks.machine import describe
 from benchmarks.no_cap import question
 from handfast.proofs import checker, equations, leaves
 from handfast.proofs.certificate import Certificate, file_to_dict, read_certificate_file
-from handfast.stability.queries import maximum
-from handfast.stability.settings import Settings
+from handfast.stability.answers import maximum
+from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "replay.json"
 SETTINGS = Settings(verify=False, workers=1, time_limit=20.0)

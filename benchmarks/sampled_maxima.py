@@ -20,10 +20,10 @@ import numpy as np
 from benchmarks.grasps import cases
 from benchmarks.machine import describe
 from handfast.core.answer import Verdict
-from handfast.stability.perturbation import Perturbation
-from handfast.stability.queries import maximum
-from handfast.stability.sampled_maximum import sampled_maximum
-from handfast.stability.settings import Settings
+from handfast.stability.answers import maximum
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.perturbation import Perturbation
+from handfast.stability.studies.sampled_maximum import sampled_maximum
 
 RESULTS = Path(__file__).parent / "results" / "sampled_maxima.json"
 ETA = float(np.radians(2.5))

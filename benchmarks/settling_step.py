@@ -25,7 +25,7 @@ from handfast.readers.grasp_file import load_grasp
 from handfast.simulation.drag_step import StepProblem, drag_step
 from handfast.simulation.simulate import force_unit
 from handfast.simulation.slow_motion import HARDER, STIFFNESS
-from handfast.stability.model import commanded
+from handfast.stability.problem.model import commanded
 
 RESULTS = Path(__file__).parent / "results" / "settling_step.json"
 SHARES = (0.5, 0.9, 1.1, 1.25)

@@ -39,12 +39,12 @@ from handfast.model.grasp import Grasp
 from handfast.simulation.result import Ending, SimulationResult
 from handfast.simulation.simulate import Loading, force_unit, simulate
 from handfast.simulation.twin import STIFFNESS
-from handfast.stability.margin_search import margin
-from handfast.stability.model import State, joint_torques, residuals
-from handfast.stability.queries import check, maximum
-from handfast.stability.queries.check_query import CheckAnswer
-from handfast.stability.queries.max_query import with_interval
-from handfast.stability.settings import Settings
+from handfast.stability.answers import check, maximum
+from handfast.stability.answers.check_query import CheckAnswer
+from handfast.stability.answers.max_query import with_interval
+from handfast.stability.problem.model import State, joint_torques, residuals
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.margin_search import margin
 
 RESULTS = Path(__file__).parent / "results" / "simulation_agreement.json"
 SHARES = (0.5, 0.8, 0.9, 1.1, 1.25, 1.5)

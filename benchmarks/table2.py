@@ -42,9 +42,9 @@ from handfast.papers.stability_tables import (
     TaskQuestion,
     task_questions,
 )
-from handfast.stability.answers import Answer, finite
-from handfast.stability.queries import CheckAnswer
-from handfast.stability.settings import Settings
+from handfast.stability.answers import CheckAnswer
+from handfast.stability.answers.answer import Answer, finite
+from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "table2.json"
 APART = 1e-3  # relative; brackets further apart than this disagree

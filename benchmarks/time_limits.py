@@ -25,7 +25,7 @@ from benchmarks.grasps import Quadric
 from benchmarks.machine import describe
 from handfast import Loads, check, force_map, hold, maximum, torques
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
 
 RESULTS = Path(__file__).parent / "results" / "time_limits.json"
 LIMITS = (1.0, 2.0, 5.0, 10.0)  # [s]

@@ -32,8 +32,8 @@ def answer(verify: bool) -> None:
     from dataclasses import fields
 
     from benchmarks.grasps import Case, cases
-    from handfast.stability.queries import maximum
-    from handfast.stability.settings import Settings
+    from handfast.stability.answers import maximum
+    from handfast.stability.problem.settings import Settings
 
     replay: dict[str, Any] = {"verify": verify} if "verify" in {f.name for f in fields(Settings)} else {}
     settings = Settings(gap=1e-3, time_limit=20.0, workers=1, **replay)

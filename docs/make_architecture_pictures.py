@@ -13,8 +13,8 @@ IMAGES = Path(__file__).parent / "img"
 ROOMS = {"in": "#e8e8e8", "ours": "#d6e4f5", "proof": "#d9efd9", "out": "#f6e7c8"}
 VERDICT = [
     ("in", "grasp file, hand + object", "readers/grasp_file.py\ngeometry/contacts.py"),
-    ("in", "Grasp, load", "model/grasp.py\nstability/loads.py"),
-    ("ours", "ScaledProblem and Goal", "stability/scaled_problem.py\nstability/goal.py"),
+    ("in", "Grasp, load", "model/grasp.py\nstability/problem/loads.py"),
+    ("ours", "ScaledProblem and Goal", "stability/problem/scaled_problem.py\nstability/problem/objective.py"),
     ("ours", "Reduced: equations\neliminated", "search/reduced.py"),
     ("ours", "tree of contact states", "search/search.py\nsearch/kernel/tree.py"),
     ("proof", "a witness, proved\nto be near a state", "proofs/existence.py"),

@@ -22,7 +22,7 @@ from handfast.papers.earlier_scheme import turn_scheme
 from handfast.papers.friction_pyramids import pyramid_step
 from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, picture
 from handfast.pictures.grasp_picture import draw_grasp
-from handfast.stability.witness import Witness
+from handfast.stability.problem.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"
 RESULTS = Path(__file__).parent.parent / "benchmarks" / "results" / "baselines.json"

@@ -24,7 +24,7 @@ from handfast.pictures.drawing import AMBER, BLUE, picture, solids
 from handfast.pictures.map_picture import draw_map
 from handfast.pictures.scene import Mesh, scene_meshes
 from handfast.planning.results.grasps import ProvedGrasp
-from handfast.stability.witness import Witness
+from handfast.stability.problem.witness import Witness
 
 IMAGE = Path(__file__).parent / "img" / "grasp-pour.png"
 TIP = np.radians(-60)  # about z, the spout goes down

@@ -34,8 +34,8 @@ from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.pictures.map_picture import draw_map, draw_sweep
 from handfast.pictures.scene import scene_meshes
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.witness import Witness
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"
 STEPS = 48  # directions of a map

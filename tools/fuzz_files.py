@@ -55,10 +55,9 @@ from handfast.proofs.certificate import file_to_dict
 from handfast.readers.grasp_file import from_dict, to_dict
 from handfast.readers.region_file import load_hand_regions
 from handfast.saved import verify
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.loads import Loads
-from handfast.stability.loads_file import load_loads
-from handfast.stability.settings import Settings
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.loads import Loads, load_loads
+from handfast.stability.problem.settings import Settings
 from handfast.synthesis.embedded import digest
 from handfast.synthesis.query import synthesize
 

@@ -2,7 +2,7 @@
 
     python tools/mutation.py                         # all packages, one after the other, and the kernels
     python tools/mutation.py measures planning       # some
-    python tools/mutation.py stability/model.py      # one module, by the tests of its package
+    python tools/mutation.py stability/problem/model.py      # one module, by the tests of its package
     python tools/mutation.py measures --survivors    # show what is alive, run nothing
     python tools/mutation.py measures --fresh        # forget what is known about it
     python tools/mutation.py measures --sample 300   # no more than these, drawn at random, the same ones each time

@@ -65,26 +65,26 @@ if TYPE_CHECKING:
     from handfast.simulation.settling import settle as settle
     from handfast.simulation.simulate import simulate as simulate
     from handfast.simulation.simulate import simulate_bodies as simulate_bodies
-    from handfast.stability.batch import check_many as check_many
-    from handfast.stability.batch import max_many as max_many
-    from handfast.stability.batch import torques_many as torques_many
-    from handfast.stability.batch_answer import BatchAnswer as BatchAnswer
-    from handfast.stability.grasp_limits import GraspLimits as GraspLimits
-    from handfast.stability.hold import hold as hold
-    from handfast.stability.loads import Loads as Loads
-    from handfast.stability.loads_file import load_loads as load_loads
-    from handfast.stability.maps import force_map as force_map
-    from handfast.stability.maps import sweep as sweep
-    from handfast.stability.margin import Margin as Margin
-    from handfast.stability.margin_search import margin as margin
-    from handfast.stability.perturbation import Perturbation as Perturbation
-    from handfast.stability.prepared import prepare as prepare
-    from handfast.stability.queries import check as check
-    from handfast.stability.queries import maximum as maximum
-    from handfast.stability.queries import torques as torques
-    from handfast.stability.sampled_maximum import SampledMaximum as SampledMaximum
-    from handfast.stability.sampled_maximum import sampled_maximum as sampled_maximum
-    from handfast.stability.settings import Settings as Settings
+    from handfast.stability.answers import check as check
+    from handfast.stability.answers import maximum as maximum
+    from handfast.stability.answers import torques as torques
+    from handfast.stability.answers.batch_answer import BatchAnswer as BatchAnswer
+    from handfast.stability.answers.margin import Margin as Margin
+    from handfast.stability.problem.grasp_limits import GraspLimits as GraspLimits
+    from handfast.stability.problem.loads import Loads as Loads
+    from handfast.stability.problem.loads import load_loads as load_loads
+    from handfast.stability.problem.settings import Settings as Settings
+    from handfast.stability.studies.batch import check_many as check_many
+    from handfast.stability.studies.batch import max_many as max_many
+    from handfast.stability.studies.batch import torques_many as torques_many
+    from handfast.stability.studies.hold import hold as hold
+    from handfast.stability.studies.maps import force_map as force_map
+    from handfast.stability.studies.maps import sweep as sweep
+    from handfast.stability.studies.margin_search import margin as margin
+    from handfast.stability.studies.perturbation import Perturbation as Perturbation
+    from handfast.stability.studies.prepared import prepare as prepare
+    from handfast.stability.studies.sampled_maximum import SampledMaximum as SampledMaximum
+    from handfast.stability.studies.sampled_maximum import sampled_maximum as sampled_maximum
     from handfast.synthesis.query import synthesize as synthesize
     from handfast.synthesis.task import ContactPair as ContactPair
     from handfast.synthesis.task import PoseBounds as PoseBounds
@@ -138,7 +138,7 @@ _HOME = {
     "propose": "planning.propose_tasks",
     "grasp_for": "planning.grasp_for",
     "PlanLimits": "planning.question",
-    "GraspLimits": "stability.grasp_limits",
+    "GraspLimits": "stability.problem.grasp_limits",
     "verify": "saved",
     "SimulationResult": "simulation.result",
     "simulate": "simulation.simulate",
@@ -146,25 +146,25 @@ _HOME = {
     "GraspInScene": "simulation.settling",
     "settle": "simulation.settling",
     "simulate_bodies": "simulation.simulate",
-    "hold": "stability.hold",
-    "Loads": "stability.loads",
-    "load_loads": "stability.loads_file",
-    "BatchAnswer": "stability.batch_answer",
-    "check_many": "stability.batch",
-    "max_many": "stability.batch",
-    "torques_many": "stability.batch",
-    "force_map": "stability.maps",
-    "sweep": "stability.maps",
-    "Margin": "stability.margin",
-    "margin": "stability.margin_search",
-    "Perturbation": "stability.perturbation",
-    "prepare": "stability.prepared",
-    "SampledMaximum": "stability.sampled_maximum",
-    "sampled_maximum": "stability.sampled_maximum",
-    "check": "stability.queries",
-    "maximum": "stability.queries",
-    "torques": "stability.queries",
-    "Settings": "stability.settings",
+    "hold": "stability.studies.hold",
+    "Loads": "stability.problem.loads",
+    "load_loads": "stability.problem.loads",
+    "BatchAnswer": "stability.answers.batch_answer",
+    "check_many": "stability.studies.batch",
+    "max_many": "stability.studies.batch",
+    "torques_many": "stability.studies.batch",
+    "force_map": "stability.studies.maps",
+    "sweep": "stability.studies.maps",
+    "Margin": "stability.answers.margin",
+    "margin": "stability.studies.margin_search",
+    "Perturbation": "stability.studies.perturbation",
+    "prepare": "stability.studies.prepared",
+    "SampledMaximum": "stability.studies.sampled_maximum",
+    "sampled_maximum": "stability.studies.sampled_maximum",
+    "check": "stability.answers",
+    "maximum": "stability.answers",
+    "torques": "stability.answers",
+    "Settings": "stability.problem.settings",
     "synthesize": "synthesis.query",
     "PoseBounds": "synthesis.task",
     "Task": "synthesis.task",

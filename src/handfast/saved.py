@@ -130,8 +130,8 @@ def _asks_again(data: Any) -> Callable[[Any, How], Replay] | None:
 
 
 def _map_or_sweep(data: Any, how: How) -> Replay:
-    from handfast.stability import verify_maps
-    from handfast.stability.ask_again import Asking
+    from handfast.stability.studies import verify_maps
+    from handfast.stability.studies.ask_again import Asking
 
     replay = verify_maps.replay_map if data["query"] == "map" else verify_maps.replay_sweep
     return replay(data, Asking(**how))
@@ -139,14 +139,14 @@ def _map_or_sweep(data: Any, how: How) -> Replay:
 
 def _settled(data: Any, how: How) -> Replay:
     from handfast.simulation.settled import replay_settled
-    from handfast.stability.ask_again import Asking
+    from handfast.stability.studies.ask_again import Asking
 
     return replay_settled(data, Asking(**how))
 
 
 def _labels(path: Path, replay: bool, dataset: str | Path | None, rows: Collection[int], how: How) -> Replay:
     from handfast.datasets.labels.verify_labels import replay_labels
-    from handfast.stability.ask_again import Asking
+    from handfast.stability.studies.ask_again import Asking
 
     if not replay:
         ask = f"{files.AGAIN} --dataset DATASET"

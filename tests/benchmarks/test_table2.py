@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from handfast.core import bundled
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
 
 
 @pytest.fixture(scope="module")

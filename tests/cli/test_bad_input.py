@@ -21,10 +21,10 @@ from handfast.model.shape import SMALLEST, Shape
 from handfast.readers.grasp_file import from_dict
 from handfast.readers.region_file import load_hand_regions
 from handfast.saved import verify
-from handfast.stability import scaled_problem
-from handfast.stability.goal import GOALS, SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.loads_file import load_loads
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.loads import load_loads
+from handfast.stability.problem.objective import GOALS, SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS
 from handfast.stability.search import rows
 from handfast.stability.search.reduced import reduce
 

@@ -14,9 +14,9 @@ from rich.console import Console
 
 from handfast.cli.tables import show_witness
 from handfast.model.grasp import Contact, Grasp
-from handfast.stability.model import State
-from handfast.stability.queries import check
-from handfast.stability.witness import Witness
+from handfast.stability.answers import check
+from handfast.stability.problem.model import State
+from handfast.stability.problem.witness import Witness
 from tests.support.soft_fingers import TORSION, coin
 
 CHECK = [sys.executable, "-m", "handfast.cli", "check", "fig1", "--wrench", "0", "1", "0"]

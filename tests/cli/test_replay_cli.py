@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from handfast.readers.grasp_file import save_grasp
-from handfast.stability.maps import force_map
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.maps import force_map
 from tests.support.problems import pinch
 from tests.support.program import ask, complains, run
 

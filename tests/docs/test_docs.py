@@ -43,7 +43,7 @@ from handfast.readers.grasp_file import GraspFile, load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from handfast.readers.region_file import KINDS, load_hand_regions
-from handfast.stability.loads_file import load_loads
+from handfast.stability.problem.loads import load_loads
 from handfast.synthesis.synthesis_file import SynthesisAnswerEntry, SynthesisFile, SynthesisStateEntry
 from handfast.synthesis.task_file import TaskFile, load_task
 from tests.support.places import ROOT

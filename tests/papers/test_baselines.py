@@ -9,7 +9,7 @@ from handfast import InputError, Verdict, check, load_grasp
 from handfast.papers import mixed_integer_solvers
 from handfast.papers.earlier_scheme import turn_scheme
 from handfast.papers.friction_pyramids import lemke, pyramid_step
-from handfast.stability import model
+from handfast.stability.problem import model
 from tests.support.problems import nest, pinch, table
 
 scip = pytest.mark.skipif(not mixed_integer_solvers.available("scip"), reason="pyscipopt is not installed")

@@ -6,7 +6,7 @@ import numpy as np
 
 from handfast.core.answer import Stop, Verdict
 from handfast.pictures import sentences
-from handfast.stability.maps import Curve
+from handfast.stability.studies.maps import Curve
 
 
 def curve(*bounds: tuple[float, float], unbounded: tuple[int, ...] = ()) -> Curve:

@@ -30,7 +30,7 @@ from handfast.planning.question import PlanOptions
 from handfast.planning.rejection import RejectionReason, Tally, diagnosis, fruitless
 from handfast.planning.results.folder import PlanFolder
 from handfast.planning.sizes import compared, hand_size
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 from tests.support.unprepared_hands import jaws, overlapping, wristed
 
 BALL = Body.of([Shape("sphere", 0.03)], mass=0.05, name="ball")

@@ -19,7 +19,7 @@ from handfast.planning.evaluation.evaluator import DEEP, Evaluator, GraspCandida
 from handfast.planning.evaluation.steps import Steps
 from handfast.planning.question import Allowed
 from handfast.planning.rejection import RejectionReason
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 from handfast.synthesis.search.starts import Certified
 from handfast.synthesis.task import ContactPair, Task
 from handfast.synthesis.task_problem import TaskProblem

@@ -37,7 +37,7 @@ from handfast.planning.question import Allowed
 from handfast.planning.ranking import BETTER, rank
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.search import Journal
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 from handfast.synthesis.placed import whole
 from handfast.synthesis.search.diverse import Walks
 from handfast.synthesis.search.starts import Starts

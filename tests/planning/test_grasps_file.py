@@ -19,7 +19,7 @@ from handfast.cli.question_tables import grasp_digest
 from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.verify import question_of
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 from tests.support.forged_grasps import (
     LIMITS,
     Data,

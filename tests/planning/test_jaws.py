@@ -20,7 +20,7 @@ from handfast.planning.candidates.jaw_poses import Pads, antipodal, squeezed
 from handfast.planning.candidates.palm_poses import STANDARD, Start, palm_of
 from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.evaluation.attempt import Attempts, Runner
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 from tests.support.unprepared_hands import adaptive, angled
 
 BOX = Body.of([Shape("box", (0.04, 0.05, 0.3))], mass=0.05, friction=0.5, name="box")

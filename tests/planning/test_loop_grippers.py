@@ -15,7 +15,7 @@ from handfast.model.hand.anatomy import Anatomy
 from handfast.model.shape import Shape
 from handfast.planning.candidates.palm_poses import palm_of
 from handfast.planning.evaluation.attempt import Attempts, Runner
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 SIDE = """
   <body name="{n}_crank" pos="{x} 0 .03"><joint name="{n}_crank" axis="0 {s} 0" range="0 50"/>

@@ -37,7 +37,7 @@ from handfast.planning.question import PlanLimits
 from handfast.planning.ranking import difference, most_different
 from handfast.planning.rejection import RejectionReason
 from handfast.planning.results.plan import Plan
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 HAND = load_hand("barrett-bh8-280")
 

@@ -16,8 +16,8 @@ from handfast.model.shape import Shape
 from handfast.planning.evaluation.preload_search import MANY, TOLERANCE, PreloadSearch, spanning
 from handfast.planning.filters.balance import imbalance
 from handfast.planning.question import PlanLimits
-from handfast.stability.hold import HoldAnswer
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
+from handfast.stability.studies.hold import HoldAnswer
 
 BODY = Body.of([Shape("box", [0.06] * 3)], mass=0.1, friction=0.5)
 TURNED = np.radians([-3, 3])

@@ -20,7 +20,7 @@ from handfast.planning.ranking import best_first
 from handfast.planning.rejection import RejectionReason
 from handfast.planning.results.plan import Plan
 from handfast.simulation.bodies import Bodies
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 SAFETY = 1.5
 

@@ -252,7 +252,7 @@ def test_certified_configurations_come_back_from_their_proofs() -> None:
 MAP = """
 import numpy as np
 from handfast import load_grasp
-from handfast.stability.batch import max_many
+from handfast.stability.studies.batch import max_many
 from tests.support.interruptions import killed
 angles = np.linspace(0, 6, 20000)
 directions = [[np.cos(a), np.sin(a), 0, 0, 0, 0] for a in angles]

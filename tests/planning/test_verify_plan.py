@@ -12,7 +12,7 @@ from handfast.core.answer import Verdict
 from handfast.planning.plan_grasps import plan
 from handfast.planning.question import PlanLimits
 from handfast.planning.results.plan import Plan
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 
 @pytest.fixture(scope="module")

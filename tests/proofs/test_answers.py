@@ -17,7 +17,7 @@ from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
 from handfast.proofs.replay import Replay
 from handfast.proofs.tolerance import TOO_SMALL
-from handfast.stability.queries import check, maximum, torques
+from handfast.stability.answers import check, maximum, torques
 from tests.support.problems import bell, nest, pinch
 from tests.support.refused import refused
 from tests.support.saved_answers import (

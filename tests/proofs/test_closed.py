@@ -17,10 +17,10 @@ import pytest
 
 from handfast.model.grasp import Grasp
 from handfast.proofs import certificate
-from handfast.stability.hold import hold
-from handfast.stability.loads import Loads
-from handfast.stability.queries import check, maximum, torques
-from handfast.stability.settings import Settings
+from handfast.stability.answers import check, maximum, torques
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.hold import hold
 from tests.stability.test_limit import cup
 from tests.support.problems import bell, pinch, table
 

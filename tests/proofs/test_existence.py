@@ -15,7 +15,7 @@ from handfast.proofs.newton import System
 from handfast.proofs.states import Problem, State, choices, modes_of
 from handfast.proofs.tolerance import EPS, load_scale
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.queries import check, maximum
+from handfast.stability.answers import check, maximum
 from tests.support.exact_states import data, moved, problem, state
 from tests.support.law_grasps import DOWN, jaw
 

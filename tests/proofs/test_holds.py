@@ -16,10 +16,10 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.proofs.fields import BadFile
 from handfast.proofs.files import verify
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.hold import hold
-from handfast.stability.loads import Loads
-from handfast.stability.queries import check, maximum, torques
+from handfast.stability.answers import check, maximum, torques
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.loads import Loads
+from handfast.stability.studies.hold import hold
 from tests.support.problems import nest, pinch
 
 UP, SIDE = np.array([0, 1.0, 0, 0, 0, 0]), np.array([0.2, 0, 0, 0, 0, 0])

@@ -18,7 +18,7 @@ from handfast.proofs.fields import Array, BadFile
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.joint_laws import CANCELLED, Equivalent, equivalent_of
 from handfast.readers.grasp_file import to_dict
-from handfast.stability import equivalent_grasp
+from handfast.stability.problem import equivalent_grasp
 from tests.support.law_grasps import curled, jaw, random_law_grasp
 from tests.support.refused import refused
 

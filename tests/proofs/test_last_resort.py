@@ -13,10 +13,10 @@ from handfast.proofs.existence import Proved
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import read_question
 from handfast.proofs.states import State
-from handfast.stability.goal import ANY_STATE
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.posed import Posed
-from handfast.stability.scaled_problem import build
+from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.objective import ANY_STATE
+from handfast.stability.problem.scaled_problem import build
 
 FRICTION = 0.5
 

@@ -11,7 +11,7 @@ import pytest
 from handfast.proofs.fields import BadFile
 from handfast.readers.grasp_file import to_dict
 from handfast.simulation.settled import OF_PATH, replay_settled
-from handfast.stability.ask_again import NO_TIME, Asking
+from handfast.stability.studies.ask_again import NO_TIME, Asking
 from tests.support.problems import pinch
 
 ALONE = Asking(jobs=1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Grasp
-from handfast.stability.queries import MaxAnswer
+from handfast.stability.answers import MaxAnswer
 from tests.support.saved_answers import HOLED, answer
 
 GAP = 1e-3

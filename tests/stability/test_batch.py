@@ -14,9 +14,9 @@ from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.model.mechanism import Mechanism
 from handfast.proofs import checker
-from handfast.stability import batch
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.settings import Settings
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies import batch
 from tests.support.problems import bell, nest, pinch, solved, table
 from tests.support.rounding_edges import hand
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Grasp
-from handfast.stability import model
-from handfast.stability.batch_judge import Judge, StateRows
+from handfast.stability.problem import model
+from handfast.stability.problem.batch_judge import Judge, StateRows
 from tests.support.problems import bell, pinch, table
 from tests.support.rounding_edges import hand
 

@@ -8,9 +8,9 @@ from scipy.optimize import linprog
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.stability import model
-from handfast.stability.equivalent_grasp import EquivalentGrasp, equivalent_of
-from handfast.stability.model import State
+from handfast.stability.problem import model
+from handfast.stability.problem.equivalent_grasp import EquivalentGrasp, equivalent_of
+from handfast.stability.problem.model import State
 from tests.support.law_grasps import BACKDRIVABLE, curled, jaw, random_law_grasp
 from tests.support.slow_cases import slow_after
 

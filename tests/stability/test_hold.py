@@ -17,11 +17,10 @@ from benchmarks.time_limits import PULL, drawn
 from handfast import InputError, Settings, Stop, Verdict, check, load_body
 from handfast.model.body import Body
 from handfast.model.shape import Shape
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.hold import hold, moderate
-from handfast.stability.loads import Loads
-from handfast.stability.loads_file import load_loads
-from handfast.stability.queries import maximum, torques
+from handfast.stability.answers import maximum, torques
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.loads import Loads, load_loads
+from handfast.stability.studies.hold import hold, moderate
 from tests.support.problems import X, Y, Z, bell, nest, pinch
 
 ZERO = np.zeros(3)
@@ -228,7 +227,7 @@ def half_certified(monkeypatch: pytest.MonkeyPatch) -> None:
         answer = torques(*args, **kwargs)  # type: ignore[arg-type]
         return replace(answer, lower=answer.lower / 2)
 
-    monkeypatch.setattr("handfast.stability.hold.torques", early)
+    monkeypatch.setattr("handfast.stability.studies.hold.torques", early)
 
 
 def test_the_lower_bound_is_what_is_certified_not_what_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -265,7 +264,7 @@ def test_a_single_actuator_has_one_shape_of_preload(monkeypatch: pytest.MonkeyPa
         asked.append(args)
         return maximum(*args, **kwargs)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("handfast.stability.hold.maximum", counted)
+    monkeypatch.setattr("handfast.stability.studies.hold.maximum", counted)
     hold(pinch(), forces(-0.5 * Y, -0.4 * Y), actuators=["left"])
     assert len(asked) == 2  # one for each load
 
@@ -326,7 +325,7 @@ def test_queries_have_a_share_of_the_time_that_is_left(monkeypatch: pytest.Monke
         return asked
 
     for name, work in (("check", check), ("torques", torques), ("maximum", maximum)):
-        monkeypatch.setattr(f"handfast.stability.hold.{name}", slow(work))
+        monkeypatch.setattr(f"handfast.stability.studies.hold.{name}", slow(work))
     a = hold(pinch(), forces(0.5 * Y, 0.4 * Y, 0.3 * Z), timeout=8.0)
     assert (a.verdict, a.stop, a.preload) == (Verdict.UNDECIDED, Stop.TIME, None)
     assert sum(given) <= 8.0
@@ -348,12 +347,12 @@ def test_time_is_kept_for_margins(monkeypatch: pytest.MonkeyPatch) -> None:
         clock.now = 107.0
         return check(*args, **options)
 
-    monkeypatch.setattr("handfast.stability.hold.maximum", counted)
-    monkeypatch.setattr("handfast.stability.hold.check", late)
+    monkeypatch.setattr("handfast.stability.studies.hold.maximum", counted)
+    monkeypatch.setattr("handfast.stability.studies.hold.check", late)
     a = hold(pinch(), forces(X, -X), timeout=8.0, margins=True)  # locked fingers take them
     assert (a.verdict, a.upper, len(a.margins)) == (Verdict.UNDECIDED, np.inf, 0)  # 6 s were over
     clock.now = 100.0
-    monkeypatch.setattr("handfast.stability.hold.check", check)
+    monkeypatch.setattr("handfast.stability.studies.hold.check", check)
     a = hold(pinch(), forces(X, -X), timeout=8.0, margins=True)
     assert (a.verdict, given) == (Verdict.HOLDS, [4.0, 8.0])  # the clock stands still
 
@@ -395,7 +394,7 @@ def test_ctrl_c_in_a_query_ends_all(query: str, monkeypatch: pytest.MonkeyPatch)
         return work
 
     for name in works:
-        monkeypatch.setattr(f"handfast.stability.hold.{name}", counted(name))
+        monkeypatch.setattr(f"handfast.stability.studies.hold.{name}", counted(name))
     a = hold(pinch(), forces(0.5 * Y, 0.4 * Y))
     assert (a.verdict, a.stop, a.preload) == (Verdict.UNDECIDED, Stop.INTERRUPTED, None)
     assert asked.count(query) == 1
@@ -406,6 +405,6 @@ def test_what_was_found_before_ctrl_c_stays(monkeypatch: pytest.MonkeyPatch) -> 
     def interrupted(*args: Any, **options: Any) -> Any:
         return replace(maximum(*args, **options), stop=Stop.INTERRUPTED)
 
-    monkeypatch.setattr("handfast.stability.hold.maximum", interrupted)
+    monkeypatch.setattr("handfast.stability.studies.hold.maximum", interrupted)
     a = hold(pinch(), forces(X, -X), margins=True)
     assert (a.verdict, a.stop, a.margins) == (Verdict.HOLDS, Stop.INTERRUPTED, {})

@@ -8,7 +8,7 @@ import pytest
 
 from handfast import Contact, Grasp, GraspJoint, Verdict, check, max_many, maximum
 from handfast.model.mechanism import Mechanism
-from handfast.stability.idle_joints import runs_away
+from handfast.stability.problem.equivalent_grasp import runs_away
 from tests.support.law_grasps import OPENS, jaw
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handfast.stability.interior_point import CENTRED, Cones, minimum
+from handfast.stability.search.interior_point import CENTRED, Cones, minimum
 
 END = 1e-10
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from handfast import Settings, maximum
-from handfast.stability.grasp_limits import GraspLimits
+from handfast.stability.problem.grasp_limits import GraspLimits
 from tests.support.law_enumeration import largest_load
 from tests.support.law_grasps import random_law_grasp
 from tests.support.slow_cases import slow_after

@@ -26,9 +26,9 @@ from handfast.model.mechanism import Mechanism
 from handfast.papers import algorithm1
 from handfast.proofs.answers import read_answer, replay
 from handfast.readers.grasp_file import from_dict, to_dict
-from handfast.stability import model
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.loads import Loads
+from handfast.stability.problem import model
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.loads import Loads
 from tests.support.law_grasps import BACKDRIVABLE, DOWN, OPENS, curled, jaw
 
 MOTOR = Mechanism.direct(["hinge"])

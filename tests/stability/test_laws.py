@@ -20,9 +20,9 @@ from benchmarks import laws
 from benchmarks.grasps import random_case
 from benchmarks.laws import LAWS, Change, Subject, Tally, Verbs
 from handfast.core.answer import Stop, Verdict
-from handfast.stability import queries
-from handfast.stability.maps import MapAnswer, force_map
-from handfast.stability.queries import MaxAnswer
+from handfast.stability import answers as queries
+from handfast.stability.answers import MaxAnswer
+from handfast.stability.studies.maps import MapAnswer, force_map
 
 FIRST = 1_300_000  # seeds that nothing was tuned on
 ROUNDS = 10_000  # to draw from; in each every kind of grasp is asked once

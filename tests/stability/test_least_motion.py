@@ -17,16 +17,16 @@ from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp
-from handfast.stability import least_motion as module
-from handfast.stability import scaled_problem
-from handfast.stability.answers import Answer
-from handfast.stability.goal import ANY_STATE
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.least_motion import least_motion
-from handfast.stability.model import State
-from handfast.stability.same_modes import ROOM, least_in_same_modes
+from handfast.stability.answers.answer import Answer
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.model import State
+from handfast.stability.problem.objective import ANY_STATE
+from handfast.stability.problem.witness import Witness
+from handfast.stability.search import least_motion as module
+from handfast.stability.search.least_motion import least_motion
 from handfast.stability.search.reduced import reduce
-from handfast.stability.witness import Witness
+from handfast.stability.search.same_modes import ROOM, least_in_same_modes
 from tests.support.problems import moved, nest, pinch, solved, table
 
 X, Y, Z = np.eye(3)

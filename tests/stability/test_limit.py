@@ -7,8 +7,8 @@ import pytest
 
 from handfast.core.answer import Stop, Verdict
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.stability.queries import check, maximum
-from handfast.stability.settings import Settings
+from handfast.stability.answers import check, maximum
+from handfast.stability.problem.settings import Settings
 
 TWIST = np.eye(6)[5]
 DOWN = -np.eye(6)[2]

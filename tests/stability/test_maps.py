@@ -18,12 +18,12 @@ from handfast.core.errors import InputError
 from handfast.core.parallel import default_jobs
 from handfast.model.grasp import Grasp
 from handfast.readers.grasp_file import save_grasp
-from handfast.stability import batch, maps
-from handfast.stability.batch import max_many
-from handfast.stability.batch_answer import BatchAnswer
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.maps import force_map, sweep
-from handfast.stability.settings import Settings
+from handfast.stability.answers.batch_answer import BatchAnswer
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies import batch, maps
+from handfast.stability.studies.batch import max_many
+from handfast.stability.studies.maps import force_map, sweep
 from tests.support.problems import bell, pinch, table
 
 QUICK = Settings(gap=1e-2)

@@ -18,19 +18,20 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.pictures import Entry, write_report
-from handfast.stability import margin_search, model
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.margin import FRAGILE_MOTION, Flip, Margin
-from handfast.stability.margin_search import FRICTION_RESOLUTION, TILT_RESOLUTION, margin
-from handfast.stability.model import State
-from handfast.stability.witness import Witness
+from handfast.stability.answers.margin import FRAGILE_MOTION, Flip, Margin
+from handfast.stability.problem import model
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.model import State
+from handfast.stability.problem.witness import Witness
+from handfast.stability.studies import margin_search
+from handfast.stability.studies.margin_search import FRICTION_RESOLUTION, TILT_RESOLUTION, margin
 from tests.support.problems import Solved, moved, pinch, solved, table
 
 
 @pytest.fixture(autouse=True)
 def _any_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Samples are decided, or left at a number of nodes, however long that takes."""
-    monkeypatch.setattr("handfast.stability.margin_search.TIME_LIMIT", math.inf)
+    monkeypatch.setattr("handfast.stability.studies.margin_search.TIME_LIMIT", math.inf)
 
 
 def slope(angle: float, mu: float, contacts: int) -> tuple[Grasp, Array]:

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.stability import model
-from handfast.stability.model import State
+from handfast.stability.problem import model
+from handfast.stability.problem.model import State
 from tests.support.problems import X, Z, bell, pinch, solved, table
 
 SEEDS = st.integers(0, 10_000)

@@ -12,8 +12,8 @@ from benchmarks.grasps import random_case
 from handfast import InputError, Loads, check, force_map, hold, max_many, maximum, prepare, torques
 from handfast.model.grasp import Grasp
 from handfast.proofs import checker
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.settings import Settings
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.settings import Settings
 from tests.support.problems import bell, pinch, solved
 
 QUICK = Settings(verify=False)

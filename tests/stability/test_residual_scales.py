@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.stability import model
-from handfast.stability.model import LARGE, State
+from handfast.stability.problem import model
+from handfast.stability.problem.model import LARGE, State
 from tests.support.problems import X, Z, pinch
 from tests.support.rounding_edges import W, hand
 

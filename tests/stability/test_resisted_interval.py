@@ -18,13 +18,13 @@ from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.pictures import sentences, words
 from handfast.pictures.map_picture import draw_map
 from handfast.readers.grasp_file import load_grasp, save_grasp
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.maps import MapAnswer, force_map
-from handfast.stability.queries import MaxAnswer, check, maximum
+from handfast.stability.answers import MaxAnswer, check, maximum
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.witness import VALID
 from handfast.stability.search.interval_search import _Magnitudes, resisted
 from handfast.stability.search.outcome import Outcome
-from handfast.stability.settings import Settings
-from handfast.stability.witness import VALID
+from handfast.stability.studies.maps import MapAnswer, force_map
 from tests.support.interruptions import interrupt
 from tests.support.problems import pinch, table
 from tests.support.slow_cases import slow_after

@@ -7,9 +7,9 @@ import pytest
 
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp
-from handfast.stability import model, scaled_problem
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.scaled_problem import ScaledPoint
+from handfast.stability.problem import model, scaled_problem
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.scaled_problem import ScaledPoint
 from tests.support.problems import pinch, solved, table
 
 Y6 = np.array([0, 1.0, 0, 0, 0, 0])

@@ -9,9 +9,9 @@ import pytest
 
 from handfast import load_grasp
 from handfast.core.answer import Stop, Verdict
-from handfast.stability.answers import Answer
-from handfast.stability.queries import check, maximum, torques
-from handfast.stability.settings import Settings
+from handfast.stability.answers import check, maximum, torques
+from handfast.stability.answers.answer import Answer
+from handfast.stability.problem.settings import Settings
 
 UP, ONE = [0, 1, 0, 0, 0, 0], Settings(workers=1)
 

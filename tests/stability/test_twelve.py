@@ -11,7 +11,7 @@ from handfast import Verdict, check, contact_grasp, load_body, load_configuratio
 from handfast.core import bundled
 from handfast.geometry.collision import always_meeting
 from handfast.geometry.scene import Scene
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 TWELVE = [n for n in bundled.names("grasps") if n.startswith("barrett-")]
 SOLID = 1e-3  # [m]

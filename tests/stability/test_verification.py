@@ -15,8 +15,8 @@ from handfast.cli import main
 from handfast.core.answer import Stop, Verdict
 from handfast.core.errors import InputError
 from handfast.proofs.certificate import file_to_dict
-from handfast.stability.queries import CheckAnswer
-from handfast.stability.witness import VALID
+from handfast.stability.answers import CheckAnswer
+from handfast.stability.problem.witness import VALID
 from tests.support.problems import bell
 from tests.support.saved_answers import ANSWERS, answer, text
 

@@ -11,7 +11,7 @@ from handfast.model.grasp import Grasp
 from handfast.proofs.grasp import GraspData, read_grasp
 from handfast.proofs.states import Problem, State
 from handfast.readers.grasp_file import to_dict
-from handfast.stability import model
+from handfast.stability.problem import model
 
 
 def data(grasp: Grasp) -> GraspData:

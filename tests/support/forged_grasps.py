@@ -14,7 +14,7 @@ from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.grasps_file import asked_digest
 from handfast.planning.results.verify import verify
 from handfast.proofs.replay import Replay
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded import digest
 
 Data = dict[str, Any]

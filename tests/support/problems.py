@@ -8,8 +8,8 @@ import numpy as np
 
 from handfast.core.arrays import Array
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.stability import model
-from handfast.stability.model import State
+from handfast.stability.problem import model
+from handfast.stability.problem.model import State
 
 X, Y, Z = np.eye(3)
 

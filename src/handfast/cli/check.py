@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from handfast.cli.console import Watch
     from handfast.core.arrays import Array
     from handfast.model.grasp import Grasp
-    from handfast.stability.loads import Loads
-    from handfast.stability.queries import CheckAnswer
+    from handfast.stability.answers import CheckAnswer
+    from handfast.stability.problem.loads import Loads
 
 
 @dataclass(kw_only=True)
@@ -56,8 +56,8 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
         return max(console.status(a.verdict, a.margin.stop if a.margin else a.stop) for a in answers)
 
     def _asked(self, grasp: Grasp, wrench: Array, options: dict[str, Any], watch: Watch) -> CheckAnswer:
-        from handfast.stability.margin_search import RUBBER_PAD, margin
-        from handfast.stability.queries import check
+        from handfast.stability.answers import check
+        from handfast.stability.studies.margin_search import RUBBER_PAD, margin
 
         answer = check(grasp, wrench, mdp=self.mdp, on_progress=watch.step, **options)
         if not self.margin:
@@ -86,8 +86,8 @@ class Check(Disturbances, QueryOptions, Saved, FrictionModel):
     def _show(self, grasp: Grasp, wrench: Array, answer: CheckAnswer, options: dict[str, Any]) -> None:
         from handfast.cli import tables
         from handfast.core.answer import Verdict
-        from handfast.stability.queries import check, maximum
-        from handfast.stability.settings import Settings
+        from handfast.stability.answers import check, maximum
+        from handfast.stability.problem.settings import Settings
 
         tables.show_check(console.out(), grasp, wrench.tolist(), answer, self)
         if answer.verdict is Verdict.SLIPS and grasp.preload and any(wrench):

@@ -14,7 +14,7 @@ from handfast.core.answer import Reach, Stop, Verdict
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from handfast.stability.settings import Progress
+    from handfast.stability.problem.settings import Progress
 
 ANSWERED, REFUSED, BAD_INPUT, UNDECIDED = 0, 1, 2, 3
 PATIENCE = 1.0  # [s] work shorter than this shows no progress

@@ -40,9 +40,9 @@ class Demo(Command):
         from handfast.cli import map as map_command
         from handfast.pictures import Entry, sentences, words, write_report
         from handfast.readers.grasp_file import save_grasp
-        from handfast.stability.maps import force_map
-        from handfast.stability.queries import check, maximum, torques
-        from handfast.stability.settings import Settings
+        from handfast.stability.answers import check, maximum, torques
+        from handfast.stability.problem.settings import Settings
+        from handfast.stability.studies.maps import force_map
 
         check_folder(self.output)
         for name in FILES:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from handfast.cli.hold_tables import HeldGrasp
     from handfast.datasets.dataset_rows import DatasetRow
     from handfast.model.grasp import Grasp
-    from handfast.stability.hold import HoldAnswer
+    from handfast.stability.studies.hold import HoldAnswer
 
 LITTLE = 1.01  # margin: no more than the smallest preload leaves
 TOGETHER = (".jsonl", ".ndjson")  # files of many grasps
@@ -83,7 +83,7 @@ class Hold(Disturbances, QueryOptions, Saved):
         return status(answer)
 
     def _asked(self, grasp: Grasp, source: str, options: dict[str, Any]) -> HoldAnswer:
-        from handfast.stability.hold import hold
+        from handfast.stability.studies.hold import hold
 
         loads = self.disturbances(grasp, source).scaled(self.safety)
         asked: dict[str, Any] = {"least": self.least, "margins": self.margin, "command_limit": self.command_limit}

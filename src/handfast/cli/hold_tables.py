@@ -19,8 +19,8 @@ from handfast.pictures.words import num
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
-    from handfast.stability.hold import HoldAnswer
-    from handfast.stability.queries import MaxAnswer
+    from handfast.stability.answers import MaxAnswer
+    from handfast.stability.studies.hold import HoldAnswer
 
 
 @dataclass(frozen=True, eq=False)

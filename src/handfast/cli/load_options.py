@@ -13,7 +13,7 @@ from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
     from handfast.model.body import Body
-    from handfast.stability.loads import Loads
+    from handfast.stability.problem.loads import Loads
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
@@ -37,8 +37,7 @@ class LoadsOptions:
         """All the loads that were asked for, without the factor of safety."""
         import numpy as np
 
-        from handfast.stability.loads import Loads
-        from handfast.stability.loads_file import load_loads
+        from handfast.stability.problem.loads import Loads, load_loads
 
         up = self.up or ("z" if self.tilt else None)
         found: list[Loads] = []

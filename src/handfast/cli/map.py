@@ -13,7 +13,7 @@ from handfast.cli.options import Command, QueryOptions, Triple, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.stability.maps import MapAnswer
+    from handfast.stability.studies.maps import MapAnswer
 
 ENDINGS = (".png", ".svg", ".csv", ".json")
 
@@ -44,7 +44,7 @@ class Map(QueryOptions, Command):
     def run(self) -> int:
         from handfast.cli import tables
         from handfast.pictures import Entry
-        from handfast.stability.maps import force_map
+        from handfast.stability.studies.maps import force_map
 
         grasp, options = self.load(), self.options()
         check_writable(self.output, self.force, ENDINGS)

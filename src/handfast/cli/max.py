@@ -25,7 +25,7 @@ class Max(Direction, QueryOptions, Saved, FrictionModel):
         from handfast.cli import tables
         from handfast.pictures import Entry
         from handfast.pictures.words import direction_text, load_text, num
-        from handfast.stability.queries import maximum
+        from handfast.stability.answers import maximum
 
         grasp, options = self.load(), self.options()
         direction = self.along(grasp, self.grasp)

@@ -53,7 +53,7 @@ class MeasureGrasp(GraspOptions, Command):
     def run(self) -> int:
         from handfast.measures.measuring import measure
         from handfast.measures.passive import GAP
-        from handfast.stability.settings import Settings
+        from handfast.stability.problem.settings import Settings
 
         check_writable(self.output, self.force, ENDINGS)
         grasp = self.load()

@@ -18,8 +18,8 @@ from handfast.core.errors import InputError
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
     from handfast.pictures import Entry
-    from handfast.stability.loads import Loads
-    from handfast.stability.settings import Settings
+    from handfast.stability.problem.loads import Loads
+    from handfast.stability.problem.settings import Settings
     from handfast.synthesis.task import Task
 
 Numbers = tuple[float, ...]
@@ -205,7 +205,7 @@ class QueryOptions(GraspOptions):
             write_report(self.report, grasp, entries, **shown, force=self.force)
 
     def settings(self) -> Settings:
-        from handfast.stability.settings import Settings
+        from handfast.stability.problem.settings import Settings
 
         return Settings(
             gap=self.gap,
@@ -217,7 +217,7 @@ class QueryOptions(GraspOptions):
         """Keyword arguments that all queries take."""
         import numpy as np
 
-        from handfast.stability.grasp_limits import GraspLimits
+        from handfast.stability.problem.grasp_limits import GraspLimits
 
         check_writable(self.report, self.force, (".html", ".htm"))
         if isinstance(self, Saved):
@@ -340,9 +340,8 @@ class Disturbances(WeightOptions):
         """What was asked about, by name."""
         import numpy as np
 
-        from handfast.stability.loads import AXES, Loads
-        from handfast.stability.loads_file import load_loads
-        from handfast.stability.scaled_problem import as_wrench
+        from handfast.stability.problem.loads import AXES, Loads, load_loads
+        from handfast.stability.problem.scaled_problem import as_wrench
 
         self.check_given()
         named: list[tuple[str, Sequence[float]]] = []

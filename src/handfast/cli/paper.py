@@ -177,7 +177,7 @@ class Paper(Command):
         from handfast.papers.box_shrinking import Over
         from handfast.papers.methods import MethodOptions
         from handfast.papers.mixed_integer_solvers import available
-        from handfast.stability.grasp_limits import GraspLimits
+        from handfast.stability.problem.grasp_limits import GraspLimits
 
         torques = assigned(self.torque_limit, "--torque-limit")
         limits = GraspLimits(float(np.radians(self.eta)), torques, self.force_limit)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from handfast.planning.filters.surroundings import Surroundings
     from handfast.planning.question import PlanOptions
     from handfast.planning.results.plan import Plan
-    from handfast.stability.loads import Loads
+    from handfast.stability.problem.loads import Loads
 
 
 @dataclass(kw_only=True)

@@ -148,7 +148,7 @@ def _show_again(out: Console, data: Mapping[str, Any], *, proved: bool) -> None:
         what = f"{words.count(count, 'direction')} under {words.count(len(data['rows']), 'command')} of {data['joint']}"
     limits = asked["torque_limits"], asked["force_limit"]
     facts = [words.grasp_text(g), f"preload {words.preload_text(g)}", *_terms(asked["eta"], asked["mdp"], *limits)]
-    from handfast.stability.ask_again import LARGEST_GAP
+    from handfast.stability.studies.ask_again import LARGEST_GAP
 
     facts.append(f"lower bounds to within {num(100 * min(asked['gap'], LARGEST_GAP))} %")
     out.print(f"{_opening(proved)} {what}", soft_wrap=True)

@@ -13,8 +13,8 @@ from handfast.cli.options import Direction, GraspOptions, Wrench, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.stability.perturbation import Perturbation
-    from handfast.stability.sampled_maximum import SampledMaximum
+    from handfast.stability.studies.perturbation import Perturbation
+    from handfast.stability.studies.sampled_maximum import SampledMaximum
 
 
 @dataclass(kw_only=True)
@@ -49,8 +49,8 @@ class Robust(Direction, GraspOptions):
     """write over files that exist"""
 
     def run(self) -> int:
-        from handfast.stability.sampled_maximum import sampled_maximum
-        from handfast.stability.settings import Settings
+        from handfast.stability.problem.settings import Settings
+        from handfast.stability.studies.sampled_maximum import sampled_maximum
 
         check_writable(self.output, self.force, (".png", ".svg", ".json"))
         grasp, bounds = self.load(), self._bounds()
@@ -73,7 +73,7 @@ class Robust(Direction, GraspOptions):
     def _bounds(self) -> Perturbation:
         import numpy as np
 
-        from handfast.stability.perturbation import Perturbation
+        from handfast.stability.studies.perturbation import Perturbation
 
         for name in ("positions", "normals", "frictions", "commands"):
             value = getattr(self, name)

@@ -49,7 +49,7 @@ class Settle(GraspOptions, Load):
         from handfast.core.answer import Verdict
         from handfast.simulation.settled import Rest, verdict_of
         from handfast.simulation.settling import settle
-        from handfast.stability.settings import Settings
+        from handfast.stability.problem.settings import Settings
 
         check_writable(self.report, self.force, (".html", ".htm"))
         check_writable(self.strip, self.force, (".png",))

@@ -14,7 +14,7 @@ from handfast.cli.options import QueryOptions, Triple, WeightOptions, Wrench, ch
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.stability.maps import SweepAnswer
+    from handfast.stability.studies.maps import SweepAnswer
 
 
 @dataclass(kw_only=True)
@@ -45,7 +45,7 @@ class Sweep(QueryOptions, WeightOptions):
 
         from handfast.cli import tables
         from handfast.pictures import Entry
-        from handfast.stability.maps import sweep
+        from handfast.stability.studies.maps import sweep
 
         grasp, options = self.load(), self.options()
         self.check_one(self.direction, self.gravity)

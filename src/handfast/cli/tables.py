@@ -13,18 +13,18 @@ from handfast.cli.table import table
 from handfast.core.answer import Verdict
 from handfast.pictures import sentences, words
 from handfast.pictures.words import joint_text, laws_text, num, vector
-from handfast.stability import model
+from handfast.stability.problem import model
 
 if TYPE_CHECKING:
     from handfast.cli.options import QueryOptions
     from handfast.model.grasp import Contact, Grasp
     from handfast.proofs.replay import Replay
-    from handfast.stability.answers import Answer
-    from handfast.stability.loads import Loads
-    from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
-    from handfast.stability.margin import Margin
-    from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
-    from handfast.stability.witness import Witness
+    from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
+    from handfast.stability.answers.answer import Answer
+    from handfast.stability.answers.margin import Margin
+    from handfast.stability.problem.loads import Loads
+    from handfast.stability.problem.witness import Witness
+    from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 STYLE = {Verdict.HOLDS: "bold green", Verdict.SLIPS: "bold red", Verdict.UNDECIDED: "bold yellow"}
 MOST_CLAIMS = 20  # that are not proved and shown

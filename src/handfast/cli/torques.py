@@ -23,7 +23,7 @@ class Torques(Load, QueryOptions, Saved):
         from handfast.cli import tables
         from handfast.pictures import Entry
         from handfast.pictures.words import load_text
-        from handfast.stability.queries import torques
+        from handfast.stability.answers import torques
 
         grasp, options = self.load(), self.options()
         wrench = self.disturbance(grasp, self.grasp)

@@ -16,7 +16,7 @@ from handfast.measures.passive import PassiveMaxima, passive_maxima
 from handfast.measures.wrench_scale import EDGES, WrenchScale, edge_wrenches
 from handfast.measures.wrench_space import LEAST, force_closure
 from handfast.model.grasp import Grasp
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
 
 ANY = "presses at will"  # no joint, motor or command is looked at
 MAP = "none, no friction"

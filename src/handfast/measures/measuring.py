@@ -20,7 +20,7 @@ from handfast.measures.internal_forces import LOST, SLIDES
 from handfast.measures.passive import PassiveMaxima
 from handfast.measures.wrench_scale import EDGES, WrenchScale, edge_forces
 from handfast.model.grasp import Grasp
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
 
 SCHEMA = "handfast/measures/1"
 OPEN = 0.02  # relative distance of the bounds of a passive maximum from which on both are shown

@@ -9,9 +9,9 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.measures.wrench_scale import WrenchScale
 from handfast.model.grasp import Grasp
-from handfast.stability.batch import max_many
-from handfast.stability.scaled_problem import beyond_range
-from handfast.stability.settings import Settings
+from handfast.stability.problem.scaled_problem import beyond_range
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.batch import max_many
 
 NODES, GAP = 1000, 1e-2  # of each direction's search: a limit that every machine meets at the same place
 

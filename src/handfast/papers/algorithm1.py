@@ -21,17 +21,17 @@ from handfast.model.grasp import Grasp
 from handfast.papers import mixed_integer_solvers
 from handfast.papers.friction_relaxation import Discretisation, Sector, polygon, relaxation
 from handfast.papers.mixed_integer import SOLVERS, Solver, SolverResult, SolverStatus
-from handfast.stability import scaled_problem
-from handfast.stability.answers import Answer
-from handfast.stability.goal import ANY_STATE, INF, NEAR_END, Effort, Goal, SmallestCommands
-from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.posed import Posed
-from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
-from handfast.stability.queries.max_query import max_goal
-from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
-from handfast.stability.search import exact
+from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.max_query import max_goal
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.problem.objective import ANY_STATE, INF, NEAR_END, Effort, Goal, SmallestCommands
+from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
+from handfast.stability.problem.witness import Witness
 from handfast.stability.search.reduced import Reduced, reduce
-from handfast.stability.witness import Witness
+from handfast.stability.search.search import exact_solution
 
 MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
 NEAR = 1e-9  # relative: what a witnessed magnitude is lowered by
@@ -261,7 +261,7 @@ def _exact_state(r: Reduced, start: ScaledPoint, *, hold: bool = False) -> tuple
     hold: at the end of the search for a maximum.
     """
     for tol in MODE_TOLERANCES:
-        z = exact.solve(r, r.z(start), tolerance=tol, hold=hold)
+        z = exact_solution(r, r.z(start), tolerance=tol, hold=hold)
         if z is None:
             continue
         x = r.point(z)

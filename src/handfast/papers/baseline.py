@@ -8,9 +8,9 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
-from handfast.stability import model
-from handfast.stability.model import State
-from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
+from handfast.stability.problem import model
+from handfast.stability.problem.model import State
+from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 
 SLIDES = 1e-6  # of the force scale: motions and forces above have a direction
 

@@ -25,8 +25,8 @@ from handfast.model.grasp import Grasp
 from handfast.papers import mixed_integer_solvers
 from handfast.papers.baseline import BaselineState
 from handfast.papers.mixed_integer import INF, MixedIntegerProgram, Solver, SolverStatus, Term
-from handfast.stability import scaled_problem
-from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 
 BALANCED = 1e-5  # of the force scale: what may be left where the grasp holds
 NEARER = 1e-3  # relative: what a turn has to take off what is left

@@ -29,8 +29,8 @@ from handfast.core.arrays import Array, Indices
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.papers.baseline import BaselineState, with_torques
-from handfast.stability import scaled_problem
-from handfast.stability.scaled_problem import ScaledPoint
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.scaled_problem import ScaledPoint
 
 BALANCED = 1e-3  # of the force scale: what may stay unbalanced in a grasp that holds
 SMALL_PIVOT = 1e-11  # relative: pivots below it are none

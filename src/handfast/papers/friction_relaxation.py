@@ -25,8 +25,8 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.papers.mixed_integer import INF, MixedIntegerProgram, Term
-from handfast.stability.goal import Goal
-from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
+from handfast.stability.problem.objective import Goal
+from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 
 GAMMA = np.pi / 2  # the initial angle between edges
 MOTIONS = 1e4  # (scaled) largest virtual motion of a program

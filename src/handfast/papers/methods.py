@@ -25,14 +25,14 @@ from handfast.papers.planar_grasp import PlanarGrasp
 from handfast.papers.planar_oracle import planar_check, planar_ranges
 from handfast.pictures import sentences, words
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.answers import finite
-from handfast.stability.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.answers.answer import finite
+from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.synthesis.task_file import load_task
 
 if TYPE_CHECKING:
     from handfast.papers.baseline import BaselineState
     from handfast.papers.mixed_integer import Solver
-    from handfast.stability.answers import Answer
+    from handfast.stability.answers.answer import Answer
 
 Numbers = tuple[float, ...]
 MILLIMETRE = 0.001  # [m] the unit of the paper's Table 3

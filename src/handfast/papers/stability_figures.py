@@ -27,15 +27,15 @@ from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.maps import force_map, sweep
-from handfast.stability.queries import check
-from handfast.stability.settings import Settings
+from handfast.stability.answers import check
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.maps import force_map, sweep
 
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
     from handfast.papers.exhibit import MakingOptions
-    from handfast.stability.witness import Witness
+    from handfast.stability.problem.witness import Witness
 
 ROBUST = float(np.radians(2.5))  # the uncertainty of normals of Figs 6b, 8 and 10
 HELD = np.array([0, 2.2, 0, 0, 0, 0])  # Fig. 5: 2.2 N along +y

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from handfast.model.grasp import Grasp
     from handfast.pictures.scene import Mesh
-    from handfast.stability.answers import Answer
-    from handfast.stability.maps import MapAnswer, SweepAnswer
-    from handfast.stability.settings import Settings
+    from handfast.stability.answers.answer import Answer
+    from handfast.stability.problem.settings import Settings
+    from handfast.stability.studies.maps import MapAnswer, SweepAnswer
 
 
 @dataclass(frozen=True, eq=False)

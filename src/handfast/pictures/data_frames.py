@@ -10,11 +10,11 @@ import numpy as np
 from handfast.core.errors import InputError
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.plan import Plan
-from handfast.stability.answers import Answer
-from handfast.stability.batch_answer import BatchAnswer
-from handfast.stability.hold import HoldAnswer
-from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
-from handfast.stability.queries import MaxAnswer, TorquesAnswer
+from handfast.stability.answers import MaxAnswer, TorquesAnswer
+from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.batch_answer import BatchAnswer
+from handfast.stability.studies.hold import HoldAnswer
+from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -20,8 +20,8 @@ from handfast.pictures.scene import Scene, ShownGrasp, link_meshes, link_poses, 
 from handfast.pictures.words import laws_text, num
 from handfast.planning.results.grasps import Grasps
 from handfast.readers.load_body import load_body
-from handfast.stability.maps import PLANES, Plane, force_map
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.maps import PLANES, Plane, force_map
 
 if TYPE_CHECKING:
     from handfast.planning.propose_tasks import Proposals

@@ -24,7 +24,7 @@ from handfast.pictures.scene import Mesh, arrows, finger_lines, placed_joints
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
     from handfast.model.grasp import Grasp
-    from handfast.stability.witness import Witness
+    from handfast.stability.problem.witness import Witness
 
 NAMED, COLUMNS, LINE = 8, 3, 0.16  # joints that are named in place; columns of the key, and [inches] a line of it
 TRIAD = 0.05  # length of the object frame's axes in the corner, in half widths of the figure

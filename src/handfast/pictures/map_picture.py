@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from handfast.core.arrays import Array
-    from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
+    from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 FILL = {BLUE: "#6c9fd6", MAROON: MAROON}  # far apart in lightness too, for print and colour-blind eyes
 WEAK = "#d0021b"

@@ -37,13 +37,13 @@ from handfast.planning.results.grasps import Grasps, ProvedGrasp
 from handfast.planning.results.plan import Plan
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.settled import Settled
-from handfast.stability.answers import Answer
-from handfast.stability.batch_answer import BatchAnswer
-from handfast.stability.hold import HoldAnswer
-from handfast.stability.loads import Loads
-from handfast.stability.maps import MapAnswer, SweepAnswer
-from handfast.stability.sampled_maximum import SampledMaximum
-from handfast.stability.witness import Witness
+from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.batch_answer import BatchAnswer
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.witness import Witness
+from handfast.stability.studies.hold import HoldAnswer
+from handfast.stability.studies.maps import MapAnswer, SweepAnswer
+from handfast.stability.studies.sampled_maximum import SampledMaximum
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import Task

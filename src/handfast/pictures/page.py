@@ -18,10 +18,10 @@ from handfast.pictures.map_picture import draw_map, draw_sweep
 from handfast.pictures.page_tables import table
 from handfast.pictures.scene import ShownLoad
 from handfast.pictures.words import laws_text, num
-from handfast.stability.answers import Answer
-from handfast.stability.maps import MapAnswer, SweepAnswer
-from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
-from handfast.stability.settings import Settings
+from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.answers.answer import Answer
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.maps import MapAnswer, SweepAnswer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
     from handfast.pictures import Entry
     from handfast.pictures.scene import Mesh, Scene
-    from handfast.stability.witness import Witness
+    from handfast.stability.problem.witness import Witness
 
 
 MANY = 3  # checks; from one more on, only the first one that holds is drawn in still pictures

@@ -10,17 +10,17 @@ import numpy as np
 
 from handfast.pictures import sentences, words
 from handfast.pictures.words import joint_text, num, vector
-from handfast.stability import model
-from handfast.stability.queries import MaxAnswer
+from handfast.stability.answers import MaxAnswer
+from handfast.stability.problem import model
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
     from handfast.pictures import Entry
-    from handfast.stability.answers import Answer
-    from handfast.stability.maps import Curve, MapAnswer, SweepAnswer
-    from handfast.stability.margin import Margin
-    from handfast.stability.queries import TorquesAnswer
-    from handfast.stability.witness import Witness
+    from handfast.stability.answers import TorquesAnswer
+    from handfast.stability.answers.answer import Answer
+    from handfast.stability.answers.margin import Margin
+    from handfast.stability.problem.witness import Witness
+    from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
 BAD = "\x00"  # in front of a cell: a number that should worry
 

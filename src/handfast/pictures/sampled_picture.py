@@ -12,8 +12,8 @@ from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, tidy
 from handfast.pictures.words import count, direction_text, listed, magnitude, num
 
 if TYPE_CHECKING:
-    from handfast.stability.queries import MaxAnswer
-    from handfast.stability.sampled_maximum import SampledMaximum
+    from handfast.stability.answers import MaxAnswer
+    from handfast.stability.studies.sampled_maximum import SampledMaximum
 
 BINS = 30
 

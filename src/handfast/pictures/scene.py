@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from handfast.model.grasp import Grasp, GraspJoint
     from handfast.model.hand.hand import Hand
     from handfast.model.shape import Faces, Shape
-    from handfast.stability.witness import Witness
+    from handfast.stability.problem.witness import Witness
 
 FORCE, MOTION, MOMENT = 0.85, 0.4, 0.6  # [grasp sizes] lengths of the largest force, motion, and of a torque
 LEAST = 0.3  # [grasp sizes] length of a disturbance at least

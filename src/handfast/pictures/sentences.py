@@ -10,17 +10,17 @@ import numpy as np
 from handfast.core.answer import Stop, Verdict
 from handfast.pictures import words
 from handfast.pictures.words import count, listed, magnitude, num
-from handfast.stability.queries import CheckAnswer, MaxAnswer, TorquesAnswer
+from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 
 if TYPE_CHECKING:
     from handfast.core.arrays import Array
     from handfast.proofs.certificate import Certificate
-    from handfast.stability.answers import Answer
-    from handfast.stability.hold import HoldAnswer
-    from handfast.stability.maps import Curve, MapAnswer
-    from handfast.stability.margin import Flip, Margin
-    from handfast.stability.settings import Settings
-    from handfast.stability.witness import Witness
+    from handfast.stability.answers.answer import Answer
+    from handfast.stability.answers.margin import Flip, Margin
+    from handfast.stability.problem.settings import Settings
+    from handfast.stability.problem.witness import Witness
+    from handfast.stability.studies.hold import HoldAnswer
+    from handfast.stability.studies.maps import Curve, MapAnswer
 
 CREATED = 1e-6  # friction that feeds in a larger share of the work than this is called unphysical
 
@@ -225,7 +225,7 @@ def weight_sentence(curve: Curve, weight: float) -> str:
 
 def actuators_that_turn(witness: Witness) -> list[bool]:
     """Which actuators move in a witness's virtual motion, by more than rounding."""
-    from handfast.stability import model
+    from handfast.stability.problem import model
 
     grasp = witness.grasp
     moved = np.abs(model.actuator_motion(grasp, witness.state.q)) * model.actuator_arms(grasp)

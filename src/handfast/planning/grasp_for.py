@@ -31,8 +31,8 @@ from handfast.planning.results.grasps import Grasps, ProvedGrasp, ranked
 from handfast.planning.results.search_file import REASONS, FoundEntry, SavedSearch
 from handfast.planning.search import Gathering, Journal, UnitResult
 from handfast.readers.load_body import load_body
-from handfast.stability.hold import HoldAnswer
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
+from handfast.stability.studies.hold import HoldAnswer
 from handfast.synthesis.curvatures import relative_curvatures
 from handfast.synthesis.distance import features_of
 from handfast.synthesis.embedded import task_to_dict

@@ -20,7 +20,7 @@ from handfast.planning.rejection import fruitless
 from handfast.planning.results.plan import Plan
 from handfast.planning.search import Gathering, Journal
 from handfast.planning.sizes import compared
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 
 @kinds_checked

@@ -15,9 +15,9 @@ from handfast.model.hand.hand import Hand
 from handfast.planning.candidates.palm_poses import STANDARD, Sampling
 from handfast.planning.filters.surroundings import Surroundings
 from handfast.planning.rejection import GIVE_UP
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.loads import Loads
-from handfast.stability.settings import Settings
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.settings import Settings
 from handfast.synthesis.embedded import digest
 
 

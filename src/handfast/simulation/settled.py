@@ -22,12 +22,12 @@ from handfast.proofs.fields import BadFile, Fields, numbers
 from handfast.proofs.files import SETTLED
 from handfast.proofs.replay import Replay
 from handfast.readers.grasp_file import save_grasp, to_dict
-from handfast.stability.answers import finite
-from handfast.stability.ask_again import Asking, BoundsClaim, Claim, VerdictClaim, asked, together
-from handfast.stability.grasp_limits import Terms
-from handfast.stability.queries import CheckAnswer, MaxAnswer
-from handfast.stability.settings import INF
-from handfast.stability.verify_maps import grasp_of
+from handfast.stability.answers import CheckAnswer, MaxAnswer
+from handfast.stability.answers.answer import finite
+from handfast.stability.problem.grasp_limits import Terms
+from handfast.stability.problem.settings import INF
+from handfast.stability.studies.ask_again import Asking, BoundsClaim, Claim, VerdictClaim, asked, together
+from handfast.stability.studies.verify_maps import grasp_of
 
 if TYPE_CHECKING:
     from handfast.geometry.scene import Scene

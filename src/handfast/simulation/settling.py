@@ -33,9 +33,9 @@ from handfast.simulation.hand_drive import (
 from handfast.simulation.settled import PathPoint, Rest, Settled
 from handfast.simulation.simulate import force_unit, simulate
 from handfast.simulation.slow_motion import CARRIES, FARTHEST, STILL, Moved, PointLoad, SlowMotion
-from handfast.stability import scaled_problem
-from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
-from handfast.stability.settings import Settings
+from handfast.stability.answers import CheckAnswer, MaxAnswer, check, maximum
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.settings import Settings
 
 MOST_STEPS = 2000
 COMMANDS, LOADS = 4, 20  # equal parts in which commands and load come

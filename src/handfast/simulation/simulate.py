@@ -18,7 +18,7 @@ from handfast.simulation.recording import HOLD, PRELOAD, Recording
 from handfast.simulation.result import SimulationResult
 from handfast.simulation.stepper import Stepper
 from handfast.simulation.twin import STEP, STIFFNESS, build_twin, free_joints, load_force
-from handfast.stability import scaled_problem
+from handfast.stability.problem import scaled_problem
 
 Loading = Literal["preload-first", "together"]
 SLOWEST = 1e4  # [s of the twin] of a ramp: ten million steps

@@ -17,8 +17,8 @@ from handfast.datasets.labels.label_dataset import label_dataset
 from handfast.datasets.labels.labeller import Labelling
 from handfast.datasets.labels.verify_labels import CommandsClaim
 from handfast.readers.grasp_file import to_dict
-from handfast.stability.ask_again import Clock
-from handfast.stability.grasp_limits import Terms
+from handfast.stability.problem.grasp_limits import Terms
+from handfast.stability.studies.ask_again import Clock
 from tests.support.labelled import write_lines
 from tests.support.problems import pinch
 

@@ -17,13 +17,13 @@ from handfast.model.grasp import Contact, Grasp
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.kinds import ContactState
-from handfast.stability import scaled_problem
-from handfast.stability.goal import INF, SMALLEST_PRELOAD, Goal
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.queries import check, maximum, torques
-from handfast.stability.search import front
+from handfast.stability.answers import check, maximum, torques
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.objective import INF, SMALLEST_PRELOAD, Goal
+from handfast.stability.problem.settings import Settings
+from handfast.stability.search import engine
 from handfast.stability.search.outcome import Outcome
-from handfast.stability.settings import Settings
 from tests.support.problems import bell, nest, pinch, solved, table
 from tests.support.slow_cases import slow_after
 
@@ -203,10 +203,10 @@ def test_what_is_left_unresolved_is_searched_more_finely(
         asked.append(settings)
         return planted(*found[len(asked) - 1])
 
-    monkeypatch.setattr(front, "_search", search)
-    monkeypatch.setattr(front, "_to_cap", lambda beside, goal, settings, limits, found: found)
+    monkeypatch.setattr(engine, "_search", search)
+    monkeypatch.setattr(engine, "_to_cap", lambda beside, goal, settings, limits, found: found)
     p = scaled_problem.build(bell(), np.zeros(6), w(0, 1, 0))
-    out = front.search(p, SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100))
+    out = engine.search(p, SMALLEST_PRELOAD, Settings(gap=1e-3, node_limit=100))
     assert (out.stop, out.value, out.bound) == expected
     assert [s.gap for s in asked] == pytest.approx(gaps)
     assert [s.node_limit for s in asked] == [100 - 10 * k for k in range(len(gaps))]
@@ -222,9 +222,9 @@ def test_what_is_left_unresolved_when_the_time_is_over_stays_open_for_want_of_it
         asked.append(settings)
         return planted(Stop.NUMERICAL, 5.0, 3.0)
 
-    monkeypatch.setattr(front, "_search", search)
+    monkeypatch.setattr(engine, "_search", search)
     p = scaled_problem.build(bell(), np.zeros(6), w(0, 1, 0))
-    assert front.search(p, SMALLEST_PRELOAD, Settings(time_limit=1e-9)).stop is Stop.TIME
+    assert engine.search(p, SMALLEST_PRELOAD, Settings(time_limit=1e-9)).stop is Stop.TIME
     assert len(asked) == 1
 
 
@@ -233,7 +233,7 @@ def test_what_is_left_unresolved_when_the_time_is_over_stays_open_for_want_of_it
 
 def test_progress_has_falling_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a maximum that takes some ten thousand nodes: ten contacts, and an end that is no state's."""
-    monkeypatch.setattr(front, "PAUSE", -INF)  # every slice is reported, however quick
+    monkeypatch.setattr(engine, "PAUSE", -INF)  # every slice is reported, however quick
     seen = []
     settings = Settings(gap=1e-9, node_limit=8000, workers=1, verify=False)
     answer = maximum(random_case(10, 1).grasp, w(0, 0, 1), settings=settings, on_progress=seen.append)
@@ -248,7 +248,7 @@ def test_progress_has_falling_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_ctrl_c_leaves_the_bounds_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(front, "PAUSE", -INF)  # every slice is reported, however quick
+    monkeypatch.setattr(engine, "PAUSE", -INF)  # every slice is reported, however quick
 
     def interrupt(progress) -> None:
         if progress.lower > 0:

@@ -19,8 +19,9 @@ from numba import njit
 from handfast.core.groups import Block
 from handfast.proofs.kinds import TURN, ActuatorState, ContactState
 from handfast.proofs.rows import HALF, directions
-from handfast.stability import scaled_problem
-from handfast.stability.goal import (
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.objective import (
     ANY_STATE,
     GOALS,
     LARGEST,
@@ -29,8 +30,7 @@ from handfast.stability.goal import (
     SMALLEST_SUM_OF_COMMANDS,
     Goal,
 )
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.scaled_problem import ScaledProblem
+from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays, rows
 from handfast.stability.search.kernel import simplex, tree
 from handfast.stability.search.kernel.values import row

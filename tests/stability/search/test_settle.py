@@ -9,13 +9,13 @@ from benchmarks.grasps import random_case
 from handfast import check, maximum
 from handfast.core.answer import Verdict
 from handfast.model.grasp import Grasp
-from handfast.stability import scaled_problem
-from handfast.stability.goal import ANY_STATE
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.objective import ANY_STATE
+from handfast.stability.problem.settings import Settings
 from handfast.stability.search import arrays
 from handfast.stability.search.kernel import tree
 from handfast.stability.search.reduced import reduce
 from handfast.stability.search.search import Search
-from handfast.stability.settings import Settings
 
 QUICK = Settings(verify=False, workers=1)
 

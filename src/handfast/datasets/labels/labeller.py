@@ -15,7 +15,7 @@ from handfast.datasets.labels.label_columns import MEASURES, WRENCHES, LabelColu
 from handfast.datasets.labels.questions import LargestLoad, LeastCommands, Questions, largest_command
 from handfast.measures.measuring import measure_columns
 from handfast.model.grasp import Grasp
-from handfast.stability.settings import Settings
+from handfast.stability.problem.settings import Settings
 
 AXES = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
 NODES = 320_000  # of a question of one contact, over the square of the contacts: a node costs as much more

@@ -25,7 +25,11 @@ from handfast.model.grasp import Grasp
 from handfast.proofs.answers import VERDICTS
 from handfast.proofs.fields import SAME, BadFile, Fields, number, numbers, same
 from handfast.proofs.replay import Replay
-from handfast.stability.ask_again import (
+from handfast.stability.answers import torques
+from handfast.stability.problem.grasp_limits import Terms
+from handfast.stability.problem.scaled_problem import unbalanced
+from handfast.stability.problem.settings import INF
+from handfast.stability.studies.ask_again import (
     APART,
     FINEST_GAP,
     NO_TIME,
@@ -39,10 +43,6 @@ from handfast.stability.ask_again import (
     figures_of,
     together,
 )
-from handfast.stability.grasp_limits import Terms
-from handfast.stability.queries import torques
-from handfast.stability.scaled_problem import unbalanced
-from handfast.stability.settings import INF
 
 COURSE = "open, stop, nodes, seconds: the course of the searches is recorded, and nothing rests on it"
 BROKEN = "rows that could not be labelled"

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
 from handfast.pictures.live.view_state import ViewState
-from handfast.stability.grasp_limits import GraspLimits
-from handfast.stability.maps import Curve
-from handfast.stability.queries import CheckAnswer, MaxAnswer, check, maximum
-from handfast.stability.scaled_problem import unbalanced
-from handfast.stability.settings import OnStep, Progress, Settings
+from handfast.stability.answers import CheckAnswer, MaxAnswer, check, maximum
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.scaled_problem import unbalanced
+from handfast.stability.problem.settings import OnStep, Progress, Settings
+from handfast.stability.studies.maps import Curve
 
 DIRECTIONS = 72  # of a map
 ROUNDS = 0, 3, 1, 5, 2, 4  # each asks every sixth direction from there on: at first a coarse map all around

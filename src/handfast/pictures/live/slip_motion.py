@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from handfast.core.arrays import Array
 from handfast.model.grasp import Grasp
-from handfast.stability.queries import MaxAnswer
+from handfast.stability.answers import MaxAnswer
 
 TRAVEL = 0.6  # of the grasp's size, that the farthest contact goes
 PERIOD = 2.4  # [s] of one repetition

@@ -13,7 +13,7 @@ from handfast.core.transforms import cross, normal_frame
 from handfast.model.grasp import Grasp
 from handfast.pictures.camera import views
 from handfast.pictures.live.stage import reaches
-from handfast.stability.margin import rubbed
+from handfast.stability.answers.margin import rubbed
 
 MapPlane = Literal["with the load", "xy", "xz", "yz", "none"]
 MAP_PLANES: tuple[MapPlane, ...] = ("with the load", "xy", "xz", "yz", "none")

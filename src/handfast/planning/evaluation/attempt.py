@@ -32,8 +32,8 @@ from handfast.planning.search import UnitResult
 from handfast.simulation.bodies import Bodies
 from handfast.simulation.result import Ending
 from handfast.simulation.simulate import simulate_bodies
-from handfast.stability.hold import HoldAnswer
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
+from handfast.stability.studies.hold import HoldAnswer
 
 PENETRATION = 1e-3  # [m] what may at most overlap, hand with object or with itself
 CALMER = (0.5, 0.5, 0.0)  # of its abductions a hand keeps, where it started in itself, one after the other

@@ -25,7 +25,7 @@ from handfast.planning.filters.balance import CIRCUMSCRIBED, friction_margin, im
 from handfast.planning.filters.non_contacting import NonContactingFingers
 from handfast.planning.question import Allowed
 from handfast.planning.rejection import RejectionReason
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 from handfast.synthesis.curvatures import relative_curvatures
 from handfast.synthesis.search.starts import Certified
 from handfast.synthesis.solution import Solution

@@ -23,9 +23,9 @@ from handfast.planning.evaluation.steps import GraspRefinement, Steps
 from handfast.planning.question import Requirements
 from handfast.planning.rejection import RejectionReason, Tally, of_verdict
 from handfast.planning.search import UnitResult
-from handfast.stability.hold import HoldAnswer, moderate
-from handfast.stability.queries import check
-from handfast.stability.settings import Settings
+from handfast.stability.answers import check
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.hold import HoldAnswer, moderate
 from handfast.synthesis.search.diverse import Walks
 from handfast.synthesis.search.starts import BLOCK, Certified, Starts
 

@@ -21,10 +21,10 @@ from handfast.geometry.patch import few
 from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp
 from handfast.planning.question import PlanLimits
-from handfast.stability.hold import STRONG, HoldAnswer, hold
-from handfast.stability.loads import Loads
-from handfast.stability.queries import CheckAnswer, check
-from handfast.stability.settings import Settings
+from handfast.stability.answers import CheckAnswer, check
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.hold import STRONG, HoldAnswer, hold
 
 NODES = 150_000  # of a query of one contact, over the square of the contacts
 BOUNDING = 250_000  # of one for the least commands, whose proofs cost most, over the cube of the contacts

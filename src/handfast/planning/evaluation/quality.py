@@ -12,10 +12,10 @@ from handfast.core.answer import Stop
 from handfast.model.grasp import Grasp
 from handfast.planning.evaluation.preload_search import PATIENCE, checking_settings_for, settings_for
 from handfast.planning.question import PlanOptions
-from handfast.stability.answers import finite
-from handfast.stability.hold import HoldAnswer
-from handfast.stability.margin_search import margin
-from handfast.stability.queries import maximum
+from handfast.stability.answers import maximum
+from handfast.stability.answers.answer import finite
+from handfast.stability.studies.hold import HoldAnswer
+from handfast.stability.studies.margin_search import margin
 
 GAP = 1e-2  # of the margins: their bounds may be so far apart
 
@@ -28,7 +28,7 @@ class GraspQuality:
         margin: the largest factor, certified, by which each load may be multiplied under the preload; of the loads as
             they were given, before the factor of safety. inf if all are resisted at any size.
         weakest: name of the load with that margin; "" where all loads are 0.
-        leans_on: what makes that HOLDS fragile (`stability.margin.Margin.why`): "motion", "friction", "tilt"; () if it
+        leans_on: what makes that HOLDS fragile (`Margin.why`): "motion", "friction", "tilt"; () if it
             is robust.
         clearance: [m] the least distance of links that do not touch to the object, of links to each other, and
             of the hand to what is around the object (that up to 50 mm).

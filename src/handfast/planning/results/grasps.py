@@ -28,9 +28,9 @@ from handfast.planning.results.search_file import REASONS, SavedSearch
 from handfast.planning.results.verify import verify
 from handfast.proofs.replay import Replay
 from handfast.readers import grasp_file
-from handfast.stability.answers import finite
-from handfast.stability.hold import HoldAnswer
-from handfast.stability.loads import Loads
+from handfast.stability.answers.answer import finite
+from handfast.stability.problem.loads import Loads
+from handfast.stability.studies.hold import HoldAnswer
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import Task

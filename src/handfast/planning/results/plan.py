@@ -20,7 +20,7 @@ from handfast.planning.filters.surroundings import Way
 from handfast.planning.rejection import OverlapEntry, Tally, diagnosis
 from handfast.planning.results.verify import verify_planned
 from handfast.proofs.replay import Replay
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 
 STARTS = (
     "what became of the other starts, that the grasps differ from each other, and that the ways in and out are free",

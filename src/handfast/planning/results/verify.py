@@ -34,7 +34,7 @@ from handfast.readers.configuration_file import load_configuration
 from handfast.readers.grasp_file import load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
-from handfast.stability.loads import Loads
+from handfast.stability.problem.loads import Loads
 from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
 
 LONG = 60  # characters of a value that are shown

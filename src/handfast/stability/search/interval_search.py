@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -20,17 +21,52 @@ from handfast.proofs import arcs
 from handfast.proofs.arcs import Arc
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.ranges import Known, known
-from handfast.stability.goal import ANY_STATE, INF, LARGEST, Goal, Range
-from handfast.stability.model import State
-from handfast.stability.posed import Posed, stated
-from handfast.stability.resisted_interval import ResistedInterval
-from handfast.stability.scaled_problem import ScaledProblem
-from handfast.stability.search import exact, front
+from handfast.stability.problem.bound_problem import Posed, stated
+from handfast.stability.problem.model import State
+from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, Goal, Range
+from handfast.stability.problem.scaled_problem import ScaledProblem
+from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.witness import Witness
+from handfast.stability.search import engine
 from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
-from handfast.stability.search.search import SearchWorker
-from handfast.stability.settings import Settings
-from handfast.stability.witness import Witness
+from handfast.stability.search.search import SearchWorker, exact_solution
+
+
+@dataclass(frozen=True)
+class ResistedInterval:
+    """Which magnitudes are resisted, with the proofs.
+
+    Attributes:
+        holds_from_zero_to: every magnitude up to it is resisted, see `ranges.Known`.
+        upper: a magnitude that slips; between the two it is not known.
+        holes: (first, last) magnitudes between which all slip, though more is resisted.
+        unproved: ranges of which nothing was shown.
+        resolution: relative: the ends of holes lie no farther than this outside them, as a share of the magnitude
+            or, if that is more, of the other forces in play.
+        arcs: states of the magnitudes that are resisted; none where magnitudes make no difference.
+        slips: certificates of the holes.
+        interrupted: Ctrl-C came before all was looked at.
+    """
+
+    holds_from_zero_to: float
+    upper: float
+    holes: tuple[Range, ...]
+    unproved: tuple[Range, ...]
+    resolution: float
+    arcs: tuple[Arc, ...]
+    slips: tuple[Certificate, ...]
+    interrupted: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """Its keys in the answer of `max`, beside `holds_from_zero_to`."""
+        return {
+            "holds_from_zero_upper": self.upper if np.isfinite(self.upper) else None,
+            "holes": [list(r) for r in self.holes],
+            "unproved": [list(r) for r in self.unproved],
+            "resolution": self.resolution,
+        }
+
 
 DEGREE = 6  # of arcs, where a straight line does not do
 FINEST = 1e-8  # of the resolution: narrower ranges are not halved
@@ -155,7 +191,7 @@ class _Magnitudes:
     def _at(self, s: float, start: Array) -> Array | None:
         """A point (n,) near another that solves the model at a magnitude."""
         r = replace(self.r, lo=np.r_[-s / self.p.direction_scale, self.r.lo[1:]])
-        return exact.solve(r, start, hold=True, worker=self.worker)
+        return exact_solution(r, start, hold=True, worker=self.worker)
 
     def _exact(self, s: float, state: State) -> Array:
         """The point (n,) of a state at a magnitude, solved again with what the magnitude is."""
@@ -235,8 +271,8 @@ class _Magnitudes:
         return replace(self.settings, verify=False, gap=gap, time_limit=self._left)
 
     def _search(self, p: ScaledProblem, goal: Goal, settings: Settings, within: Range | None = None) -> Outcome:
-        """Without a cap: states beyond it count as well. Raises KeyboardInterrupt, which `front.search` does not."""
-        found = front.search(p, goal, settings, within=within, capped=False)
+        """Without a cap: states beyond it count as well. Raises KeyboardInterrupt, which `engine.search` does not."""
+        found = engine.search(p, goal, settings, within=within, capped=False)
         if found.stop is Stop.INTERRUPTED:
             raise KeyboardInterrupt
         return found

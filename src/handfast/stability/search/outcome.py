@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 from handfast.core.answer import Stop
 from handfast.core.arrays import Array
+from handfast.stability.problem.witness import Witness
 from handfast.stability.search.proof import Proof
-from handfast.stability.witness import Witness
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Of a search for a small objective (see `goal`), or for any state at all.
+    """Of a search for a small objective (see `objective.py`), or for any state at all.
 
     Attributes:
         value: the smallest objective that was witnessed; inf if none was.

@@ -12,11 +12,11 @@ from handfast.core.arrays import Indices
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.rows import Columns
-from handfast.stability.posed import Posed
+from handfast.stability.problem.bound_problem import Posed
 from handfast.stability.search import arrays, rows
 from handfast.stability.search.arrays import Pool
+from handfast.stability.search.certificate_polish import repaired
 from handfast.stability.search.reduced import Reduced
-from handfast.stability.search.repair import repaired
 
 MOST = 200  # leaves for which another ray is sought
 

@@ -18,11 +18,11 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import table, whole_vectors
-from handfast.stability.goal import AffineLoad, Goal, Range
-from handfast.stability.model import State
-from handfast.stability.scaled_problem import ScaledPoint, ScaledProblem
+from handfast.stability.problem.model import State
+from handfast.stability.problem.objective import AffineLoad, Goal, Range
+from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
+from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
-from handfast.stability.witness import Witness
 
 PERTURBATION = 1e-10  # against ties. Nodes are closed by infeasibility only, which neither touches
 RANK = 1e-10  # relative: singular values below are none

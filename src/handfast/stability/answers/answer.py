@@ -1,0 +1,243 @@
+"""What every answer about one disturbance has: verdict, witness, proof, cost; it saves and checks itself."""
+
+from __future__ import annotations
+
+import json
+import time
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from handfast.core.answer import Stop, Verdict, header
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.core.files import write_text
+from handfast.core.shown import Shown
+from handfast.proofs import answers
+from handfast.proofs.certificate import Certificate, proof_to_dict
+from handfast.proofs.existence import Proved
+from handfast.proofs.grasp import GraspData
+from handfast.proofs.question import Question
+from handfast.proofs.replay import Replay
+from handfast.proofs.states import Problem
+from handfast.proofs.states import State as StateData
+from handfast.stability.problem.bound_problem import Posed, grasp_data, stated
+from handfast.stability.problem.model import State
+from handfast.stability.problem.witness import Witness
+
+if TYPE_CHECKING:
+    from handfast.stability.search.proof import Proof
+
+
+@dataclass(frozen=True, eq=False)
+class Answer(Shown, ABC):
+    """What every query answers.
+
+    Attributes:
+        query: its name in JSON.
+        verdict: HOLDS with a valid witness; SLIPS if every case is refuted; else UNDECIDED.
+        stop: why the search ended.
+        seconds, nodes: its cost: wall time, nodes of the tree.
+        found: the exact solution behind `verdict` or `lower`, as it was found; see `witness`.
+        proof: what the other bound rests on; None without one.
+        posed: the problem and the goal of the search.
+        verified: was everything that it says replayed, the proof by the independent checker?
+    """
+
+    query: ClassVar[str]
+
+    verdict: Verdict
+    stop: Stop
+    seconds: float
+    nodes: int
+    found: Witness | None
+    proof: Proof | None = field(repr=False)
+    posed: Posed | None = field(default=None, kw_only=True, repr=False)
+    verified: bool = field(default=False, kw_only=True)
+
+    @property
+    def witness(self) -> Witness | None:
+        """The solution that is shown, drawn and saved: `least_motion` of the one that was found, where it is proved."""
+        return self._shown[0] if self._shown else None
+
+    @property
+    def proved(self) -> Proved | None:
+        """What is proved of the witness; None without one, or without a question."""
+        return self._shown[1] if self._shown else None
+
+    @cached_property
+    def _shown(self) -> tuple[Witness, Proved | None] | None:
+        if self.found is None or self._of_found is None or self.posed is None:
+            return None if self.found is None else (self.found, None)
+        from handfast.stability.search.least_motion import (
+            least_motion,  # needs the engine, and only what is shown needs it
+        )
+
+        p = self.posed.problem
+        least = least_motion(self.found, p.limits)
+        known = self._of_found if least is self.found else self._proved(least)
+        as_good = known.exact or (known.tolerant and not self._of_found.exact)
+        return (least, known) if as_good and self._reaches(known) else (self.found, self._of_found)
+
+    @cached_property
+    def _of_found(self) -> Proved | None:
+        """What is proved of the state that was found."""
+        return None if self.found is None or self.posed is None else self._proved(self.found)
+
+    def _reaches(self, proved: Proved) -> bool:
+        """Is what is proved of a state all that the answer says?"""
+        return True
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """The proof of SLIPS, or of the bound that no state was found for, for `verify`; None without."""
+        return self.proof.certificate if self.proof else None
+
+    @cached_property
+    def question(self) -> Question | None:
+        """What was asked, as proofs take it."""
+        return self.posed.question if self.posed else None
+
+    def _proved(self, w: Witness, until: float = np.inf) -> Proved:
+        """What is proved of a state, until [s] of `time.monotonic`."""
+        assert self.posed is not None
+        return answers.proved(self._problem(w), stated(w.state), self.posed.question.eta, until)
+
+    def _problem(self, w: Witness) -> Problem:
+        """What a state has to solve."""
+        assert self.posed is not None
+        (p, goal), question, along = self.posed, self.posed.question, self._along
+        command = w.grasp.command if goal.seeks_commands else p.grasp.command
+        if along is None:
+            return answers.problem(question, command, w.wrench)
+        base = p.wrench if goal.maximised else np.zeros(6)
+        magnitude = float((w.wrench - base) @ along / (along @ along))
+        return answers.problem(question, command, base, along, magnitude)
+
+    def settled(self, until: float = np.inf) -> Self:
+        """UNDECIDED if its witness cannot be proved to be one, or if it slips up to motions that are too small only.
+
+        A bound that is proved for motions inside a small cap is none that is complete: `proofs.answers.cap_fault`.
+        What is not proved until [s] of `time.monotonic` is UNDECIDED for want of time.
+        """
+        out = self._proved_until(until)
+        cap = self.proof.cap if self.proof else None
+        # what is shown may move far less than what was found
+        if (
+            cap is not None
+            and self._too_small(cap, self.found)
+            and (not self.found or self._too_small(cap, self.witness))
+        ):
+            out = replace(out, stop=Stop.NUMERICAL if self.stop is Stop.COMPLETE else self.stop)
+            if self.verdict is Verdict.SLIPS:
+                out = replace(out, verdict=Verdict.UNDECIDED, proof=None)
+        if out.verdict is not Verdict.HOLDS or out.certain:
+            return out
+        stop = Stop.TIME if time.monotonic() > until else Stop.NUMERICAL
+        return replace(out, verdict=Verdict.UNDECIDED, stop=stop, found=None)
+
+    def _proved_until(self, until: float) -> Self:
+        """Itself, with what is proved of the state that was found, as far as there is time for it."""
+        if self.found is not None and self.posed is not None:
+            self.__dict__.setdefault("_of_found", self._proved(self.found, until))  # kept as `cached_property` does
+        return self
+
+    def _too_small(self, cap: float, shown: Witness | None) -> bool:
+        """Is a bound for motions up to a cap [N] not complete beside this witness?"""
+        state = None if shown is None else stated(shown.state)
+        return self.question is not None and bool(answers.cap_fault(self.question, cap, self._bound, state))
+
+    @property
+    def _bound(self) -> float:
+        """The magnitude of the direction that the proof bounds."""
+        return 0.0
+
+    @property
+    def certain(self) -> bool:
+        """Is a witness proved to be one, exactly or to 1e-9 of load and commands?"""
+        known = self._of_found
+        return known is not None and (known.exact or known.tolerant)
+
+    @property
+    def _along(self) -> Array | None:
+        """(6,) the direction whose magnitude is unknown in what is to be proved of the witness; None for none."""
+        return None
+
+    def state_json(self) -> dict[str, Any]:
+        """The witness by key, as `check` prints it; null without one that is proved."""
+        if self.witness is None or self.posed is None or self.proved is None:
+            return dict(answers.NOTHING)
+        return answers.described(_grasp(self.posed, self.witness), stated(self.witness.state), self.proved)
+
+    @property
+    def exact(self) -> bool | None:
+        """Is an exact state proved to exist, for the numbers as they are? None without a witness."""
+        return None if self.proved is None else self.proved.exact
+
+    @abstractmethod
+    def said(self) -> dict[str, Any]:
+        """The keys of its query's JSON."""
+
+    def proof_json(self) -> dict[str, Any]:
+        """Keys of every answer: is there a certificate, was all replayed, up to which motions [N] if not all?"""
+        cap = self.proof.cap if self.proof else None
+        known = {"certified": self.certificate is not None, "verified": self.verified, "motion_cap": cap}
+        return known | {"exact": self.exact}
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that the command line prints."""
+        return header(self, self.query) | self.proof_json() | self.said()
+
+    def to_file(self) -> dict[str, Any]:
+        """The `handfast/result/1` object: question, answer, witness, certificate. `InputError` without a question."""
+        if self.posed is None:
+            raise InputError("does not know its question; save what a query returned", field="answer")
+        return {
+            "schema": answers.SCHEMA,
+            "question": self.posed.to_json(),
+            "answer": self.to_json(),
+            "witness": None if self.witness is None else _witness_json(self.witness),
+            "certificate": None if self.certificate is None else proof_to_dict(self.certificate),
+        }
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write a `handfast/result/1` file. For `handfast.verify`.
+
+        Raises:
+            InputError: the file exists and `force` is not set, or cannot be written.
+        """
+        write_text(path, json.dumps(self.to_file(), allow_nan=False) + "\n", force=force)
+
+    def verify(self) -> Replay:
+        """Is everything that it claims proved? Replayed without the engine and without any solver.
+
+        Raises:
+            InputError: it does not know its question.
+        """
+        return answers.replay(answers.read_answer(self.to_file()))
+
+
+def _grasp(posed: Posed, w: Witness) -> GraspData:
+    """The grasp with the commands of a witness."""
+    return grasp_data(posed.problem.grasp).with_command(w.grasp.command)
+
+
+def state_json(s: State | StateData) -> dict[str, Any]:
+    """A state as files have it: `reaction` and `torsion` only where joints and contacts have one."""
+    arrays = {"r": s.r, "q": s.q, "c": s.c, "f": s.f, "coupling": s.coupling}
+    arrays |= {name: x for name, x in (("reaction", s.reaction), ("torsion", s.torsion)) if x.any()}
+    return {name: value.tolist() for name, value in arrays.items()}
+
+
+def _witness_json(w: Witness) -> dict[str, Any]:
+    commands = dict(zip(w.grasp.mechanism.actuators, w.grasp.command.tolist(), strict=True))
+    return {"wrench": np.asarray(w.wrench).tolist(), "command": commands, **state_json(w.state)}
+
+
+def finite(x: float) -> float | None:
+    """JSON has no infinity: None."""
+    return float(x) if np.isfinite(x) else None

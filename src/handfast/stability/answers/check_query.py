@@ -1,0 +1,142 @@
+"""Does the grasp resist this disturbance? Stability paper, section VII-A, (20)-(22)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, overload
+
+import numpy as np
+
+from handfast.core.answer import Verdict
+from handfast.core.arrays import Array
+from handfast.core.errors import kinds_checked
+from handfast.model.grasp import Grasp
+from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.margin import Margin
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.objective import ANY_STATE, INF
+from handfast.stability.problem.scaled_problem import ScaledProblem
+from handfast.stability.problem.settings import OnStep, Settings
+from handfast.stability.search.solve import clock_of, solve, time_left
+
+MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
+
+
+@dataclass(frozen=True, eq=False)
+class CheckAnswer(Answer):
+    """Is this disturbance resisted?
+
+    Attributes:
+        margin: how much a HOLDS leans on, if that was asked: `handfast.margin`.
+    """
+
+    query = "check"
+
+    margin: Margin | None = field(default=None, kw_only=True)
+
+    def said(self) -> dict[str, Any]:
+        return self.state_json() | {"margin": self.margin.to_json() if self.margin else None}
+
+    def to_file(self) -> dict[str, Any]:
+        """Without the margin, which nothing in a file would prove; `Margin.verify` replays it."""
+        return Answer.to_file(self if self.margin is None else replace(self, margin=None))
+
+
+@overload
+def check(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    limits: GraspLimits = ...,
+    mdp: bool = ...,
+    settings: Settings | None = ...,
+    on_progress: OnStep | None = ...,
+) -> CheckAnswer: ...
+@overload
+def check(
+    grasp: Grasp,
+    wrench: Loads | Sequence[Sequence[float]] | Sequence[Array],
+    *,
+    limits: GraspLimits = ...,
+    mdp: bool = ...,
+    settings: Settings | None = ...,
+    on_progress: OnStep | None = ...,
+) -> list[CheckAnswer]: ...
+@kinds_checked
+def check(
+    grasp: Grasp,
+    wrench: Any,
+    *,
+    limits: GraspLimits = NO_LIMITS,
+    mdp: bool = True,
+    settings: Settings | None = None,
+    on_progress: OnStep | None = None,
+) -> CheckAnswer | list[CheckAnswer]:
+    """Does the grasp resist a disturbance passively? Stability paper, section VII-A, (20)-(22).
+
+    Args:
+        grasp: with the preload in force; an actuator without a command is locked.
+        wrench: (6,) force [N] and torque [N m] on the object, object frame, at its origin; three numbers are a
+            force. Several, (n, 6), (n, 3) or `Loads`, are asked about one by one: a list of n answers, in order.
+        limits: uncertainty of the contact normals, largest forces of actuators and at contacts.
+        mdp: False leaves out the maximum dissipation principle (the friction of the grasp-force
+            literature), for comparison only: it creates energy out of nothing.
+        settings: precision, limits; of each question, if there are several.
+        on_progress: called while it runs, with the bounds so far.
+
+    Raises:
+        InputError: see `handfast.stability.problem.scaled_problem.build`.
+    """
+    asked: dict[str, Any] = {
+        "limits": limits,
+        "mdp": mdp,
+        "settings": settings or Settings(),
+        "on_progress": on_progress,
+    }
+    if isinstance(wrench, Loads):
+        return [_check(grasp, w, **asked) for w in wrench.wrenches]
+    if not is_table(wrench):
+        return _check(grasp, wrench, **asked)
+    each = [scaled_problem.as_wrench(w, f"wrench[{k}]") for k, w in enumerate(wrench)]  # all, before any is asked about
+    return [_check(grasp, w, **asked) for w in each]
+
+
+def is_table(wrench: Any) -> bool:
+    """Are there several wrenches?"""
+    try:
+        return isinstance(wrench, Loads) or np.ndim(wrench) > 1
+    except ValueError:  # rows of several lengths
+        return True
+
+
+def _check(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    limits: GraspLimits,
+    mdp: bool,
+    settings: Settings,
+    on_progress: OnStep | None,
+) -> CheckAnswer:
+    """The answer for one wrench."""
+    p = scaled_problem.build(grasp, wrench, limits=limits, mdp=mdp)
+    if not mdp:  # moderate forces first: without dissipation nothing bounds them, and small ones are easier to read
+        clock = clock_of(settings)
+        modest = _any_state(replace(p, cn_max=min(p.cn_max, MODEST)), settings, on_progress)
+        if modest.verdict is Verdict.HOLDS:
+            return modest
+        settings = time_left(settings, clock)
+    return _any_state(p, settings, on_progress)
+
+
+def _any_state(p: ScaledProblem, settings: Settings, on_progress: OnStep | None) -> CheckAnswer:
+    limits = clock_of(settings)
+    found = solve(p, ANY_STATE, settings, on_progress)
+    verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
+    backing: dict[str, Any] = {"posed": Posed(p, ANY_STATE), "verified": found.backed}
+    answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
+    return answer.settled(limits.end) if settings.verify else answer

@@ -1,0 +1,296 @@
+"""How large a disturbance along a direction is resisted? Stability paper, section VII-B, (23)-(25)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array
+from handfast.core.errors import kinds_checked
+from handfast.model.grasp import Grasp
+from handfast.proofs.balls import solution
+from handfast.proofs.certificate import proof_to_dict
+from handfast.proofs.existence import Proved, nearby
+from handfast.proofs.newton import NotShown, System
+from handfast.proofs.states import Modes, Problem
+from handfast.proofs.states import State as StateData
+from handfast.stability.answers.answer import Answer, finite, state_json
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.bound_problem import Posed, stated
+from handfast.stability.problem.equivalent_grasp import runs_away
+from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.problem.model import State
+from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.problem.scaled_problem import ScaledProblem
+from handfast.stability.problem.settings import OnStep, Settings
+from handfast.stability.problem.witness import Witness
+from handfast.stability.search.solve import clock_of, solve, time_left, without_end
+
+if TYPE_CHECKING:
+    from handfast.stability.search.interval_search import ResistedInterval
+    from handfast.stability.search.outcome import Outcome
+    from handfast.stability.search.supremum import Supremum
+NEAR = 1e-9  # relative: the exact state of a largest magnitude is so near the one that was found
+Near = tuple[State, float]  # of a question that is nearly the same: a state, and the magnitude that it resists
+
+
+@dataclass(frozen=True, eq=False)
+class MaxAnswer(Answer):
+    """How large a disturbance is resisted?
+
+    Attributes:
+        lower: the largest magnitude that was witnessed, 0 if none.
+        upper: no larger magnitude is possible; inf if that could not be shown.
+        unbounded: resisted as far as the search goes, ten thousand times the preload (or the base load,
+            or the limits); `lower` is that magnitude and its witness, `upper` is inf.
+        interval: which magnitudes below are resisted too, if that was asked.
+    """
+
+    query = "max"
+
+    lower: float
+    upper: float
+    unbounded: bool
+    interval: ResistedInterval | None = field(default=None, kw_only=True)
+
+    @cached_property
+    def limit(self) -> Supremum | None:
+        """What the magnitudes tend to as the virtual motion grows without end, where no state attains the largest.
+
+        None where nothing shows that.
+        """
+        if not (self.lower > 0 and np.isfinite(self.upper)) or self.posed is None or self.witness is None:
+            return None
+        from handfast.stability.search.supremum import limit_from
+
+        return limit_from(self.posed.problem, self.posed.goal, self.witness.state, self.lower, self.upper)
+
+    @property
+    def attained(self) -> bool:
+        """False if the largest magnitude is shown to be approached only, by states that move ever farther."""
+        return self.limit is None
+
+    @property
+    def gap(self) -> float:
+        """(upper - lower) / lower; 0 if unbounded or both are 0, inf if one bound is missing."""
+        if self.unbounded or self.upper == 0:
+            return 0.0
+        return (self.upper - self.lower) / self.lower if self.lower > 0 else INF
+
+    def settled(self, until: float = INF) -> MaxAnswer:
+        """With a lower bound that is proved to be reached; UNDECIDED where none is."""
+        out = self._proved_until(until)._exactly(until)
+        known = out._of_found
+        if known is not None and known.magnitude is not None and known.magnitude[0] < out.lower:
+            out = replace(out, lower=max(known.magnitude[0], 0.0))
+        settled = Answer.settled(out, until)
+        if settled.verdict is out.verdict:
+            return settled
+        upper = settled.upper if settled.proof else INF
+        return replace(settled, lower=0.0, upper=upper, unbounded=False)
+
+    @property
+    def _bound(self) -> float:
+        return self.upper if np.isfinite(self.upper) else 0.0
+
+    def _exactly(self, until: float) -> MaxAnswer:
+        """With a state that exists exactly, where one is near: at most a tenth of the gap lower."""
+        known, w = self._of_found, self.found
+        if known is None or w is None or known.exact or self.posed is None or self._along is None:
+            return self
+        room = self.upper - self.lower if np.isfinite(self.upper) else 0.0
+        p, x = nearby(self._problem(w), stated(w.state), room, until)
+        at = Witness(w.grasp, p.load, _state(x), w.eta, w.mdp)
+        shown = self._proved(at, until)
+        if shown.exact and shown.modes and not at.valid:  # what is proved moves otherwise
+            at = replace(at, state=_state(_in_modes(p, x, shown.modes)))
+            shown = self._proved(at, until)
+        if not shown.exact:
+            return self
+        better = replace(self, found=at)
+        return replace(better, lower=min(self.lower, p.magnitude * (1 - NEAR)))
+
+    def _reaches(self, proved: Proved) -> bool:
+        return proved.magnitude is None or proved.magnitude[0] >= self.lower
+
+    @property
+    def _along(self) -> Array | None:
+        return self.posed.problem.along if self.posed is not None and self.lower > 0 else None
+
+    def said(self) -> dict[str, Any]:
+        return {
+            "lower": self.lower,
+            "upper": finite(self.upper),
+            "gap": finite(self.gap),
+            "unbounded": self.unbounded,
+            "attained": self.attained,
+            "limit": self.limit.to_json() if self.limit else None,
+            "holds_from_zero_to": self.interval.holds_from_zero_to if self.interval else None,
+        } | (self.interval.to_json() if self.interval else {})
+
+    def to_file(self) -> dict[str, Any]:
+        """With the states and certificates of smaller magnitudes."""
+        out, shown = super().to_file(), self.interval
+        if shown is None:
+            return out
+        arcs = [{"first": a.first, "last": a.last, "controls": [state_json(x) for x in a.controls]} for a in shown.arcs]
+        return out | {"arcs": arcs, "slips": [proof_to_dict(c) for c in shown.slips]}
+
+
+@kinds_checked
+def maximum(
+    grasp: Grasp,
+    direction: Sequence[float] | Array,
+    *,
+    base: Sequence[float] | Array | None = None,
+    limits: GraspLimits = NO_LIMITS,
+    mdp: bool = True,
+    interval: bool = False,
+    settings: Settings | None = None,
+    on_progress: OnStep | None = None,
+    near: Sequence[Near] = (),
+) -> MaxAnswer:
+    """The largest s such that the disturbance base + s direction is resisted: section VII-B, (23)-(25).
+
+    The resisted magnitudes need not be an interval: a smaller one may slip.
+
+    Args:
+        direction: (6,) force [N] and torque [N m]; s multiplies it as given, normalise it yourself. Three numbers
+            are a force at the object's origin.
+        base: (6,) a constant load such as gravity, or (3,) a force.
+        interval: show which smaller magnitudes are resisted, too, see `search/interval_search`.
+        near: states and their magnitudes of questions that are nearly the same: Newton's method starts from them, too.
+
+    The other arguments and errors are those of `check`.
+    """
+    settings = settings or Settings()
+    clock = clock_of(settings)
+    w0 = np.zeros(6) if base is None else base
+    answer = largest(scaled_problem.build(grasp, w0, direction, limits=limits, mdp=mdp), settings, on_progress, near)
+    return with_interval(answer, time_left(settings, clock)) if interval else answer
+
+
+def with_interval(answer: MaxAnswer, settings: Settings) -> MaxAnswer:
+    """A maximum with which smaller magnitudes are resisted; as it is if none is, or after Ctrl-C."""
+    if answer.posed is None or answer.found is None or not answer.lower > 0 or answer.stop is Stop.INTERRUPTED:
+        return answer
+    from handfast.stability.search.interval_search import resisted
+    from handfast.stability.search.least_motion import least_motion
+
+    assert answer.witness is not None
+    p, goal = answer.posed
+
+    def least(found: Witness) -> State:
+        return least_motion(found, p.limits).state
+
+    shown = resisted(p, goal, answer.lower, answer.upper, answer.witness.state, settings, least)
+    return replace(answer, interval=shown, stop=Stop.INTERRUPTED if shown.interrupted else answer.stop)
+
+
+def _state(x: StateData) -> State:
+    """The same state, as the engine has it."""
+    return State(x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+
+
+def _in_modes(p: Problem, x: StateData, modes: Modes) -> StateData:
+    """The state of a magnitude in given modes, by Newton's method; x where it fails."""
+    try:
+        v, forces, _ = solution(System.of(replace(p, wrench=p.load, along=None), modes, x, True, True))
+    except NotShown:
+        return x
+    return StateData.of(p.grasp, v, forces)
+
+
+def max_goal(p: ScaledProblem) -> Goal:
+    """How a maximum is posed: limits and a base load break homogeneity; without commands, or anything that is given to
+    joints, there is only yes or no."""
+    if p.limits.limits_forces or p.w0.any():  # limits also of backdrivable motors, which have no row
+        return LARGEST
+    return SMALLEST_PRELOAD if p.f_c.any() or p.is_given else ANY_STATE
+
+
+def largest(
+    p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None, near: Sequence[Near] = ()
+) -> MaxAnswer:
+    """The answer to a built problem; near: see `maximum`."""
+    end, limits = p.last_magnitude, clock_of(settings)
+    posed, found = _search(p, settings, on_progress, near)
+    p, goal = posed
+    w = found.witness
+    lower, upper, unbounded = 0.0, INF, False
+    if found.bound == INF:
+        verdict, w, upper = Verdict.SLIPS, None, 0.0
+    elif w is None:
+        verdict = Verdict.UNDECIDED
+        upper = goal.bounds(p, INF, found.bound)[1] if goal.has_scalar else INF
+    else:
+        verdict = Verdict.HOLDS
+        if goal.has_scalar:
+            lower, upper = goal.bounds(p, found.value, found.bound)
+            unbounded = bool(lower >= end * (1 - NEAR_END))
+            if goal.homogeneous and p.is_given:  # of the state itself, whose preload is the grasp's to the last digits
+                lower = min(p.direction_scale / _preload_share(w, p.grasp), upper)
+            w = _scaled(w, lower / p.direction_scale, p.grasp) if goal.homogeneous else w
+        else:
+            lower, unbounded, w = end, True, _scaled(w, end, p.grasp)
+        upper = INF if unbounded else upper
+        if lower == 0 and not p.w0.any():  # rest without a load says nothing of any magnitude
+            verdict, w = Verdict.UNDECIDED, None
+    backing: dict[str, Any] = {"posed": posed, "verified": found.backed}
+    backing |= {"lower": lower * (1 - NEAR), "upper": upper, "unbounded": unbounded}
+    answer = MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, **backing)
+    return answer.settled(limits.end) if settings.verify else answer
+
+
+def _search(
+    p: ScaledProblem, settings: Settings, on_progress: OnStep | None, near: Sequence[Near]
+) -> tuple[Posed, Outcome]:
+    """What was asked in the end, and what was found."""
+    goal, limits = max_goal(p), clock_of(settings)
+    if not goal.has_scalar:  # nothing but the disturbance: resisted at every magnitude or at none
+        p = replace(p, w0=p.direction, wrench=p.along)
+    if goal.maximised and p.is_given and not p.w0.any():  # what slips without limits slips with them
+        free = scaled_problem.build(p.grasp, p.wrench, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
+        posed, alone = _search(free, settings, on_progress, ())
+        if alone.bound == INF:
+            return posed, alone
+        settings = time_left(settings, limits)
+    elif goal.maximised and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
+        # no search tells small magnitudes from 0, which every limit allows; what slips without limits slips with them
+        free = scaled_problem.build(p.grasp, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
+        alone = solve(free, ANY_STATE, settings, on_progress)
+        if alone.bound == INF:
+            return Posed(free, ANY_STATE), alone
+        settings = time_left(settings, limits)
+    hints = {"near": near} if near and goal.has_scalar else {}
+    found = solve(p, goal, settings, on_progress, **hints)
+    if found.bound == INF and goal.has_scalar and runs_away(p.grasp):
+        if goal.homogeneous:  # by the same rows with any preload
+            left = time_left(settings, limits)
+            found = solve(p, goal, left, on_progress, within=(goal.search_range(p)[0], INF)).after(found)
+    elif found.bound == INF and goal.has_scalar:
+        found = without_end(p, goal, settings, on_progress, found, limits)
+    interrupted = found.stop is Stop.INTERRUPTED
+    if found.witness is None and found.bound < INF and goal.maximised and not interrupted:
+        alone = solve(p, ANY_STATE, time_left(settings, limits), None)  # is the base load resisted, at least?
+        found = found.after(alone)
+        if alone.witness is not None:
+            found = replace(found, witness=alone.witness, value=0.0, point=None)
+    return Posed(p, goal), found
+
+
+def _preload_share(w: Witness, grasp: Grasp) -> float:
+    """The lambda of a homogeneous witness: what it has of the grasp's largest command, given torque or friction."""
+    own, given = (np.concatenate([g.command, g.given_torques, g.joint_friction]) for g in (w.grasp, grasp))
+    k = int(np.argmax(np.abs(given)))
+    return float(own[k] / given[k])
+
+
+def _scaled(w: Witness, s: float, grasp: Grasp) -> Witness:
+    """A homogeneous witness (w = d, commands lambda f_c) scaled so that the commands are the grasp's own."""
+    return Witness(grasp.with_preload(s * w.grasp.command), s * w.wrench, w.state.scaled(s), w.eta, w.mdp)

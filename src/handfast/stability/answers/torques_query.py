@@ -1,0 +1,138 @@
+"""Which commands resist a disturbance with the least effort? Stability paper, section VII-C, (26)-(27)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError, kinds_checked
+from handfast.core.limits import SearchLimits
+from handfast.model.grasp import Grasp
+from handfast.stability.answers.answer import Answer, finite
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.problem.objective import INF, Effort, SmallestCommands
+from handfast.stability.problem.scaled_problem import ScaledProblem
+from handfast.stability.problem.settings import OnStep, Settings
+from handfast.stability.search.solve import clock_of, held_under, solve, without_end
+
+if TYPE_CHECKING:
+    from handfast.stability.search.outcome import Outcome
+
+MORE = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds
+NEARLY_NONE = 1e-6  # (scaled) commands where the least that hold are only approached, as they go to 0
+
+
+@dataclass(frozen=True, eq=False)
+class TorquesAnswer(Answer):
+    """Which commands resist a disturbance with the least effort?
+
+    Attributes:
+        preload: actuator name -> command [N m or N]; None without a witness. 0 is a locked actuator.
+        lower, upper: certified and witnessed bound on the objective [N m or N].
+    """
+
+    query = "torques"
+
+    preload: dict[str, float] | None
+    lower: float
+    upper: float
+
+    def settled(self, until: float = INF) -> TorquesAnswer:
+        """UNDECIDED, without commands, if its witness or its bound cannot be proved; else as it is."""
+        out = super().settled(until)
+        if out.verdict is self.verdict:
+            return out
+        return replace(out, preload=None, lower=self.lower if np.isfinite(self.lower) else 0.0, upper=INF)
+
+    def said(self) -> dict[str, Any]:
+        return {"preload": self.preload, "lower": finite(self.lower), "upper": finite(self.upper)}
+
+
+@kinds_checked
+def torques(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    *,
+    objective: Effort = "max",
+    actuators: Sequence[str] | None = None,
+    limits: GraspLimits = NO_LIMITS,
+    settings: Settings | None = None,
+    on_progress: OnStep | None = None,
+) -> TorquesAnswer:
+    """The commands that resist a disturbance with the least effort: section VII-C, (26)-(27).
+
+    An actuator that need not turn is locked and costs nothing, whatever passive load its gearing
+    carries: that is (8), tau free where the command is zero.
+
+    Args:
+        wrench: (6,) force [N] and torque [N m] on the object, or (3,) a force at its origin.
+        objective: "max", the largest single command, or "sum".
+        actuators: whose commands are sought; by default those that the grasp commands now, or all.
+            The others stay locked; backdrivable motors stay as the grasp commands them.
+
+    The other arguments and errors are those of `check`.
+
+    Raises:
+        InputError: also for an unknown objective or actuator, and for a backdrivable one.
+    """
+    settings = settings or Settings()
+    if objective not in ("max", "sum"):
+        raise InputError(f"is '{objective}'; 'max' or 'sum' is needed", field="objective")
+    names = list(actuators or grasp.sought_actuators)
+    chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
+    sense = {n: v for n, v in grasp.preload.items() if n in names}
+    asked = grasp.with_commands({n: np.sign(sense.get(n, 1.0)) for n in names})
+    p = scaled_problem.build(asked, wrench, limits=limits, driven=chosen)
+    goal = SmallestCommands(objective)
+    clock = clock_of(settings)
+    found = _search(grasp, p, goal, settings, on_progress, clock)
+    preload, lower, upper = None, max(found.bound, 0.0), INF
+    if found.bound == INF:
+        verdict, lower = Verdict.SLIPS, INF
+    elif found.witness is None:
+        verdict = Verdict.UNDECIDED
+    else:
+        verdict, commands = Verdict.HOLDS, found.witness.grasp.command
+        every = dict(zip(found.witness.grasp.mechanism.actuators, commands.tolist(), strict=True))
+        preload, upper = {n: every[n] for n in names}, goal.cost(found.witness.grasp)
+    backing: dict[str, Any] = {"posed": Posed(p, goal), "verified": found.backed}
+    backing |= {"preload": preload, "lower": lower, "upper": upper}
+    answer = TorquesAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
+    return answer.settled(clock.end) if settings.verify else answer
+
+
+def _search(
+    grasp: Grasp,
+    p: ScaledProblem,
+    goal: SmallestCommands,
+    settings: Settings,
+    on_progress: OnStep | None,
+    clock: SearchLimits,
+) -> Outcome:
+    """The least commands that were found, raised by a little so that they hold by more than luck."""
+    finer = replace(settings, gap=(1 - 2 * MORE[-1]) * settings.gap)  # leaves room for raising the commands
+    found = solve(p, goal, finer, on_progress)
+    if found.bound == INF:
+        found = without_end(p, goal, finer, on_progress, found, clock)
+    if found.stop is Stop.INTERRUPTED:
+        return found
+    if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
+        same = p.equivalent
+        little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
+        held = held_under(little, p, settings, found, clock)
+        return found if held is None else replace(held, stop=Stop.COMPLETE)  # nothing is less than none
+    if found.witness is not None and not clock.late:
+        # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
+        command = found.witness.grasp.command
+        back = np.array(grasp.mechanism.backdrivable, dtype=bool)
+        factors = 1 + settings.gap * np.array(MORE)
+        raised = (grasp.with_preload(np.where(back, command, factor * command)) for factor in factors)
+        return next((held for g in raised if (held := held_under(g, p, settings, found, clock))), found)
+    return found

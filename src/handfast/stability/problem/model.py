@@ -1,0 +1,437 @@
+"""Equations (1) to (8) of the stability paper, with the signs of its virtual work: the judge of every answer.
+
+Source: Haas-Heger and Ciocarlie, "Accurate Energetic Constraints for Passive Grasp Stability
+Analysis", 2020, section III; (17) is in section VI. Nothing here knows how a solution was found.
+
+Conventions: c_i = (c_n, c_t1, c_t2) is the force of the hand **on the object** [N], in the contact
+frame whose n points into the object. Motions are virtual: the contact springs have unit stiffness,
+so a motion is measured by the force it causes (d in N, r in N and N/m, q in N/m per joint unit).
+
+Errata applied: (2) is tau = +J^T c (printed with the other sign); (17) unloads the contact.
+
+Beyond the paper a joint may have dry friction, a stop and a given torque, and a motor may be backdrivable: the laws of
+joints, see `joint_balance`, `reaction_range` and docs/joint-laws.md. A contact may be a soft finger, which carries a
+torque about its normal, the torsion: (5) to (7) are then about three components, c_t and torsion over `Grasp.levers`,
+which is a force too, and the motions that belong to them, see `friction` and docs/soft-fingers.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from handfast.core.arrays import Array, Mask, frozen
+from handfast.core.transforms import cross
+from handfast.model.grasp import Grasp
+from handfast.stability.problem.exact_sums import Sums, exact_sums
+
+LARGE = 1e4  # times the largest force: motions and forces from which on sums are taken without rounding
+NO_ARM = 1e-14  # relative: an arm that rounding makes
+VANISHING = 1e-100  # numbers below are scaled up before anything is squared
+NO_REACTION: Array = np.zeros(0)  # of a state that was given none: its joints carry nothing themselves
+NO_TORSION: Array = np.zeros(0)  # likewise, of its contacts
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A candidate solution of the model.
+
+    Attributes:
+        r: (6,) virtual object motion, translation then rotation, object frame.
+        q: (l,) virtual joint motion.
+        c: (3m,) contact forces (n, t1, t2 each) [N].
+        f: (a,) actuator forces [N m or N].
+        coupling: (k,) multipliers lambda of the rigid couplings A q = 0.
+        reaction: (l,) rho, what the joints themselves carry by dry friction and at stops [N m or N]; 0 unless given.
+        torsion: (m,) torques about the normals [N m], of the hand on the object; 0 unless given, as of point contacts.
+    """
+
+    r: Array
+    q: Array
+    c: Array
+    f: Array
+    coupling: Array
+    reaction: Array = field(default_factory=lambda: NO_REACTION)
+    torsion: Array = field(default_factory=lambda: NO_TORSION)
+
+    def __post_init__(self) -> None:
+        if self.reaction is NO_REACTION:
+            object.__setattr__(self, "reaction", np.zeros(np.shape(self.q)))
+        if self.torsion is NO_TORSION:
+            object.__setattr__(self, "torsion", np.zeros(np.size(self.c) // 3))
+        for f in fields(self):
+            value = np.asarray(getattr(self, f.name), dtype=float)
+            object.__setattr__(self, f.name, frozen(value, value.shape, f.name))
+
+    def scaled(self, s: float) -> State:
+        """The state times s: with w and the commands times s it solves the model again (homogeneity)."""
+        return State(*(s * getattr(self, f.name) for f in fields(self)))
+
+
+def _norms(x: Array) -> Array:
+    """(n,) lengths of the rows; `np.linalg.norm` takes three times as long."""
+    out: Array = np.sqrt((x * x).sum(axis=1))
+    return out
+
+
+# --- the equations, one function each -----------------------------------------------------------
+
+
+def twisting(grasp: Grasp, torsion: Array) -> Array:
+    """(s,) [N] torsions (m,) of the soft fingers over their levers, comparable with c_t."""
+    out: Array = torsion[grasp.soft] / grasp.levers
+    return out
+
+
+def object_balance(grasp: Grasp, c: Array, w: Array, torsion: Array | None = None) -> Array:
+    """(6,) G c + w, zero in equilibrium: equation (1), with the torsions (m,) of soft fingers."""
+    out: Array = grasp.G @ c + w
+    if torsion is None or not len(grasp.soft):
+        return out
+    return out + grasp.twist_map @ twisting(grasp, torsion)
+
+
+def joint_torques(grasp: Grasp, c: Array, torsion: Array | None = None) -> Array:
+    """(l,) tau = J^T c: equation (2) with the sign that its own virtual work demands, and torsions (m,)."""
+    if torsion is None or not len(grasp.soft):
+        return grasp.J.T @ c
+    out: Array = grasp.J.T @ c + grasp.twist_jacobian.T @ twisting(grasp, torsion)
+    return out
+
+
+def joint_balance(
+    grasp: Grasp,
+    c: Array,
+    f: Array,
+    coupling: Array,
+    reaction: Array | None = None,
+    torsion: Array | None = None,
+) -> Array:
+    """(l,) J^T c - R^T f - A^T lambda - given - rho, zero when all of these together carry the joint torques.
+
+    rho: (l,) the joints' reactions, none by default; given: the torques that springs and the like exert whatever moves.
+    torsion: (m,) of the contacts.
+    """
+    out = joint_torques(grasp, c, torsion) - grasp.mechanism.R.T @ f - grasp.mechanism.A.T @ coupling
+    if not grasp.has_laws:
+        return out
+    return out - grasp.given_torques - (0.0 if reaction is None else reaction)
+
+
+def relative_motion(grasp: Grasp, r: Array, q: Array) -> Array:
+    """(3m,) d = G^T r - J q, motion of the object relative to the finger, contact frames: equation (3)."""
+    return grasp.G.T @ r - grasp.J @ q
+
+
+def turning(grasp: Grasp, r: Array, q: Array) -> Array:
+    """(s,) turning of the object against each soft finger about the normal, times the lever: (3) for torsion."""
+    out: Array = grasp.twist_map.T @ r - grasp.twist_jacobian @ q
+    return out
+
+
+def friction(grasp: Grasp, c: Array, torsion: Array) -> Array:
+    """(m, 3) [N] c_t1, c_t2 and torsion over the lever, of each contact; the last is 0 at point contacts."""
+    return _with_twist(grasp, c, twisting(grasp, torsion))
+
+
+def sliding(grasp: Grasp, d: Array, turned: Array) -> Array:
+    """(m, 3) d_t1, d_t2 and `turning` (s,) of each contact: what `friction` works against."""
+    return _with_twist(grasp, d, turned)
+
+
+def _with_twist(grasp: Grasp, x: Array, twist: Array) -> Array:
+    """(m, 3) tangential components of x (3m,), and those of the soft fingers (s,)."""
+    out = np.zeros((grasp.m, 3))
+    out[:, :2] = x.reshape(-1, 3)[:, 1:]
+    out[grasp.soft, 2] = twist
+    return out
+
+
+def normal_motion(d: Array, eta: float = 0.0) -> Array:
+    """(m,) d_n, or for eta > 0 [rad] the worst case d^_n = d_n cos(eta) + |d_t| sin(eta): equation (17).
+
+    Printed with a minus, which would load the contact; the worst normal unloads it.
+    """
+    d = d.reshape(-1, 3)
+    return d[:, 0] * np.cos(eta) + _norms(d[:, 1:]) * np.sin(eta)
+
+
+def spring_force(d: Array, eta: float = 0.0) -> Array:
+    """(m,) c_n = max(0, -d_n), unilateral springs of unit stiffness: equation (4)."""
+    return np.maximum(0.0, -normal_motion(d, eta))
+
+
+def cone_excess(normal: Array, rubs: Array, mu: Array) -> Array:
+    """(m,) |c_t| - mu c_n, not positive inside the friction cone: equation (5).
+
+    normal: (m,) c_n; rubs: (m, 3) `friction`.
+    """
+    return _norms(rubs) - mu * normal
+
+
+def dissipation_defect(normal: Array, rubs: Array, slides: Array, mu: Array) -> Array:
+    """(m, 3) c_t |d_t| + mu c_n d_t, zero when friction opposes sliding at full strength: (6), (7).
+
+    Also zero where nothing slides, so one expression covers both cases of (7) together with (5).
+    normal: (m,) c_n; rubs, slides: (m, 3) `friction` and `sliding`.
+    """
+    return rubs * _norms(slides)[:, None] + (mu * normal)[:, None] * slides
+
+
+def actuator_motion(grasp: Grasp, q: Array) -> Array:
+    """(a,) t = R q, the actuator displacements that equation (8) speaks of."""
+    return grasp.mechanism.R @ q
+
+
+def commanded(grasp: Grasp, command: Array | None = None) -> Mask:
+    """(a,) bool: which actuators may move; the rest is locked.
+
+    Those that are commanded, a tendon that may go slack, a motor that can be driven back.
+    """
+    f_c = grasp.command if command is None else command
+    mech = grasp.mechanism
+    return (f_c != 0) | np.array(mech.tendon, dtype=bool) | np.array(mech.backdrivable, dtype=bool)
+
+
+def reaction_range(grasp: Grasp) -> tuple[Array, Array]:
+    """(l,) each: lo <= rho <= hi of the joints' reactions, infinite where a stop carries.
+
+    rho = lo where q_j > 0 and hi where q_j < 0: dry friction takes all that it can (maximum dissipation in one
+    dimension), and no joint moves into a stop, since nothing equals an infinite reaction. A positive reaction closes.
+    """
+    friction = grasp.joint_friction
+    upper = np.array([joint.stop in ("upper", "both") for joint in grasp.joints], dtype=bool)
+    lower = np.array([joint.stop in ("lower", "both") for joint in grasp.joints], dtype=bool)
+    return np.where(upper, -np.inf, -friction), np.where(lower, np.inf, friction)
+
+
+def reaction_defect(q: Array, reaction: Array, lo: Array, hi: Array) -> Array:
+    """(..., l) how far motions and reactions, in the same unit, are from the law of the joints' reactions."""
+    outside = np.maximum(lo - reaction, reaction - hi)
+    return np.maximum.reduce([outside, np.minimum(q, reaction - lo), np.minimum(-q, hi - reaction)])
+
+
+# --- scales: what a residual is measured against ------------------------------------------------
+
+
+def joint_arms(grasp: Grasp) -> Array:
+    """(l,) motion of the contacts per unit joint motion: J's column norms.
+
+    A joint that does nothing but turn soft fingers about their normals has their levers for an arm, one that moves
+    nothing, or next to nothing for the grasp's size, its unit.
+    """
+    arms = np.sqrt((grasp.J * grasp.J).sum(axis=0))
+    least, units = NO_ARM * joint_units(grasp), joint_units(grasp)
+    if len(grasp.soft):
+        arms = np.where(arms > least, arms, np.sqrt((grasp.twist_jacobian**2).sum(axis=0)))
+    return np.where(arms > least, arms, units)
+
+
+def joint_units(grasp: Grasp) -> Array:
+    """(l,) torque or force of a joint that counts as much as a unit of force: the grasp's size if it turns, else 1."""
+    return np.array([grasp.size if joint.type == "revolute" else 1.0 for joint in grasp.joints])
+
+
+def actuator_arms(grasp: Grasp) -> Array:
+    """(a,) motion of the contacts per unit actuator motion, the smallest over the joints it drives."""
+    return _actuator_arms(np.abs(grasp.mechanism.R), joint_arms(grasp))
+
+
+def _actuator_arms(R: Array, arms: Array) -> Array:
+    """The same of |R| and the joints' arms."""
+    return np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1) if R.size else np.ones(0)
+
+
+def force_scale(w: Array, c: Array) -> float:
+    """[N] the largest force that acts: of the disturbance w (6,), or a contact force of c (3m,); 1 if none does."""
+    scale = max(float(np.linalg.norm(w[:3])), float(_norms(c.reshape(-1, 3)).max(initial=0.0)))
+    return scale if scale > 0 else 1.0
+
+
+def load_scale(grasp: Grasp, w: Array, command: Array | None = None) -> float:
+    """[N] what residuals are measured by: the load (6,), its force, or its torque about the contacts' middle over size.
+
+    Without a load the largest command or given torque, each over its joint's unit; 1 if none acts. Contact forces,
+    however large, have no part in it: what holds is what misses neither load nor commands.
+    """
+    middle = grasp.positions.mean(axis=0)
+    scale = max(float(np.linalg.norm(w[:3])), float(np.linalg.norm(w[3:] - cross(middle, w[:3]))) / grasp.size)
+    if scale > 0 or not grasp.l:
+        return scale or 1.0
+    f_c, units = grasp.command if command is None else command, joint_units(grasp)
+    drives = np.abs(grasp.mechanism.R.T * f_c) / units[:, None]
+    return max(float(drives.max(initial=0.0)), float((np.abs(grasp.given_torques) / units).max())) or 1.0
+
+
+def linear_sums(grasp: Grasp, w: Array, state: State, force: float, arms: Array, moment_arm: Array) -> Sums:
+    """The linear equations at a state, in floating point where rounding cannot matter, else exact.
+
+    Large numbers that cancel hide what they are added to, and G and J are rounded: a locked motor and a coupling on
+    the same joints may carry 10^17 each way, two joints that move alike may turn as far against each other.
+
+    force: [N] the largest that acts. arms, moment_arm: `joint_arms`, `actuator_arms`.
+    """
+    mech = grasp.mechanism
+    reach = float(np.abs(grasp.positions).max(initial=0.0))
+    r = np.abs(state.r)
+    largest = max(r[:3].max(), r[3:].max() * (reach + grasp.size), np.abs(state.c).max(initial=0.0))
+    if len(arms):
+        largest = max(largest, (np.abs(state.q) * arms).max(), (np.abs(state.reaction) / arms).max())
+    if mech.a:
+        largest = max(largest, (np.abs(state.f) / moment_arm).max())
+    if len(mech.A):
+        largest = max(largest, (np.abs(mech.A * state.coupling[:, None]) / arms).max())
+    if max(largest / force, reach / grasp.spacing) > LARGE:
+        x = state
+        return exact_sums(grasp, w, x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
+    return Sums(
+        object_balance(grasp, state.c, w, state.torsion),
+        joint_balance(grasp, state.c, state.f, state.coupling, state.reaction, state.torsion),
+        mech.A @ state.q,
+        relative_motion(grasp, state.r, state.q),
+        actuator_motion(grasp, state.q),
+        turning(grasp, state.r, state.q),
+    )
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """How far a state is from solving (1)-(8), relative to the load (`load_scale`): without units.
+
+    Torques on the object are about the contacts' middle, over the grasp's size; those of joints over `joint_units`;
+    motions are measured by the force that they cause at a contact. A sliding contact's direction is judged at full
+    weight once it slides farther than the scale; below, in proportion.
+    """
+
+    object_balance: float  # (1)
+    joint_balance: float  # (2)
+    couplings: float  # A q = 0
+    normal: float  # (4), with (17) if eta > 0
+    cone: float  # (5)
+    dissipation: float  # (6), (7); 0 by definition if the maximum dissipation principle is left out
+    actuators: float  # (8)
+    reactions: float = 0.0  # the joints' own, see `reaction_range`
+
+    @property
+    def worst(self) -> float:
+        """The largest of them; NaN if one is."""
+        return float(np.max([getattr(self, f.name) for f in fields(self)]))
+
+
+def residuals(
+    grasp: Grasp, w: Array, state: State, *, eta: float = 0.0, command: Array | None = None, mdp: bool = True
+) -> Residuals:
+    """Check a state against the exact model, equations (1) to (8).
+
+    Args:
+        grasp: contacts, joints, mechanism, commands.
+        w: (6,) disturbance [N, N m], object frame at the object's origin.
+        state: the candidate.
+        eta: uncertainty of the contact normals [rad], equation (17).
+        command: (a,) commanded forces to use instead of the grasp's.
+        mdp: leave out (6) and (7) if False, the friction of the grasp-force literature (section VII-A).
+    """
+    w = np.asarray(w, dtype=float)
+    f_c = grasp.command if command is None else command
+    largest = max(np.abs(w).max(), np.abs(state.c).max(initial=0.0))
+    if 0 < largest < VANISHING:  # homogeneous: numbers whose squares vanish are judged as well as any
+        s = 2.0 ** min(-np.round(np.log2(largest)), 1000.0)
+        return residuals(grasp.with_laws_times(s), s * w, state.scaled(s), eta=eta, command=s * f_c, mdp=mdp)
+    R, A = grasp.mechanism.R, grasp.mechanism.A
+    arms = joint_arms(grasp)
+    moment_arm = _actuator_arms(np.abs(R), arms)
+    F = load_scale(grasp, w, f_c)
+    sums = linear_sums(grasp, w, state, F, arms, moment_arm)
+    d, c = sums.d, state.c.reshape(-1, 3)
+    rubs, slides = friction(grasp, state.c, state.torsion), sliding(grasp, d, sums.twist)
+    dt = _norms(slides)
+    torque = sums.object[3:] - cross(grasp.positions.mean(axis=0), sums.object[:3])
+
+    # (8) in the actuator's own sense of command, motions and forces both brought to newtons
+    sense = np.where(f_c < 0, -1.0, 1.0)
+    t = sense * sums.t * moment_arm
+    slack = sense * (state.f - f_c) / moment_arm
+    moves = commanded(grasp, f_c)
+    actuator = np.where(moves, np.maximum.reduce([-t, -slack, np.minimum(np.abs(t), np.abs(slack))]), np.abs(t))
+    actuator = np.where(grasp.mechanism.backdrivable, np.abs(slack), actuator)
+    lo, hi = reaction_range(grasp)
+    reaction = reaction_defect(state.q * arms, state.reaction / arms, lo / arms, hi / arms)
+    dissipation = dissipation_defect(c[:, 0], rubs, slides, grasp.mu) / np.maximum(dt, F)[:, None]
+    idle = np.abs(np.delete(state.torsion, grasp.soft)) / grasp.size  # point contacts carry no torsion
+    slip = np.abs(sums.couplings)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
+
+    def worst(values: Array) -> float:
+        return float(values.max(initial=0.0)) / F
+
+    return Residuals(
+        object_balance=max(float(np.linalg.norm(sums.object[:3])), float(np.linalg.norm(torque)) / grasp.size) / F,
+        joint_balance=worst(np.abs(sums.joints) / joint_units(grasp)),
+        couplings=worst(slip),
+        normal=worst(np.abs(c[:, 0] - spring_force(d, eta))),
+        cone=max(worst(cone_excess(c[:, 0], rubs, grasp.mu)), worst(idle)),
+        dissipation=worst(np.abs(dissipation)) if mdp else 0.0,
+        actuators=worst(actuator),
+        reactions=worst(reaction),
+    )
+
+
+# --- energy ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Virtual work of a state [N^2 / unit stiffness]; what goes in must be stored or dissipated.
+
+    Attributes:
+        disturbance: w . r.
+        preload: f_c . t.
+        stored: sum of -c_n d_n, in the contact springs (sum of c_n^2 if eta = 0).
+        friction: (m,) -c_t . d_t per contact, with what torsion takes. Negative: friction pushes along the motion,
+            energy out of nothing.
+        maximum: (m,) mu c_n |d_t| per contact, what the maximum dissipation principle (6) demands.
+        given: torque . q of what acts on the joints whatever moves, as springs.
+        joints: (l,) -rho q per joint, what its dry friction takes: friction_j |q_j|. Stops do no work.
+    """
+
+    disturbance: float
+    preload: float
+    stored: float
+    friction: Array
+    maximum: Array
+    given: float
+    joints: Array
+
+    @property
+    def residual(self) -> float:
+        """w . r + f_c . t + torque . q - stored - sums of friction, at contacts and in joints.
+
+        Zero in every state that satisfies (1)-(3), (8) and the laws of joints.
+        """
+        put_in = self.disturbance + self.preload + self.given
+        return put_in - self.stored - float(self.friction.sum()) - float(self.joints.sum())
+
+    @property
+    def created(self) -> float:
+        """Work that friction feeds in rather than dissipates; zero in physics."""
+        return float(np.maximum(0.0, -self.friction).sum())
+
+
+def energy(grasp: Grasp, w: Array, state: State, *, command: Array | None = None) -> Energy:
+    """The energy balance of a state, term by term.
+
+    w.r + f_c.t + torque.q = sum c_n^2 + sum mu c_n |d_t| + sum friction_j |q_j|.
+    """
+    f_c = grasp.command if command is None else command
+    d, c = relative_motion(grasp, state.r, state.q).reshape(-1, 3), state.c.reshape(-1, 3)
+    rubs = friction(grasp, state.c, state.torsion)
+    slides = sliding(grasp, d, turning(grasp, state.r, state.q))
+    return Energy(
+        disturbance=float(np.asarray(w) @ state.r),
+        preload=float(f_c @ actuator_motion(grasp, state.q)),
+        stored=float(-(c[:, 0] * d[:, 0]).sum()),
+        friction=-(rubs * slides).sum(axis=1),
+        maximum=grasp.mu * c[:, 0] * _norms(slides),
+        given=float(grasp.given_torques @ state.q),
+        joints=-state.reaction * state.q,
+    )

@@ -1,0 +1,76 @@
+"""A posed question to the engine, and what follows its search."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from handfast.core.answer import Stop
+from handfast.core.limits import SearchLimits
+from handfast.model.grasp import Grasp
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, Goal
+from handfast.stability.problem.scaled_problem import ScaledProblem
+from handfast.stability.problem.settings import OnStep, Settings
+
+if TYPE_CHECKING:
+    from handfast.stability.search.outcome import Outcome
+
+ANY = 0.9  # relative: a gap with which the first state that is found ends a search, mostly,
+MANY = 4096  # nodes at most
+LEAST = 1e-3  # [s] that a search has where no time is left
+
+
+def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_progress: OnStep | None, **hints: Any) -> Outcome:
+    """What the search finds; hints: see `engine.search`. The engine loads when it is asked first."""
+    from handfast.stability.search import engine
+
+    return engine.search(p, goal, settings, on_progress, **hints)
+
+
+def compiled() -> None:
+    """Let the engine be compiled, or loaded, before the clock of a question runs: that is no question's time."""
+    from handfast.stability.search.machine import LIBRARY
+
+    LIBRARY.functions  # noqa: B018
+
+
+def clock_of(settings: Settings) -> SearchLimits:
+    """The time of a question, from now on."""
+    compiled()
+    return SearchLimits(settings.time_limit)
+
+
+def time_left(settings: Settings, limits: SearchLimits) -> Settings:
+    """For what follows a search: the rest of its time."""
+    return replace(settings, time_limit=max(limits.seconds_left, LEAST))
+
+
+def without_end(
+    p: ScaledProblem, goal: Goal, settings: Settings, on_progress: OnStep | None, found: Outcome, limits: SearchLimits
+) -> Outcome:
+    """Nothing was found up to the end of a search: is there anything beyond? What both searches showed.
+
+    Magnitudes however small, magnitudes and commands however large.
+    """
+    settings = time_left(settings, limits)
+    if goal.maximised:  # any of them would do
+        settings = replace(settings, gap=ANY, node_limit=min(settings.node_limit, MANY + 2 * found.nodes))
+    beyond = solve(p, goal, settings, on_progress, endless=True)
+    if beyond.witness is not None or beyond.bound == INF:
+        stop = Stop.COMPLETE if goal.maximised else beyond.stop
+        return replace(beyond.after(found), stop=stop)
+    shown = found.proof.certificate if found.proof else None
+    if goal.maximised or shown is None or shown.scalar is None:
+        return replace(found.after(beyond), bound=-INF, proof=None, stop=beyond.stop)
+    end = HIGHEST if goal.homogeneous else shown.scalar[1]
+    return replace(found.after(beyond), bound=end, stop=beyond.stop)
+
+
+def held_under(
+    grasp: Grasp, p: ScaledProblem, settings: Settings, found: Outcome, limits: SearchLimits
+) -> Outcome | None:
+    """`found` with the witness of a check under the commands of this grasp; None if it is not resisted."""
+    settings = replace(time_left(settings, limits), verify=False)
+    there = solve(scaled_problem.build(grasp, p.wrench, limits=p.limits, mdp=p.mdp), ANY_STATE, settings, None)
+    return replace(found.after(there), witness=there.witness) if there.witness is not None else None

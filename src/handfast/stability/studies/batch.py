@@ -1,0 +1,338 @@
+"""Many questions at once, arrays in and arrays out: `check_many`, `max_many`, `torques_many`.
+
+Questions about one grasp share what belongs to it (`search/load_rows.py`), and the compiled kernel goes from one to the
+next by itself (`row_kernel.py`). What holds is judged by the equations, all rows together (`batch_judge.py`).
+A row is asked by itself, as `check`, `maximum` and `torques` do it, where its search does not end within a budget,
+where its programs break down, where nothing holds and that is to be replayed, or where whole answers are wanted. Where
+programs break down in the search of a maximum, too, it is asked again from the states of the nearest directions.
+
+A check is answered without any search where Newton's method arrives at an exact state from rest, or from the states of
+the loads nearest to it that were asked before. That is sufficient, since the model asks for the existence of a state: a
+state that solves (1) to (8) is a proof whatever it was guessed from. Friction inside the cones that balances the load
+would not do, as normal forces are those of springs: c_n = max(0, -d_n) ties every force to a motion.
+
+What lies between loads with witnesses mostly holds by one step of that method. Let states x, x' solve the model under
+loads w, w' and the same commands, every contact being open in both, sticking in both or sliding in the same direction
+in both, and every actuator turning in both or in neither. Then (1 - s) x + s x' solves it under (1 - s) w + s w' for
+0 <= s <= 1: (1) to (3) are linear; where a contact is open or closed in both, so is (4), with d_n >= 0 and c_n >= 0
+kept (exact normals); the cone (5) is convex; (7) says c_t = -mu c_n u and d_t = |d_t| u with a fixed u, which is
+linear, or d_t = 0; (8) says f = f_c, t >= 0 or t = 0, f >= f_c. And where nothing is commanded and nothing limits
+forces, s x solves it under s w for all s >= 0.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from handfast.core import parallel
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array
+from handfast.core.errors import InputError
+from handfast.core.parallel import WorkerPool, default_jobs
+from handfast.model.grasp import Grasp
+from handfast.stability.answers import MaxAnswer, check, maximum, torques
+from handfast.stability.answers.answer import Answer
+from handfast.stability.answers.batch_answer import INTERRUPTED, AnswerRows, BatchAnswer
+from handfast.stability.answers.max_query import Near
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.equivalent_grasp import equivalent_of
+from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.objective import ANY_STATE, LARGEST, SMALLEST_PRELOAD, Effort, Goal
+from handfast.stability.problem.settings import Settings
+from handfast.stability.studies.row_kernel import RowKernel
+
+OnItem = Callable[[int, int], None]  # done, total
+Query = Literal["check", "max", "torques"]
+BLOCK = 125  # questions that are answered together: each begins with what those before it showed
+NEAREST = 3  # answered rows from whose states the search of a row begins
+FEW = 2  # questions about one grasp from which on it pays to prepare it
+FORK, FORK_ALONE = 500, 60  # questions from which on processes pay, of the kernel and of those that are asked alone
+
+
+@dataclass(frozen=True, eq=False)
+class BatchOptions:
+    """What all questions share; answers: are whole ones wanted? interval: of maxima, see `maximum`."""
+
+    query: Query
+    limits: GraspLimits = NO_LIMITS
+    mdp: bool = True
+    settings: Settings = field(default_factory=Settings)
+    objective: Effort = "max"
+    actuators: Sequence[str] | None = None
+    answers: bool = False
+    interval: bool = False
+
+    def of_rows(self) -> BatchOptions:
+        """The same for searches with one thread each: cores are for rows."""
+        return replace(self, settings=replace(self.settings, workers=1))
+
+    def together(self, grasp: Grasp) -> bool:
+        """Are rows about a grasp for the kernel?"""
+        if self.answers or self.interval or self.query == "torques" or not self.mdp:
+            return False
+        return self.query == "check" or bool(grasp.command.any()) or equivalent_of(grasp).is_given
+
+
+def check_many(
+    grasps: Grasp | Sequence[Grasp],
+    wrenches: Any,
+    *,
+    limits: GraspLimits = NO_LIMITS,
+    mdp: bool = True,
+    settings: Settings | None = None,
+    jobs: int | None = None,
+    answers: bool = False,
+    on_progress: OnItem | None = None,
+) -> BatchAnswer:
+    """Which of these disturbances does each grasp resist? `check` for many.
+
+    Args:
+        grasps: one, or g of them.
+        wrenches: (n, 6) forces [N] and torques [N m], object frame, or (n, 3) forces, asked of every grasp; or
+            (g, n, 6), (g, n, 3), own ones for each; or `Loads`.
+        jobs: cores to use; by default all. Answers do not depend on it.
+        answers: keep whole answers, with witness and certificate; each is then asked by itself.
+        on_progress: called with (done, total).
+
+    The other arguments are those of `check`; `settings.verify` says whether what slips is replayed by the checker.
+
+    Returns:
+        Arrays (n,) for one grasp, (g, n) for several. A row whose question is refused has the reason in `error`.
+
+    After Ctrl-C so have those that were not asked.
+
+    Raises:
+        InputError: wrenches of another shape; no grasps.
+    """
+    options = BatchOptions("check", limits, mdp, settings or Settings(), answers=answers)
+    return _ask(grasps, wrenches, None, options, jobs, on_progress)
+
+
+def max_many(
+    grasps: Grasp | Sequence[Grasp],
+    directions: Any,
+    *,
+    base: Any = None,
+    interval: bool = False,
+    limits: GraspLimits = NO_LIMITS,
+    mdp: bool = True,
+    settings: Settings | None = None,
+    jobs: int | None = None,
+    answers: bool = False,
+    on_progress: OnItem | None = None,
+) -> BatchAnswer:
+    """How large a disturbance along each of these directions does each grasp resist? `maximum` for many.
+
+    Args:
+        directions: as `wrenches` of `check_many`.
+        base: (6,) or (3,) a constant load, the same for all; or one for each direction, shaped like `directions`.
+        interval: show which smaller magnitudes are resisted, too: `BatchAnswer.intervals`. It takes many times as long.
+        answers: keep whole answers, with witness and certificate, and replay every bound. Without, upper bounds are
+            those of searches that ended as they should, and `verified` is False where a bound stands behind the row.
+
+    The other arguments, what is returned and raised are those of `check_many` and `maximum`.
+    """
+    options = BatchOptions("max", limits, mdp, settings or Settings(), answers=answers, interval=interval)
+    return _ask(grasps, directions, base, options, jobs, on_progress)
+
+
+def torques_many(
+    grasps: Grasp | Sequence[Grasp],
+    wrenches: Any,
+    *,
+    objective: Effort = "max",
+    actuators: Sequence[str] | None = None,
+    limits: GraspLimits = NO_LIMITS,
+    settings: Settings | None = None,
+    jobs: int | None = None,
+    answers: bool = False,
+    on_progress: OnItem | None = None,
+) -> BatchAnswer:
+    """The least commands under which each grasp resists each of these disturbances: `torques` for many.
+
+    Each is asked by itself, on all cores: raising commands that are the smallest to the last bit takes another check,
+    whose actuators may be others than those of the question before.
+
+    The arguments are those of `torques` and `check_many`.
+    """
+    options = BatchOptions("torques", limits, True, settings or Settings(), objective, actuators, answers)
+    return _ask(grasps, wrenches, None, options, jobs, on_progress)
+
+
+# --- from arrays to rows, and back --------------------------------------------------------------
+
+
+def _ask(
+    grasps: Grasp | Sequence[Grasp],
+    wrenches: Any,
+    base: Any,
+    options: BatchOptions,
+    jobs: int | None,
+    on_progress: OnItem | None,
+) -> BatchAnswer:
+    """All rows, in blocks."""
+    each = (grasps,) if isinstance(grasps, Grasp) else tuple(grasps)
+    if not each:
+        raise InputError("is empty; a grasp is needed", field="grasps")
+    field_ = "directions" if options.query == "max" else "wrenches"
+    W = as_rows(wrenches, len(each), field_)
+    B, options = as_base(base, W), options.of_rows()
+    (g, n), done = W.shape[:2], 0
+    pieces = _pieces(g, n, BLOCK)
+    many = g * n > (FORK if all(map(options.together, each)) else FORK_ALONE)
+    forked = parallel.START == "fork" and (many or options.answers or options.query == "torques")
+    jobs = min(jobs or default_jobs(), max(len(pieces), 1))
+    parts: list[AnswerRows] = []
+    with WorkerPool((each, W, B, options), jobs, threads=not forked) as pool:
+        try:
+            for some in pool.map(_chunk, pieces):
+                parts += some
+                for part in some:
+                    for stop in part["stop"]:
+                        done += 1
+                        if on_progress:
+                            on_progress(done, g * n)
+                        if stop == Stop.INTERRUPTED:  # Ctrl-C during a search ends in an answer
+                            raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            left = [piece for chunk in pieces for piece in chunk][len(parts) :]
+            parts += [AnswerRows(W[i, a:b], B[i, a:b], INTERRUPTED) for i, a, b in left]
+    wanted = W[0] if isinstance(grasps, Grasp) else W
+    return BatchAnswer.of(options.query, wanted, parts, answers=options.answers, interval=options.interval)
+
+
+def as_rows(wrenches: Any, g: int, field_: str) -> Array:
+    """(g, n, 6) of whatever shape was given; nothing is said of its numbers yet."""
+    needed = f"(n, 6) or (n, 3) for all grasps, ({g}, n, 6) or ({g}, n, 3) with own ones for each"
+    try:
+        W = np.array(wrenches.wrenches if isinstance(wrenches, Loads) else wrenches, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"must be numbers, {needed}", field=field_) from None
+    W = W[None] if W.ndim == 1 else W
+    if W.ndim not in (2, 3) or W.shape[-1] not in (3, 6) or (W.ndim == 3 and len(W) != g):
+        raise InputError(f"has shape {W.shape}; {needed}", field=field_)
+    if W.shape[-1] == 3:
+        W = np.concatenate([W, np.zeros(W.shape)], axis=-1)
+    return np.ascontiguousarray(np.broadcast_to(W, (g, *W.shape[-2:])))
+
+
+def as_base(base: Any, W: Array) -> Array:
+    """(g, n, 6) base loads beside directions of that shape: none, one for all, or one for each."""
+    if base is None:
+        return np.zeros(W.shape)
+    one = np.ndim(base) == 1
+    return np.broadcast_to(scaled_problem.as_wrench(base, "base") if one else as_rows(base, len(W), "base"), W.shape)
+
+
+_Piece = tuple[int, int, int]  # rows of one grasp: its number, the first of them, and the one behind the last
+
+
+def _pieces(g: int, n: int, size: int) -> list[list[_Piece]]:
+    """Rows of each of the grasps, those with few rows together, as a worker takes them."""
+    out: list[list[_Piece]] = []
+    room = 0
+    for piece in [(i, a, min(a + size, n)) for i in range(g) for a in range(0, n, size)]:
+        if room <= 0:
+            out.append([])
+            room = size
+        out[-1].append(piece)
+        room -= piece[2] - piece[1]
+    return out
+
+
+def _chunk(shared: tuple[tuple[Grasp, ...], Array, Array, BatchOptions], pieces: Sequence[_Piece]) -> list[AnswerRows]:
+    grasps, W, B, options = shared
+    return [answer_rows(grasps[i], W[i, a:b], B[i, a:b], options) for i, a, b in pieces]
+
+
+# --- the rows of one grasp ----------------------------------------------------------------------
+
+
+def answer_rows(
+    grasp: Grasp, wrenches: Array, base: Array, options: BatchOptions, kernel: RowKernel | None = None
+) -> AnswerRows:
+    """Some rows (k, 6) about one grasp: together where that may be, the rest one by one, up to Ctrl-C.
+
+    kernel: what was prepared for rows about this grasp before.
+    """
+    part = AnswerRows(wrenches, base)
+    left, near = np.ones(len(wrenches), bool), dict[int, Near]()
+    for rows, goal in _goals(grasp, part, options) if options.together(grasp) else ():
+        if len(rows) < FEW and kernel is None:
+            continue
+        kernel = kernel or RowKernel(options.limits)
+        found = kernel.ask(grasp, goal, part.wrenches[rows], part.base[rows], options.settings)
+        if found is None:
+            continue
+        for name, values in found.columns.items():
+            part[name][rows[found.rows]] = values[found.rows]
+        left[rows] = ~found.rows
+        if options.query == "max":
+            held = np.flatnonzero(found.rows & (found.columns["lower"] > 0))
+            near |= {int(rows[k]): (found.states.row(int(k)), float(found.columns["lower"][k])) for k in held}
+    rows = np.flatnonzero(left).tolist()
+    for k, i in enumerate([*rows, *reversed(rows), *rows]):
+        again = k >= len(rows)
+        if again and part["stop"][i] != Stop.NUMERICAL:
+            continue
+        start = time.monotonic()
+        try:
+            answer = _alone(grasp, part, i, options, _nearest(part.wrenches, i, near) if again else ())
+        except InputError as error:
+            part["error"][i] = str(error)
+            continue
+        part.put(i, answer, keep=options.answers)
+        part["seconds"][i] += time.monotonic() - start
+        if isinstance(answer, MaxAnswer) and answer.found is not None and answer.lower > 0:
+            near[i] = answer.found.state, answer.lower
+        if answer.stop is Stop.INTERRUPTED:
+            part["error"][left & (part["stop"] == "") & (part["error"] == "")] = INTERRUPTED
+            break
+    return part
+
+
+def _nearest(W: Array, i: int, near: dict[int, Near]) -> tuple[Near, ...]:
+    """The states of the `NEAREST` other rows whose directions are nearest to that of row i."""
+    rows = np.array([k for k in near if k != i], dtype=int)
+    unit = W / np.linalg.norm(W, axis=1)[:, None].clip(min=1e-300)
+    return tuple(near[int(k)] for k in rows[np.argsort(-(unit[rows] @ unit[i]), kind="stable")][:NEAREST])
+
+
+def _goals(grasp: Grasp, part: AnswerRows, options: BatchOptions) -> Iterator[tuple[Any, Goal]]:
+    """Rows that are asked in the same way, and how; those that are none of these are refused, or special."""
+    W, B = part.wrenches, part.base
+    with np.errstate(invalid="ignore"):
+        sound = (np.abs(W).max(axis=1) <= scaled_problem.MOST) & (np.abs(B).max(axis=1) <= scaled_problem.MOST)
+    if options.query == "check":
+        yield np.flatnonzero(sound), ANY_STATE
+        return
+    sound &= np.abs(W).max(axis=1) >= scaled_problem.LEAST
+    beside = B.any(axis=1)
+    commanded = bool(grasp.command.any())
+    given = equivalent_of(grasp).is_given
+    grows = (commanded or given) and not options.limits.limits_forces
+    homogeneous = sound & ~beside if grows else np.zeros(len(W), bool)
+    yield np.flatnonzero(homogeneous), SMALLEST_PRELOAD
+    yield np.flatnonzero(sound & ~homogeneous & (beside | commanded | given)), LARGEST
+
+
+def _alone(grasp: Grasp, part: AnswerRows, i: int, options: BatchOptions, near: tuple[Near, ...]) -> Answer:
+    """A row by itself; bounds are replayed where whole answers are wanted, verdicts that nothing holds in any case."""
+    settings, limits = options.settings, options.limits
+    w = part.wrenches[i]
+    if options.query == "check":
+        return check(grasp, w, mdp=options.mdp, settings=settings, limits=limits)
+    if options.query == "torques":
+        sought: dict[str, Any] = {"objective": options.objective, "actuators": options.actuators}
+        return torques(grasp, w, limits=limits, settings=settings, **sought)
+    ask: dict[str, Any] = {"base": part.base[i], "mdp": options.mdp, "limits": limits, "interval": options.interval}
+    if options.answers or not settings.verify:
+        return maximum(grasp, w, settings=settings, near=near, **ask)
+    quick = maximum(grasp, w, settings=replace(settings, verify=False), near=near, **ask)
+    return maximum(grasp, w, settings=settings, **ask) if quick.verdict is Verdict.SLIPS else quick

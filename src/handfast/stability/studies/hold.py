@@ -1,0 +1,459 @@
+"""One preload for many loads: does it exist, and how small can it be?
+
+`torques` finds the least commands for one wrench, with proof. A grasp that is to hold an object in every
+orientation needs a single preload under which all of its loads are resisted, and no convexity helps: what
+resists two loads need not resist what lies between, and more squeezing may loosen. So shapes of the preload
+are proposed and each is scaled to the smallest level that holds; every load is then decided by `check` alone.
+The lower bound is that of the hardest load, certified by `torques`; between it and the level found may lie a
+preload of a shape that nobody proposed. How much more of each load the preload resists is asked of `maximum`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from handfast.core.answer import Stop, Verdict, header
+from handfast.core.errors import InputError, kinds_checked
+from handfast.core.files import write_text
+from handfast.core.limits import SearchLimits
+from handfast.core.shown import Shown
+from handfast.model.grasp import Grasp
+from handfast.proofs import holds
+from handfast.proofs.replay import Replay
+from handfast.readers.grasp_file import to_dict
+from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
+from handfast.stability.answers.answer import Answer, finite
+from handfast.stability.problem.equivalent_grasp import equivalent_of
+from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.scaled_problem import unbalanced
+from handfast.stability.problem.settings import Settings
+from handfast.stability.search.solve import LEAST, compiled
+from handfast.stability.studies.margin_search import OnSample
+
+A = TypeVar("A", bound=Answer)
+STRONG = 10.0  # times the largest load: a moderate command
+NEGLIGIBLE = 1e-6  # share of the largest command below which one is rounding
+MARGINS = 0.25  # share of the time that is left for them, where they are asked
+HARD = 0.5  # share of the time that is left in which a load is to be decided under a preload
+FACTORS = (1.00001, 1.001, 1.05, 1.25, 1.6, 2.5, 4.0, 8.0)  # above a level that is critical for one load
+
+
+@dataclass(frozen=True, eq=False)
+class HoldAnswer(Shown):
+    """Is there one preload under which every load is resisted?
+
+    Attributes:
+        verdict: HOLDS with a witness for each load; SLIPS if some load is resisted by no preload at all
+            (within the limits); else UNDECIDED.
+        stop: why the search ended. seconds, nodes: its cost.
+        loads: as asked.
+        preload: actuator -> command [N m or N], 0 is locked; None unless HOLDS.
+        lower, upper: of the largest command [N m or N]; lower is certified, 0 where it was not asked for.
+        checks: for each load the answer under `preload`; () unless HOLDS.
+        refuted: name and answer of the load that no preload resists, no answer where the grasp map G cannot
+            even produce it; None unless SLIPS.
+        hardest: name of the load that asked most of the commands, or that was not met; "" if none was.
+        bounding: name and answer of the load whose least commands are `lower`; None where nothing is behind it.
+        grasp, command_limit: as asked.
+        actuators: whose commands were sought.
+        limits: as asked.
+        margins: how much of each load is resisted under `preload`; empty where that was not asked, none of a load of 0.
+    """
+
+    verdict: Verdict
+    stop: Stop
+    seconds: float
+    nodes: int
+    loads: Loads
+    preload: dict[str, float] | None
+    lower: float
+    upper: float
+    checks: tuple[CheckAnswer, ...] = field(default=(), repr=False)
+    refuted: tuple[str, Answer | None] | None = field(default=None, repr=False)
+    hardest: str = ""
+    bounding: tuple[str, TorquesAnswer] | None = field(default=None, repr=False)
+    grasp: Grasp | None = field(default=None, repr=False)
+    command_limit: float = field(default=np.inf, repr=False)
+    actuators: tuple[str, ...] = field(default=(), repr=False)
+    limits: GraspLimits = field(default=NO_LIMITS, repr=False)
+    margins: Mapping[str, MaxAnswer] = field(default_factory=dict, repr=False)
+
+    def verify(self) -> Replay:
+        """Replays every load's witness under the preload, the bound of the commands, or why some load is not held.
+
+        Raises:
+            InputError: it does not know its grasp.
+        """
+        return holds.replay(holds.read_hold(self.to_file()))
+
+    def to_file(self) -> dict[str, Any]:
+        """The `handfast/hold/1` object: question, answer, what backs it. `InputError` without a grasp."""
+        if self.grasp is None:
+            raise InputError("does not know its grasp; save what `hold` returned", field="answer")
+        asked = {"loads": self.loads.by_name, "actuators": list(self.actuators)}
+        asked |= self.limits.to_json()
+        checks = zip(self.loads.names, self.checks, strict=False)
+        return {
+            "schema": holds.SCHEMA,
+            "question": {"grasp": to_dict(self.grasp), "command_limit": finite(self.command_limit)} | asked,
+            "answer": self.to_json(),
+            "checks": {name: answer.to_file() for name, answer in checks},
+            "bounding": _part(self.bounding if self.verdict is not Verdict.SLIPS and self.lower > 0 else None),
+            "refuted": _part(self.refuted),
+        } | ({"margins": {name: a.to_file() for name, a in self.margins.items()}} if self.margins else {})
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write a `handfast/hold/1` file. `InputError` if it exists and `force` is not set, or cannot be written."""
+        write_text(path, json.dumps(self.to_file(), allow_nan=False) + "\n", force=force)
+
+    @property
+    def margin(self) -> float | None:
+        """The factor up to which every load is shown to be resisted under the preload, each on its own: 1 or more.
+
+        inf where all loads are resisted at any size; None where it was not asked.
+        """
+        return min((holds.grown(a.lower, a.unbounded) for a in self.margins.values()), default=None)
+
+    @property
+    def _bounds(self) -> dict[str, Any]:
+        return {
+            name: {"lower": a.lower, "upper": finite(a.upper), "unbounded": a.unbounded}
+            for name, a in self.margins.items()
+        }
+
+    @property
+    def weakest(self) -> str:
+        """Name of the load with the least margin; "" where none was asked."""
+        return min(
+            self.margins,
+            key=lambda name: holds.grown(self.margins[name].lower, self.margins[name].unbounded),
+            default="",
+        )
+
+    @property
+    def exact(self) -> bool | None:
+        """Is an exact state of every load proved to exist? None unless HOLDS."""
+        return all(a.exact for a in self.checks) if self.checks else None
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys that the command line prints."""
+        return (
+            header(self, "hold")
+            | {
+                "loads": self.loads.by_name,
+                "preload": self.preload,
+                "lower": finite(self.lower),
+                "upper": finite(self.upper),
+                "hardest": self.hardest or None,
+                "exact": self.exact,
+                "residuals": [a.state_json()["residual"] for a in self.checks],
+            }
+            | (holds.margins_json(self._bounds) if self.margins else {})
+        )
+
+
+def _part(named: tuple[str, Answer | None] | None) -> dict[str, Any] | None:
+    """An answer about one load as a file has it."""
+    return None if named is None else {"load": named[0], "result": named[1].to_file() if named[1] else None}
+
+
+@kinds_checked
+def hold(
+    grasp: Grasp,
+    loads: Loads,
+    *,
+    actuators: Sequence[str] | None = None,
+    least: bool = True,
+    margins: bool = False,
+    command_limit: float | None = None,
+    limits: GraspLimits = NO_LIMITS,
+    settings: Settings | None = None,
+    bounding: Settings | None = None,
+    timeout: float | None = None,
+    on_progress: OnSample | None = None,
+) -> HoldAnswer:
+    """One preload that resists every load, each on its own.
+
+    Args:
+        actuators: whose commands are sought; by default those that the grasp commands now, or all. The
+            others stay locked; backdrivable motors stay as the grasp commands them.
+        least: try every shape of the preload and bound its largest command from below; False is content with
+            the first that holds.
+        margins: find how much of each load is resisted under the preload, with `maximum`: `HoldAnswer.margins`.
+        command_limit: largest command allowed [N m or N]; see `moderate`.
+        bounding: settings of the queries for the least commands; `settings` unless given. If these do not verify, no
+            lower bound is claimed, and only what says that there is no preload is asked again with its proof.
+        timeout: [s] for the whole question, margins included; `settings.time_limit` is that of a single query.
+        on_progress: told in words what is asked next.
+
+    The other arguments and errors are those of `check` and `torques`.
+    """
+    asked = settings or Settings()
+    compiled()
+    names = tuple(actuators or grasp.sought_actuators)
+    whole = SearchLimits(timeout)
+    clock = SearchLimits((1 - MARGINS) * whole.seconds_left) if margins else whole
+    search = _HoldSearch(grasp, loads, names, asked, clock, on_progress)
+    search.bounds = bounding or search.settings
+    search.most = np.inf if command_limit is None else command_limit
+    search.limits = limits
+    try:
+        answer = search.run(least)
+    except KeyboardInterrupt:
+        return search.answer(search.found, Stop.INTERRUPTED)
+    if margins and answer.preload is not None:
+        search.clock = whole
+        answer = search.with_margins(answer)
+    return replace(answer, seconds=whole.seconds)
+
+
+def moderate(grasp: Grasp, loads: Loads) -> float:
+    """A bound for commands where none is known: ten times what the largest load asks for at the grasp's size.
+
+    [N m]; [N] if an actuator drives a prismatic joint. Far larger ones squeeze an object that is nearly slipping.
+    """
+    w = loads.wrenches
+    force = np.linalg.norm(w[:, :3], axis=1) + np.linalg.norm(w[:, 3:], axis=1) / grasp.size
+    arm = 1.0 if any(j.type == "prismatic" for j in grasp.joints) else grasp.size
+    return STRONG * float(force.max()) * arm
+
+
+class _HoldSearch:
+    """One call of `hold`."""
+
+    def __init__(
+        self,
+        grasp: Grasp,
+        loads: Loads,
+        names: tuple[str, ...],
+        settings: Settings,
+        clock: SearchLimits,
+        on_progress: OnSample | None,
+    ) -> None:
+        self.grasp, self.loads, self.names, self.settings = grasp, loads, names, settings
+        self.bounds = settings
+        self.tried: set[tuple[tuple[str, float], ...]] = set()
+        self.clock, self.on_progress = clock, on_progress
+        self.limits = NO_LIMITS
+        self.nodes = 0
+        self.lower, self.most = 0.0, np.inf
+        self.bounding: tuple[str, TorquesAnswer] | None = None
+        self.order = list(range(len(loads)))  # the load that failed last comes first
+        self.best: tuple[dict[str, float], tuple[CheckAnswer, ...]] | None = None
+        self.stops: set[Stop] = set()
+
+    def run(self, least: bool) -> HoldAnswer:
+        """Nothing commanded, then the best for each load, then shapes that mix them."""
+        for k, w in enumerate(self.loads.wrenches):
+            if unbalanced(self.grasp, w):
+                self.first(k, Stop.COMPLETE)
+                return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=(self.loads.names[k], None))
+        locked = self.checked({})
+        if locked:
+            self.best = {}, locked
+            return self.answer(Verdict.HOLDS, Stop.COMPLETE)
+        needs: list[dict[str, float]] = []
+        if not least:  # squeezing with all, or with one against the others, often does
+            for shape in self.plain():
+                if self.level(shape) and self.best:
+                    return self.answer(Verdict.HOLDS, Stop.COMPLETE)
+        for left, k in zip(range(len(self.loads), 0, -1), self.order[:], strict=True):
+            if self.late():
+                return self.answer(self.found, Stop.TIME)
+            share = 1 / (left + 1)  # as much is left for shapes
+            a = self.torques(k, self.bounds, share)
+            if self.refutes(a) and not self.bounds.verify:
+                a = self.torques(k, replace(self.bounds, verify=True), share)
+            if self.refutes(a):
+                refuted = (self.loads.names[k], a)
+                return self.answer(Verdict.SLIPS, Stop.COMPLETE, refuted=refuted)
+            if a.lower > self.lower and self.bounds.verify:
+                self.lower, self.bounding = a.lower, (self.loads.names[k], a)
+            if a.preload:
+                needs.append(a.preload)
+        both = {n: max((p[n] for p in needs), key=abs) for n in self.names} if needs else {}
+        for shape in [*needs, *([both] if len(needs) > 1 else []), *(self.plain() if least else [])]:
+            if self.late():
+                break
+            self.level(shape)
+            if self.best and not least:
+                break
+        return self.answer(self.found, Stop.TIME if self.late() else Stop.COMPLETE)
+
+    @property
+    def found(self) -> Verdict:
+        return Verdict.HOLDS if self.best else Verdict.UNDECIDED
+
+    def plain(self) -> list[dict[str, float]]:
+        """Shapes that need no search: all actuators alike, and each on its own against locked ones."""
+        sense = {n: float(np.sign(self.grasp.preload.get(n, 1.0))) for n in self.names}
+        alone = [{n: sense[n]} for n in self.names] if len(self.names) > 1 else []
+        return [sense, *alone]
+
+    def level(self, shape: Mapping[str, float]) -> bool:
+        """Scale a shape until it holds every load with less than the best so far; is there such a level?"""
+        size = max(map(abs, shape.values()), default=0.0)
+        if not size:
+            return False
+        unit = {n: v / size for n, v in shape.items() if abs(v) > NEGLIGIBLE * size}
+        key = tuple(sorted((n, round(v, 9)) for n, v in unit.items()))
+        if key in self.tried:  # as every shape is, of a single actuator
+            return False
+        self.tried.add(key)
+        as_it_is = False
+        if equivalent_of(self.grasp).is_given and size < self.upper:  # more of it need not do better
+            checks = self.checked(shape)
+            if checks:
+                as_it_is, self.best = True, (dict(shape), checks)
+        need = 0.0
+        for k in self.order[:]:
+            if self.late():
+                return False
+            enough = self.enough(unit, k)
+            if enough is None:
+                return as_it_is
+            need = max(need, enough)
+        for factor in FACTORS:
+            if self.late() or need * factor >= self.upper:
+                return as_it_is
+            preload = {n: need * factor * v for n, v in unit.items()}
+            checks = self.checked(preload)
+            if checks:
+                self.best = preload, checks
+                return True
+        return as_it_is
+
+    def enough(self, unit: Mapping[str, float], k: int) -> float | None:
+        """The level from which on a shape may resist a load; None if it does not, as far as is seen.
+
+        Homogeneous: s loads are resisted at level 1, so one at level 1/s. Where springs and friction of joints do not
+        grow with the level, s is taken to be linear in it.
+        """
+        first = self.resisted(unit, k)
+        if not equivalent_of(self.grasp).is_given:
+            return 1 / first if first > 0 else None
+        other = 1 / first if 0 < first < 1 or first > 1 else STRONG
+        second = self.resisted({n: other * v for n, v in unit.items()}, k)
+        if second == first:
+            return other if second > 0 else None
+        between = 1.0 + (1.0 - first) * (other - 1.0) / (second - first)
+        return between if between > 0 else other
+
+    def resisted(self, preload: Mapping[str, float], k: int) -> float:
+        """How many times a load is resisted under a preload."""
+        if self.late():
+            return 0.0
+        if not self.loads.wrenches[k].any():
+            return np.inf  # any multiple of nothing, if the preload alone is resisted
+        self.say(f"level of a preload for {self.loads.names[k]}")
+        settings = replace(self.within(self.settings, HARD), gap=1e-2, verify=False)
+        grasp, exact = self.grasp.with_commands(preload), GraspLimits(self.limits.eta)
+        a = self.counted(maximum(grasp, self.loads.wrenches[k], limits=exact, settings=settings))
+        if not a.lower > 0:
+            self.first(k, a.stop if a.verdict is Verdict.UNDECIDED else Stop.COMPLETE)
+        return a.lower
+
+    def checked(self, preload: Mapping[str, float]) -> tuple[CheckAnswer, ...]:
+        """The answers to all loads under a preload, in order; () as soon as one is not resisted."""
+        grasp = self.grasp.with_commands(preload)
+        found: dict[int, CheckAnswer] = {}
+        for k in self.order[:]:
+            if self.late():
+                return ()
+            self.say(f"{self.loads.names[k]} under a preload")
+            # what slips is tried differently, so that its proof is not needed
+            settings = replace(self.within(self.settings, HARD), verify=False)
+            a = self.counted(check(grasp, self.loads.wrenches[k], settings=settings, limits=self.limits))
+            if a.verdict is not Verdict.HOLDS:
+                self.first(k, a.stop)
+                return ()
+            found[k] = a
+        return tuple(found[k] for k in range(len(self.loads)))
+
+    def refutes(self, a: TorquesAnswer) -> bool:
+        """Does an answer about a load alone say that there is no preload?"""
+        return a.verdict is Verdict.SLIPS or a.lower > self.most
+
+    def torques(self, k: int, settings: Settings, share: float) -> TorquesAnswer:
+        """The least commands for a load alone, in a share of the time that is left."""
+        settings = self.within(settings, share)
+        self.say(f"least commands for {self.loads.names[k]}")
+        asked = torques(self.grasp, self.loads.wrenches[k], actuators=self.names, settings=settings, limits=self.limits)
+        a = self.counted(asked)
+        if a.verdict is not Verdict.HOLDS:
+            self.first(k, a.stop)
+        return a
+
+    def with_margins(self, answer: HoldAnswer) -> HoldAnswer:
+        """An answer that holds, with how much of each load is resisted; what there is no time for is left open."""
+        grasp, found, stop = self.grasp.with_commands(answer.preload or {}), {}, answer.stop
+        asked = [(name, w) for name, w in zip(self.loads.names, self.loads.wrenches, strict=True) if w.any()]
+        try:
+            for k, (name, w) in enumerate(asked):
+                self.say(f"margin of {name}")
+                settings = self.within(self.settings, 1 / (len(asked) - k))
+                found[name] = self.counted(maximum(grasp, w, settings=settings, limits=self.limits))
+        except KeyboardInterrupt:
+            stop = Stop.INTERRUPTED
+        return replace(answer, margins=found, nodes=self.nodes, stop=stop)
+
+    def say(self, what: str) -> None:
+        if self.on_progress:
+            self.on_progress(what)
+
+    def within(self, settings: Settings, share: float) -> Settings:
+        """The settings of a query that has a share of the time that is left."""
+        left = max(share * self.clock.seconds_left, LEAST)
+        return replace(settings, time_limit=min(settings.time_limit, left))
+
+    def counted(self, a: A) -> A:
+        """An answer, its nodes counted; Ctrl-C, which ended its search, ends this one too."""
+        self.nodes += a.nodes
+        if a.stop is Stop.INTERRUPTED:
+            raise KeyboardInterrupt
+        return a
+
+    def first(self, k: int, stop: Stop) -> None:
+        """Ask about this load first from now on."""
+        self.order.remove(k)
+        self.order.insert(0, k)
+        self.stops.add(stop)
+
+    @property
+    def upper(self) -> float:
+        """Largest command of the best preload so far."""
+        return max(map(abs, self.best[0].values()), default=0.0) if self.best else self.most
+
+    def late(self) -> bool:
+        return self.clock.late
+
+    def answer(self, verdict: Verdict, stop: Stop, refuted: tuple[str, Answer | None] | None = None) -> HoldAnswer:
+        """As far as it came; an undecided one tells the limit that was hit."""
+        if verdict is Verdict.UNDECIDED and stop is Stop.COMPLETE:
+            stop = next((s for s in (Stop.TIME, Stop.NODES) if s in self.stops), Stop.RESOLUTION)
+        held = self.best if verdict is Verdict.HOLDS else None
+        return HoldAnswer(
+            verdict,
+            stop,
+            self.clock.seconds,
+            self.nodes,
+            self.loads,
+            {n: held[0].get(n, 0.0) for n in self.names} if held else None,
+            self.lower if verdict is not Verdict.SLIPS else np.inf,
+            self.upper if held else np.inf,
+            held[1] if held else (),
+            refuted,
+            self.loads.names[self.order[0]] if verdict is not Verdict.HOLDS or self.upper > 0 else "",
+            bounding=self.bounding,
+            grasp=self.grasp,
+            command_limit=self.most,
+            actuators=self.names,
+            limits=self.limits,
+        )

@@ -1,0 +1,155 @@
+"""One grasp asked again and again: `prepare`, then `check`, `maximum`, `torques`, `hold`, `map`, of one load or many.
+
+What belongs to grasp, limits and commands is reduced once. A load is first tried by Newton's method from the states of
+the loads before it, in the compiled kernel; only where that fails is there a search. What holds is judged by the
+equations (`batch_judge.py`). What slips is asked once more by `check`, for its certificate and the replay, which takes
+many times as long. `batch.py` says how many loads are answered.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, overload
+
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array
+from handfast.core.errors import kinds_checked
+from handfast.model.grasp import Grasp
+from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, check, maximum, torques
+from handfast.stability.answers.batch_answer import BatchAnswer
+from handfast.stability.answers.check_query import is_table
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
+from handfast.stability.problem.loads import Loads
+from handfast.stability.problem.objective import ANY_STATE, Effort
+from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.witness import Witness
+from handfast.stability.studies import hold as holding
+from handfast.stability.studies import maps
+from handfast.stability.studies.batch import BatchOptions, Query, answer_rows, as_base, as_rows
+from handfast.stability.studies.hold import HoldAnswer
+from handfast.stability.studies.maps import MapAnswer, Plane
+from handfast.stability.studies.row_kernel import RowKernel
+
+One = Sequence[float] | Array
+Many = Loads | Sequence[Sequence[float]] | Sequence[Array]
+
+
+class PreparedGrasp:
+    """A grasp that is asked again and again, made by `prepare`; not for two threads at a time.
+
+    Each question takes one load, (6,) force [N] and torque [N m], object frame, or (3,) a force at its origin, and
+    gives an answer; or many, (n, 6), (n, 3) or `Loads`, and gives a `BatchAnswer` with a row for each.
+
+    Attributes:
+        grasp: with the preload in force; see `preload`.
+        limits: of every question. settings: of the searches.
+    """
+
+    def __init__(self, grasp: Grasp, limits: GraspLimits = NO_LIMITS, settings: Settings | None = None) -> None:
+        limits.check_backdrivable(grasp)
+        self.grasp, self.limits, self.settings = grasp, limits, settings or Settings()
+        self._kernel = RowKernel(limits)
+
+    def preload(self, preload: Mapping[str, float] | Array | None) -> None:
+        """Let other commands be in force: by actuator name, or (a,) [N m or N]; absent ones are locked.
+
+        As long as the same actuators are commanded in the same sense, what was prepared for `check` is kept.
+
+        Raises:
+            InputError: an unknown actuator, numbers that are not finite, a backdrivable motor's command beyond its
+                limit. What was in force stays in force then.
+        """
+        grasp = self.grasp.with_preload(preload)
+        self.limits.check_backdrivable(grasp)
+        self._kernel.forget_maxima()
+        self.grasp = grasp
+
+    @overload
+    def check(self, wrench: One) -> CheckAnswer: ...
+    @overload
+    def check(self, wrench: Many) -> BatchAnswer: ...
+    def check(self, wrench: Any) -> CheckAnswer | BatchAnswer:
+        """Is this load resisted, or which of these are? What Newton's method found is judged by the equations alone.
+
+        Raises:
+            InputError: see `handfast.check`.
+        """
+        if is_table(wrench):
+            return self._rows("check", wrench, "wrenches")
+        start = time.perf_counter()
+        w = scaled_problem.as_wrench(wrench)
+        searched = len(self.grasp.soft) or scaled_problem.unbalanced(self.grasp, w)  # `check` refuses the latter
+        found = None if searched else self._kernel.state(self.grasp, w, self.settings)
+        if found is None:
+            return check(self.grasp, w, limits=self.limits, settings=self.settings)
+        witness = Witness(self.grasp, w, found[0], self.limits.eta, True)
+        cost = time.perf_counter() - start, found[1]
+        posed = Posed(partial(scaled_problem.build, self.grasp, w, limits=self.limits), ANY_STATE)
+        return CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, *cost, witness, None, posed=posed, verified=True)
+
+    @overload
+    def maximum(self, direction: One, *, base: One | None = ..., interval: bool = ...) -> MaxAnswer: ...
+    @overload
+    def maximum(self, direction: Many, *, base: Any = ..., interval: bool = ...) -> BatchAnswer: ...
+    def maximum(self, direction: Any, *, base: Any = None, interval: bool = False) -> MaxAnswer | BatchAnswer:
+        """The largest disturbance along a direction, or along each of these, see `handfast.maximum`."""
+        if is_table(direction):
+            return self._rows("max", direction, "directions", base=base, interval=interval)
+        asked: dict[str, Any] = {"base": base, "interval": interval}
+        return maximum(self.grasp, direction, limits=self.limits, settings=self.settings, **asked)
+
+    @overload
+    def torques(
+        self, wrench: One, *, objective: Effort = ..., actuators: Sequence[str] | None = ...
+    ) -> TorquesAnswer: ...
+    @overload
+    def torques(
+        self, wrench: Many, *, objective: Effort = ..., actuators: Sequence[str] | None = ...
+    ) -> BatchAnswer: ...
+    def torques(
+        self, wrench: Any, *, objective: Effort = "max", actuators: Sequence[str] | None = None
+    ) -> TorquesAnswer | BatchAnswer:
+        """The least commands that resist a load, or each of these, see `handfast.torques`."""
+        asked: dict[str, Any] = {"objective": objective, "actuators": actuators}
+        if is_table(wrench):
+            return self._rows("torques", wrench, "wrenches", **asked)
+        return torques(self.grasp, wrench, limits=self.limits, settings=self.settings, **asked)
+
+    def hold(self, loads: Loads, **how: Any) -> HoldAnswer:
+        """One preload for all of the loads; how: see `handfast.hold`."""
+        return holding.hold(self.grasp, loads, limits=self.limits, settings=self.settings, **how)
+
+    def map(self, plane: Plane = "xy", **how: Any) -> MapAnswer:
+        """The largest resisted force in every direction of a plane; how: see `handfast.force_map`."""
+        return maps.force_map(self.grasp, plane, limits=self.limits, settings=self.settings, **how)
+
+    def _rows(self, query: Query, wrenches: Any, field: str, *, base: Any = None, **options: Any) -> BatchAnswer:
+        W = as_rows(wrenches, 1, field)
+        asked = BatchOptions(query, self.limits, settings=self.settings, **options).of_rows()
+        part = answer_rows(self.grasp, W[0], as_base(base, W)[0], asked, self._kernel)
+        return BatchAnswer.of(query, W[0], [part], interval=asked.interval)
+
+
+@kinds_checked
+def prepare(
+    grasp: Grasp,
+    *,
+    preload: Mapping[str, float] | Array | None = None,
+    limits: GraspLimits = NO_LIMITS,
+    settings: Settings | None = None,
+) -> PreparedGrasp:
+    """A grasp to be asked again and again, as in a controller: `prepared.check(wrench)`.
+
+    Args:
+        preload: commands in force; those of the grasp by default. `PreparedGrasp.preload` changes them.
+        limits: as in `check`.
+        settings: as in `check`.
+
+    Raises:
+        InputError: see `check`.
+    """
+    return PreparedGrasp(grasp if preload is None else grasp.with_preload(preload), limits, settings)

@@ -1,0 +1,189 @@
+"""Rows about one grasp answered by the compiled kernel together; what belongs to the grasp is made once and kept.
+
+What holds is judged by the equations; what the kernel does not settle is left to a search of its own.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from handfast.core.answer import Stop, Verdict
+from handfast.core.arrays import Array, Indices, Mask
+from handfast.core.errors import InputError
+from handfast.model.grasp import Grasp
+from handfast.stability.answers.max_query import max_goal
+from handfast.stability.problem import scaled_problem
+from handfast.stability.problem.batch_judge import Judge, StateRows
+from handfast.stability.problem.equivalent_grasp import runs_away
+from handfast.stability.problem.grasp_limits import GraspLimits
+from handfast.stability.problem.model import State
+from handfast.stability.problem.objective import ANY_STATE, FARTHER, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.problem.settings import Settings
+from handfast.stability.problem.witness import VALID
+from handfast.stability.search.load_rows import BatchSearch, FoundRows, LoadMemory, LoadRows, Template
+
+
+class Settled(NamedTuple):
+    """What the kernel showed of some rows.
+
+    Attributes:
+        columns: of `BatchAnswer`, by name. rows: (k,) bool, those that they answer.
+        states: (k,) at the lower bounds of maxima; those of other rows mean nothing.
+    """
+
+    columns: dict[str, Any]
+    rows: Mask
+    states: StateRows
+
+
+class RowKernel:
+    """Asks the kernel rows about one grasp; what its rows share is reduced for the first row of a goal.
+
+    Attributes:
+        limits: as `check` has them.
+    """
+
+    def __init__(self, limits: GraspLimits) -> None:
+        self.limits = limits
+        self._judge: Judge | None = None
+        self._searches: dict[tuple[Any, ...], BatchSearch] = {}
+        self._memories: dict[bytes, LoadMemory] = {}
+
+    def forget_maxima(self) -> None:
+        """Before other commands: what was reduced for maxima is of these alone."""
+        self._searches = {key: search for key, search in self._searches.items() if key[0] == ANY_STATE}
+
+    def state(self, grasp: Grasp, w: Array, settings: Settings) -> tuple[State, int] | None:
+        """A state that resists a load (6,), from those of the loads before, and its nodes; None if none is found.
+
+        Grasps may differ in the sizes of their commands.
+        """
+        search = self._search(grasp, ANY_STATE, w, np.zeros(6), settings)
+        if search is None:
+            return None
+        key = np.sign(grasp.command).tobytes()
+        if key not in self._memories:
+            self._memories[key] = LoadMemory(search)
+        found = self._memories[key].ask(w, grasp)
+        if found is None:
+            return None
+        states, nodes = found
+        held = self._judged(grasp).worst(w[None], states, grasp.command[None])[0] <= VALID
+        return (states.row(0), nodes) if held else None
+
+    def ask(self, grasp: Grasp, goal: Goal, W: Array, B: Array, settings: Settings) -> Settled | None:
+        """Columns of rows (k, 6): loads, or directions with their base loads; None where no row can be asked so."""
+        if not len(W):
+            return None
+        start = time.monotonic()
+        of_max = goal != ANY_STATE
+        search = self._search(grasp, goal, W[0], B[0], settings)
+        if search is None:
+            return None
+        loads = search.template.loads(B if of_max else W, W if of_max else None, grasp)
+        found = search.ask(loads)
+        out = (self._maxima if of_max else self._checks)(search.template, loads, found, W, B, settings)
+        if search.template.reduced.goal == SMALLEST_PRELOAD and not settings.verify and found.none.any():
+            self._slipping(out, np.flatnonzero(found.none), grasp, W, B, settings)
+        out.columns.setdefault("stop", np.full(len(W), str(Stop.COMPLETE)))
+        out.columns["seconds"] = np.full(len(W), (time.monotonic() - start) / len(W))
+        return out
+
+    def _judged(self, grasp: Grasp) -> Judge:
+        if self._judge is None:
+            self._judge = Judge(grasp, eta=self.limits.eta)
+        return self._judge
+
+    def _search(
+        self, grasp: Grasp, goal: Goal, w: Array, base: Array, settings: Settings, reach: float = 0.0
+    ) -> BatchSearch | None:
+        """The search for a goal, made for the first row; None where that is refused, or another goal's."""
+        of_max = goal != ANY_STATE
+        commands = grasp.command if of_max else np.sign(grasp.command)
+        key = goal, reach, settings.gap, commands.tobytes()
+        if key not in self._searches:
+            try:
+                p = scaled_problem.build(grasp, base if of_max else w, w if of_max else None, limits=self.limits)
+                if of_max and max_goal(p) != goal:
+                    return None
+                self._searches[key] = BatchSearch(Template.of(p, goal, reach), settings)
+            except (InputError, ValueError):  # its first row is asked alone, and says what is wrong
+                return None
+        search = self._searches[key]
+        search.limit(settings)
+        return search
+
+    def _checks(
+        self, template: Template, loads: LoadRows, found: FoundRows, W: Array, B: Array, settings: Settings
+    ) -> Settled:
+        """Columns of these checks, and which rows are settled: what slips is replayed, unless that is switched off.
+
+        Where the limit of nodes was reached, a whole search would reach it as well.
+        """
+        residual = self._residuals(loads.grasp, found.held, W, found.states)
+        held = found.held & (residual <= VALID)
+        slips = found.none & (not settings.verify)
+        limited = found.hard & (found.nodes >= settings.node_limit)
+        verdict = np.select([held, limited], [str(Verdict.HOLDS), str(Verdict.UNDECIDED)], str(Verdict.SLIPS))
+        columns = {
+            "verdict": verdict,
+            "residual": np.where(held, residual, np.nan),
+            "verified": held,
+            "nodes": found.nodes,
+            "stop": np.where(limited, str(Stop.NODES), str(Stop.COMPLETE)),
+        }
+        return Settled(columns, held | slips | limited, found.states)
+
+    def _maxima(
+        self, template: Template, loads: LoadRows, found: FoundRows, W: Array, B: Array, settings: Settings
+    ) -> Settled:
+        """Columns of these maxima, and which rows are settled: those where a magnitude was found."""
+        scale, states = loads.direction_scale, found.states
+        with np.errstate(all="ignore"):
+            if template.reduced.goal == SMALLEST_PRELOAD:
+                lower, upper = scale / found.scalar, scale / found.cut
+                states = _times(states, 1.0 / found.scalar)
+            else:
+                lower, upper = np.maximum(0.0, found.scalar * scale), np.maximum(0.0, -found.cut * scale)
+        unbounded = lower >= loads.last_magnitude * (1 - NEAR_END)
+        good = found.held & np.isfinite(lower) & (lower > 0)
+        residual = self._residuals(loads.grasp, good, B + np.where(good, lower, 0.0)[:, None] * W, states)
+        good &= residual <= VALID
+        verdict = np.full(len(W), str(Verdict.HOLDS))
+        upper = np.where(unbounded | found.at_end, np.inf, upper)
+        columns = {"verdict": verdict, "lower": lower, "upper": upper, "unbounded": unbounded, "residual": residual}
+        return Settled(columns | {"verified": unbounded, "nodes": found.nodes}, good, states)
+
+    def _slipping(self, out: Settled, none: Indices, grasp: Grasp, W: Array, B: Array, settings: Settings) -> None:
+        """Settle those of the rows without a state (none) that have none either at any magnitude, however small.
+
+        A search ends at commands that are some ten thousand times as large as the load, and some smaller loads may
+        be resisted: see `solve.without_end`. What it would find there, or not, is left to it.
+        """
+        reach = 1.0 if runs_away(grasp) else FARTHER
+        search = self._search(grasp, SMALLEST_PRELOAD, W[0], B[0], settings, reach)
+        if search is None:
+            return
+        found = search.ask(search.template.loads(B[none], W[none], grasp))
+        out.columns["nodes"][none] += found.nodes
+        slips = none[found.none]
+        out.rows[slips] = True
+        said = {"verdict": str(Verdict.SLIPS), "residual": np.nan, "verified": False}
+        for name, value in (said | {"lower": 0.0, "upper": 0.0, "unbounded": False}).items():
+            out.columns[name][slips] = value
+
+    def _residuals(self, grasp: Grasp, there: Mask, W: Array, states: StateRows) -> Array:
+        """(k,) the worst residuals of those states that are there, NaN for the others."""
+        out = np.full(len(W), np.nan)
+        if there.any():
+            commands = np.broadcast_to(grasp.command, (int(there.sum()), len(grasp.command)))
+            out[there] = self._judged(grasp).worst(W[there], states.rows(there), commands)
+        return out
+
+
+def _times(x: StateRows, s: Array) -> StateRows:
+    """States times (k,) numbers: with load and commands times these they solve the model again."""
+    return StateRows(*(s[:, None] * y for y in (x.r, x.q, x.c, x.f, x.coupling, x.reaction)))
