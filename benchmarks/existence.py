@@ -25,9 +25,8 @@ from benchmarks.machine import describe
 from benchmarks.tasks import Others, load_text, origin, tasks
 from handfast.model.region import Bezier, Region
 from handfast.proofs.configurations import Existence
-from handfast.synthesis.existence import verify_existence
 from handfast.synthesis.search.starts import Starts
-from handfast.synthesis.solution import Solution
+from handfast.synthesis.solution import Solution, verify_existence
 from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_problem import TaskProblem
 

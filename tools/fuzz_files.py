@@ -58,7 +58,7 @@ from handfast.saved import verify
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads, load_loads
 from handfast.stability.problem.settings import Settings
-from handfast.synthesis.embedded import digest
+from handfast.synthesis.embedded_task import digest
 from handfast.synthesis.query import synthesize
 
 PATIENCE = 120.0  # [s] for one file

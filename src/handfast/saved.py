@@ -88,7 +88,7 @@ def _of_path(path: Path, replay: bool, how: How) -> Replay:
     if asks:
         return asks(data, how)
     if isinstance(data, dict) and data.get("schema") in SEALED:  # before a proof that takes its time
-        from handfast.synthesis.embedded import refuse_broken
+        from handfast.synthesis.embedded_task import refuse_broken
 
         refuse_broken(data)
     proved = files.verify(data)

@@ -177,7 +177,7 @@ def test_a_file_that_was_changed_is_refused(task: str, capsys: pytest.CaptureFix
 
 
 def test_a_proof_that_fails_is_refused(task: str, capsys: pytest.CaptureFixture[str]) -> None:
-    from handfast.synthesis.embedded import digest
+    from handfast.synthesis.embedded_task import digest
 
     run(capsys, "synthesize", task, "--save", "s.json")
     data = json.loads(Path("s.json").read_text())

@@ -22,8 +22,7 @@ from handfast.model.hand import Hand, Joint, Link
 from handfast.model.mechanism import Mechanism
 from handfast.model.region import Bezier, Cap
 from handfast.proofs.configurations import ContactPoint, Existence
-from handfast.synthesis.curvatures import relative_curvatures
-from handfast.synthesis.solution import Solution
+from handfast.synthesis.solution import Solution, relative_curvatures
 from handfast.synthesis.task import ContactPair, Task
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible

@@ -12,7 +12,7 @@ from handfast.model.hand import Hand
 from handfast.model.hand.structures import TABLE_1, Dimensions, hand_from_structure, table_1_hand
 from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
-from handfast.synthesis.pinch import PAD, fingertip, pinch
+from handfast.synthesis.task import PAD, fingertip, pinch
 from tests.support.feasible import Feasible, missed
 from tests.support.places import FEASIBLE as FEASIBLE_FILE
 

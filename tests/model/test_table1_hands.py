@@ -6,8 +6,8 @@ import pytest
 
 from handfast.core.answer import Reach
 from handfast.model.hand.structures import TABLE_1, table_1_hand
-from handfast.synthesis.pinch import pinch
 from handfast.synthesis.query import synthesize
+from handfast.synthesis.task import pinch
 
 
 @pytest.mark.parametrize("name", list(TABLE_1))

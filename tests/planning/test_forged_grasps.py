@@ -19,7 +19,7 @@ from handfast.planning.results import grasps_file
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.results.verify import difference, question_of
 from handfast.stability.problem.loads import Loads
-from handfast.synthesis.embedded import task_to_dict
+from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.solution import Solution
 from tests.support.forged_grasps import (
     FORGED,

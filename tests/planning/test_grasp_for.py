@@ -38,9 +38,8 @@ from handfast.planning.ranking import BETTER, rank
 from handfast.planning.results.grasps import Grasps
 from handfast.planning.search import Journal
 from handfast.stability.problem.loads import Loads
-from handfast.synthesis.placed import whole
-from handfast.synthesis.search.diverse import Walks
-from handfast.synthesis.search.starts import Starts
+from handfast.synthesis.search.starts import Starts, Walks
+from handfast.synthesis.solution import whole
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip
 

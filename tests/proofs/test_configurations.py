@@ -12,7 +12,7 @@ from handfast.core.arrays import Array
 from handfast.core.errors import InputError
 from handfast.proofs.fields import BadFile
 from handfast.proofs.intervals import Interval
-from handfast.synthesis.existence import existence_from_dict
+from handfast.synthesis.solution import existence_from_dict
 from handfast.synthesis.task import PoseBounds
 from tests.support.contact_equations import contact_equations, surface_at
 from tests.support.planted_proofs import (

@@ -12,7 +12,7 @@ import pytest
 from handfast.model.hand.coupling import drivers
 from handfast.proofs.fields import BadFile
 from handfast.proofs.tasks import read_task
-from handfast.synthesis.embedded import task_to_dict
+from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import PoseBounds, Task
 from tests.support.holds import pinch
 from tests.support.planted_proofs import odd_case, sah_case

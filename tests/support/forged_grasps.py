@@ -15,7 +15,7 @@ from handfast.planning.results.grasps_file import asked_digest
 from handfast.planning.results.verify import verify
 from handfast.proofs.replay import Replay
 from handfast.stability.problem.loads import Loads
-from handfast.synthesis.embedded import digest
+from handfast.synthesis.embedded_task import digest
 
 Data = dict[str, Any]
 Change = Callable[[Data], None]

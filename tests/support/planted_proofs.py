@@ -25,8 +25,8 @@ from handfast.proofs.contact_equations import ContactEquations
 from handfast.proofs.replay import Replay
 from handfast.proofs.tasks import TaskData, read_task
 from handfast.readers.load_hand import load_hand
-from handfast.synthesis import existence
-from handfast.synthesis.embedded import task_to_dict
+from handfast.synthesis import solution
+from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.contact_equations import contact_equations, joint_values, link_poses, patch_at, surface_at
 
@@ -332,7 +332,7 @@ class Report:
 
 
 def verify_existence(task: Task, proof: Existence) -> Report:
-    return Report(existence.verify_existence(task, proof))
+    return Report(solution.verify_existence(task, proof))
 
 
 def refused(task: Task, proof: Existence, message: str) -> Report:

@@ -13,7 +13,7 @@ from handfast import CylinderSide, load_task, synthesize, verify
 from handfast.core.answer import Reach
 from handfast.model.region import Cap
 from handfast.readers.load_hand import load_hand
-from handfast.synthesis.curvatures import relative_curvatures
+from handfast.synthesis.solution import relative_curvatures
 from handfast.synthesis.task import ContactPair, Task
 from handfast.synthesis.task_file import save_task
 from tests.support.holds import square

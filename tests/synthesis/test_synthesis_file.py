@@ -19,7 +19,7 @@ from handfast.core.answer import Reach
 from handfast.core.errors import InputError
 from handfast.proofs.synthesis import COURSE, NAMES
 from handfast.synthesis import synthesis_file
-from handfast.synthesis.embedded import digest, fingerprint, task_from_dict, task_to_dict
+from handfast.synthesis.embedded_task import digest, fingerprint, task_from_dict, task_to_dict
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.synthesis_answer import Searched, Synthesis
 from handfast.synthesis.task import PoseBounds

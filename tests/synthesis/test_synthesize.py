@@ -15,11 +15,11 @@ from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError
 from handfast.model.hand import Coupling
 from handfast.model.region import Bezier, Cap
+from handfast.readers.configuration_file import save_configuration
 from handfast.synthesis import query
-from handfast.synthesis.placed import whole
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Certified, Starts
-from handfast.synthesis.solution import Solution
+from handfast.synthesis.solution import Solution, whole
 from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import ContactPair, PoseBounds, Task
 from tests.support.holds import OPEN, flat_grip, grip, pinch
@@ -187,7 +187,7 @@ def test_unused_joints_are_placed_within_their_limits() -> None:
 def test_configuration_can_be_saved_and_applied(pinched: Synthesis, tmp_path: Path) -> None:
     (s,) = pinched.solutions
     path = tmp_path / "c.json"
-    handfast.model.configuration.save_configuration(s.configuration, path)
+    save_configuration(s.configuration, path)
     back = handfast.load_configuration(path)
     hand, q = back.applied(handfast.load_hand(back.hand))
     assert np.array_equal(q, s.q)

@@ -14,7 +14,7 @@ from handfast.pictures.words import num
 from handfast.planning.results.grasps_file import from_dict as grasps_from_dict
 from handfast.planning.results.verify import question_of
 from handfast.readers import grasp_file
-from handfast.synthesis.embedded import digest, fingerprint, task_from_dict, task_to_dict
+from handfast.synthesis.embedded_task import digest, fingerprint, task_from_dict, task_to_dict
 
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp

@@ -33,12 +33,11 @@ from handfast.planning.search import Gathering, Journal, UnitResult
 from handfast.readers.load_body import load_body
 from handfast.stability.problem.loads import Loads
 from handfast.stability.studies.hold import HoldAnswer
-from handfast.synthesis.curvatures import relative_curvatures
 from handfast.synthesis.distance import features_of
-from handfast.synthesis.embedded import task_to_dict
-from handfast.synthesis.existence import verify_existence
+from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Certified
+from handfast.synthesis.solution import relative_curvatures, verify_existence
 from handfast.synthesis.synthesis_answer import Synthesis
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_problem import TaskProblem

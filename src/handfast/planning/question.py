@@ -18,7 +18,7 @@ from handfast.planning.rejection import GIVE_UP
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.settings import Settings
-from handfast.synthesis.embedded import digest
+from handfast.synthesis.embedded_task import digest
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

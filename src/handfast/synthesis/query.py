@@ -20,9 +20,8 @@ from handfast.core.answer import Reach, Stop
 from handfast.core.errors import InputError, kinds_checked
 from handfast.core.limits import SearchLimits
 from handfast.synthesis.distance import farthest, features_of
-from handfast.synthesis.embedded import fingerprint, task_to_dict
-from handfast.synthesis.search import diverse
-from handfast.synthesis.search.starts import BLOCK, Certified, Starts
+from handfast.synthesis.embedded_task import fingerprint, task_to_dict
+from handfast.synthesis.search.starts import BLOCK, Certified, Starts, Walks
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_answer import Searched, Synthesis
 from handfast.synthesis.task import Task
@@ -204,7 +203,7 @@ class _Run:
         """`count` configurations that differ, from a pool; sets `chosen`."""
         wanted = max(POOL * self.count, SMALLEST_POOL)
         with self.limits.paused():  # it compiles
-            walks = diverse.Walks(self.starts)
+            walks = Walks(self.starts)
         for _ in range(GROWN):
             self._grow(walks, wanted)
             self.chosen = self._differing()
@@ -224,7 +223,7 @@ class _Run:
         order = farthest(features_of(self.problem.task, rows), self.count)
         return [self.pool[i] for i in order]
 
-    def _grow(self, walks: diverse.Walks, wanted: int) -> None:
+    def _grow(self, walks: Walks, wanted: int) -> None:
         """Fill the pool, by halves from random starts and from steps, as long as there is time."""
         blocks = rounds = 2 * -(-wanted // BLOCK)
         while len(self.pool) < wanted / 2 and blocks and not self.limits.late:

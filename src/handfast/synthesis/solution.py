@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
+from handfast.core.errors import InputError
 from handfast.core.shown import Shown
 from handfast.core.transforms import quaternion_matrix, transform
+from handfast.geometry.curvature import curvature_at, relative_curvature
 from handfast.model.configuration import Configuration
-from handfast.proofs.configurations import Existence
-from handfast.proofs.replay import Replay
-from handfast.synthesis.existence import verify_existence
-from handfast.synthesis.placed import whole
+from handfast.model.hand.coupling import coupled, driver_ranges
+from handfast.proofs.configurations import Existence, check_configuration, read_existence
+from handfast.proofs.contact_equations import ContactEquations
+from handfast.proofs.fields import BadFile
+from handfast.proofs.replay import Refused, Replay
+from handfast.proofs.tasks import read_task
+from handfast.synthesis.embedded_task import task_to_dict
 from handfast.synthesis.task import Task
 
 
@@ -129,3 +134,61 @@ def _slacks(task: Task, proof: Existence, q: Array, pose: Array, normals: Array)
 def _angle(a: Array, b: Array) -> float:
     """[rad] between two unit vectors."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def relative_curvatures(solution: Solution) -> Array:
+    """(b,) [1/m] the relative curvature at each contact of a configuration; negative: the surfaces interpenetrate.
+
+    Raises:
+        InputError: a patch without a normal at a contact (the contact is named).
+    """
+    task, proof = solution.task, solution.existence
+    links, out = task.hand.link_poses(solution.q), []
+    for k, (pair, spot, n) in enumerate(zip(task.contact_pairs, proof.contacts, solution.normals, strict=True)):
+        hand, its = links[task.hand.link(pair.link), :3, :3], solution.pose[:3, :3]
+        try:
+            K_hand = curvature_at(pair.hand, spot.hand, hand, n)
+            K_object = curvature_at(pair.object, spot.object, its, n)
+        except InputError as fault:
+            raise fault.within(f"contacts[{k}]") from None
+        out.append(relative_curvature(K_hand, K_object, n))
+    return frozen(out, (len(out),), "curvature")
+
+
+def whole(task: Task, joints: Mapping[str, float]) -> Array:
+    """(l,) all joint values from those of the free joints; unused joints as near to 0 as their limits allow."""
+    hand, free = task.hand, task.free
+    q = np.zeros(hand.l)
+    for j, (lower, upper) in driver_ranges(hand).items():
+        name = hand.joint_names[j]
+        q[j] = joints[name] if name in free else np.clip(0.0, lower, upper)
+    return coupled(hand, q)
+
+
+# --- proofs beside tasks: read from files, and checked by `proofs/` on the numbers that a file would hold ---
+
+
+def verify_existence(task: Task, proof: Existence) -> Replay:
+    """Does an exact configuration of the task exist in the box of the proof? See `check_configuration`."""
+    try:
+        return check_configuration(_equations_of(task), proof)
+    except Refused as fault:
+        return Replay("configuration", refused=str(fault))
+
+
+def misplaced(task: Task, joints: Mapping[str, float], proof: Existence) -> str:
+    """Which of all joints of the hand is not where it is proved, or breaks a limit or a coupling; '' if none."""
+    return _equations_of(task).task.misplaced(joints, proof.joints)
+
+
+def existence_from_dict(data: Any) -> Existence:
+    """The proof in a parsed object; raises `InputError` with field and fault."""
+    try:
+        return read_existence(data)
+    except BadFile as fault:
+        raise InputError(fault.problem, field=fault.field or None) from None
+
+
+@lru_cache(maxsize=16)
+def _equations_of(task: Task) -> ContactEquations:
+    return ContactEquations.of(read_task(task_to_dict(task)))

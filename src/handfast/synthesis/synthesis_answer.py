@@ -19,7 +19,7 @@ from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
 from handfast.proofs.synthesis import replay
 from handfast.synthesis.distance import features
-from handfast.synthesis.embedded import sealed, task_to_dict
+from handfast.synthesis.embedded_task import sealed, task_to_dict
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.task import Task
 

@@ -17,9 +17,8 @@ from handfast.core.errors import InputError
 from handfast.core.files import Strict, read_json, validate
 from handfast.proofs.configurations import Existence
 from handfast.proofs.replay import Replay
-from handfast.synthesis.embedded import fingerprint, refuse_broken, task_from_dict
-from handfast.synthesis.existence import existence_from_dict
-from handfast.synthesis.solution import Solution
+from handfast.synthesis.embedded_task import fingerprint, refuse_broken, task_from_dict
+from handfast.synthesis.solution import Solution, existence_from_dict
 from handfast.synthesis.synthesis_answer import Searched, Synthesis, replayed
 from handfast.synthesis.task import Task
 

@@ -14,7 +14,10 @@ from handfast.core.shown import Shown
 from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Coupling, Hand, coupling_rows
 from handfast.model.mechanism import Mechanism
-from handfast.model.region import Region
+from handfast.model.region import Bezier, Cap, Region
+
+PAD = np.array([0.5, 0.0, 0.87])  # middle of the pad in a distal frame: palmar, a little towards the tip
+PAD_HALF_ANGLE = np.radians(60)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,3 +185,39 @@ def _coupled(hand: Hand, joint: str, driver: str, ratio: float, field: str) -> H
         (False,) * len(driven),
     )
     return replace(hand, couplings=couplings, mechanism=mechanism)
+
+
+def pinch(
+    hand: Hand, *, fingers: tuple[str, str] = ("index", "thumb"), edge: float = 0.02, patch: float = 0.008
+) -> Task:
+    """The precision grasp as a task: both fingertips on a small cube.
+
+    The cube has a given edge [m] and its origin at its centre; each fingertip is on a square of side `patch` [m].
+
+    The squares are in the middle of the faces +x (first finger) and -x. A fingertip is the sphere among the
+    shapes of the link `<finger>_distal` that lies furthest out along its x; the pad is the cap of 60
+    degrees about (0.5, 0, 0.87) of that frame.
+
+    Raises:
+        InputError: no such link, or no sphere on it.
+    """
+    pairs = []
+    for finger, side in zip(fingers, (1.0, -1.0), strict=True):
+        link = f"{finger}_distal"
+        pairs.append(ContactPair(link, fingertip(hand, link), _face(side, edge / 2, patch / 2)))
+    return Task.of(hand, tuple(pairs), name=f"pinch-{hand.name}")
+
+
+def fingertip(hand: Hand, link: str) -> Cap:
+    """The pad of a spherical fingertip, link frame."""
+    balls = [s for s in hand.links[hand.link(link)].shapes if s.kind == "sphere"]
+    if not balls:
+        raise InputError("has no sphere among its shapes; a spherical fingertip is needed", field=link)
+    tip = max(balls, key=lambda s: float(s.pose[0, 3]))
+    return Cap(tip.pose[:3, 3], tip.size[0], PAD, PAD_HALF_ANGLE)
+
+
+def _face(side: float, x: float, half: float) -> Bezier:
+    """A square about the x axis at side * x, outward normal along side * x."""
+    corners: Array = np.array([[[side * x, u, v] for v in (-half, half)] for u in (-half, half)])
+    return Bezier(corners, flip=side < 0)

@@ -18,9 +18,8 @@ from handfast.core.branch import BranchAndPrune, Discarded
 from handfast.core.errors import InputError
 from handfast.model.region import Bezier, Cap
 from handfast.synthesis.search.boxes import Boxes, Part, PoseSpace
-from handfast.synthesis.search.derivative_bounds import CELLS
 from handfast.synthesis.search.kernel.object_pose import turning
-from handfast.synthesis.search.prover import LEAVES, POSES, Prover
+from handfast.synthesis.search.prover import CELLS, LEAVES, POSES, Prover
 from handfast.synthesis.search.starts import Starts
 from handfast.synthesis.search.workspace import CenteredBox
 from handfast.synthesis.task import PoseBounds, Task

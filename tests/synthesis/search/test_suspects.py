@@ -7,8 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from handfast.synthesis.search.prover import POSES, Prover
-from handfast.synthesis.search.suspects import suspects
+from handfast.synthesis.search.prover import POSES, Prover, suspects
 from handfast.synthesis.task import PoseBounds
 from handfast.synthesis.task_file import load_task
 from handfast.synthesis.task_problem import TaskProblem

@@ -26,9 +26,8 @@ from handfast.planning.filters.non_contacting import NonContactingFingers
 from handfast.planning.question import Allowed
 from handfast.planning.rejection import RejectionReason
 from handfast.stability.problem.loads import Loads
-from handfast.synthesis.curvatures import relative_curvatures
 from handfast.synthesis.search.starts import Certified
-from handfast.synthesis.solution import Solution
+from handfast.synthesis.solution import Solution, relative_curvatures
 from handfast.synthesis.task_problem import TaskProblem
 
 DEEP = 0.01  # [m] of penetration that costs 1

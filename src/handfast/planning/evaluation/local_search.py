@@ -26,8 +26,7 @@ from handfast.planning.search import UnitResult
 from handfast.stability.answers import check
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import HoldAnswer, moderate
-from handfast.synthesis.search.diverse import Walks
-from handfast.synthesis.search.starts import BLOCK, Certified, Starts
+from handfast.synthesis.search.starts import BLOCK, Certified, Starts, Walks
 
 SETTINGS = Settings(node_limit=4000)  # nodes, not seconds: the same seed finds the same grasps
 RAW = 16  # certified random starts of a unit

@@ -14,8 +14,7 @@ from handfast.core.arrays import Array, Mask
 from handfast.geometry.collision import SeparationVector
 from handfast.model.hand.coupling import drivers
 from handfast.planning.evaluation.evaluator import DEEP, Evaluator, GraspCandidate, requests
-from handfast.synthesis.search.diverse import Walks
-from handfast.synthesis.search.starts import Certified
+from handfast.synthesis.search.starts import Certified, Walks
 from handfast.synthesis.task_problem import TaskProblem
 
 AIR = 5e-4  # [m] further apart than allowed: where a step away aims

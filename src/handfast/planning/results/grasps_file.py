@@ -31,7 +31,7 @@ from handfast.readers.grasp_file import ActuatorEntry
 from handfast.stability.answers.answer import state_json
 from handfast.stability.problem.loads import Loads, Weight
 from handfast.stability.problem.model import State
-from handfast.synthesis.embedded import digest, refuse_broken, sealed, task_from_dict, task_to_dict
+from handfast.synthesis.embedded_task import digest, refuse_broken, sealed, task_from_dict, task_to_dict
 from handfast.synthesis.solution import Solution
 from handfast.synthesis.synthesis_file import solution_of
 from handfast.synthesis.task import Task

@@ -35,7 +35,7 @@ from handfast.readers.grasp_file import load_grasp
 from handfast.readers.load_body import load_body
 from handfast.readers.load_hand import load_hand
 from handfast.stability.problem.loads import Loads
-from handfast.synthesis.embedded import digest, fingerprint, task_to_dict
+from handfast.synthesis.embedded_task import digest, fingerprint, task_to_dict
 
 LONG = 60  # characters of a value that are shown
 SMALL = 1e-3  # what is computed in several steps has an error of this size times `SAME`, however small it is

@@ -9,9 +9,9 @@ Every solution's coordinates lie in a box that was not discarded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any, Literal
@@ -25,8 +25,8 @@ from handfast.core.errors import InputError
 from handfast.core.files import Strict, validate
 from handfast.core.limits import SearchLimits
 from handfast.synthesis.search.boxes import KEPT, Boxes, ContactSet, Part, PoseSpace
-from handfast.synthesis.search.derivative_bounds import cones, derivative_bounds
-from handfast.synthesis.search.suspects import suspects
+from handfast.synthesis.search.starts import Starts
+from handfast.synthesis.task import PoseBounds, Task
 from handfast.synthesis.task_problem import TaskProblem
 
 FIRST, SLICE = 2, 20  # calls before another search has its turn: at the very beginning, and then
@@ -35,6 +35,8 @@ LEAVES = 64  # small boxes of all contacts after which these are searched no fur
 POSES = "poses"  # name of the pose-space search
 MOST = 8  # times as much for the searches that are likely to succeed as for all others together
 FEW = 2  # contacts of a set that may be one of those
+CELLS = 8  # each way, of a region: each has constants of its own
+UP = 1.0 + 1e-9  # over the rounding of `derivative_bounds`
 FROM = 3  # contacts, for the pose-space search: with two of them the pose is too free
 
 
@@ -240,3 +242,61 @@ class Prover:
             max(widths),
             interrupted,
         )
+
+
+def suspects(task: Task, subsets: Sequence[tuple[int, ...]]) -> dict[tuple[int, ...], bool]:
+    """The sets of contacts that may be impossible, and of each whether it has no other of them within it.
+
+    A set of which one block of local searches proves a configuration is left out: nothing can show it impossible. The
+    last set is not looked for. This only says where to search; no proof rests on it.
+
+    Args:
+        subsets: smaller ones first, all contacts last; in them the number of contacts stands for the object's origin.
+    """
+    out: dict[tuple[int, ...], bool] = {}
+    for subset in subsets:
+        if any(set(other) <= set(subset) for other in out):
+            out[subset] = False
+        elif subset == subsets[-1] or not _possible(task, subset):
+            out[subset] = True
+    return out
+
+
+def _possible(task: Task, subset: tuple[int, ...]) -> bool:
+    """Do local searches find a configuration of these contacts alone?"""
+    b = len(task.contact_pairs)
+    position = task.pose.position if b in subset else PoseBounds.none().position
+    pairs = tuple(task.contact_pairs[k] for k in subset if k < b)
+    part = replace(task, contact_pairs=pairs, pose=PoseBounds(position, task.pose.axes))
+    return bool(Starts(TaskProblem.of(part), 0).run(1))
+
+
+def derivative_bounds(problem: TaskProblem) -> Array:
+    """(b, 2, CELLS, CELLS, 10) constants of the object's and the hand's regions, see `taylor.worst`; units."""
+    out = np.zeros((len(problem.task.contact_pairs), 2, CELLS, CELLS, 10))
+    for k, pair in enumerate(problem.task.contact_pairs):
+        radius = pair.hand.ball.radius if pair.hand.ball else 0.0
+        for i, region in enumerate((pair.object, pair.hand)):
+            if not region.ball or i == 0:
+                surface, normal = region.derivative_bounds(CELLS)
+                outward = radius * normal if i == 0 else 0.0
+                out[k, i] = np.concatenate([(surface + outward) / problem.unit, normal], axis=2) * UP
+                if region.ball:  # its parameters are no fractions; the constants hold everywhere
+                    out[k, i, 0, 1] = np.nan
+    return out
+
+
+def cones(problem: TaskProblem) -> Array:
+    """(m, 5) bounds of the object's axes: index of the axis, unit direction in the palm frame, angle from it."""
+    rows = []
+    for k, box in enumerate(problem.task.pose.axes):
+        tries = [*np.eye(3), *-np.eye(3)]
+        middle = box.mean(axis=1)
+        if np.linalg.norm(middle) > 1e-6:
+            tries.append(middle / np.linalg.norm(middle))
+        for c in tries:
+            # no vector within the bounds has a smaller component along c
+            least = float(np.minimum(c * box[:, 0], c * box[:, 1]).sum())
+            if least > -1:
+                rows.append([k, *c, np.arccos(min(least, 1.0)) + 1e-9])
+    return np.array(rows).reshape(-1, 5)

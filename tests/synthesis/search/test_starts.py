@@ -9,8 +9,7 @@ from handfast.core.answer import Reach, Stop
 from handfast.model.region import Cap
 from handfast.synthesis.distance import APART, LENGTH, farthest, features, features_of
 from handfast.synthesis.query import synthesize
-from handfast.synthesis.search.diverse import Walks
-from handfast.synthesis.search.starts import BLOCK, Starts
+from handfast.synthesis.search.starts import BLOCK, Starts, Walks
 from handfast.synthesis.task_problem import TaskProblem
 from tests.support.holds import grip, pinch
 
@@ -106,7 +105,7 @@ def test_steps_stay_on_the_set_and_move() -> None:
     nearest = np.linalg.norm(at[:, None] - old[None], axis=2).min(axis=1)
     assert np.median(nearest) > 0.1
     proofs = [c.existence(starts.problem) for c in new[:20]]
-    from handfast.synthesis.existence import verify_existence
+    from handfast.synthesis.solution import verify_existence
 
     assert all(verify_existence(pinch(), p).ok for p in proofs)
 
