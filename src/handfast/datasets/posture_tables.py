@@ -22,8 +22,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from handfast.core.errors import InputError
-from handfast.datasets.dataset_rows import DatasetRow, PosedRow
-from handfast.datasets.datasets import GraspDataset, file_identity, printable
+from handfast.datasets.dataset_rows import DatasetRow, GraspDataset, PosedRow, file_identity, printable
 
 ROWS = 1024  # read at a time
 HEADER = 10_000  # characters of an .npy header
