@@ -4,8 +4,8 @@
 
 `plan` looks for grasps that hold 1.5 times the weight from all six sides, with its defaults and a fixed seed. Each
 grasp is written to a file, read again, and put under the weight itself, from each side, in `simulate_bodies`: hand and
-object as the files that the grasp names have them. A grasp is held if all six end in HOLDS, refused if the engine has no
-model of it; else the endings of its loads say what became of it. `--shared` has the Allegro and the Barrett hand as
+object as the files that the grasp names have them. A grasp is held if all six end in HOLDS, refused if the engine has
+no model of it; else the endings of its loads say what became of it. `--shared` has the Allegro and the Barrett hand as
 URDF; without it these are rows that say so.
 
 Writes results/plan_simulated.json as it goes on; pairs that are there already are not done again.

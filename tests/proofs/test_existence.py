@@ -16,6 +16,7 @@ from handfast.proofs.states import Problem, State, choices, modes_of
 from handfast.proofs.tolerance import EPS, load_scale
 from handfast.readers.grasp_file import load_grasp
 from handfast.stability.answers import check, maximum
+from handfast.stability.problem.grasp_limits import GraspLimits
 from tests.support.exact_states import data, moved, problem, state
 from tests.support.law_grasps import DOWN, jaw
 
@@ -32,8 +33,10 @@ def held(grasp, load, **options):
     """Problem and state of a check that holds."""
     answer = check(grasp, load, **options)
     assert answer.witness is not None
-    names = {"torque_limits": "limits"}
-    return problem(grasp, load, **{names.get(k, k): v for k, v in options.items()}), state(answer.witness.state)
+    limits = options.pop("limits", GraspLimits())
+    most = np.inf if limits.force_limit is None else limits.force_limit
+    asked = {"eta": limits.eta, "limits": limits.torque_limits, "force_limit": most} | options
+    return problem(grasp, load, **asked), state(answer.witness.state)
 
 
 def of_family(family, k=0):
