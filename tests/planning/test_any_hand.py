@@ -26,10 +26,9 @@ from handfast.planning.candidates.surface import SurfaceSampler
 from handfast.planning.evaluation.attempt import Attempts, Runner
 from handfast.planning.filters.quick_look import QuickLook
 from handfast.planning.plan_grasps import plan
-from handfast.planning.question import PlanOptions
+from handfast.planning.question import PlanOptions, compared, hand_size
 from handfast.planning.rejection import RejectionReason, Tally, diagnosis, fruitless
 from handfast.planning.results.folder import PlanFolder
-from handfast.planning.sizes import compared, hand_size
 from handfast.stability.problem.loads import Loads
 from tests.support.unprepared_hands import jaws, overlapping, wristed
 

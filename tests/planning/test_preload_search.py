@@ -13,6 +13,7 @@ from handfast.model.body import Body
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
 from handfast.model.shape import Shape
+from handfast.planning.evaluation import preload_search
 from handfast.planning.evaluation.preload_search import MANY, TOLERANCE, PreloadSearch, spanning
 from handfast.planning.filters.balance import imbalance
 from handfast.planning.question import PlanLimits
@@ -201,3 +202,18 @@ def test_no_load_is_lost() -> None:
     whole, spanned = (imbalance(Grasp(c), loads) for c in ((*below, *above), few))
     np.testing.assert_array_equal(whole > 0, spanned > 0)
     assert not whole.all()
+
+
+def test_a_preload_is_not_looked_for_after_the_plan_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No query is given more than the time that is left of the plan, nor more than the patience with one grasp."""
+    given: list[float] = []
+    grasp = clamped(jaws(TURNED.tolist()))
+
+    def told(*_: object, timeout: float, **__: object) -> None:
+        given.append(timeout)
+
+    monkeypatch.setattr(preload_search, "held", told)
+    monkeypatch.setattr(preload_search.time, "monotonic", lambda: 100.0)
+    for until in (np.inf, 107.0, 90.0):
+        PreloadSearch(BODY, Loads.gravity(BODY), PlanLimits(), until).found(grasp, ())
+    assert given == [preload_search.PATIENCE, 7.0, preload_search.SHORTEST]

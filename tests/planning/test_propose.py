@@ -250,11 +250,11 @@ def test_bad_requests() -> None:
     slab = box(0.1, 0.05, 0.05)
     with pytest.raises(InputError, match="kind: is 'hook'; known: pinch, tripod, power"):
         propose(BARRETT, None, slab, "hook")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="count: is 0; a number from 1 on is needed"):
+    with pytest.raises(InputError, match="count: is 0; a positive number is needed"):
         propose(BARRETT, None, slab, count=0)
     with pytest.raises(InputError, match="seed: is -1; a number from 0 on is needed"):
         propose(BARRETT, None, slab, seed=-1)
-    with pytest.raises(InputError, match="timeout: is 0 s; a positive number is needed"):
+    with pytest.raises(InputError, match="timeout: is 0; a positive number is needed"):
         propose(BARRETT, None, slab, timeout=0)
     with pytest.raises(InputError, match="friction: is 0; forces on places need a positive coefficient"):
         propose(BARRETT, None, box(0.1, 0.05, 0.05, friction=0.0))

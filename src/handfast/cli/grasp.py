@@ -49,10 +49,9 @@ class FindGrasps(SearchFlags, JointLawOptions, Command):
     def run(self) -> int:
         from handfast.cli import grasp_tables
         from handfast.planning.grasp_for import grasp_for
-        from handfast.planning.question import Allowed, TaskGraspOptions
+        from handfast.planning.question import Allowed, TaskGraspOptions, compared
         from handfast.planning.results.folder import GraspFolder
         from handfast.planning.search import Journal
-        from handfast.planning.sizes import compared
 
         allowed = Allowed(self.depth, self.depth, self.depth)
         options: TaskGraspOptions = self.options(TaskGraspOptions, allowed=allowed)

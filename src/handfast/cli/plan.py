@@ -105,9 +105,9 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
         """The exit status, and what is said of one object."""
         from handfast.cli.grasp_tables import starts_text
         from handfast.planning.plan_grasps import plan
+        from handfast.planning.question import compared
         from handfast.planning.results.folder import PlanFolder
         from handfast.planning.search import Journal
-        from handfast.planning.sizes import compared
 
         hand, body = self.load_scene()
         senses = {name: int(s) for name, s in self._senses().items()}

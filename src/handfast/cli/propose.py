@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -57,8 +57,8 @@ class Propose(Command):
 
     def run(self) -> int:
         from handfast.core import bundled
-        from handfast.planning.propose_tasks import propose
-        from handfast.planning.sizes import compared
+        from handfast.planning.propose_tasks import ProposeOptions, propose
+        from handfast.planning.question import compared
         from handfast.readers.body_file import save_body_copy
         from handfast.readers.load_hand import load_hand
         from handfast.readers.region_file import load_hand_regions
@@ -76,18 +76,8 @@ class Propose(Command):
             check_writable(copy, self.force, (".json",))
             named = str(copy)
         with console.watch("propose") as watch:
-            found = propose(
-                hand,
-                regions,
-                body,
-                self.kind,
-                count=self.count,
-                seed=self.seed,
-                timeout=self.timeout,
-                friction=self.friction,
-                object=named,
-                on_progress=watch.say,
-            )
+            asked = {f.name: getattr(self, f.name) for f in fields(ProposeOptions)} | {"object": named}
+            found = propose(hand, regions, body, self.kind, options=ProposeOptions(**asked), on_progress=watch.say)
         written = found.save(self.output, force=self.force) if self.output else []
         if copy and written:
             said: dict[str, Any] = {"scale": self.scale, "center_of_mass": self.center_of_mass or None}

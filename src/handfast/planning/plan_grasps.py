@@ -14,12 +14,11 @@ from handfast.core.parallel import WorkerPool, default_jobs
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.planning.evaluation.attempt import Attempts, PlannedGrasp, Runner
-from handfast.planning.question import PlanOptions, link_pairs, refuse_another
+from handfast.planning.question import PlanOptions, compared, link_pairs, refuse_another
 from handfast.planning.ranking import best_first, difference, most_different
 from handfast.planning.rejection import fruitless
 from handfast.planning.results.plan import Plan
 from handfast.planning.search import Gathering, Journal
-from handfast.planning.sizes import compared
 from handfast.stability.problem.loads import Loads
 
 
@@ -84,13 +83,13 @@ def plan(
 
     def measure(workers: WorkerPool[Runner]) -> None:
         bare = [(k, g) for k, g in enumerate(gathered.kept) if g.quality is None]
-        found = workers.map(Runner.measured, [(g, end) for _, g in bare], until=end)
+        found = workers.map(Runner.measured, [g for _, g in bare], until=end)
         for (k, _), g in zip(bare, found, strict=False):  # fewer where the time is up
             gathered.kept[k] = g
 
     end, stop = np.inf if o.timeout is None else begin + o.timeout, Stop.NODES
     try:
-        with WorkerPool(Runner(asked), jobs or default_jobs()) as workers:
+        with WorkerPool(Runner(asked, end), jobs or default_jobs()) as workers:
             numbers = range(gathered.tally.total, o.attempts)
             done = gathered.enough or fruitless(gathered.tally, o.give_up)
             measure(workers)

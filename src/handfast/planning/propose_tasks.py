@@ -27,7 +27,7 @@ from handfast.model.hand_regions import HandRegions
 from handfast.planning.candidates.region_candidates import Kind, RegionCandidate, find_candidates
 from handfast.planning.filters.non_contacting import placed, postures
 from handfast.planning.filters.quick_look import QuickLook
-from handfast.planning.question import refuse_negative
+from handfast.planning.question import refuse_negative, refuse_no_positive
 from handfast.planning.rejection import RejectionReason, Tally
 from handfast.synthesis.query import synthesize
 from handfast.synthesis.search.starts import Starts
@@ -46,6 +46,32 @@ NEAR = 0.06, 0.5  # [m, -] such bounds about the pose at which a hand shape came
 ENOUGH = -3e-4  # [m] a clearance above this is not improved upon
 
 OnStep = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProposeOptions:
+    """Options of `propose`.
+
+    Attributes:
+        count: of proposals.
+        seed: of everything that is drawn; the same seed gives the same proposals, unless a time limit interferes.
+        timeout: [s] of synthesis for each candidate.
+        friction: coefficient; None for the object's.
+        object: name or path of the object, for the tasks.
+
+    Raises:
+        InputError: a count or a time that is not positive, a negative seed.
+    """
+
+    count: int = 5
+    seed: int = 0
+    timeout: float = 1.0
+    friction: float | None = None
+    object: str | None = None
+
+    def __post_init__(self) -> None:
+        refuse_no_positive({"count": self.count, "timeout": self.timeout})
+        refuse_negative(self.seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,12 +171,9 @@ def propose(
     body: Body,
     kind: Kind = "pinch",
     *,
-    count: int = 5,
-    seed: int = 0,
-    timeout: float = 1.0,
-    friction: float | None = None,
-    object: str | None = None,
+    options: ProposeOptions | None = None,
     on_progress: OnStep | None = None,
+    **changes: Any,
 ) -> Proposals:
     """Tasks in which a hand holds an object with a kind of grasp, each with a certified configuration.
 
@@ -159,27 +182,19 @@ def propose(
     Args:
         regions: the hand's; None takes the bundled ones or guesses (`regions_of`).
         kind: "pinch", "tripod" or "power".
-        count: of proposals.
-        seed: of everything that is drawn; the same seed gives the same proposals, unless a time limit interferes.
-        timeout: [s] of synthesis for each candidate.
-        friction: coefficient; the object's unless given.
-        object: name or path of the object, for the tasks.
+        options: see `ProposeOptions`.
         on_progress: called with a line of text while it runs.
+        changes: options by name, in place of those of `options`: `propose(hand, None, body, count=3)`.
 
     Raises:
         InputError: an unknown kind, a count below 1, a timeout or friction that is not positive, a region on a
             link that the hand does not have, too few regions for the kind.
     """
-    clock = time.monotonic()
-    if count < 1:
-        raise InputError(f"is {count}; a number from 1 on is needed", field="count")
-    if not timeout > 0:
-        raise InputError(f"is {timeout:g} s; a positive number is needed", field="timeout")
-    refuse_negative(seed)
-    regions = regions or regions_of(hand)
-    mu = body.friction if friction is None else friction
-    trial = _Trial(hand, body, object, seed, timeout)
-    candidates, tally = find_candidates(trial.look, regions, body, kind, mu, seed=seed, short=SHORT * count)
+    o, clock = replace(options or ProposeOptions(), **changes), time.monotonic()
+    regions, count = regions or regions_of(hand), o.count
+    mu = body.friction if o.friction is None else o.friction
+    trial = _Trial(hand, body, o)
+    candidates, tally = find_candidates(trial.look, regions, body, kind, mu, seed=o.seed, short=SHORT * count)
     candidates = candidates[: PER_PROPOSAL * count]
     for n, candidate in enumerate(candidates):
         if sum(p.clear for p in trial.found) == count:
@@ -200,8 +215,8 @@ def propose(
 class _Trial:
     """Candidates made into tasks and solved, one after the other."""
 
-    def __init__(self, hand: Hand, body: Body, object: str | None, seed: int, timeout: float) -> None:
-        self.hand, self.object, self.seed, self.timeout = hand, object, seed, timeout
+    def __init__(self, hand: Hand, body: Body, options: ProposeOptions) -> None:
+        self.hand, self.options = hand, options
         self.look = QuickLook(Scene(hand, body))
         self.found: list[Proposal] = []
         self.tried, self.tally = 0, Tally()
@@ -212,10 +227,10 @@ class _Trial:
         pairs = tuple(
             ContactPair(r.link, r.region, p.patch) for r, p in zip(candidate.regions, candidate.places, strict=True)
         )
-        task = Task.of(self.hand, pairs, object=self.object)
+        task = Task.of(self.hand, pairs, object=self.options.object)
         self.tried += 1
         task = self._about(task, candidate.pose)
-        answer = synthesize(task, seed=self.seed, timeout=self.timeout)
+        answer = synthesize(task, seed=self.options.seed, timeout=self.options.timeout)
         if answer.verdict is not Reach.FOUND:
             reason = RejectionReason.UNREACHABLE if answer.verdict is Reach.NONE else RejectionReason.UNREACHED
             self.tally.add(reason, 1, ", ".join(names))
@@ -234,7 +249,7 @@ class _Trial:
         best: tuple[float, Task] | None = None
         for asked in (_bounded(task, pose, NEAR, {}), task):
             problem = TaskProblem.of(asked)
-            for c in Starts(problem, self.seed).run(TRIES):
+            for c in Starts(problem, self.options.seed).run(TRIES):
                 solution = Solution.of(asked, c.existence(problem))
                 for values in postures(self.hand, links):
                     clearance = self.look.clearance(placed(self.hand, solution.q, values), solution.pose)

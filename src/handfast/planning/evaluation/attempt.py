@@ -129,8 +129,9 @@ class Runner:
     It has the compiled scene and what is worth keeping between attempts.
     """
 
-    def __init__(self, asked: Attempts) -> None:
-        self.asked = asked
+    def __init__(self, asked: Attempts, until: float = np.inf) -> None:
+        """until: when the search has to end, on the monotonic clock."""
+        self.asked, self.until = asked, until
         self.scene = Scene(asked.hand, asked.body, asked.options.ignored)
         self.surface = SurfaceSampler(asked.body)
         self.clearance = QuickLook(self.scene)
@@ -195,7 +196,7 @@ class Runner:
         actuators = squeezing(grasp, {j for j, why in closed.stopped.items() if why.endswith("touches")})
         if not actuators:
             return RejectionReason.UNDECIDED, None
-        search = PreloadSearch(a.body, a.loads, a.options.limits)
+        search = PreloadSearch(a.body, a.loads, a.options.limits, self.until)
         answer, searched = search.run(grasp, len(closed.contacts), partial(self._grasp, closed, pose), actuators)
         reason = of_verdict(answer.verdict)
         if reason:
@@ -220,11 +221,10 @@ class Runner:
                 return False
         return True
 
-    def measured(self, item: tuple[PlannedGrasp, float]) -> PlannedGrasp:
-        """A grasp with its margins and its quality; the other number is when that has to be done, monotonic clock."""
-        g, until = item
+    def measured(self, g: PlannedGrasp) -> PlannedGrasp:
+        """A grasp with its margins and its quality; as it is if there is no time."""
         o = self.asked.options
-        answer = with_margins(g.held, o, until)
+        answer = with_margins(g.held, o, self.until)
         if not answer.margins and answer.loads.wrenches.any():
             return g
         clearance = self.clearance.clearance(g.q, g.pose, but=[str(c.link) for c in g.grasp.contacts])

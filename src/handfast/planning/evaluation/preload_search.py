@@ -7,11 +7,13 @@ contact that is compressed pushes. So what is found with a part counts for nothi
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from handfast.core.answer import Stop, Verdict
 from handfast.core.arrays import Array
@@ -30,6 +32,7 @@ NODES = 150_000  # of a query of one contact, over the square of the contacts
 BOUNDING = 250_000  # of one for the least commands, whose proofs cost most, over the cube of the contacts
 CHECKED = 9_000  # of a query under a preload that is known, at least
 PATIENCE = 30.0  # [s] for all queries about a preload: a fuse, the nodes end them much earlier
+SHORTEST = 0.1  # [s] of them, where the time for the whole plan is up
 MANY = 6  # contacts: with more than these, a part is asked first
 TOLERANCE = 0.1  # of the wrenches that the part may miss, see `reduced_contacts`
 LEVELS = (1.0, 1.25)  # of the preload that holds with the part
@@ -37,7 +40,7 @@ LEVELS = (1.0, 1.25)  # of the preload that holds with the part
 
 @dataclass(frozen=True)
 class SearchedContacts:
-    """With which contacts a preload was looked for.
+    """With which contacts a preload was looked for; its own schema in `plan.json`.
 
     Attributes:
         touching: contacts of hand and object; those of the grasp are the corners of their faces, see `spanning`.
@@ -45,9 +48,9 @@ class SearchedContacts:
         error: of the wrenches of the others, see `reduced_contacts`; 0 if there are none.
     """
 
-    touching: int
-    searched: int
-    error: float
+    touching: Annotated[int, Field(ge=1)]
+    searched: Annotated[int, Field(ge=1)]
+    error: Annotated[float, Field(ge=0)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +60,13 @@ class PreloadSearch:
     Attributes:
         body: the object. loads: what is to be held. limits: within which; no `command_limit` is `STRONG` times the
             largest load, no `settings` a number of nodes, so that the outcome does not hang on the machine.
+        until: on the monotonic clock, when it has to end.
     """
 
     body: Body
     loads: Loads
     limits: PlanLimits
+    until: float = np.inf
 
     def run(
         self, grasp: Grasp, touching: int, rebuilt: Callable[[Sequence[Contact]], Grasp], actuators: tuple[str, ...]
@@ -90,7 +95,8 @@ class PreloadSearch:
     def found(self, grasp: Grasp, actuators: tuple[str, ...]) -> HoldAnswer:
         """What `hold` says of a grasp."""
         bounding = self.limits.settings or bounding_settings_for(grasp)
-        how = {"actuators": actuators, "least": False, "timeout": PATIENCE, "bounding": bounding}
+        left = min(PATIENCE, max(self.until - time.monotonic(), SHORTEST))
+        how = {"actuators": actuators, "least": False, "timeout": left, "bounding": bounding}
         return held(grasp, self.loads, self.limits, settings_for(grasp), **how)
 
     def of_all(self, grasp: Grasp, part: HoldAnswer) -> HoldAnswer:

@@ -193,7 +193,5 @@ class PlanFolder(SearchFolder[Plan]):
         if answer is None:
             problem = "does not hold what is asked; it was changed, or belongs to another plan"
             raise InputError(problem, source=str(source))
-        q, how = place.applied(asked.hand)[1], entry.preload_search
-        searched = how.contacts() if how else None
-        depths = entry.penetration, entry.self_penetration
-        return PlannedGrasp(q, place.pose, grasp, answer, *depths, entry.attempt, searched, way=entry.way)
+        found = entry.penetration, entry.self_penetration, entry.attempt, entry.preload_search
+        return PlannedGrasp(place.applied(asked.hand)[1], place.pose, grasp, answer, *found, way=entry.way)

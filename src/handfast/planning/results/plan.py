@@ -27,17 +27,6 @@ STARTS = (
 )
 
 
-class PreloadSearchEntry(Strict):
-    """As `SearchedContacts`."""
-
-    touching: int = Field(ge=1)
-    searched: int = Field(ge=1)
-    error: float = Field(ge=0)
-
-    def contacts(self) -> SearchedContacts:
-        return SearchedContacts(self.touching, self.searched, self.error)
-
-
 class PlannedEntry(Strict):
     """What of a grasp in `plan.json` is needed to go on; it says more."""
 
@@ -50,7 +39,7 @@ class PlannedEntry(Strict):
     configuration_file: str
     grasp_file: str
     hold_file: str
-    preload_search: PreloadSearchEntry | None = None
+    preload_search: SearchedContacts | None = None
     way: Way | None = None
 
 
