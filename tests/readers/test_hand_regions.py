@@ -138,7 +138,7 @@ def test_bad_files_get_one_clear_line(tmp_path: Path, changes: dict[str, Any], m
 def test_more_bad_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         load_hand_regions(tmp_path / "none.json")
-    with pytest.raises(InputError, match="no bundled hand_region of that name; bundled: barrett-bh8-280, schunk-sah"):
+    with pytest.raises(InputError, match="no bundled hand region of that name; bundled: barrett-bh8-280, schunk-sah"):
         load_hand_regions("gripper-of-mine")
     with pytest.raises(InputError, match="unknown link 'thumb_distal'; known: palm, finger_1_spread"):
         load_hand_regions(file_with(tmp_path), load_hand("barrett-bh8-280"))

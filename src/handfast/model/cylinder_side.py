@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
 
 import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.core.schema import Vector3
 from handfast.model.region import Region
 
 SHORTEST = 1e-9  # length of a direction below which it is none
@@ -40,10 +40,10 @@ class CylinderSide(Region):
 
     kind = "cylinder_side"
 
-    center: Array
+    center: Vector3
     radius: float
-    axis: Array
-    x_axis: Array
+    axis: Vector3
+    x_axis: Vector3
     angles: tuple[float, float]
     heights: tuple[float, float]
     flip: bool = False
@@ -52,44 +52,30 @@ class CylinderSide(Region):
         def put(name: str, value: object) -> None:
             object.__setattr__(self, name, value)
 
-        put("center", frozen(self.center, (3,), "cylinder_side.center"))
+        put("center", frozen(self.center, (3,), "center"))
         if not (np.isfinite(self.radius) and self.radius > 0):
-            raise InputError(f"is {self.radius:g}; it must be positive [m]", field="cylinder_side.radius")
-        axis = _unit(self.axis, "cylinder_side.axis")
-        across = _unit(self.x_axis, "cylinder_side.x_axis")
+            raise InputError(f"is {self.radius:g}; it must be positive [m]", field="radius")
+        axis = _unit(self.axis, "axis")
+        across = _unit(self.x_axis, "x_axis")
         across = across - axis * (axis @ across)
         if np.linalg.norm(across) < SHORTEST:
-            raise InputError("is parallel to axis; a direction across it is needed", field="cylinder_side.x_axis")
-        put("axis", frozen(axis, (3,), "cylinder_side.axis"))
-        put("x_axis", _unit(across, "cylinder_side.x_axis"))
+            raise InputError("is parallel to axis; a direction across it is needed", field="x_axis")
+        put("axis", frozen(axis, (3,), "axis"))
+        put("x_axis", _unit(across, "x_axis"))
         for name, unit in (("angles", "rad"), ("heights", "m")):
-            lo, hi = frozen(getattr(self, name), (2,), f"cylinder_side.{name}").tolist()
+            lo, hi = frozen(getattr(self, name), (2,), name).tolist()
             if not lo < hi:
                 problem = f"is [{lo:g}, {hi:g}]; the lower one comes first [{unit}]"
-                raise InputError(problem, field=f"cylinder_side.{name}")
+                raise InputError(problem, field=name)
             put(name, (lo, hi))
         if not self.turn <= FULL_TURN:
             problem = f"is {self.turn:g} wide; a full turn is {2 * np.pi:.9g} [rad]"
-            raise InputError(problem, field="cylinder_side.angles")
+            raise InputError(problem, field="angles")
         if max(map(abs, self.angles)) > FARTHEST_TURN:  # whose sines lose the digits that proofs need
             problem = (
                 f"is [{self.angles[0]:g}, {self.angles[1]:g}]; at most {FARTHEST_TURN:g} rad either way is possible"
             )
-            raise InputError(problem, field="cylinder_side.angles")
-
-    @classmethod
-    def of(cls, numbers: Any, flip: bool) -> Self:
-        return cls(**numbers, flip=flip)
-
-    def numbers(self) -> Any:
-        return {
-            "center": self.center.tolist(),
-            "radius": float(self.radius),
-            "axis": self.axis.tolist(),
-            "x_axis": self.x_axis.tolist(),
-            "angles": list(self.angles),
-            "heights": list(self.heights),
-        }
+            raise InputError(problem, field="angles")
 
     @property
     def turn(self) -> float:
@@ -105,7 +91,7 @@ class CylinderSide(Region):
     def frame(self) -> Array:
         """(3, 3) rotation with the columns x_axis, the direction of a right angle, and axis."""
         columns = [self.x_axis, np.cross(self.axis, self.x_axis), self.axis]
-        return frozen(np.column_stack(columns), (3, 3), "cylinder_side.frame")
+        return frozen(np.column_stack(columns), (3, 3), "frame")
 
     def at(self, u: object, v: object, du: int = 0, dv: int = 0) -> Array:
         u, v = np.broadcast_arrays(np.asarray(u, dtype=float), np.asarray(v, dtype=float))

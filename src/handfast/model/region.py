@@ -12,6 +12,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, frozen
 from handfast.core.errors import InputError
+from handfast.core.schema import InFiles, Vector3, written
 from handfast.core.transforms import normal_frame
 from handfast.model.bernstein import (
     differences,
@@ -27,7 +28,7 @@ DEEPEST = 6  # halvings in each parameter before a patch whose normal cannot be 
 VANISHES = 1e-9  # a normal this much shorter than the longest one is none
 
 
-class Region(ABC):
+class Region(InFiles, ABC):
     """A surface with outward normals over two parameters, in the frame of the link or object that carries it.
 
     Each kind of region is a subclass: a frozen dataclass, which refuses bad numbers with `InputError`.
@@ -41,13 +42,20 @@ class Region(ABC):
     flip: bool
 
     @classmethod
-    @abstractmethod
     def of(cls, numbers: Any, flip: bool) -> Self:
-        """From the numbers that a file has for it; the inverse of `numbers`."""
+        """From the numbers that a file has for it; the inverse of `numbers`. `InputError` names the field."""
+        from handfast.core.files import validate  # pydantic, slow to import
 
-    @abstractmethod
+        try:
+            if "flip" in numbers:
+                raise InputError("stands beside the region, not in it", field="flip")
+            return validate(cls, numbers | {"flip": flip})
+        except InputError as fault:
+            raise fault.within(cls.kind) from None
+
     def numbers(self) -> Any:
         """All of it but `flip`, as JSON-able data."""
+        return {name: value for name, value in written(self).items() if name != "flip"}
 
     @property
     def sign(self) -> float:
@@ -252,32 +260,24 @@ class Cap(Region):
 
     kind = "cap"
 
-    center: Array
+    center: Vector3
     radius: float
-    axis: Array
+    axis: Vector3
     half_angle: float
     flip: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "center", frozen(self.center, (3,), "cap.center"))
-        axis = frozen(self.axis, (3,), "cap.axis")
+        object.__setattr__(self, "center", frozen(self.center, (3,), "center"))
+        axis = frozen(self.axis, (3,), "axis")
         length = float(np.linalg.norm(axis))
         if length < 1e-9:
-            raise InputError("is zero; a direction is needed", field="cap.axis")
-        object.__setattr__(self, "axis", frozen(axis / length, (3,), "cap.axis"))
+            raise InputError("is zero; a direction is needed", field="axis")
+        object.__setattr__(self, "axis", frozen(axis / length, (3,), "axis"))
         if not (np.isfinite(self.radius) and self.radius > 0):
-            raise InputError(f"is {self.radius:g}; it must be positive [m]", field="cap.radius")
+            raise InputError(f"is {self.radius:g}; it must be positive [m]", field="radius")
         if not 0 < self.half_angle <= np.pi + 1e-12:
-            raise InputError(f"is {self.half_angle:g}; it lies in (0, pi] [rad]", field="cap.half_angle")
+            raise InputError(f"is {self.half_angle:g}; it lies in (0, pi] [rad]", field="half_angle")
         object.__setattr__(self, "half_angle", float(min(self.half_angle, np.pi)))
-
-    @classmethod
-    def of(cls, numbers: Any, flip: bool) -> Self:
-        return cls(**numbers, flip=flip)
-
-    def numbers(self) -> Any:
-        ball = {"center": self.center.tolist(), "radius": float(self.radius)}
-        return ball | {"axis": self.axis.tolist(), "half_angle": self.half_angle}
 
     @property
     def ball(self) -> Cap | None:
@@ -287,7 +287,7 @@ class Cap(Region):
     def frame(self) -> Array:
         """(3, 3) rotation whose third column is the axis; the other two are tangents of `normal_frame`, negated."""
         axis, t1, t2 = normal_frame(self.axis).T
-        return frozen(np.column_stack([-t1, -t2, axis]), (3, 3), "cap.frame")
+        return frozen(np.column_stack([-t1, -t2, axis]), (3, 3), "frame")
 
     def point(self, direction: object) -> Array:
         """(..., 3) [m] the surface point in a unit direction (..., 3) from the centre."""

@@ -28,32 +28,12 @@ from handfast.readers.load_hand import bundled_hands, load_hand
 KINDS: dict[str, type[Region]] = {kind.kind: kind for kind in (Bezier, Cap, CylinderSide)}
 
 
-class CapEntry(Strict):
-    """A spherical cap: see `handfast.model.region.Cap`."""
-
-    center: Vector
-    radius: Finite
-    axis: Vector
-    half_angle: Finite
-
-
-class CylinderSideEntry(Strict):
-    """Part of a cylinder's side: see `handfast.model.cylinder_side.CylinderSide`."""
-
-    center: Vector
-    radius: Finite
-    axis: Vector
-    x_axis: Vector
-    angles: tuple[Finite, Finite]
-    heights: tuple[Finite, Finite]
-
-
 class RegionEntry(Strict):
     """Exactly one kind of region, under its key; `flip` reverses its outward normal."""
 
     bezier: list[list[Vector]] | None = None
-    cap: CapEntry | None = None
-    cylinder_side: CylinderSideEntry | None = None
+    cap: dict[str, Any] | None = None
+    cylinder_side: dict[str, Any] | None = None
     flip: bool = False
 
     @field_validator("bezier")
@@ -81,7 +61,7 @@ class RegionEntry(Strict):
             raise InputError("is given twice, in the region and beside it; once is enough", field=f"{field}.flip")
         (kind,) = (kind for kind in KINDS if getattr(self, kind) is not None)
         try:
-            return KINDS[kind].of(self.model_dump()[kind], flip or self.flip)
+            return KINDS[kind].of(getattr(self, kind), flip or self.flip)
         except InputError as fault:
             raise fault.within(field) from None
 
