@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from handfast.core import bundled
@@ -21,11 +22,12 @@ from handfast.core.errors import InputError
 from handfast.core.files import Positive, Strict, Vector, read_json, validate, write_text
 from handfast.model.configuration import PoseFile
 from handfast.model.mesh_pieces import pieces_of
-from handfast.model.shape import Shape
+from handfast.model.shape import Kind, Shape
 from handfast.readers.mesh_file import MESH_FILES, read_meshes
 from handfast.readers.registry import ObjectParts
 
 Sizes = tuple[Positive, Positive, Positive]
+SOLIDS: tuple[Kind, ...] = ("box", "sphere", "capsule", "cylinder", "ellipsoid")  # fields of `ShapeFile`
 
 
 class Box(Strict):
@@ -45,11 +47,6 @@ class Round(Strict):
 
     radius: Positive
     length: Positive
-
-    @property
-    def both(self) -> tuple[float, float]:
-        """Radius and length [m]."""
-        return self.radius, self.length
 
 
 class Ellipsoid(Strict):
@@ -113,17 +110,11 @@ class BodyFile(Strict):
         meshes = read_meshes(files.values())
         for i, s in enumerate(shapes):
             pose = s.pose.matrix
-            if s.box:
-                pieces.append(Shape("box", s.box.size, pose, name=f"box_{i}"))
-            elif s.sphere:
-                pieces.append(Shape("sphere", s.sphere.radius, pose, name=f"sphere_{i}"))
-            elif s.capsule:
-                pieces.append(Shape("capsule", s.capsule.both, pose, name=f"capsule_{i}"))
-            elif s.cylinder:
-                pieces.append(Shape("cylinder", s.cylinder.both, pose, name=f"cylinder_{i}"))
-            elif s.ellipsoid:
-                pieces.append(Shape("ellipsoid", s.ellipsoid.semi_axes, pose, name=f"ellipsoid_{i}"))
-            elif s.mesh:
+            for kind in SOLIDS:
+                if solid := getattr(s, kind):
+                    sizes = np.hstack(list(solid.model_dump().values()))
+                    pieces.append(Shape(kind, sizes, pose, name=f"{kind}_{i}"))
+            if s.mesh:
                 pieces += pieces_of(meshes[files[i]], files[i].name, s.mesh.scale, pose)
         return pieces
 

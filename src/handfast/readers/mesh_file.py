@@ -17,7 +17,7 @@ from handfast.model.mesh_pieces import checked_mesh
 from handfast.model.shape import Mesh
 from handfast.readers import registry
 
-MESH_FILES = tuple(registry.MESHES)
+MESH_FILES = registry.MESHES.keys()  # endings, those of formats that were added among them
 
 
 def read_mesh(path: Path) -> list[Mesh]:
