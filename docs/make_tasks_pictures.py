@@ -17,8 +17,9 @@ from PIL import Image
 
 from handfast.core import bundled
 from handfast.core.transforms import quaternion_matrix, transform
+from handfast.pictures.depth_buffer import DENSE
 from handfast.pictures.drawing import picture
-from handfast.pictures.task_picture import DENSE, draw_task
+from handfast.pictures.task_picture import draw_task
 from handfast.synthesis.task import Task
 from handfast.synthesis.task_file import load_task
 

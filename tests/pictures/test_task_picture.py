@@ -15,16 +15,9 @@ from handfast.model.cylinder_side import CylinderSide
 from handfast.model.region import Cap
 from handfast.model.shape import Shape
 from handfast.pictures.camera import View, first_hit
+from handfast.pictures.depth_buffer import Facets, rendered
 from handfast.pictures.drawing import picture
-from handfast.pictures.task_picture import (
-    APART,
-    HAND_REGION,
-    OBJECT_REGION,
-    Facets,
-    clearest,
-    draw_task,
-    rendered,
-)
+from handfast.pictures.task_picture import APART, HAND_REGION, OBJECT_REGION, clearest, draw_task
 from handfast.synthesis.task_file import load_task
 from tests.support.feasible import Feasible
 from tests.support.places import FEASIBLE as FEASIBLE_FILE

@@ -11,8 +11,7 @@ import numpy as np
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.pictures.live.answering import Reply, answer, replay
-from handfast.pictures.live.shown_state import Shown
-from handfast.pictures.live.slip_motion import SlipMotion
+from handfast.pictures.live.shown_state import Shown, SlipMotion
 from handfast.pictures.live.stage import Stage
 from handfast.pictures.live.view_state import ViewState
 from handfast.readers.grasp_file import from_dict

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.collections import PolyCollection
+from matplotlib.patheffects import withStroke
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,6 +26,8 @@ AMBER, GREEN, VIOLET = "#d98200", "#2c7d4f", "#7a5cc4"
 SOLID = {"object": np.array([0.87, 0.78, 0.62]), "hand": np.array([0.62, 0.67, 0.73])}
 CLEAR = {"object": 0.55, "hand": 0.9}
 DPI = 100
+ARROW: dict[str, Any] = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0}
+HALO = [withStroke(linewidth=2.5, foreground="white")]  # around text over a picture
 
 
 def picture(figure: Figure, ending: str = "png", *, dpi: int = DPI) -> bytes:
@@ -51,6 +54,39 @@ def tidy(ax: Any, size: float | None = None) -> None:
     for side in ("left", "bottom"):
         ax.spines[side].set_color(GREY)
     ax.tick_params(color=GREY, labelcolor=INK, labelsize=size or 10)
+
+
+def windowed(ax: Any, middle: Array, half: Array | float) -> tuple[Array, Array]:
+    """Limits about a middle (2,), one scale, no axes; returns the corners (2,)."""
+    low, high = middle - half, middle + half
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    ax.axis("off")
+    return low, high
+
+
+def motion_and_load(
+    figure: Figure,
+    box: tuple[float, float, float, float],
+    motion: tuple[Array, Array],
+    load: Array,
+    chosen: Sequence[int],
+) -> Any:
+    """Axes with a motion [mm] and a share of a load over something, and dots at chosen moments.
+
+    Args:
+        motion: (n,) what it is drawn over, and (n,) [m]; load: (n,) shares.
+    """
+    x, moved = motion
+    ax = figure.add_axes(box)
+    ax.plot(x, 1e3 * moved, color=MAROON, lw=1.4)
+    ax.plot(x[list(chosen)], 1e3 * moved[list(chosen)], "o", ms=3.5, color=INK)
+    ax.set_ylabel("moved [mm]", color=MAROON, fontsize=8)
+    other = ax.twinx()
+    other.plot(x, 100 * load, color=AMBER, lw=1.4)
+    other.set_ylabel("load [%]", color=AMBER, fontsize=8)
+    for axes in (ax, other):
+        axes.tick_params(labelsize=7)
+    return ax
 
 
 def solids(ax: Any, meshes: Sequence[Mesh], V: Array, clear: Mapping[str, float] = CLEAR) -> list[Array]:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
 
-from handfast.core.transforms import cross
 from handfast.pictures.camera import View, views
-from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, solids
+from handfast.pictures.drawing import AMBER, ARROW, BLUE, GREY, INK, motion_and_load, solids, windowed
 from handfast.pictures.scene import Mesh, applied
 
 if TYPE_CHECKING:
@@ -48,21 +48,12 @@ def strip(result: SimulationResult, scene: MovingScene | None = None, pictures: 
     chosen = _moments(result, pictures)
     for n, k in enumerate(chosen):
         _frame(figure.add_axes((n / pictures, 0.46, 1 / pictures, 0.46)), result, k, scene)
-    ax = figure.add_axes((0.07, 0.11, 0.86, 0.27))
-    ax.plot(result.time, 1e3 * result.motion, color=MAROON, lw=1.4)
+    ax = motion_and_load(figure, (0.07, 0.11, 0.86, 0.27), (result.time, result.motion), result.load, chosen)
     ax.set_xlabel("time in the simulation [s]", fontsize=8)
-    ax.set_ylabel("motion [mm]", color=MAROON, fontsize=8)
-    other = ax.twinx()
-    other.plot(result.time, 100 * result.load, color=AMBER, lw=1.4)
-    other.set_ylabel("load [%]", color=AMBER, fontsize=8)
     if result.onset is not None:
         at = result.time[int(np.argmax(result.load >= result.onset))]
         ax.axvline(at, color=GREY, lw=0.8, ls="--")
         ax.annotate(" slips", (at, 0.9), xycoords=("data", "axes fraction"), fontsize=8, color=INK)
-    for k in chosen:
-        ax.plot(result.time[k], 1e3 * result.motion[k], "o", ms=3.5, color=INK)
-    for axes in (ax, other):
-        axes.tick_params(labelsize=7)
     return figure
 
 
@@ -95,7 +86,7 @@ def _frame(ax: Any, result: SimulationResult, k: int, scene: MovingScene | None)
     V = view.matrix
     p = grasp.positions
     middle = p.mean(axis=0)
-    turn = _rotation(large * result.turn[k])
+    turn = Rotation.from_rotvec(large * result.turn[k]).as_matrix()
     shift = large * result.shift[k]
 
     def moved(x: Array) -> Array:
@@ -120,27 +111,12 @@ def _frame(ax: Any, result: SimulationResult, k: int, scene: MovingScene | None)
     _arrow(ax, V[:2] @ (origin + shift), REACH * size / most * V[:2] @ w[:3], AMBER)
     seen = np.vstack([p @ V[:2].T, *corners])
     low, high = seen.min(axis=0) - 0.6 * size, seen.max(axis=0) + 0.6 * size
-    half = float((high - low).max()) / 2
-    centre = (low + high) / 2
-    ax.set_xlim(centre[0] - half, centre[0] + half)
-    ax.set_ylim(centre[1] - half, centre[1] + half)
-    ax.set_aspect("equal")
-    ax.axis("off")
+    windowed(ax, (low + high) / 2, float((high - low).max()) / 2)
     scale = f", motion × {large:g}" if large != 1 else ""
     ax.set_title(f"load {100 * result.load[k]:.0f} %, {1e3 * result.motion[k]:.2g} mm{scale}", fontsize=8)
 
 
 def _arrow(ax: Any, at: Array, along: Array, color: str) -> None:
     if np.linalg.norm(along) > 0:
-        style = {"arrowstyle": "-|>", "color": color, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
+        style = ARROW | {"color": color, "lw": 1.6}
         ax.annotate("", at + along, at, arrowprops=style, zorder=7, annotation_clip=False)
-
-
-def _rotation(vector: Array) -> Array:
-    """(3, 3) of a rotation vector."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0:
-        return np.eye(3)
-    K = np.array([cross(vector / angle, e) for e in np.eye(3)]).T
-    out: Array = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
-    return out

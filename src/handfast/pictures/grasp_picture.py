@@ -14,11 +14,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
-from matplotlib.patheffects import withStroke
 
 from handfast.core.transforms import normal_frame
 from handfast.pictures.camera import View, views
-from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, VIOLET, solids
+from handfast.pictures.drawing import AMBER, ARROW, BLUE, GREEN, GREY, HALO, INK, VIOLET, solids, windowed
 from handfast.pictures.scene import Mesh, arrows, finger_lines, placed_joints
 
 if TYPE_CHECKING:
@@ -167,9 +166,8 @@ def _arrow(
         return b
     small = min(1.0, seen / (0.25 * size))  # a short arrow gets a small head, or it would point backwards
     head = max(2.0, (9 if thin else 14) * small)
-    style = {"arrowstyle": "-|>", "mutation_scale": head, "shrinkA": 0, "shrinkB": 0}
     width = (1.3 if thin else 2.4) * max(small, 0.5)
-    ax.annotate("", b, a, zorder=order, arrowprops={**style, "color": color, "lw": width})
+    ax.annotate("", b, a, zorder=order, arrowprops=ARROW | {"mutation_scale": head, "color": color, "lw": width})
     return b
 
 
@@ -213,41 +211,19 @@ def _joint_labels(ax: Any, grasp: Grasp, V: Array) -> None:
 
 
 def _label(ax: Any, x: float, y: float, text: str, color: str, size: float, *, bold: bool = False) -> None:
-    halo = [withStroke(linewidth=2.5, foreground="white")]
-    weight = "bold" if bold else "normal"
-    ax.text(
-        x,
-        y,
-        text,
-        color=color,
-        ha="center",
-        va="center",
-        fontsize=size,
-        weight=weight,
-        path_effects=halo,
-        zorder=9,
-    )
+    style: dict[str, Any] = {"color": color, "ha": "center", "va": "center", "path_effects": HALO, "zorder": 9}
+    ax.text(x, y, text, fontsize=size, weight="bold" if bold else "normal", **style)
 
 
 def _frame(ax: Any, middle: Array, half: Array, view: View, length: float) -> None:
     """Limits, no axes, and the object frame's directions in the corner."""
-    low, high = middle - half, middle + half
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    ax.axis("off")
+    low, high = windowed(ax, middle, half)
     ax.set_title(view.title, fontsize=9.5, color=INK, pad=2)
     corner = np.array([low[0] + 1.6 * length, high[1] - 1.6 * length])
     for k, name in enumerate("xyz"):
         step = length * view.matrix[:2, k]
         if np.linalg.norm(step) > 0.15 * length:
-            style = {
-                "arrowstyle": "-|>",
-                "color": GREY,
-                "lw": 1,
-                "mutation_scale": 7,
-                "shrinkA": 0,
-                "shrinkB": 0,
-            }
-            ax.annotate("", corner + step, corner, arrowprops=style)
+            ax.annotate("", corner + step, corner, arrowprops=ARROW | {"color": GREY, "lw": 1, "mutation_scale": 7})
             ax.text(*(corner + 1.5 * step), name, fontsize=8, color=INK, ha="center", va="center")
 
 

@@ -14,12 +14,12 @@ from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegions
 from handfast.pictures import hand_rows
+from handfast.pictures.depth_buffer import DENSE
 from handfast.pictures.drawing import data_uri, picture
 from handfast.pictures.hand_facts import HandFacts, ShownHand, facts_of, shown_hand
 from handfast.pictures.hand_picture import draw_hand
 from handfast.pictures.hand_scene import PALM, hand_scene, tint
 from handfast.pictures.page_tables import table
-from handfast.pictures.task_picture import DENSE
 from handfast.pictures.view3d import COLORS, OPACITY
 from handfast.pictures.words import tendon_rows
 

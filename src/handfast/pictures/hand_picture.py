@@ -12,11 +12,11 @@ from matplotlib.patches import Patch
 
 from handfast.core.arrays import Array
 from handfast.pictures.camera import View
+from handfast.pictures.depth_buffer import DENSE, Facets, region_facets, side_by_side
 from handfast.pictures.drawing import GREEN, GREY, INK, SOLID
 from handfast.pictures.hand_facts import ShownHand
 from handfast.pictures.hand_scene import PALM, hand_sides, link_meshes, tint, triangle_share
 from handfast.pictures.scene import coarse
-from handfast.pictures.task_picture import DENSE, FINE, Facets, framed, region_facets, rendered, thinned
 
 OF_HAND, OF_OBJECT = 8_000, 6_000  # triangles in a still picture
 WIDTH, FOOT = 9.0, 0.75  # [inches] of the figure, and of the key below the panels
@@ -34,23 +34,10 @@ def draw_hand(shown: ShownHand, dense: int = DENSE) -> Figure:
     """
     panel = _solids(shown)
     at_an_angle, _, behind, *_ = hand_sides(shown)
-    views = (at_an_angle, behind)
-    windows = [_window(panel, view) for view in views]
-    wide, high = np.max([upper - lower for lower, upper in windows], axis=0)
-    wide = max(wide, high / 1.4)
-    size = np.array([wide, max(high, 0.6 * wide)])
-    tall = WIDTH / 2 * size[1] / size[0]
-    total = tall + FOOT
-    figure = Figure(figsize=(WIDTH, total), dpi=100)
-    for k, (view, window) in enumerate(zip(views, windows, strict=True)):
-        ax = figure.add_axes((k / 2, FOOT / total, 0.5, tall / total))
-        middle = (window[0] + window[1]) / 2
-        low, high_corner = middle - size / 2, middle + size / 2
-        image = rendered(panel, view, low, high_corner, (round(dense * tall) * FINE, round(dense * WIDTH / 2) * FINE))
-        extent = (low[0], high_corner[0], low[1], high_corner[1])
-        ax.imshow(thinned(image), extent=extent, interpolation="nearest")
-        _axes(ax, shown, view, AXIS * float(size[0]))
-        framed(ax, low, high_corner, view)
+    seen = [(panel, view, _window(panel, view)) for view in (at_an_angle, behind)]
+    figure, axes, wide = side_by_side(seen, (WIDTH, FOOT), (1.4, 0.6), dense)
+    for ax, view in axes:
+        _axes(ax, shown, view, AXIS * wide)
     key = _key(shown)
     figure.legend(handles=key, loc="lower center", ncols=min(len(key), 6), frameon=False, fontsize=9)
     return figure

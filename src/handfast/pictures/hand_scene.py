@@ -19,10 +19,10 @@ from handfast.model.hand.coupling import drivers
 from handfast.model.hand.hand import Link
 from handfast.model.shape import Shape
 from handfast.pictures.camera import ALONG, TILT, View, upright
+from handfast.pictures.depth_buffer import region_facets
 from handfast.pictures.drawing import SOLID
 from handfast.pictures.hand_facts import HandFacts, ShownHand
 from handfast.pictures.scene import Mesh, coarse
-from handfast.pictures.task_picture import region_facets
 from handfast.pictures.view3d import COLORS, packed
 
 TINTS = (  # of a finger's links, and of its regions

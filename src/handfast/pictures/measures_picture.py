@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from handfast.measures.catalogue import PASSIVE
 from handfast.pictures import words
 from handfast.pictures.camera import views
-from handfast.pictures.drawing import AMBER, BLUE, INK, tidy
+from handfast.pictures.drawing import AMBER, ARROW, BLUE, INK, tidy
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.pictures.words import num
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 LEAST = 0.006  # of the axis: a bar of nothing is still to be seen
 OPEN_BAR: dict[str, Any] = {"fc": "#d9d9d9", "hatch": "////", "lw": 0, "zorder": 3}
-ARROW: dict[str, Any] = {"arrowstyle": "-|>", "lw": 1.5, "shrinkA": 0, "shrinkB": 0}
 
 
 def draw_measures(found: Measures, meshes: Sequence[Mesh] = ()) -> Figure:
@@ -132,7 +131,9 @@ def _number(ax: Any, y: float, bounds: tuple[float, float], reach: float, color:
     x, most = bounds
     end = min(x, reach)
     if x > reach:
-        ax.annotate("", (1.035 * reach, y), (reach, y), annotation_clip=False, arrowprops=ARROW | {"color": color})
+        ax.annotate(
+            "", (1.035 * reach, y), (reach, y), annotation_clip=False, arrowprops=ARROW | {"color": color, "lw": 1.5}
+        )
     inside = end > 0.85 * reach
     style: dict[str, Any] = {"ha": "right", "color": "white"} if inside else {"ha": "left", "color": INK}
     text = "any" if np.isinf(x) else num(x, 3)

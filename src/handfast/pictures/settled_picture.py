@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from handfast.core.answer import Verdict
 from handfast.pictures.camera import View
-from handfast.pictures.drawing import AMBER, BLUE, GREY, INK, MAROON, solids
+from handfast.pictures.drawing import BLUE, GREY, INK, motion_and_load, solids, windowed
 from handfast.pictures.scene import Mesh, scene_meshes
 from handfast.pictures.words import count, listed, load_text, num
 from handfast.simulation.settled import Rest, verdict_of
@@ -81,17 +81,9 @@ def draw_settled(found: Settled, frames: int = FRAMES) -> Figure:
     half, middle = _window(found)
     for n, k in enumerate(chosen):
         _frame(figure.add_axes((n / frames, 0.4, 1 / frames, 0.48)), found, found.path[k], half, middle)
-    ax = figure.add_axes((0.06, 0.11, 0.88, 0.25))
-    steps = np.arange(len(found.path))
-    ax.plot(steps, [1e3 * p.moved for p in found.path], color=MAROON, lw=1.4)
-    ax.plot(chosen, [1e3 * found.path[k].moved for k in chosen], "o", ms=3.5, color=INK)
+    moved, share = (np.array([getattr(p, name) for p in found.path]) for name in ("moved", "share"))
+    ax = motion_and_load(figure, (0.06, 0.11, 0.88, 0.25), (np.arange(float(len(moved))), moved), share, chosen)
     ax.set_xlabel("steps", fontsize=8)
-    ax.set_ylabel("moved [mm]", color=MAROON, fontsize=8)
-    other = ax.twinx()
-    other.plot(steps, [100 * p.share for p in found.path], color=AMBER, lw=1.4)
-    other.set_ylabel("load [%]", color=AMBER, fontsize=8)
-    for axes in (ax, other):
-        axes.tick_params(labelsize=7)
     figure.text(0.01, 0.955, f"{found.first.name}: {headline(found)}", fontsize=10, color=INK)
     return figure
 
@@ -127,10 +119,7 @@ def _frame(ax: Any, found: Settled, at: PathPoint, half: float, middle: Array) -
         size = 3 + 9 * np.sqrt(at.forces / at.forces.max())
         for x, s in zip((at.positions @ R.T + t) @ V[:2].T, size, strict=True):
             ax.plot(*x, "o", ms=s, color=BLUE, mec="white", mew=0.6, zorder=8, alpha=0.85)
-    ax.set_xlim(middle[0] - half, middle[0] + half)
-    ax.set_ylim(middle[1] - half, middle[1] + half)
-    ax.set_aspect("equal")
-    ax.axis("off")
+    windowed(ax, middle, half)
     ax.set_title(f"load {100 * at.share:.0f} %, {num(1e3 * at.moved, 3)} mm", fontsize=8)
 
 

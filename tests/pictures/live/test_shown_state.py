@@ -11,8 +11,7 @@ from handfast.core.answer import Verdict
 from handfast.model.shape import Shape
 from handfast.pictures.camera import first_hit
 from handfast.pictures.live.page_text import bar_html, map_svg, verdict_html
-from handfast.pictures.live.shown_state import COLORS, GREY, LATE, shown
-from handfast.pictures.live.slip_motion import PERIOD, escape, slip_motion
+from handfast.pictures.live.shown_state import COLORS, GREY, LATE, PERIOD, escape, shown, slip_motion
 from handfast.pictures.live.stage import ARROW, reaches, rounded_up, stage_of
 from handfast.pictures.live.view_state import ViewState
 from tests.support.viewed import jaws, replies, two_fingers

@@ -12,8 +12,7 @@ from typing import Generic, Protocol, TypeVar
 from handfast.core.errors import InputError
 from handfast.pictures.live.album import Album, first_that_reads
 from handfast.pictures.live.answering import Reply, answer, replay
-from handfast.pictures.live.shown_state import LATE, Shown, shown
-from handfast.pictures.live.slip_motion import SlipMotion
+from handfast.pictures.live.shown_state import LATE, Shown, SlipMotion, shown
 from handfast.pictures.live.stage import Stage, stage_of
 from handfast.pictures.live.view_state import ViewState
 

@@ -17,8 +17,7 @@ from handfast.pictures.live.answering import Reply
 from handfast.pictures.live.live_session import LiveSession
 from handfast.pictures.live.page_text import map_svg, verdict_html
 from handfast.pictures.live.same_origin import Doorkeeper
-from handfast.pictures.live.shown_state import CURVE, FORCE, GREY, Shown, ShownMap
-from handfast.pictures.live.slip_motion import SlipMotion
+from handfast.pictures.live.shown_state import CURVE, FORCE, GREY, Shown, ShownMap, SlipMotion
 from handfast.pictures.live.stage import ARROW, Stage
 from handfast.pictures.live.view_state import MAP_PLANES, NOTHING, ViewState
 
