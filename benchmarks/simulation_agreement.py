@@ -42,7 +42,8 @@ from handfast.simulation.twin import STIFFNESS
 from handfast.stability.answers import check, maximum
 from handfast.stability.answers.check_query import CheckAnswer
 from handfast.stability.answers.max_query import with_interval
-from handfast.stability.problem.model import State, joint_torques, residuals
+from handfast.stability.problem.judge import residuals
+from handfast.stability.problem.model import State, joint_torques
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.margin_search import margin
 
@@ -103,7 +104,7 @@ def simulated(grasp: Grasp, share: float, most: Array, answer: CheckAnswer | Non
 def seen(grasp: Grasp, found: SimulationResult, share: float) -> dict[str, Any]:
     """What is kept of a simulation; of one at rest `missed`: by how much it misses the model's equations.
 
-    Its forces and all that has moved since the beginning are put into `model.residuals` as a witness would be.
+    Its forces and all that has moved since the beginning are put into `judge.residuals` as a witness would be.
     """
     out: dict[str, Any] = {"ending": str(found.ending), "rate": float(f"{found.rate / grasp.size:.4g}")}
     out["onset"] = None if found.onset is None else round(share * found.onset, 4)

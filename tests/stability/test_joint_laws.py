@@ -26,7 +26,7 @@ from handfast.model.mechanism import Mechanism
 from handfast.papers import algorithm1
 from handfast.proofs.answers import read_answer, replay
 from handfast.readers.grasp_file import from_dict, to_dict
-from handfast.stability.problem import model
+from handfast.stability.problem import judge, model
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.loads import Loads
 from tests.support.law_grasps import BACKDRIVABLE, DOWN, OPENS, curled, jaw
@@ -254,7 +254,7 @@ def test_the_judge_sees_the_law_itself(changed: Mapping[str, Any], right: bool) 
     found = check(jaw(friction=0.2), [2.0, 0, 0])
     assert found.witness is not None
     state = replace(found.witness.state, **changed)
-    worst = model.residuals(jaw(friction=0.2), np.array([2.0, 0, 0, 0, 0, 0]), state)
+    worst = judge.residuals(jaw(friction=0.2), np.array([2.0, 0, 0, 0, 0, 0]), state)
     assert (worst.worst <= 1e-9) == right
     if "reaction" in changed:
         assert worst.reactions == pytest.approx(0.25)  # 0.05 N m at 0.1 m, of 2 N
@@ -265,9 +265,9 @@ def test_nothing_moves_into_a_stop(stop: str) -> None:
     grasp = jaw(stop=stop)
     into = np.array([0.1 if stop == "upper" else -0.1])
     state = model.State(np.zeros(6), into, np.zeros(6), np.zeros(0), np.zeros(0))
-    assert model.residuals(grasp, NOTHING, state).reactions == pytest.approx(0.01)
+    assert judge.residuals(grasp, NOTHING, state).reactions == pytest.approx(0.01)
     away = replace(state, q=-into)
-    assert model.residuals(grasp, NOTHING, away).reactions == 0.0
+    assert judge.residuals(grasp, NOTHING, away).reactions == 0.0
 
 
 @pytest.mark.parametrize(

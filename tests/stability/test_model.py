@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from handfast.core.errors import InputError
 from handfast.model.grasp import Contact, Grasp, GraspJoint
 from handfast.model.mechanism import Mechanism
-from handfast.stability.problem import model
+from handfast.stability.problem import judge, model
 from handfast.stability.problem.model import State
 from tests.support.problems import X, Z, bell, pinch, solved, table
 
@@ -21,7 +21,7 @@ STEADY = settings(max_examples=40, deadline=None, derandomize=True)
 
 
 def residuals(s, **kwargs):
-    return model.residuals(s.grasp, s.wrench, s.state, eta=s.eta, **kwargs)
+    return judge.residuals(s.grasp, s.wrench, s.state, eta=s.eta, **kwargs)
 
 
 @STEADY
@@ -83,7 +83,7 @@ def test_frame_invariance(seed: int) -> None:
     for old, new, ci in zip(s.grasp.contacts, other.contacts, s.state.c.reshape(-1, 3), strict=True):
         c.append(new.frame.T @ R @ old.frame @ ci)
     state = replace(s.state, r=r, c=np.concatenate(c))
-    assert model.residuals(other, w, state).worst < 1e-11
+    assert judge.residuals(other, w, state).worst < 1e-11
 
 
 @STEADY
@@ -98,10 +98,10 @@ def test_unit_invariance(seed: int) -> None:
     w = s.wrench * np.r_[1, 1, 1, k, k, k]
     r = s.state.r * np.r_[1, 1, 1, 1 / k, 1 / k, 1 / k]
     state = replace(s.state, r=r, q=s.state.q / k, f=k * s.state.f)
-    assert model.residuals(grasp, w, state).worst < 1e-11
+    assert judge.residuals(grasp, w, state).worst < 1e-11
     wrong = replace(s.state, r=1.001 * s.state.r)
     wrong_mm = replace(state, r=1.001 * state.r)
-    a, b = model.residuals(s.grasp, s.wrench, wrong), model.residuals(grasp, w, wrong_mm)
+    a, b = judge.residuals(s.grasp, s.wrench, wrong), judge.residuals(grasp, w, wrong_mm)
     for f in fields(a):
         assert getattr(a, f.name) == pytest.approx(getattr(b, f.name), rel=1e-6, abs=1e-12)
 
@@ -115,7 +115,7 @@ def test_contact_order_does_not_matter(seed: int) -> None:
     joints = [replace(j, moves=tuple(order.index(i) for i in j.moves)) for j in s.grasp.joints]
     grasp = Grasp(contacts, joints, preload=s.grasp.command)
     state = replace(s.state, c=s.state.c.reshape(-1, 3)[order].reshape(-1))
-    assert model.residuals(grasp, s.wrench, state).worst < 1e-12
+    assert judge.residuals(grasp, s.wrench, state).worst < 1e-12
 
 
 # --- planted faults: each is found, and by the right residual ------------------------------------------
@@ -133,7 +133,7 @@ def holding_pinch() -> tuple[Grasp, np.ndarray, State]:
 
 def test_the_hand_made_state_is_exact() -> None:
     g, w, state = holding_pinch()
-    assert model.residuals(g, w, state).worst < 1e-15
+    assert judge.residuals(g, w, state).worst < 1e-15
 
 
 def edited(state: State, field: str, index: int, value: float) -> State:
@@ -154,30 +154,30 @@ def edited(state: State, field: str, index: int, value: float) -> State:
 )
 def test_planted_faults_are_named(field: str, index: int, value: float, named: str) -> None:
     g, w, state = holding_pinch()
-    res = model.residuals(g, w, edited(state, field, index, value))
+    res = judge.residuals(g, w, edited(state, field, index, value))
     assert getattr(res, named) > 1e-3
 
 
 def test_too_much_friction_is_outside_the_cone() -> None:
     g, w, state = holding_pinch()
-    assert model.residuals(g.with_friction(0.5), w, state).cone == pytest.approx(0.1 / 1.2)
+    assert judge.residuals(g.with_friction(0.5), w, state).cone == pytest.approx(0.1 / 1.2)
 
 
 def test_a_locked_joint_that_moves_is_refused() -> None:
     g, w, state = holding_pinch()
-    assert model.residuals(g.with_preload({"right": 0.1}), w, state).actuators > 0.1
+    assert judge.residuals(g.with_preload({"right": 0.1}), w, state).actuators > 0.1
 
 
 def test_less_than_the_command_is_refused_and_more_is_not() -> None:
     """(8): tau may exceed the command where the joint is still, never fall short."""
     g, w, state = holding_pinch()
     still = replace(state, q=np.zeros(2), r=np.zeros(6), c=np.zeros(6), f=np.zeros(2))
-    assert model.residuals(g, 0 * w, still).actuators > 0.1
+    assert judge.residuals(g, 0 * w, still).actuators > 0.1
     pushed = np.array([2.0, 0, 0, 0, 0, 0])  # onto the right finger; the left one follows at its command
     force = [np.array([-3.0, 0, 0]), np.array([1.0, 0, 0])]
     c = np.concatenate([k.frame.T @ f for k, f in zip(g.contacts, force, strict=True)])
     moved = State(np.array([3.0, 0, 0, 0, 0, 0]), np.array([0.0, 40.0]), c, np.array([0.3, 0.1]), np.zeros(0))
-    assert model.residuals(g, pushed, moved).worst < 1e-14
+    assert judge.residuals(g, pushed, moved).worst < 1e-14
 
 
 def test_negative_commands_are_the_mirror_image() -> None:
@@ -185,8 +185,8 @@ def test_negative_commands_are_the_mirror_image() -> None:
     mirrored = [replace(j, axis=-j.axis) for j in g.joints]
     other = Grasp(g.contacts, mirrored, preload={"right": -0.1, "left": -0.1})
     flipped = replace(state, q=-state.q, f=-state.f)
-    assert model.residuals(other, w, flipped).worst < 1e-15
-    assert model.residuals(other, w, replace(flipped, q=state.q)).worst > 0.1
+    assert judge.residuals(other, w, flipped).worst < 1e-15
+    assert judge.residuals(other, w, replace(flipped, q=state.q)).worst > 0.1
 
 
 def test_the_robust_normal_unloads_the_contact() -> None:
@@ -209,9 +209,9 @@ def test_couplings_carry_torque_and_bind_motion() -> None:
     q = np.array([3.0, 1.0]) / (0.3 + 0.04)
     w = np.array([-1.0, 0, 0, 0, 0, 0])
     state = State(np.zeros(6), q, np.array([1.0, 0, 0]), np.array([torque]), np.array([0.04]))
-    assert model.residuals(g, w, state).worst < 1e-15
-    assert model.residuals(g, w, replace(state, q=np.array([3.4, 0.0]) / 0.34)).couplings > 0.1
-    assert model.residuals(g, w, replace(state, coupling=np.array([0.05]))).joint_balance > 1e-3
+    assert judge.residuals(g, w, state).worst < 1e-15
+    assert judge.residuals(g, w, replace(state, q=np.array([3.4, 0.0]) / 0.34)).couplings > 0.1
+    assert judge.residuals(g, w, replace(state, coupling=np.array([0.05]))).joint_balance > 1e-3
 
 
 def test_a_slack_tendon_is_allowed_and_a_pushing_one_is_not() -> None:
@@ -220,9 +220,9 @@ def test_a_slack_tendon_is_allowed_and_a_pushing_one_is_not() -> None:
     mechanism = Mechanism(("t",), np.array([[1.0]]), np.zeros((0, 1)), (True,))
     g = Grasp([contact], [joint], mechanism)
     slack = State(np.array([1.0, 0, 0, 0, 0, 0]), np.array([10.0]), np.zeros(3), np.zeros(1), np.zeros(0))
-    assert model.residuals(g, np.zeros(6), slack).worst < 1e-15
+    assert judge.residuals(g, np.zeros(6), slack).worst < 1e-15
     pushing = replace(slack, q=np.zeros(1), f=np.array([-0.1]))
-    assert model.residuals(g, np.zeros(6), pushing).actuators > 0.1
+    assert judge.residuals(g, np.zeros(6), pushing).actuators > 0.1
 
 
 def test_energy_out_of_nothing_is_counted() -> None:
@@ -236,7 +236,7 @@ def test_energy_out_of_nothing_is_counted() -> None:
     state = State(r, np.zeros(2), c.reshape(-1), np.zeros(2), np.zeros(0))
     e = model.energy(g, -g.G @ c.reshape(-1), state)
     assert e.created > 0.5
-    assert model.residuals(g, -g.G @ c.reshape(-1), state).dissipation > 0.1
+    assert judge.residuals(g, -g.G @ c.reshape(-1), state).dissipation > 0.1
 
 
 # --- what residuals are measured against, by hand -------------------------------------------------------
@@ -256,7 +256,7 @@ def test_a_moment_out_of_balance_is_measured_by_load_and_size(axis: int, k: floa
     g, w, state = holding_pinch()
     state = replace(state, q=state.q / k, f=k * state.f)
     w = w + 0.006 * k * np.eye(6)[axis]
-    res = model.residuals(in_units(g, k), w, state)
+    res = judge.residuals(in_units(g, k), w, state)
     assert res.object_balance == pytest.approx(0.006 / (1.2 * 0.03), rel=1e-12)
     assert max(getattr(res, f.name) for f in fields(res) if f.name != "object_balance") < 1e-14
 
@@ -285,14 +285,14 @@ def test_faults_have_the_size_that_they_have_by_hand(
         state = edited(state, *edit)
     g = Grasp(g.contacts, [replace(j, axis=sense * j.axis) for j in g.joints], preload=sense * g.command)
     state = replace(state, q=sense * state.q, f=sense * state.f)
-    assert getattr(model.residuals(g, w, state), named) == pytest.approx(value, rel=1e-12)
+    assert getattr(judge.residuals(g, w, state), named) == pytest.approx(value, rel=1e-12)
 
 
 def test_friction_is_not_asked_to_dissipate_most_where_that_is_left_out() -> None:
     g, w, state = holding_pinch()
     slides = edited(state, "r", 1, 0.5)
-    assert model.residuals(g, w, slides).dissipation > 0.1
-    without = model.residuals(g, w, slides, mdp=False)
+    assert judge.residuals(g, w, slides).dissipation > 0.1
+    without = judge.residuals(g, w, slides, mdp=False)
     assert without.dissipation == 0.0
     assert without.worst < 1e-14
 
@@ -300,10 +300,10 @@ def test_friction_is_not_asked_to_dissipate_most_where_that_is_left_out() -> Non
 def test_other_commands_than_the_grasps() -> None:
     g, w, state = holding_pinch()
     locked, command = g.with_preload(None), np.array([0.1, 0.1])
-    assert model.residuals(locked, w, state).actuators == pytest.approx(1 / 1.2)
-    assert model.residuals(locked, w, state, command=command).worst < 1e-14
-    assert model.residuals(g, w, state, command=0 * command).actuators == pytest.approx(1 / 1.2)
-    assert model.residuals(g, w, state, command=-command).actuators == pytest.approx(2 / 1.2)  # 0.2 N m from it
+    assert judge.residuals(locked, w, state).actuators == pytest.approx(1 / 1.2)
+    assert judge.residuals(locked, w, state, command=command).worst < 1e-14
+    assert judge.residuals(g, w, state, command=0 * command).actuators == pytest.approx(1 / 1.2)
+    assert judge.residuals(g, w, state, command=-command).actuators == pytest.approx(2 / 1.2)  # 0.2 N m from it
     assert model.energy(g, w, state).preload == pytest.approx(2.0)
     assert model.energy(g, w, state, command=2 * command).preload == pytest.approx(4.0)
     assert model.commanded(g).tolist() == [True, True]
@@ -358,7 +358,7 @@ def test_couplings_are_measured_by_what_they_move() -> None:
     w = np.array([2.0, 0, 0, 0, 0, 0])  # the scale: 0.1 m off the middle, its torque over the size is 2 N too
     # A q is (0.5, 0), (0, -0.3 / sqrt(10)), (-1, 0.3): the last is 1 * 0.1 and 0.3 / 1.5
     for q, value in (([0, 0.5, 0], 0.5 * 0.1), ([0.2, 0, 0], 0.2 / np.sqrt(10)), ([0, 0, 1.0], 0.3 / 1.5)):
-        res = model.residuals(g, w, replace(none, q=np.array(q)))
+        res = judge.residuals(g, w, replace(none, q=np.array(q)))
         assert res.couplings == pytest.approx(value / 2, rel=1e-12)
 
 
@@ -368,8 +368,8 @@ def test_a_fixture_has_no_joints_and_no_actuators() -> None:
     assert model.actuator_arms(g).shape == (0,)
     assert model.commanded(g).shape == (0,)
     still = State([0, 0, -2, 0, 0, 0], np.zeros(0), np.tile([2, 0, 0], 4), np.zeros(0), np.zeros(0))
-    assert model.residuals(g, w, still).worst < 1e-15
-    assert model.residuals(g, w, replace(still, r=np.zeros(6))).normal == pytest.approx(2 / 8)
+    assert judge.residuals(g, w, still).worst < 1e-15
+    assert judge.residuals(g, w, replace(still, r=np.zeros(6))).normal == pytest.approx(2 / 8)
 
 
 def test_the_cone_is_round() -> None:
@@ -397,4 +397,4 @@ def test_contact_forces_are_no_measure() -> None:
     """Fingers that squeeze with 5 N each, without springs that would, load or command: 5 N are missing."""
     g = pinch().with_preload(None)
     squeeze = State(np.zeros(6), np.zeros(2), np.array([5.0, 0, 0, 5.0, 0, 0]), np.zeros(2), np.zeros(0))
-    assert model.residuals(g, np.zeros(6), squeeze).normal == pytest.approx(5.0)
+    assert judge.residuals(g, np.zeros(6), squeeze).normal == pytest.approx(5.0)

@@ -18,7 +18,7 @@ from handfast.readers.grasp_file import load_grasp
 from handfast.stability import answers as queries
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer
-from handfast.stability.problem import model
+from handfast.stability.problem import judge
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search import search
@@ -203,7 +203,7 @@ def test_without_dissipation_the_bell_holds_anything_by_creating_energy() -> Non
         assert answer.verdict is Verdict.HOLDS
         assert answer.witness.energy.created > 0  # friction pushes along the motion
         state = answer.witness.state
-        assert model.residuals(bare, w(0, magnitude, 0), state).dissipation > 1e-3  # not a solution with (6)
+        assert judge.residuals(bare, w(0, magnitude, 0), state).dissipation > 1e-3  # not a solution with (6)
     assert check(bare, w(0, 1, 0)).verdict is Verdict.SLIPS
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Contact, Grasp, GraspJoint
-from handfast.stability.problem import model
-from handfast.stability.problem.model import LARGE, State
+from handfast.stability.problem import judge, model
+from handfast.stability.problem.judge import LARGE
+from handfast.stability.problem.model import State
 from tests.support.problems import X, Z, pinch
 from tests.support.rounding_edges import W, hand
 
@@ -75,11 +76,11 @@ def expected(g: Grasp, w: np.ndarray, s: State, f_c: np.ndarray, eta: float) -> 
 def test_every_residual(seed: int, still: tuple[int, ...], eta: float) -> None:
     g, s = hand((-1.0) ** seed), wrong(seed, still)
     w = W * 10.0 ** (seed % 3 - 1)
-    found = model.residuals(g, w, s, eta=eta)
+    found = judge.residuals(g, w, s, eta=eta)
     for name, value in expected(g, w, s, g.command, eta).items():
         assert getattr(found, name) == pytest.approx(value, rel=1e-9), name
     command = np.array([0.0, -0.7, 0.3])
-    found = model.residuals(g, w, s, command=command, mdp=False)
+    found = judge.residuals(g, w, s, command=command, mdp=False)
     for name, value in expected(g, w, s, command, 0.0).items():
         assert getattr(found, name) == pytest.approx(0.0 if name == "dissipation" else value, rel=1e-9), name
 
@@ -94,7 +95,7 @@ def test_a_torque_counts_about_the_middle_of_the_contacts(turn: float, far: floa
         torque = turn * np.array([0.2, 0.9, -0.4])
         w = np.r_[force, torque + np.cross(g.positions.mean(axis=0), force)]
         expected = max(float(np.linalg.norm(force)), float(np.linalg.norm(torque)) / hand().size)
-        assert model.load_scale(g, w) == pytest.approx(expected, rel=1e-9)
+        assert judge.load_scale(g, w) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -105,7 +106,7 @@ def test_numbers_whose_squares_vanish(power: int, seed: int) -> None:
     small = g.with_preload(k * g.command)
     for more in ({}, {"eta": 0.3}, {"mdp": False}, {"command": np.array([0.2, 0.0, 0.1])}):
         tiny = {name: k * v if name == "command" else v for name, v in more.items()}
-        whole, part = model.residuals(g, W, s, **more), model.residuals(small, k * W, s.scaled(k), **tiny)
+        whole, part = judge.residuals(g, W, s, **more), judge.residuals(small, k * W, s.scaled(k), **tiny)
         for name in expected(g, W, s, g.command, 0.0):
             assert getattr(part, name) == pytest.approx(getattr(whole, name), rel=1e-6), name
 
@@ -114,13 +115,13 @@ def test_without_loads_the_largest_command_is_the_scale() -> None:
     """Of 0.1 and 0.3 N m at hinges: 0.3 over the grasp's size. Without commands, 1."""
     g = pinch().with_preload({"right": 0.1, "left": 0.3})
     idle = State(np.zeros(6), np.array([0.5, 0.0]), np.zeros(6), np.zeros(2), np.zeros(0))
-    assert model.residuals(g, np.zeros(6), idle).normal == pytest.approx(0.05 * g.size / 0.3)  # 0.5 turns 0.1 m away
-    assert model.residuals(g.with_preload({"left": 0.2}), np.zeros(6), idle).normal == pytest.approx(
+    assert judge.residuals(g, np.zeros(6), idle).normal == pytest.approx(0.05 * g.size / 0.3)  # 0.5 turns 0.1 m away
+    assert judge.residuals(g.with_preload({"left": 0.2}), np.zeros(6), idle).normal == pytest.approx(
         0.05 * g.size / 0.2
     )
-    assert model.residuals(g.with_preload(None), np.zeros(6), idle).normal == pytest.approx(0.05)
+    assert judge.residuals(g.with_preload(None), np.zeros(6), idle).normal == pytest.approx(0.05)
     loaded = np.array([0, 0, 1e-6, 0, 0, 0])  # however small it is
-    assert model.residuals(g, loaded, idle).normal == pytest.approx(0.05 / 1e-6)
+    assert judge.residuals(g, loaded, idle).normal == pytest.approx(0.05 / 1e-6)
 
 
 @pytest.mark.parametrize("times", [1.0, 1e6])
@@ -135,7 +136,7 @@ def test_contact_forces_are_no_scale(times: float) -> None:
         state = State(np.zeros(6), np.zeros(1), c, np.array([0.5]), np.zeros(0))
         for load in (0.1, 3.0):
             w = np.r_[0, 0, 0, load * g.size, 0, 0]
-            assert model.residuals(g, w, state).joint_balance == pytest.approx(0.5 / size / load)
+            assert judge.residuals(g, w, state).joint_balance == pytest.approx(0.5 / size / load)
 
 
 # --- where rounding may matter -----------------------------------------------------------------------------------
@@ -161,8 +162,7 @@ def sizes(g: Grasp, field: str) -> list[float]:
 def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond `LARGE` times the force scale, each entry by what it does at a contact; of either sign."""
     g, calls = hand(), []
-    monkeypatch.setattr(model, "exact_sums", lambda *of: calls.append(of))
-    arms, lever = model.joint_arms(g), model.actuator_arms(g)
+    monkeypatch.setattr(judge, "exact_sums", lambda *of: calls.append(of))
     for k, unit in enumerate(sizes(g, field)):
         for factor, exact in ((1 - 1e-9, False), (1 + 1e-9, True)):
             for sign in (1.0, -1.0):
@@ -171,7 +171,7 @@ def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.
                 parts[field][k] = sign * factor * LARGE * 2.5 / unit
                 state = State(**parts)
                 calls.clear()
-                sums = model.linear_sums(g, W, state, 2.5, arms, lever)
+                sums = judge.linear_sums(g, W, state, 2.5)
                 assert bool(calls) == exact == (sums is None), (field, k, factor)
                 if exact:
                     given = (g, W, state.r, state.q, state.c, state.f, state.coupling, state.reaction, state.torsion)
@@ -181,7 +181,7 @@ def test_sums_are_exact_where_numbers_are_large(field: str, monkeypatch: pytest.
 def test_sums_are_exact_where_contacts_are_far_from_the_origin(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond `LARGE` times the spacing of the contacts."""
     calls: list[Any] = []
-    monkeypatch.setattr(model, "exact_sums", lambda *of: calls.append(of))
+    monkeypatch.setattr(judge, "exact_sums", lambda *of: calls.append(of))
     for factor, exact in ((0.9, False), (1.1, True)):
         calls.clear()
         spacing = pinch().spacing
@@ -190,14 +190,14 @@ def test_sums_are_exact_where_contacts_are_far_from_the_origin(monkeypatch: pyte
         g = Grasp(contacts)
         assert g.spacing == pytest.approx(spacing, rel=1e-3)
         state = State(np.zeros(6), np.zeros(0), np.ones(6), np.zeros(0), np.zeros(0))
-        model.linear_sums(g, W, state, 1.0, np.zeros(0), np.zeros(0))
+        judge.linear_sums(g, W, state, 1.0)
         assert bool(calls) == exact
 
 
 def test_sums_say_what_the_exact_ones_say() -> None:
     for seed in range(4):
         g, s = hand(), wrong(seed)
-        mine = model.linear_sums(g, W, s, 1.0, model.joint_arms(g), model.actuator_arms(g))
-        exact = model.exact_sums(g, W, s.r, s.q, s.c, s.f, s.coupling)
+        mine = judge.linear_sums(g, W, s, 1.0)
+        exact = judge.exact_sums(g, W, s.r, s.q, s.c, s.f, s.coupling)
         for name in ("object", "joints", "couplings", "d", "t"):
             np.testing.assert_allclose(getattr(mine, name), getattr(exact, name), rtol=1e-12, atol=1e-13)

@@ -18,7 +18,7 @@ from handfast.papers import algorithm1
 from handfast.proofs import checker
 from handfast.readers.grasp_file import from_dict, load_grasp, save_grasp, to_dict
 from handfast.stability.answers import check, maximum, torques
-from handfast.stability.problem import model
+from handfast.stability.problem import judge, model
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.model import State
 from handfast.stability.problem.settings import Settings
@@ -85,7 +85,7 @@ def test_energy() -> None:
     torsion = np.array([1.0, -1.0]) * TORSION * N  # about the normals, against the turning of the object about +z
     state = State([0, 0, -N, 0, 0, turn], [2 * N], c, [N], [], torsion=torsion)
     load = np.array([0, 0, 0, 0, 0, LARGEST_TORQUE])
-    assert model.residuals(g, load, state).worst < 1e-12
+    assert judge.residuals(g, load, state).worst < 1e-12
     e = model.energy(g, load, state)
     assert e.friction == pytest.approx([TORSION * N * turn] * 2)
     assert e.maximum == pytest.approx(e.friction)
@@ -94,8 +94,8 @@ def test_energy() -> None:
     # relative to the load's 0.08 N m at the coin's half thickness; 5 N of torsion at a lever of 8 mm, turned along with
     # the motion instead of against it, which is slower than the load: 2 * 5 N times 3 * 8 mm
     scale, lever = LARGEST_TORQUE / 1e-3, TORSION / MU
-    assert model.residuals(g, -load, wrong).dissipation == pytest.approx(2 * MU * N * turn * lever / scale**2)
-    beyond = model.residuals(g, load * 1.1, replace(state, torsion=1.1 * torsion))
+    assert judge.residuals(g, -load, wrong).dissipation == pytest.approx(2 * MU * N * turn * lever / scale**2)
+    beyond = judge.residuals(g, load * 1.1, replace(state, torsion=1.1 * torsion))
     assert beyond.cone == pytest.approx(0.1 * MU * N / (1.1 * scale))  # a tenth more than 5 N
     assert model.energy(g, -load, wrong).created > 0.1
 
@@ -104,7 +104,7 @@ def test_point_contacts_carry_no_torsion() -> None:
     g = coin(torsion=0.0)
     c = np.array([SQUEEZE, 0, 0, SQUEEZE, 0, 0])
     twisted = State(np.zeros(6), [0.0], c, [SQUEEZE], [], torsion=[1e-3, 0.0])
-    assert model.residuals(g, np.zeros(6), twisted).cone > 1e-3
+    assert judge.residuals(g, np.zeros(6), twisted).cone > 1e-3
     with pytest.raises(InputError, match="cannot be balanced by any forces at these 2 contacts"):
         check(g, [0, 0, 0, 0, 0, 1e-3])
 

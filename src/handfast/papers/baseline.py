@@ -8,7 +8,7 @@ import numpy as np
 
 from handfast.core.answer import Verdict
 from handfast.core.arrays import Array
-from handfast.stability.problem import model
+from handfast.stability.problem import judge
 from handfast.stability.problem.model import State
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 
@@ -33,7 +33,7 @@ class BaselineState:
     state: State | None
     unbalanced: float
     turns: int
-    residuals: model.Residuals | None
+    residuals: judge.Residuals | None
     friction_errors: Array
 
     @classmethod
@@ -50,7 +50,7 @@ class BaselineState:
             if np.hypot(*force) > SLIDES and np.hypot(*motion) > SLIDES:
                 a, b = force, -motion
                 errors[i] = abs(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
-        return cls(verdict, state, unbalanced, turns, model.residuals(p.grasp, p.wrench, state), errors)
+        return cls(verdict, state, unbalanced, turns, judge.residuals(p.grasp, p.wrench, state), errors)
 
 
 def with_torques(p: ScaledProblem, x: ScaledPoint) -> ScaledPoint:

@@ -1,4 +1,4 @@
-"""Equations (1) to (8) of the stability paper, with the signs of its virtual work: the judge of every answer.
+"""Equations (1) to (8) of the stability paper, with the signs of its virtual work; `judge.py` asks them of answers.
 
 Source: Haas-Heger and Ciocarlie, "Accurate Energetic Constraints for Passive Grasp Stability
 Analysis", 2020, section III; (17) is in section VI. Nothing here knows how a solution was found.
@@ -21,14 +21,10 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from handfast.core.arrays import Array, Mask, frozen
-from handfast.core.transforms import cross
+from handfast.core.arrays import Array, Indices, Mask, frozen
 from handfast.model.grasp import Grasp
-from handfast.stability.problem.exact_sums import Sums, exact_sums
 
-LARGE = 1e4  # times the largest force: motions and forces from which on sums are taken without rounding
 NO_ARM = 1e-14  # relative: an arm that rounding makes
-VANISHING = 1e-100  # numbers below are scaled up before anything is squared
 NO_REACTION: Array = np.zeros(0)  # of a state that was given none: its joints carry nothing themselves
 NO_TORSION: Array = np.zeros(0)  # likewise, of its contacts
 
@@ -69,34 +65,72 @@ class State:
         return State(*(s * getattr(self, f.name) for f in fields(self)))
 
 
-def _norms(x: Array) -> Array:
-    """(n,) lengths of the rows; `np.linalg.norm` takes three times as long."""
-    out: Array = np.sqrt((x * x).sum(axis=1))
+def lengths(x: Array) -> Array:
+    """(...) lengths of vectors (..., n); `np.linalg.norm` takes three times as long."""
+    out: Array = np.sqrt((x * x).sum(axis=-1))
     return out
 
 
-# --- the equations, one function each -----------------------------------------------------------
+def cross_rows(a: Array, b: Array) -> Array:
+    """Of vectors (..., 3); `np.cross` takes several times as long."""
+    out: Array = a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class StateRows:
+    """k states of one grasp as they were found, see `State`: (k, 6), (k, l), (k, 3m), (k, a), (k, couplings), (k, l).
+
+    Their contacts carry no torsion: soft fingers are asked about one by one.
+    """
+
+    r: Array
+    q: Array
+    c: Array
+    f: Array
+    coupling: Array
+    reaction: Array
+
+    @property
+    def torsion(self) -> Array:
+        """(k, m) zeros."""
+        return np.zeros((len(self.c), self.c.shape[1] // 3))
+
+    def rows(self, which: Mask | Indices) -> StateRows:
+        """Some of them."""
+        return StateRows(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    def row(self, i: int) -> State:
+        """One of them."""
+        return State(*(getattr(self, f.name)[i] for f in fields(self)))
+
+    def times(self, s: Array) -> StateRows:
+        """Each times a number of (k,): with load and commands times these they solve the model again."""
+        return StateRows(*(s[:, None] * getattr(self, f.name) for f in fields(self)))
+
+
+# --- the equations, one function each; of one state, or of many in rows (..., n) -----------------
 
 
 def twisting(grasp: Grasp, torsion: Array) -> Array:
     """(s,) [N] torsions (m,) of the soft fingers over their levers, comparable with c_t."""
-    out: Array = torsion[grasp.soft] / grasp.levers
+    out: Array = torsion[..., grasp.soft] / grasp.levers
     return out
 
 
 def object_balance(grasp: Grasp, c: Array, w: Array, torsion: Array | None = None) -> Array:
     """(6,) G c + w, zero in equilibrium: equation (1), with the torsions (m,) of soft fingers."""
-    out: Array = grasp.G @ c + w
+    out: Array = c @ grasp.G.T + w
     if torsion is None or not len(grasp.soft):
         return out
-    return out + grasp.twist_map @ twisting(grasp, torsion)
+    return out + twisting(grasp, torsion) @ grasp.twist_map.T
 
 
 def joint_torques(grasp: Grasp, c: Array, torsion: Array | None = None) -> Array:
     """(l,) tau = J^T c: equation (2) with the sign that its own virtual work demands, and torsions (m,)."""
     if torsion is None or not len(grasp.soft):
-        return grasp.J.T @ c
-    out: Array = grasp.J.T @ c + grasp.twist_jacobian.T @ twisting(grasp, torsion)
+        return c @ grasp.J
+    out: Array = c @ grasp.J + twisting(grasp, torsion) @ grasp.twist_jacobian
     return out
 
 
@@ -113,7 +147,7 @@ def joint_balance(
     rho: (l,) the joints' reactions, none by default; given: the torques that springs and the like exert whatever moves.
     torsion: (m,) of the contacts.
     """
-    out = joint_torques(grasp, c, torsion) - grasp.mechanism.R.T @ f - grasp.mechanism.A.T @ coupling
+    out = joint_torques(grasp, c, torsion) - f @ grasp.mechanism.R - coupling @ grasp.mechanism.A
     if not grasp.has_laws:
         return out
     return out - grasp.given_torques - (0.0 if reaction is None else reaction)
@@ -121,12 +155,12 @@ def joint_balance(
 
 def relative_motion(grasp: Grasp, r: Array, q: Array) -> Array:
     """(3m,) d = G^T r - J q, motion of the object relative to the finger, contact frames: equation (3)."""
-    return grasp.G.T @ r - grasp.J @ q
+    return r @ grasp.G - q @ grasp.J.T
 
 
 def turning(grasp: Grasp, r: Array, q: Array) -> Array:
     """(s,) turning of the object against each soft finger about the normal, times the lever: (3) for torsion."""
-    out: Array = grasp.twist_map.T @ r - grasp.twist_jacobian @ q
+    out: Array = r @ grasp.twist_map - q @ grasp.twist_jacobian.T
     return out
 
 
@@ -142,19 +176,20 @@ def sliding(grasp: Grasp, d: Array, turned: Array) -> Array:
 
 def _with_twist(grasp: Grasp, x: Array, twist: Array) -> Array:
     """(m, 3) tangential components of x (3m,), and those of the soft fingers (s,)."""
-    out = np.zeros((grasp.m, 3))
-    out[:, :2] = x.reshape(-1, 3)[:, 1:]
-    out[grasp.soft, 2] = twist
+    out = np.zeros((*x.shape[:-1], grasp.m, 3))
+    out[..., :2] = x.reshape(*x.shape[:-1], grasp.m, 3)[..., 1:]
+    out[..., grasp.soft, 2] = twist
     return out
 
 
 def normal_motion(d: Array, eta: float = 0.0) -> Array:
-    """(m,) d_n, or for eta > 0 [rad] the worst case d^_n = d_n cos(eta) + |d_t| sin(eta): equation (17).
+    """(..., m) d_n of motions (3m,) or (..., m, 3), for eta > 0 [rad] at the worst normal: equation (17).
 
-    Printed with a minus, which would load the contact; the worst normal unloads it.
+    d^_n = d_n cos(eta) + |d_t| sin(eta). Printed with a minus, which would load the contact; the worst normal unloads
+    it.
     """
-    d = d.reshape(-1, 3)
-    return d[:, 0] * np.cos(eta) + _norms(d[:, 1:]) * np.sin(eta)
+    d = d.reshape(-1, 3) if d.ndim == 1 else d
+    return d[..., 0] * np.cos(eta) + lengths(d[..., 1:]) * np.sin(eta)
 
 
 def spring_force(d: Array, eta: float = 0.0) -> Array:
@@ -167,7 +202,7 @@ def cone_excess(normal: Array, rubs: Array, mu: Array) -> Array:
 
     normal: (m,) c_n; rubs: (m, 3) `friction`.
     """
-    return _norms(rubs) - mu * normal
+    return lengths(rubs) - mu * normal
 
 
 def dissipation_defect(normal: Array, rubs: Array, slides: Array, mu: Array) -> Array:
@@ -176,12 +211,12 @@ def dissipation_defect(normal: Array, rubs: Array, slides: Array, mu: Array) -> 
     Also zero where nothing slides, so one expression covers both cases of (7) together with (5).
     normal: (m,) c_n; rubs, slides: (m, 3) `friction` and `sliding`.
     """
-    return rubs * _norms(slides)[:, None] + (mu * normal)[:, None] * slides
+    return rubs * lengths(slides)[..., None] + (mu * normal)[..., None] * slides
 
 
 def actuator_motion(grasp: Grasp, q: Array) -> Array:
     """(a,) t = R q, the actuator displacements that equation (8) speaks of."""
-    return grasp.mechanism.R @ q
+    return q @ grasp.mechanism.R.T
 
 
 def commanded(grasp: Grasp, command: Array | None = None) -> Mask:
@@ -235,145 +270,18 @@ def joint_units(grasp: Grasp) -> Array:
 
 def actuator_arms(grasp: Grasp) -> Array:
     """(a,) motion of the contacts per unit actuator motion, the smallest over the joints it drives."""
-    return _actuator_arms(np.abs(grasp.mechanism.R), joint_arms(grasp))
+    return arms_of_actuators(np.abs(grasp.mechanism.R), joint_arms(grasp))
 
 
-def _actuator_arms(R: Array, arms: Array) -> Array:
+def arms_of_actuators(R: Array, arms: Array) -> Array:
     """The same of |R| and the joints' arms."""
     return np.where(R > 0, arms / np.where(R > 0, R, 1.0), np.inf).min(axis=1) if R.size else np.ones(0)
 
 
 def force_scale(w: Array, c: Array) -> float:
     """[N] the largest force that acts: of the disturbance w (6,), or a contact force of c (3m,); 1 if none does."""
-    scale = max(float(np.linalg.norm(w[:3])), float(_norms(c.reshape(-1, 3)).max(initial=0.0)))
+    scale = max(float(np.linalg.norm(w[:3])), float(lengths(c.reshape(-1, 3)).max(initial=0.0)))
     return scale if scale > 0 else 1.0
-
-
-def load_scale(grasp: Grasp, w: Array, command: Array | None = None) -> float:
-    """[N] what residuals are measured by: the load (6,), its force, or its torque about the contacts' middle over size.
-
-    Without a load the largest command or given torque, each over its joint's unit; 1 if none acts. Contact forces,
-    however large, have no part in it: what holds is what misses neither load nor commands.
-    """
-    middle = grasp.positions.mean(axis=0)
-    scale = max(float(np.linalg.norm(w[:3])), float(np.linalg.norm(w[3:] - cross(middle, w[:3]))) / grasp.size)
-    if scale > 0 or not grasp.l:
-        return scale or 1.0
-    f_c, units = grasp.command if command is None else command, joint_units(grasp)
-    drives = np.abs(grasp.mechanism.R.T * f_c) / units[:, None]
-    return max(float(drives.max(initial=0.0)), float((np.abs(grasp.given_torques) / units).max())) or 1.0
-
-
-def linear_sums(grasp: Grasp, w: Array, state: State, force: float, arms: Array, moment_arm: Array) -> Sums:
-    """The linear equations at a state, in floating point where rounding cannot matter, else exact.
-
-    Large numbers that cancel hide what they are added to, and G and J are rounded: a locked motor and a coupling on
-    the same joints may carry 10^17 each way, two joints that move alike may turn as far against each other.
-
-    force: [N] the largest that acts. arms, moment_arm: `joint_arms`, `actuator_arms`.
-    """
-    mech = grasp.mechanism
-    reach = float(np.abs(grasp.positions).max(initial=0.0))
-    r = np.abs(state.r)
-    largest = max(r[:3].max(), r[3:].max() * (reach + grasp.size), np.abs(state.c).max(initial=0.0))
-    if len(arms):
-        largest = max(largest, (np.abs(state.q) * arms).max(), (np.abs(state.reaction) / arms).max())
-    if mech.a:
-        largest = max(largest, (np.abs(state.f) / moment_arm).max())
-    if len(mech.A):
-        largest = max(largest, (np.abs(mech.A * state.coupling[:, None]) / arms).max())
-    if max(largest / force, reach / grasp.spacing) > LARGE:
-        x = state
-        return exact_sums(grasp, w, x.r, x.q, x.c, x.f, x.coupling, x.reaction, x.torsion)
-    return Sums(
-        object_balance(grasp, state.c, w, state.torsion),
-        joint_balance(grasp, state.c, state.f, state.coupling, state.reaction, state.torsion),
-        mech.A @ state.q,
-        relative_motion(grasp, state.r, state.q),
-        actuator_motion(grasp, state.q),
-        turning(grasp, state.r, state.q),
-    )
-
-
-@dataclass(frozen=True)
-class Residuals:
-    """How far a state is from solving (1)-(8), relative to the load (`load_scale`): without units.
-
-    Torques on the object are about the contacts' middle, over the grasp's size; those of joints over `joint_units`;
-    motions are measured by the force that they cause at a contact. A sliding contact's direction is judged at full
-    weight once it slides farther than the scale; below, in proportion.
-    """
-
-    object_balance: float  # (1)
-    joint_balance: float  # (2)
-    couplings: float  # A q = 0
-    normal: float  # (4), with (17) if eta > 0
-    cone: float  # (5)
-    dissipation: float  # (6), (7); 0 by definition if the maximum dissipation principle is left out
-    actuators: float  # (8)
-    reactions: float = 0.0  # the joints' own, see `reaction_range`
-
-    @property
-    def worst(self) -> float:
-        """The largest of them; NaN if one is."""
-        return float(np.max([getattr(self, f.name) for f in fields(self)]))
-
-
-def residuals(
-    grasp: Grasp, w: Array, state: State, *, eta: float = 0.0, command: Array | None = None, mdp: bool = True
-) -> Residuals:
-    """Check a state against the exact model, equations (1) to (8).
-
-    Args:
-        grasp: contacts, joints, mechanism, commands.
-        w: (6,) disturbance [N, N m], object frame at the object's origin.
-        state: the candidate.
-        eta: uncertainty of the contact normals [rad], equation (17).
-        command: (a,) commanded forces to use instead of the grasp's.
-        mdp: leave out (6) and (7) if False, the friction of the grasp-force literature (section VII-A).
-    """
-    w = np.asarray(w, dtype=float)
-    f_c = grasp.command if command is None else command
-    largest = max(np.abs(w).max(), np.abs(state.c).max(initial=0.0))
-    if 0 < largest < VANISHING:  # homogeneous: numbers whose squares vanish are judged as well as any
-        s = 2.0 ** min(-np.round(np.log2(largest)), 1000.0)
-        return residuals(grasp.with_laws_times(s), s * w, state.scaled(s), eta=eta, command=s * f_c, mdp=mdp)
-    R, A = grasp.mechanism.R, grasp.mechanism.A
-    arms = joint_arms(grasp)
-    moment_arm = _actuator_arms(np.abs(R), arms)
-    F = load_scale(grasp, w, f_c)
-    sums = linear_sums(grasp, w, state, F, arms, moment_arm)
-    d, c = sums.d, state.c.reshape(-1, 3)
-    rubs, slides = friction(grasp, state.c, state.torsion), sliding(grasp, d, sums.twist)
-    dt = _norms(slides)
-    torque = sums.object[3:] - cross(grasp.positions.mean(axis=0), sums.object[:3])
-
-    # (8) in the actuator's own sense of command, motions and forces both brought to newtons
-    sense = np.where(f_c < 0, -1.0, 1.0)
-    t = sense * sums.t * moment_arm
-    slack = sense * (state.f - f_c) / moment_arm
-    moves = commanded(grasp, f_c)
-    actuator = np.where(moves, np.maximum.reduce([-t, -slack, np.minimum(np.abs(t), np.abs(slack))]), np.abs(t))
-    actuator = np.where(grasp.mechanism.backdrivable, np.abs(slack), actuator)
-    lo, hi = reaction_range(grasp)
-    reaction = reaction_defect(state.q * arms, state.reaction / arms, lo / arms, hi / arms)
-    dissipation = dissipation_defect(c[:, 0], rubs, slides, grasp.mu) / np.maximum(dt, F)[:, None]
-    idle = np.abs(np.delete(state.torsion, grasp.soft)) / grasp.size  # point contacts carry no torsion
-    slip = np.abs(sums.couplings)[:, None] * np.divide(arms, np.abs(A), out=np.zeros(A.shape), where=A != 0)
-
-    def worst(values: Array) -> float:
-        return float(values.max(initial=0.0)) / F
-
-    return Residuals(
-        object_balance=max(float(np.linalg.norm(sums.object[:3])), float(np.linalg.norm(torque)) / grasp.size) / F,
-        joint_balance=worst(np.abs(sums.joints) / joint_units(grasp)),
-        couplings=worst(slip),
-        normal=worst(np.abs(c[:, 0] - spring_force(d, eta))),
-        cone=max(worst(cone_excess(c[:, 0], rubs, grasp.mu)), worst(idle)),
-        dissipation=worst(np.abs(dissipation)) if mdp else 0.0,
-        actuators=worst(actuator),
-        reactions=worst(reaction),
-    )
 
 
 # --- energy ------------------------------------------------------------------------------------
@@ -425,13 +333,13 @@ def energy(grasp: Grasp, w: Array, state: State, *, command: Array | None = None
     f_c = grasp.command if command is None else command
     d, c = relative_motion(grasp, state.r, state.q).reshape(-1, 3), state.c.reshape(-1, 3)
     rubs = friction(grasp, state.c, state.torsion)
-    slides = sliding(grasp, d, turning(grasp, state.r, state.q))
+    slides = sliding(grasp, d.reshape(-1), turning(grasp, state.r, state.q))
     return Energy(
         disturbance=float(np.asarray(w) @ state.r),
         preload=float(f_c @ actuator_motion(grasp, state.q)),
         stored=float(-(c[:, 0] * d[:, 0]).sum()),
         friction=-(rubs * slides).sum(axis=1),
-        maximum=grasp.mu * c[:, 0] * _norms(slides),
+        maximum=grasp.mu * c[:, 0] * lengths(slides),
         given=float(grasp.given_torques @ state.q),
         joints=-state.reaction * state.q,
     )

@@ -11,8 +11,9 @@ import numpy as np
 from handfast.core.arrays import Array
 from handfast.core.shown import Shown
 from handfast.model.grasp import Grasp
-from handfast.stability.problem import model
-from handfast.stability.problem.model import Energy, Residuals, State
+from handfast.stability.problem import judge, model
+from handfast.stability.problem.judge import Residuals
+from handfast.stability.problem.model import Energy, State
 
 VALID = 1e-9  # relative residual of a witness, every equation
 KEYS = "residual", "contacts", "joint_torques", "actuator_forces", "object_motion", "joint_motion"  # of `to_json`
@@ -39,7 +40,7 @@ class Witness(Shown):
     @cached_property
     def residuals(self) -> Residuals:
         """Relative residuals of (1)-(8), from `stability/model`."""
-        return model.residuals(self.grasp, self.wrench, self.state, eta=self.eta, mdp=self.mdp)
+        return judge.residuals(self.grasp, self.wrench, self.state, eta=self.eta, mdp=self.mdp)
 
     @property
     def valid(self) -> bool:

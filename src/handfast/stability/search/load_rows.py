@@ -21,7 +21,7 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import table, whole_vectors
 from handfast.model.grasp import Grasp
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.batch_judge import StateRows
+from handfast.stability.problem.model import StateRows
 from handfast.stability.problem.objective import HIGHEST, INF, LARGEST, SMALLEST_PRELOAD, Goal
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Settings

@@ -1,7 +1,7 @@
 """Many questions at once, arrays in and arrays out: `check_many`, `max_many`, `torques_many`.
 
 Questions about one grasp share what belongs to it (`search/load_rows.py`), and the compiled kernel goes from one to the
-next by itself (`row_kernel.py`). What holds is judged by the equations, all rows together (`batch_judge.py`).
+next by itself (`row_kernel.py`). What holds is judged by the equations, all rows together (`judge.py`).
 A row is asked by itself, as `check`, `maximum` and `torques` do it, where its search does not end within a budget,
 where its programs break down, where nothing holds and that is to be replayed, or where whole answers are wanted. Where
 programs break down in the search of a maximum, too, it is asked again from the states of the nearest directions.

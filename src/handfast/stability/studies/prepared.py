@@ -2,7 +2,7 @@
 
 What belongs to grasp, limits and commands is reduced once. A load is first tried by Newton's method from the states of
 the loads before it, in the compiled kernel; only where that fails is there a search. What holds is judged by the
-equations (`batch_judge.py`). What slips is asked once more by `check`, for its certificate and the replay, which takes
+equations (`judge.py`). What slips is asked once more by `check`, for its certificate and the replay, which takes
 many times as long. `batch.py` says how many loads are answered.
 """
 

@@ -15,11 +15,10 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.errors import InputError
 from handfast.model.grasp import Grasp
 from handfast.stability.answers.max_query import max_goal
-from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.batch_judge import Judge, StateRows
+from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import GraspLimits
-from handfast.stability.problem.model import State
+from handfast.stability.problem.model import State, StateRows
 from handfast.stability.problem.objective import ANY_STATE, FARTHER, NEAR_END, SMALLEST_PRELOAD, Goal
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import VALID
@@ -48,7 +47,6 @@ class RowKernel:
 
     def __init__(self, limits: GraspLimits) -> None:
         self.limits = limits
-        self._judge: Judge | None = None
         self._searches: dict[tuple[Any, ...], BatchSearch] = {}
         self._memories: dict[bytes, LoadMemory] = {}
 
@@ -71,7 +69,7 @@ class RowKernel:
         if found is None:
             return None
         states, nodes = found
-        held = self._judged(grasp).worst(w[None], states, grasp.command[None])[0] <= VALID
+        held = judge.residuals(grasp, w[None], states, eta=self.limits.eta).worst[0] <= VALID
         return (states.row(0), nodes) if held else None
 
     def ask(self, grasp: Grasp, goal: Goal, W: Array, B: Array, settings: Settings) -> Settled | None:
@@ -91,11 +89,6 @@ class RowKernel:
         out.columns.setdefault("stop", np.full(len(W), str(Stop.COMPLETE)))
         out.columns["seconds"] = np.full(len(W), (time.monotonic() - start) / len(W))
         return out
-
-    def _judged(self, grasp: Grasp) -> Judge:
-        if self._judge is None:
-            self._judge = Judge(grasp, eta=self.limits.eta)
-        return self._judge
 
     def _search(
         self, grasp: Grasp, goal: Goal, w: Array, base: Array, settings: Settings, reach: float = 0.0
@@ -145,7 +138,7 @@ class RowKernel:
         with np.errstate(all="ignore"):
             if template.reduced.goal == SMALLEST_PRELOAD:
                 lower, upper = scale / found.scalar, scale / found.cut
-                states = _times(states, 1.0 / found.scalar)
+                states = states.times(1.0 / found.scalar)
             else:
                 lower, upper = np.maximum(0.0, found.scalar * scale), np.maximum(0.0, -found.cut * scale)
         unbounded = lower >= loads.last_magnitude * (1 - NEAR_END)
@@ -179,11 +172,5 @@ class RowKernel:
         """(k,) the worst residuals of those states that are there, NaN for the others."""
         out = np.full(len(W), np.nan)
         if there.any():
-            commands = np.broadcast_to(grasp.command, (int(there.sum()), len(grasp.command)))
-            out[there] = self._judged(grasp).worst(W[there], states.rows(there), commands)
+            out[there] = judge.residuals(grasp, W[there], states.rows(there), eta=self.limits.eta).worst
         return out
-
-
-def _times(x: StateRows, s: Array) -> StateRows:
-    """States times (k,) numbers: with load and commands times these they solve the model again."""
-    return StateRows(*(s[:, None] * y for y in (x.r, x.q, x.c, x.f, x.coupling, x.reaction)))

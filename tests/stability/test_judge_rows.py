@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from handfast.model.grasp import Grasp
-from handfast.stability.problem import model
-from handfast.stability.problem.batch_judge import Judge, StateRows
+from handfast.stability.problem import judge
+from handfast.stability.problem.model import StateRows
 from tests.support.problems import bell, pinch, table
 from tests.support.rounding_edges import hand
 
@@ -36,9 +36,9 @@ def test_rows_are_judged_as_one_by_one(g: Grasp, eta: float, mdp: bool) -> None:
     w, x = states(g, 1)
     commands = np.random.default_rng(2).normal(size=x.f.shape) * (g.command != 0)
     for f_c in (None, commands):
-        found = Judge(g, eta=eta, mdp=mdp).worst(w, x, f_c)
+        found = judge.residuals(g, w, x, eta=eta, mdp=mdp, command=f_c).worst
         each = [
-            model.residuals(g, w[i], x.row(i), eta=eta, mdp=mdp, command=None if f_c is None else f_c[i]).worst
+            judge.residuals(g, w[i], x.row(i), eta=eta, mdp=mdp, command=None if f_c is None else f_c[i]).worst
             for i in range(K)
         ]
         np.testing.assert_allclose(found, each, rtol=1e-9)
@@ -49,15 +49,15 @@ def test_each_unknown_counts(part: str) -> None:
     """At rest nothing is missed; whatever is changed is seen."""
     g = hand().with_preload(None)
     rest = StateRows(*(np.zeros((1, n)) for n in (6, g.l, 3 * g.m, g.mechanism.a, len(g.mechanism.A), g.l)))
-    judge, nothing = Judge(g), np.zeros((1, 6))
-    assert judge.worst(nothing, rest)[0] == 0.0
+    nothing = np.zeros((1, 6))
+    assert judge.residuals(g, nothing, rest).worst[0] == 0.0
     getattr(rest, part)[0, 0] = 0.1
-    assert judge.worst(nothing, rest)[0] > 1e-3
+    assert judge.residuals(g, nothing, rest).worst[0] > 1e-3
 
 
 def test_what_is_no_number_is_not_good_enough() -> None:
     w, x = states(pinch(), 3)
     x.c[7, 2] = np.nan
-    found = Judge(pinch()).worst(w, x)
+    found = judge.residuals(pinch(), w, x).worst
     assert not found[7] <= 1e-9
     assert np.isfinite(np.delete(found, 7)).all()
