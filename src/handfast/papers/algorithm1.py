@@ -23,20 +23,20 @@ from handfast.papers.friction_relaxation import Discretisation, Sector, polygon,
 from handfast.papers.mixed_integer import SOLVERS, Solver, SolverResult, SolverStatus
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
 from handfast.stability.answers.answer import Answer
-from handfast.stability.answers.max_query import max_goal
+from handfast.stability.answers.max_query import max_goal, shown_maximum
+from handfast.stability.answers.torques_query import posed_torques, shown_torques, with_hardly_any
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import Posed
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.problem.objective import ANY_STATE, INF, NEAR_END, Effort, Goal, SmallestCommands
+from handfast.stability.problem.objective import ANY_STATE, INF, NEAR_END, Effort, Goal
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.problem.witness import Witness
+from handfast.stability.search.outcome import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import exact_solution
 
 MODE_TOLERANCES = (1e-6, 1e-4, 1e-2)  # (scaled) below which a motion or force is tried as zero
-NEAR = 1e-9  # relative: what a witnessed magnitude is lowered by
 MODEST = 10.0  # (scaled) normal forces tried first when nothing else bounds them
-NEARLY_NONE = 1e-6  # (scaled) commands where the least that hold are only approached, as they go to 0
 LEAST = 1e-3  # [s] that a search has where no time is left
 STOPS = {
     SolverStatus.OPTIMAL: Stop.COMPLETE,
@@ -186,28 +186,10 @@ def refine(p: ScaledProblem, goal: Goal, settings: RefinementSettings) -> Iterat
             sectors[i] = sectors[i].refined(sector)
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """What the loop came to: the smallest objective with its witness, the bound on it, why it ended, its steps."""
-
-    value: float
-    bound: float
-    witness: Witness | None
-    stop: Stop
-    seconds: float
-    steps: tuple[RefinementStep, ...]
-
-    def after(self, before: _Found) -> _Found:
-        """With the cost of what was asked before."""
-        return replace(self, seconds=self.seconds + before.seconds, steps=before.steps + self.steps)
-
-    @property
-    def cost(self) -> tuple[float, int]:
-        """Seconds and nodes, as answers have them."""
-        return self.seconds, sum(s.result.nodes for s in self.steps)
+Found = tuple[Outcome, tuple[RefinementStep, ...]]
 
 
-def _search(p: ScaledProblem, goal: Goal, settings: RefinementSettings, on_progress: OnProgress | None) -> _Found:
+def _search(p: ScaledProblem, goal: Goal, settings: RefinementSettings, on_progress: OnProgress | None) -> Found:
     """Refine until value and bound are as near as asked; Ctrl-C leaves what was reached."""
     start = time.monotonic()
     r = reduce(p, goal)
@@ -252,7 +234,8 @@ def _search(p: ScaledProblem, goal: Goal, settings: RefinementSettings, on_progr
     if bound == INF:  # no state at all: whatever an earlier step seemed to find
         value, found = INF, None
     bound = min(bound, value)  # it holds within the motion cap, which Newton's method may leave
-    return _Found(value, bound, found, stop, time.monotonic() - start, tuple(steps))
+    nodes = sum(s.result.nodes for s in steps)
+    return Outcome(value, bound, found, stop, time.monotonic() - start, nodes), tuple(steps)
 
 
 def _exact_state(r: Reduced, start: ScaledPoint, *, hold: bool = False) -> tuple[Witness, ScaledPoint] | None:
@@ -294,14 +277,14 @@ def check(
     p = _posed(grasp, wrench, limits=limits, mdp=mdp)
     caps = (p.cn_max,) if p.mdp else (min(p.cn_max, MODEST), p.cn_max)  # without (6) moderate forces first
     for cap in caps:
-        found = _search(replace(p, cn_max=cap), ANY_STATE, settings, on_progress)
+        found, steps = _search(replace(p, cn_max=cap), ANY_STATE, settings, on_progress)
         verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
         if verdict is Verdict.HOLDS:
             break
         settings = settings.after(found.seconds)
     posed = Posed(replace(p, cn_max=cap), ANY_STATE)
     answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, None, posed=posed, verified=True)
-    return Refined(answer.settled(), found.steps)
+    return Refined(answer.settled(), steps)
 
 
 def maximum(
@@ -325,47 +308,18 @@ def maximum(
         p = replace(p, w0=p.direction, wrench=p.along)
     if goal.maximised and not (p.w0.any() or p.f_c.any()):  # beside limits there is the load alone
         free = scaled_problem.build(p.grasp, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
-        alone = _search(free, ANY_STATE, settings, on_progress)
+        alone, steps = _search(free, ANY_STATE, settings, on_progress)
         if alone.bound == INF:  # what slips without limits slips with them
-            return _largest(Posed(free, ANY_STATE), alone)
+            return Refined(shown_maximum(Posed(free, ANY_STATE), alone).settled(), steps)
         settings = settings.after(alone.seconds)
-    found = _search(p, goal, settings, on_progress)
+    found, steps = _search(p, goal, settings, on_progress)
     if found.witness is None and found.bound < INF and goal.maximised and found.stop is not Stop.INTERRUPTED:
-        alone = _search(p, ANY_STATE, settings.after(found.seconds), None)  # is the base load resisted, at least?
-        found = found.after(alone)
+        # is the base load resisted, at least?
+        alone, more = _search(p, ANY_STATE, settings.after(found.seconds), None)
+        found, steps = found.after(alone), steps + more
         if alone.witness is not None:
             found = replace(found, witness=alone.witness, value=0.0)
-    return _largest(Posed(p, goal), found)
-
-
-def _largest(posed: Posed, found: _Found) -> Refined[MaxAnswer]:
-    """The answer to a maximum, with its witness at the largest magnitude."""
-    p, goal = posed
-    w, lower, upper, unbounded = found.witness, 0.0, INF, False
-    if found.bound == INF:
-        verdict, w, upper = Verdict.SLIPS, None, 0.0
-    elif w is None:
-        verdict = Verdict.UNDECIDED
-        upper = goal.bounds(p, INF, found.bound)[1] if goal.has_scalar else INF
-    else:
-        verdict = Verdict.HOLDS
-        if goal.has_scalar:
-            lower, upper = goal.bounds(p, found.value, found.bound)
-            unbounded = bool(lower >= p.last_magnitude * (1 - NEAR_END))
-            w = _scaled(w, lower / p.direction_scale, p.grasp) if goal.homogeneous else w
-        else:
-            lower, unbounded, w = p.last_magnitude, True, _scaled(w, p.last_magnitude, p.grasp)
-        upper = INF if unbounded else upper
-        if lower == 0 and not p.w0.any():  # rest without a load says nothing of any magnitude
-            verdict, w = Verdict.UNDECIDED, None
-    bounds: dict[str, Any] = {"lower": lower * (1 - NEAR), "upper": upper, "unbounded": unbounded}
-    answer = MaxAnswer(verdict, found.stop, *found.cost, w, None, **bounds, posed=posed, verified=True)
-    return Refined(answer.settled(), found.steps)
-
-
-def _scaled(w: Witness, s: float, grasp: Grasp) -> Witness:
-    """A homogeneous witness (w = d, commands lambda f_c) scaled so that the commands are the grasp's own."""
-    return Witness(grasp.with_preload(s * w.grasp.command), s * w.wrench, w.state.scaled(s), w.eta, w.mdp)
+    return Refined(shown_maximum(Posed(p, goal), found).settled(), steps)
 
 
 def torques(
@@ -383,38 +337,25 @@ def torques(
     Arguments and errors are those of `handfast.torques` and of `check` here.
     """
     settings = settings or RefinementSettings()
-    if objective not in ("max", "sum"):
-        raise InputError(f"is '{objective}'; 'max' or 'sum' is needed", field="objective")
-    names = list(actuators or grasp.sought_actuators)
-    chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
-    sense = {n: v for n, v in grasp.preload.items() if n in names}
-    asked = grasp.with_commands({n: np.sign(sense.get(n, 1.0)) for n in names})
-    p, goal = _posed(asked, wrench, driven=chosen, limits=limits), SmallestCommands(objective)
-    found = _search(p, goal, settings, on_progress)
+    _refuse_what_the_paper_does_not_know(grasp)
+    posed, names = posed_torques(grasp, wrench, objective, actuators, limits)
+    p = posed.problem
+    found, steps = _search(p, posed.goal, settings, on_progress)
     if found.witness is None and found.bound <= 0.0 and found.stop is not Stop.INTERRUPTED:
-        # any will do, and none will not: ask for hardly any
-        same = p.equivalent
-        little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
-        held = scaled_problem.build(little, p.wrench, limits=p.limits)
-        there = _search(held, ANY_STATE, settings.after(found.seconds), None)
+        held = scaled_problem.build(with_hardly_any(p), p.wrench, limits=p.limits)
+        there, more = _search(held, ANY_STATE, settings.after(found.seconds), None)
         if there.witness is not None:
             found = replace(found.after(there), witness=there.witness, stop=Stop.COMPLETE)
-    preload, lower, upper = None, max(found.bound, 0.0), INF
-    if found.bound == INF:
-        verdict, lower = Verdict.SLIPS, INF
-    elif found.witness is None:
-        verdict = Verdict.UNDECIDED
-    else:
-        verdict, commands = Verdict.HOLDS, found.witness.grasp.command
-        every = dict(zip(found.witness.grasp.mechanism.actuators, commands.tolist(), strict=True))
-        preload, upper = {n: every[n] for n in names}, goal.cost(found.witness.grasp)
-    backing: dict[str, Any] = {"posed": Posed(p, goal), "verified": True}
-    answer = TorquesAnswer(verdict, found.stop, *found.cost, found.witness, None, preload, lower, upper, **backing)
-    return Refined(answer.settled(), found.steps)
+            steps += more
+    return Refined(shown_torques(posed, names, found).settled(), steps)
 
 
 def _posed(grasp: Grasp, *loads: Any, **options: Any) -> ScaledProblem:
     """The scaled problem of a grasp that the paper's model knows."""
+    _refuse_what_the_paper_does_not_know(grasp)
+    return scaled_problem.build(grasp, *loads, **options)
+
+
+def _refuse_what_the_paper_does_not_know(grasp: Grasp) -> None:
     grasp.refuse_laws("Algorithm 1")
     grasp.refuse_soft_fingers("Algorithm 1")
-    return scaled_problem.build(grasp, *loads, **options)

@@ -218,8 +218,13 @@ def largest(
     p: ScaledProblem, settings: Settings, on_progress: OnStep | None = None, near: Sequence[Near] = ()
 ) -> MaxAnswer:
     """The answer to a built problem; near: see `maximum`."""
-    end, limits = p.last_magnitude, clock_of(settings)
-    posed, found = _search(p, settings, on_progress, near)
+    limits = clock_of(settings)
+    answer = shown_maximum(*_search(p, settings, on_progress, near))
+    return answer.settled(limits.end) if settings.verify else answer
+
+
+def shown_maximum(posed: Posed, found: Outcome) -> MaxAnswer:
+    """What a search has shown of a maximum, its witness at the largest magnitude; not settled yet."""
     p, goal = posed
     w = found.witness
     lower, upper, unbounded = 0.0, INF, False
@@ -229,7 +234,7 @@ def largest(
         verdict = Verdict.UNDECIDED
         upper = goal.bounds(p, INF, found.bound)[1] if goal.has_scalar else INF
     else:
-        verdict = Verdict.HOLDS
+        verdict, end = Verdict.HOLDS, p.last_magnitude
         if goal.has_scalar:
             lower, upper = goal.bounds(p, found.value, found.bound)
             unbounded = bool(lower >= end * (1 - NEAR_END))
@@ -243,8 +248,7 @@ def largest(
             verdict, w = Verdict.UNDECIDED, None
     backing: dict[str, Any] = {"posed": posed, "verified": found.backed}
     backing |= {"lower": lower * (1 - NEAR), "upper": upper, "unbounded": unbounded}
-    answer = MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, **backing)
-    return answer.settled(limits.end) if settings.verify else answer
+    return MaxAnswer(verdict, found.stop, *found.cost, w, found.proof, **backing)
 
 
 def _search(

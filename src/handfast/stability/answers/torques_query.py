@@ -17,7 +17,7 @@ from handfast.stability.answers.answer import Answer, finite
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.bound_problem import Posed
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.problem.objective import INF, Effort, SmallestCommands
+from handfast.stability.problem.objective import INF, Effort, Goal, SmallestCommands
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
 from handfast.stability.search.solve import clock_of, held_under, solve, without_end
@@ -83,16 +83,33 @@ def torques(
         InputError: also for an unknown objective or actuator, and for a backdrivable one.
     """
     settings = settings or Settings()
+    posed, names = posed_torques(grasp, wrench, objective, actuators, limits)
+    clock = clock_of(settings)
+    found = _search(grasp, posed.problem, posed.goal, settings, on_progress, clock)
+    answer = shown_torques(posed, names, found)
+    return answer.settled(clock.end) if settings.verify else answer
+
+
+def posed_torques(
+    grasp: Grasp,
+    wrench: Sequence[float] | Array,
+    objective: Effort,
+    actuators: Sequence[str] | None,
+    limits: GraspLimits,
+) -> tuple[Posed, list[str]]:
+    """The question of `torques`, and the names of the actuators whose commands are sought."""
     if objective not in ("max", "sum"):
         raise InputError(f"is '{objective}'; 'max' or 'sum' is needed", field="objective")
     names = list(actuators or grasp.sought_actuators)
     chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
     sense = {n: v for n, v in grasp.preload.items() if n in names}
     asked = grasp.with_commands({n: np.sign(sense.get(n, 1.0)) for n in names})
-    p = scaled_problem.build(asked, wrench, limits=limits, driven=chosen)
-    goal = SmallestCommands(objective)
-    clock = clock_of(settings)
-    found = _search(grasp, p, goal, settings, on_progress, clock)
+    return Posed(scaled_problem.build(asked, wrench, limits=limits, driven=chosen), SmallestCommands(objective)), names
+
+
+def shown_torques(posed: Posed, names: Sequence[str], found: Outcome) -> TorquesAnswer:
+    """What a search has shown of the smallest commands of these actuators; not settled yet."""
+    assert isinstance(posed.goal, SmallestCommands)
     preload, lower, upper = None, max(found.bound, 0.0), INF
     if found.bound == INF:
         verdict, lower = Verdict.SLIPS, INF
@@ -101,17 +118,22 @@ def torques(
     else:
         verdict, commands = Verdict.HOLDS, found.witness.grasp.command
         every = dict(zip(found.witness.grasp.mechanism.actuators, commands.tolist(), strict=True))
-        preload, upper = {n: every[n] for n in names}, goal.cost(found.witness.grasp)
-    backing: dict[str, Any] = {"posed": Posed(p, goal), "verified": found.backed}
+        preload, upper = {n: every[n] for n in names}, posed.goal.cost(found.witness.grasp)
+    backing: dict[str, Any] = {"posed": posed, "verified": found.backed}
     backing |= {"preload": preload, "lower": lower, "upper": upper}
-    answer = TorquesAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
-    return answer.settled(clock.end) if settings.verify else answer
+    return TorquesAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
+
+
+def with_hardly_any(p: ScaledProblem) -> Grasp:
+    """The grasp with next to no commands, where any will do and none will not."""
+    same = p.equivalent
+    return p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
 
 
 def _search(
     grasp: Grasp,
     p: ScaledProblem,
-    goal: SmallestCommands,
+    goal: Goal,
     settings: Settings,
     on_progress: OnStep | None,
     clock: SearchLimits,
@@ -124,9 +146,7 @@ def _search(
     if found.stop is Stop.INTERRUPTED:
         return found
     if found.witness is None and found.bound <= 0.0:  # any will do, and none will not: ask for hardly any
-        same = p.equivalent
-        little = p.grasp.with_preload(same.command_of(NEARLY_NONE * p.command_units * same.plain.command))
-        held = held_under(little, p, settings, found, clock)
+        held = held_under(with_hardly_any(p), p, settings, found, clock)
         return found if held is None else replace(held, stop=Stop.COMPLETE)  # nothing is less than none
     if found.witness is not None and not clock.late:
         # commands that are the smallest to the last bit hold by luck: a little more, as `check` answers
