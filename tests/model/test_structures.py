@@ -7,11 +7,13 @@ import json
 import numpy as np
 import pytest
 
+from handfast.core.answer import Reach
 from handfast.core.errors import InputError
 from handfast.model.hand import Hand
 from handfast.model.hand.structures import TABLE_1, Dimensions, hand_from_structure, table_1_hand
 from handfast.model.region import Bezier, Cap
 from handfast.model.shape import Shape
+from handfast.synthesis.query import synthesize
 from handfast.synthesis.task import PAD, fingertip, pinch
 from tests.support.feasible import Feasible, missed
 from tests.support.places import FEASIBLE as FEASIBLE_FILE
@@ -155,3 +157,10 @@ def test_every_hand_can_pinch(name: str, hands: dict[str, Hand]) -> None:
     task, found = pinch(hands[name]), Feasible.of(STORED["pinch"][name])
     assert missed(task, found) < 1e-9
     assert found.slack(task) > 1e-3
+
+
+@pytest.mark.parametrize("name", list(TABLE_1))
+def test_every_hand_takes_a_small_cube_between_index_and_thumb(name: str) -> None:
+    answer = synthesize(pinch(table_1_hand(name)), timeout=30)
+    assert answer.verdict is Reach.FOUND
+    assert answer.verify().ok

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -68,9 +69,11 @@ Vector3 = Annotated[Array, Numbers(3)]
 
 def written(value: Any) -> Any:
     """JSON of a value: dataclasses as objects of their fields, arrays as lists, names of an enumeration as texts."""
+    if isinstance(value, str | float | int | None) and not isinstance(value, Enum | np.generic):
+        return value
     if is_dataclass(value) and not isinstance(value, type):
-        kept = [f for f in fields(value) if not (f.metadata.get("left_out") and getattr(value, f.name) == f.default)]
-        return {f.name: written(getattr(value, f.name)) for f in kept}
+        told = ((name, getattr(value, name), left_out, default) for name, left_out, default in _fields_of(type(value)))
+        return {name: written(x) for name, x, left_out, default in told if not (left_out and x == default)}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Enum):
@@ -80,3 +83,9 @@ def written(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [written(x) for x in value]
     return value
+
+
+@lru_cache(maxsize=256)
+def _fields_of(kind: Any) -> tuple[tuple[str, bool, Any], ...]:
+    """Of each field of a dataclass: its name, whether it is left out where it has its default, and that."""
+    return tuple((f.name, bool(f.metadata.get("left_out")), f.default) for f in fields(kind))
