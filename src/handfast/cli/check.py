@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Disturbances, FrictionModel, QueryOptions, Saved
+from handfast.cli.load_options import Disturbances
+from handfast.cli.options import FrictionModel, QueryOptions, Saved
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:

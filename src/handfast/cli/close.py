@@ -118,7 +118,7 @@ class Close(SceneOptions, Command):
 
     def _show(self, hand: Hand, closed: Closed) -> None:
         from handfast.cli import tables
-        from handfast.cli.table import table
+        from handfast.cli.console import table
         from handfast.pictures import words
 
         out = console.out()

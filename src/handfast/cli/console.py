@@ -13,6 +13,7 @@ from handfast.core.answer import Reach, Stop, Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from handfast.stability.problem.settings import Progress
 
@@ -120,3 +121,15 @@ def watch(what: str) -> Iterator[Watch]:
         yield w
     finally:
         w.stop()
+
+
+def table(*heads: str) -> Table:
+    """An empty table in the house style; columns with a unit hold numbers."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    grid = Table(box=SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
+    for i, head in enumerate(heads):
+        number = i > 0 and "[" in head and head not in ("force [N]", "position [mm]")
+        grid.add_column(head, justify="right" if number else "left", overflow="fold", no_wrap=i < 2)
+    return grid

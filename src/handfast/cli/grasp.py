@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.joint_options import JointLawOptions
 from handfast.cli.options import Command, Triple, load_solvable
-from handfast.cli.scene_options import load_object
+from handfast.cli.scene_options import JointLawOptions, load_object
 from handfast.cli.search_options import SearchFlags
 from handfast.core.errors import InputError
 

@@ -10,8 +10,8 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from handfast.cli.console import table
 from handfast.cli.synthesis_tables import STYLE, WHY
-from handfast.cli.table import table
 from handfast.core.answer import Reach
 from handfast.pictures import words
 from handfast.pictures.words import num

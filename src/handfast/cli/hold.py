@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.options import Disturbances, QueryOptions, Saved, check_folder
+from handfast.cli.load_options import Disturbances
+from handfast.cli.options import QueryOptions, Saved, check_folder
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:

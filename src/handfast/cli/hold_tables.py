@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from handfast.cli.table import table
+from handfast.cli.console import table
 from handfast.cli.tables import STYLE
 from handfast.core.answer import Stop, Verdict
 from handfast.pictures import words

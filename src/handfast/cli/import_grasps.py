@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from handfast.cli import console
-from handfast.cli.joint_options import JointLawOptions
 from handfast.cli.options import Command
+from handfast.cli.scene_options import JointLawOptions
 from handfast.core import bundled
 from handfast.core.errors import InputError
 
@@ -170,7 +170,7 @@ MultiDex, mj_grasp_sim, GraspGen, isaac_grasp.
     def _show(self, rows: list[ImportedGrasp], mapping: str) -> None:
         from collections import Counter
 
-        from handfast.cli.table import table
+        from handfast.cli.console import table
 
         out = console.out()
         good = [r for r in rows if not r.reason]

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, UseAppendAction, arg
 
 from handfast.cli import console
-from handfast.cli.joint_options import JointLawOptions
 from handfast.cli.options import ALL, Assignments, Command, Gravity, Triple, assigned
+from handfast.cli.scene_options import JointLawOptions
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ class Label(JointLawOptions, Command):
         return SceneSource.of(self.hand, self.object, **how, **laws)
 
     def _show(self, summary: LabelSummary, files: list[Path]) -> None:
-        from handfast.cli.table import table
+        from handfast.cli.console import table
         from handfast.pictures.words import count
 
         out = console.out()

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from handfast.cli import console
-from handfast.cli.options import Direction, FrictionModel, QueryOptions, Saved, Wrench
+from handfast.cli.load_options import Direction
+from handfast.cli.options import FrictionModel, QueryOptions, Saved, Wrench
 
 
 @dataclass(kw_only=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Assignments, Command, GraspOptions, Triple, assigned, check_writable
+from handfast.cli.options import Assignments, Command, GraspOptions, Reported, Triple, assigned, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ ENDINGS = (".png", ".svg", ".csv", ".json")
 
 
 @dataclass(kw_only=True)
-class MeasureGrasp(GraspOptions, Command):
+class MeasureGrasp(GraspOptions, Reported, Command):
     """What do the usual measures of grasps say of it, beside what it resists passively?
 
     Ferrari-Canny, force closure, optimal contact forces, internal forces, PCR and PGR, singular values and the
@@ -56,6 +56,7 @@ class MeasureGrasp(GraspOptions, Command):
         from handfast.stability.problem.settings import Settings
 
         check_writable(self.output, self.force, ENDINGS)
+        self.check_report(self.force)
         grasp = self.load()
         try:
             found = measure(
@@ -75,10 +76,19 @@ class MeasureGrasp(GraspOptions, Command):
             raise InputError(error.problem, field=".".join([option, *rest])) from None
         if self.output:
             save(found, self.output, force=self.force)
+        if self.report:
+            from handfast.pictures.measures_picture import draw_measures
+
+            values = [(v.measure.name, value_text(v)) for v in found.values]
+            picture = (
+                draw_measures(found),
+                "Blue: resisted passively. Orange: what chosen contact forces could balance.",
+            )
+            self.write_page(grasp, facts=values, gallery=[picture], force=self.force)
         if self.json:
             console.print_json(found.to_json())
         else:
-            show(console.out(), found, self.output)
+            show(console.out(), found, self.output, self.report)
         return console.ANSWERED
 
 
@@ -110,9 +120,9 @@ def _cell(value: Any) -> str:
     return "" if value is None else str(value).lower() if isinstance(value, bool) else repr(value)
 
 
-def show(out: Console, found: Measures, output: Path | None) -> None:
+def show(out: Console, found: Measures, *written: Path | None) -> None:
     """The table."""
-    from handfast.cli.table import table
+    from handfast.cli.console import table
     from handfast.pictures import words
     from handfast.pictures.words import num
 
@@ -132,8 +142,8 @@ def show(out: Console, found: Measures, output: Path | None) -> None:
         out.print()
         for note in notes:
             out.print(note, style="dim")
-    if output:
-        out.print(f"Written: {output}", soft_wrap=True)
+    for path in filter(None, written):
+        out.print(f"Written: {path}", soft_wrap=True)
 
 
 def value_text(v: MeasuredValue) -> str:

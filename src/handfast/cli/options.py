@@ -18,7 +18,6 @@ from handfast.core.errors import InputError
 if TYPE_CHECKING:
     from handfast.model.grasp import Grasp
     from handfast.pictures import Entry
-    from handfast.stability.problem.loads import Loads
     from handfast.stability.problem.settings import Settings
     from handfast.synthesis.task import Task
 
@@ -172,7 +171,30 @@ class GraspOptions:
 
 
 @dataclass(kw_only=True)
-class QueryOptions(GraspOptions):
+class Reported:
+    """A page about the answer."""
+
+    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
+    """write a self-contained page with pictures and numbers"""
+
+    def check_report(self, force: bool) -> None:
+        """Refuse a page that could not be written."""
+        check_writable(self.report, force, (".html", ".htm"))
+
+    def write_page(
+        self, grasp: Grasp, entries: Sequence[Entry] = (), *, notes: Sequence[str] = (), **shown: Any
+    ) -> None:
+        """The page, if it is asked for, with hand and object if the grasp file knows them; see `write_report`."""
+        from handfast.pictures import write_report
+        from handfast.pictures.scene import source_meshes
+
+        if self.report:
+            meshes, missing = source_meshes(grasp)
+            write_report(self.report, grasp, entries, meshes=meshes, notes=[*notes, *missing], **shown)
+
+
+@dataclass(kw_only=True)
+class QueryOptions(GraspOptions, Reported):
     """What every stability question can be asked with."""
 
     eta: Annotated[float, arg(metavar="DEG")] = 0.0
@@ -189,20 +211,12 @@ class QueryOptions(GraspOptions):
     """nodes of the search for a question (in a map or sweep: for each direction)"""
     json: bool = False
     """print one JSON object instead of a table"""
-    report: Annotated[Path | None, arg(metavar="FILE.html")] = None
-    """write a self-contained page with pictures and numbers"""
     force: bool = False
     """write over files that exist"""
 
     def write_report(self, grasp: Grasp, entries: Sequence[Entry], options: dict[str, Any]) -> None:
-        """The page that `--report` asks for, with hand and object if the grasp file knows them."""
-        from handfast.pictures import write_report
-        from handfast.pictures.scene import source_meshes
-
-        if self.report:
-            meshes, notes = source_meshes(grasp)
-            shown = {"meshes": meshes, "notes": notes, "settings": options["settings"]}
-            write_report(self.report, grasp, entries, **shown, force=self.force)
+        """The page that `--report` asks for, with what the answers were computed with."""
+        self.write_page(grasp, entries, settings=options["settings"], force=self.force)
 
     def settings(self) -> Settings:
         from handfast.stability.problem.settings import Settings
@@ -219,7 +233,7 @@ class QueryOptions(GraspOptions):
 
         from handfast.stability.problem.grasp_limits import GraspLimits
 
-        check_writable(self.report, self.force, (".html", ".htm"))
+        self.check_report(self.force)
         if isinstance(self, Saved):
             check_writable(self.save, self.force, (".json",))
         return {
@@ -236,146 +250,6 @@ class Saved:
 
     save: Annotated[Path | None, arg(metavar="FILE.json")] = None
     """write answer, witness and certificate, for handfast verify"""
-
-
-@dataclass(kw_only=True)
-class WeightOptions(Command):
-    """What makes a weight of a direction of gravity: of the grasp file, unless given."""
-
-    mass: Annotated[float | None, arg(metavar="KG")] = None
-    """mass of the object [kg], for --gravity, instead of the grasp file's"""
-    center_of_mass: Annotated[Triple, arg(aliases=["--com"])] = ()
-    """centre of mass in the object's frame [m], for --gravity, instead of the grasp file's; --com for short"""
-
-    def weighed(self, grasp: Grasp, source: str) -> Grasp:
-        """The grasp with mass and centre of mass as asked for.
-
-        Raises:
-            InputError: one of them is neither given nor in the file, where the grasp comes from.
-        """
-        grasp = grasp.about(mass=self.mass, center_of_mass=self.center_of_mass or None)
-        if grasp.mass is None:
-            raise InputError("does not say the object's mass; --gravity needs --mass KG", source=source)
-        if grasp.center_of_mass is None:
-            right = "--gravity needs --com X Y Z [m] in the object's frame; 0 0 0 is its origin"
-            raise InputError(f"does not say where the centre of mass is; {right}", source=source)
-        return grasp
-
-    def weight_text(self, grasp: Grasp) -> str:
-        """What was weighed: 'Weight of 0.3 kg at (0, 0, 10) mm: mass and centre of mass as the grasp file says'."""
-        from handfast.pictures.words import num, place_text
-
-        heavy = grasp.about(mass=self.mass, center_of_mass=self.center_of_mass or None)
-        if heavy.mass is None or heavy.center_of_mass is None:
-            return ""
-        given = [name for name, value in (("mass", self.mass), ("centre of mass", self.center_of_mass)) if value]
-        both = "mass and centre of mass as the grasp file says"
-        told = {0: both, 1: f"the {''.join(given)} as given, the rest as the grasp file says", 2: "both as given"}
-        return f"Weight of {num(heavy.mass)} kg {place_text(heavy.center_of_mass)}: {told[len(given)]}."
-
-    def check_one(self, *given: object) -> None:
-        """`InputError` unless one of the options of `one_of` is given."""
-        if sum(map(bool, given)) != 1:
-            which = "give one of the two" if any(given) else "missing"
-            raise InputError(f"{which}: {self.needed()}")
-
-    def one_wrench(self, wrench: Numbers, gravity: Numbers, grasp: Grasp, source: str) -> Numbers:
-        """(6,) a wrench as it is given, or the object's weight in a direction of gravity."""
-        self.check_one(wrench, gravity)
-        if wrench:
-            self.refuse_weight()
-            return wrench
-        return tuple(self.weighed(grasp, source).gravity_wrench(gravity).tolist())
-
-    def refuse_weight(self) -> None:
-        """Mass or centre of mass without a direction of gravity would be passed over."""
-        for name, value in (("--mass", self.mass is not None), ("--center-of-mass", self.center_of_mass)):
-            if value:
-                raise InputError(f"{name} is for --gravity; a wrench is taken as it stands")
-
-
-@dataclass(kw_only=True)
-class Load(WeightOptions):
-    """The disturbance: a wrench, or the weight of the object."""
-
-    one_of = "--wrench FX FY FZ TX TY TZ", "--gravity GX GY GZ"
-    wrench: Wrench = ()
-    """force [N] and torque [N m] on the object at its origin; three numbers are a force"""
-    gravity: Triple = ()
-    """instead: the direction in which gravity pulls, object axes; mass and centre of mass as in the grasp file"""
-
-    def disturbance(self, grasp: Grasp, source: str) -> Numbers:
-        """(6,) the wrench that was asked about."""
-        return self.one_wrench(self.wrench, self.gravity, grasp, source)
-
-
-@dataclass(kw_only=True)
-class Direction(WeightOptions):
-    """What a disturbance is a multiple of: a wrench, or the weight of the object."""
-
-    one_of = "--direction FX FY FZ TX TY TZ", "--gravity GX GY GZ"
-    direction: Wrench = ()
-    """direction of force and torque; the answer multiplies it as it is given; three numbers are a force"""
-    gravity: Triple = ()
-    """instead: the direction in which gravity pulls, object axes; the answer multiplies the object's weight"""
-
-    def along(self, grasp: Grasp, source: str) -> Numbers:
-        """(6,) the direction that was asked about."""
-        return self.one_wrench(self.direction, self.gravity, grasp, source)
-
-
-@dataclass(kw_only=True)
-class Disturbances(WeightOptions):
-    """The disturbances, one or several, each a question of its own: wrenches, or weights of the object."""
-
-    one_of = "--wrench FX FY FZ TX TY TZ", "--loads FILE", "--gravity GX GY GZ"
-    wrench: UseAppendAction[tuple[Wrench, ...]] = ()
-    """force [N] and torque [N m] on the object at its origin; three numbers are a force; once for each question"""
-    gravity: UseAppendAction[tuple[Gravity, ...]] = ()
-    """instead: a direction in which gravity pulls, object axes, or all for its axes both ways; mass as in the file"""
-    loads: Annotated[Path | None, arg(metavar="FILE.json")] = None
-    """instead, or beside --wrench: a handfast/loads/1 file of named disturbances"""
-
-    def disturbances(self, grasp: Grasp, source: str) -> Loads:
-        """What was asked about, by name."""
-        import numpy as np
-
-        from handfast.stability.problem.loads import AXES, Loads, load_loads
-        from handfast.stability.problem.scaled_problem import as_wrench
-
-        self.check_given()
-        named: list[tuple[str, Sequence[float]]] = []
-        if not self.gravity:
-            self.refuse_weight()
-            for k, w in enumerate(self.wrench):
-                name = "wrench" if len(self.wrench) == 1 else f"wrench {k + 1}"
-                named.append((name, as_wrench(w, name).tolist()))
-            if self.loads:
-                named += load_loads(self.loads).by_name.items()
-        else:
-            heavy = self.weighed(grasp, source)
-            for g in self.gravity:
-                ways = [(name, _along(name)) for name in AXES] if g == ALL else [(" ".join(f"{x:g}" for x in g), g)]
-                named += [(f"gravity {name}", heavy.gravity_wrench(way).tolist()) for name, way in ways]
-        twice = [name for k, (name, _) in enumerate(named) if name in [n for n, _ in named[:k]]]
-        if twice:
-            raise InputError(f"'{twice[0]}' is asked about twice")
-        return Loads(tuple(name for name, _ in named), np.array([w for _, w in named], dtype=float))
-
-    @classmethod
-    def needed(cls) -> str:
-        wrench, loads, gravity = cls.one_of
-        return f"{wrench} (or {loads}), or {gravity}"
-
-    def check_given(self) -> None:
-        """`InputError` unless wrenches or weights are asked about."""
-        self.check_one(self.wrench or self.loads, self.gravity)
-
-
-def _along(axis: str) -> Numbers:
-    """The unit vector of an axis such as "-z"."""
-    sign = -1.0 if axis[0] == "-" else 1.0
-    return tuple(sign if a == axis[-1] else 0.0 for a in "xyz")
 
 
 @dataclass(kw_only=True)

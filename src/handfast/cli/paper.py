@@ -217,7 +217,7 @@ def _records(made: TextTable) -> list[dict[str, str]]:
 
 
 def _print(out: Console, made: TextTable) -> None:
-    from handfast.cli.table import table
+    from handfast.cli.console import table
 
     grid = table(*made.heads)
     for row in made.rows:

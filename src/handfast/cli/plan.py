@@ -159,8 +159,8 @@ class PlanGrasps(SceneOptions, SearchFlags, Command):
         return self.asked(body)
 
     def _show(self, planned: Plan) -> None:
+        from handfast.cli.console import table
         from handfast.cli.grasp_tables import overlaps_text, tally_rows
-        from handfast.cli.table import table
         from handfast.pictures import words
         from handfast.planning.evaluation.attempt import REASONS
         from handfast.planning.evaluation.quality import largest_command

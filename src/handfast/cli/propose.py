@@ -102,7 +102,7 @@ class Propose(Command):
         return self.output / f"{name}.body.json"
 
     def _show(self, found: Proposals, written: list[Path]) -> None:
-        from handfast.cli.table import table
+        from handfast.cli.console import table
 
         out = console.out()
         clear = sum(p.clear for p in found.proposals)

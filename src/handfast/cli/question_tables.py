@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.console import Console
 
-from handfast.cli.table import table
+from handfast.cli.console import table
 from handfast.pictures import words
 from handfast.pictures.words import num
 from handfast.planning.results.grasps_file import from_dict as grasps_from_dict

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import Direction, GraspOptions, Wrench, check_writable
+from handfast.cli.load_options import Direction
+from handfast.cli.options import GraspOptions, Reported, Wrench, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Robust(Direction, GraspOptions):
+class Robust(Direction, GraspOptions, Reported):
     """How large a disturbance do grasps resist that are off by no more than stated bounds?
 
     Contacts, normals, friction and commands are drawn at random within them, each by itself. Beside the spread stands
@@ -53,6 +54,7 @@ class Robust(Direction, GraspOptions):
         from handfast.stability.studies.sampled_maximum import sampled_maximum
 
         check_writable(self.output, self.force, (".png", ".svg", ".json"))
+        self.check_report(self.force)
         grasp, bounds = self.load(), self._bounds()
         direction = self.along(grasp, self.grasp)
         with console.watch("robust") as watch:
@@ -62,13 +64,28 @@ class Robust(Direction, GraspOptions):
             )  # fmt: skip
         if self.output:
             save(found, self.output, force=self.force)
+        if self.report:
+            self._report(found)
         if self.json:
             console.print_json(found.to_json())
         else:
             show_sampled(found)
-            if self.output:
-                console.out().print(f"Written: {self.output}", soft_wrap=True)
+            for path in filter(None, (self.output, self.report)):
+                console.out().print(f"Written: {path}", soft_wrap=True)
         return console.status(found.nominal.verdict, found.stop)
+
+    def _report(self, found: SampledMaximum) -> None:
+        from handfast.pictures import Entry
+        from handfast.pictures.sampled_picture import bounds_text, conclusion, draw_sampled
+        from handfast.pictures.words import direction_text
+
+        direction = found.direction.tolist()
+        entry = Entry(
+            f"How much {direction_text(direction)} does it resist as it stands?", found.nominal, direction=direction
+        )
+        picture = draw_sampled(found), f"The largest disturbance of {len(found.lower)} grasps that are off."
+        notes = [bounds_text(found), *conclusion(found)]
+        self.write_page(found.grasp, [entry], notes=notes, gallery=[picture], force=self.force)
 
     def _bounds(self) -> Perturbation:
         import numpy as np
@@ -110,7 +127,7 @@ def save(found: SampledMaximum, path: Path, *, force: bool = False) -> None:
 
 def show_sampled(found: SampledMaximum) -> None:
     """The spread in words and a table."""
-    from handfast.cli.table import table
+    from handfast.cli.console import table
     from handfast.pictures.sampled_picture import bound_text, bounds_text, conclusion
     from handfast.pictures.words import direction_text, magnitude, num
 

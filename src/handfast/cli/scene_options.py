@@ -1,4 +1,4 @@
-"""What `contacts`, `close` and `demo` share: a hand, an object and a configuration by name or path."""
+"""A hand with the laws of its joints, an object and a configuration, as options of the commands that make grasps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-from handfast.cli.joint_options import JointLawOptions
 from handfast.cli.options import Numbers, Triple
 from handfast.core import bundled
 from handfast.core.errors import InputError
@@ -19,6 +18,31 @@ if TYPE_CHECKING:
     from handfast.model.hand import Hand
 
 LinkPairs = UseAppendAction[tuple[Annotated[tuple[str, str], arg(metavar="LINK")], ...]]
+
+
+# What a search for grasps counts unless asked: the friction in models of hands is often there to calm a simulator, and
+# no grasp is to be found, or missed, for such a number.
+SOLID = "stops,springs"
+
+
+@dataclass(kw_only=True)
+class JointLawOptions:
+    """Laws of the joints."""
+
+    joint_laws: Annotated[str, arg(metavar="LAWS")] = "all"
+    """what counts of the joints' stops, friction and springs in the hand's file: all, none, or names with commas"""
+    backdrivable: UseAppendAction[tuple[Annotated[str, arg(metavar="ACTUATOR")], ...]] = ()
+    """a motor that gives what it is commanded and no more, whichever way it is turned; repeatable"""
+
+    def lawful(self, hand: Hand) -> Hand:
+        """A hand as these options want it."""
+        from handfast.model.hand.joint_law import laws_named
+
+        laws_named(self.joint_laws, "--joint-laws")
+        try:
+            return hand.with_laws(self.joint_laws).with_backdrivable(self.backdrivable)
+        except InputError as fault:
+            raise InputError(fault.problem, field="--backdrivable") from None
 
 
 @dataclass(kw_only=True)

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
-from handfast.cli.joint_options import SOLID
 from handfast.cli.load_options import LoadsOptions
 from handfast.cli.options import Assignments, assigned, check_writable
-from handfast.cli.scene_options import LinkPairs
+from handfast.cli.scene_options import SOLID, LinkPairs
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:

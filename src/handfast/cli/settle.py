@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import GraspOptions, Load, check_folder, check_writable
+from handfast.cli.load_options import Load
+from handfast.cli.options import GraspOptions, check_folder, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:

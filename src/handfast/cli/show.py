@@ -86,7 +86,7 @@ class Show(Command):
             out.print(text, soft_wrap=True)
 
     def _tables(self, shown: ShownHand) -> None:
-        from handfast.cli.table import table
+        from handfast.cli.console import table
         from handfast.pictures import hand_rows
         from handfast.pictures.words import USUAL
 

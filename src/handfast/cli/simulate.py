@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from handfast.cli import console
-from handfast.cli.options import GraspOptions, Load, check_writable
+from handfast.cli.load_options import Load
+from handfast.cli.options import GraspOptions, Reported, check_writable
 
 if TYPE_CHECKING:
     from handfast.simulation.result import SimulationResult
 
 
 @dataclass(kw_only=True)
-class Simulate(GraspOptions, Load):
+class Simulate(GraspOptions, Load, Reported):
     """What happens to the grasp under this load in a dynamics engine (mujoco)?
 
     Its contacts as stiff points with friction on its joints, or with --bodies hand and object themselves; geared motors
@@ -49,6 +50,7 @@ class Simulate(GraspOptions, Load):
 
         for path, ending in ((self.save, ".json"), (self.series, ".csv"), (self.strip, ".png"), (self.film, ".gif")):
             check_writable(path, self.force, (ending,))
+        self.check_report(self.force)
         grasp = self.load()
         wrench = self.disturbance(grasp, self.grasp)
         with console.watch("simulate") as watch:
@@ -60,7 +62,7 @@ class Simulate(GraspOptions, Load):
         if self.json:
             console.print_json(found.to_json())
         else:
-            show_simulation(found)
+            show_simulation(found, self.report)
         open_ = found.ending in (Ending.UNDECIDED, Ending.ILL_POSED)
         return console.UNDECIDED if open_ else console.ANSWERED
 
@@ -71,7 +73,7 @@ class Simulate(GraspOptions, Load):
             found.save(self.save, force=self.force)
         if self.series:
             write_text(self.series, found.series_csv(), force=self.force)
-        if self.strip or self.film:
+        if self.strip or self.film or self.report:
             from handfast.pictures import film
             from handfast.pictures.drawing import picture
             from handfast.pictures.scene import moving_scene
@@ -81,14 +83,27 @@ class Simulate(GraspOptions, Load):
                 write_bytes(self.strip, picture(film.strip(found, scene)), force=self.force)
             if self.film:
                 write_bytes(self.film, film.film(found, scene), force=self.force)
+            if self.report:
+                shown = film.strip(found, scene), "Moments of the simulation, in order."
+                self.write_page(found.grasp, notes=lines(found), gallery=[shown], force=self.force)
 
 
-def show_simulation(found: SimulationResult) -> None:
+def show_simulation(found: SimulationResult, *written: Path | None) -> None:
     """The ending in words."""
+    head, *rest = lines(found)
+    console.out().print(head, style="bold")
+    for line in rest:
+        console.out().print(f"  {line}")
+    for path in filter(None, written):
+        console.out().print(f"Written: {path}", soft_wrap=True)
+
+
+def lines(found: SimulationResult) -> list[str]:
+    """The ending in a headline, and what there is to know beside it."""
     from handfast.pictures.words import load_text
     from handfast.simulation.result import Ending
 
-    out, moved = console.out(), f"{1e3 * found.motion[-1]:.3g} mm"
+    moved = f"{1e3 * found.motion[-1]:.3g} mm"
     touching = ", ".join(str(i) for i in found.touching) or "none"
     rate = f"{1e3 * found.rate:.2g} mm/s"
     said = {
@@ -98,11 +113,13 @@ def show_simulation(found: SimulationResult) -> None:
         Ending.UNDECIDED: found.why or f"creeping at {rate} after {moved}: neither at rest nor slipping",
         Ending.ILL_POSED: f"the simulation broke down: {found.why}",
     }
-    out.print(f"{str(found.ending).upper()}  {found.grasp.name} under {load_text(found.wrench)}", style="bold")
-    out.print(f"  {said[found.ending]}")
-    if found.onset is not None:
-        out.print(f"  it began to slip at {100 * found.onset:.3g} % of the load")
+    onset = [] if found.onset is None else [f"it began to slip at {100 * found.onset:.3g} % of the load"]
     simulated = "its contacts are points on flat faces"
     if found.bodies:
         simulated = f"hand and object touch at {found.points[-1]} point{'' if found.points[-1] == 1 else 's'}"
-    out.print(f"  {found.steps} steps of the engine in {found.seconds:.2g} s; {simulated}")
+    return [
+        f"{str(found.ending).upper()}  {found.grasp.name} under {load_text(found.wrench)}",
+        said[found.ending],
+        *onset,
+        f"{found.steps} steps of the engine in {found.seconds:.2g} s; {simulated}",
+    ]

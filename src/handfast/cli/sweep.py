@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import UseAppendAction, arg
 
 from handfast.cli import console
+from handfast.cli.load_options import WeightOptions
 from handfast.cli.map import ENDINGS, number
-from handfast.cli.options import QueryOptions, Triple, WeightOptions, Wrench, check_writable
+from handfast.cli.options import QueryOptions, Triple, Wrench, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from handfast.cli.table import table
+from handfast.cli.console import table
 from handfast.core.answer import Reach, Stop
 from handfast.pictures.words import count as counted
 from handfast.pictures.words import num, vector

@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from handfast.cli.table import table
+from handfast.cli.console import table
 from handfast.core.answer import Verdict
 from handfast.pictures import sentences, words
 from handfast.pictures.words import joint_text, laws_text, num, vector

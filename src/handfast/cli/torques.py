@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from handfast.cli import console
-from handfast.cli.options import Load, QueryOptions, Saved
+from handfast.cli.load_options import Load
+from handfast.cli.options import QueryOptions, Saved
 
 
 @dataclass(kw_only=True)
