@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class PlanGrasps(SceneOptions, SearchFlags, Command):
+class PlanGrasps(SearchFlags, SceneOptions, Command):
     """Look for grasps that hold an object, and differ from each other.
 
     Starts the hand at random before the object's surface, closes it, and keeps what holds every load under one
