@@ -140,8 +140,12 @@ WRONG = {
         ["empty.obj", "triangle"],
     ),
     "missing configuration": (
-        ["close", "barrett-bh8-280", "empty.obj", "--pose", "none.json"],
+        ["close", "barrett-bh8-280", "jar", "--pose", "none.json"],
         ["none.json"],
+    ),
+    "a hand that is not there, before anything else": (
+        ["close", "menagerie:no_such_hand", "empty.obj", "--pose", "none.json"],
+        ["menagerie:no_such_hand: "],
     ),
 }
 

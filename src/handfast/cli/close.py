@@ -55,8 +55,8 @@ class Close(SceneOptions, Command):
         check_writable(self.output, self.force, (".json",))
         check_writable(self.grasp, self.force, (".json",))
         check_writable(self.report, self.force, (".html", ".htm"))
+        hand, body = self.load_scene()  # first: a hand that has to be downloaded is told before anything else
         placed = load_placed(self.pose)
-        hand, body = self.load_scene()
         hand, q0 = placed.applied(hand)
         senses = self._closing()
         hand = hand.with_closing(senses) if senses else hand

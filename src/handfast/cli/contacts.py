@@ -62,8 +62,8 @@ class Contacts(SceneOptions, Command):
         check_writable(self.output, self.force, (".json",))
         check_writable(self.report, self.force, (".html", ".htm"))
         torsion = torsion_named(self.torsion)
-        placed = load_placed(self.configuration)
         hand, body = self.load_scene()
+        placed = load_placed(self.configuration)
         hand, q = placed.applied(hand)
         with console.watch("contacts"):
             grasp = contact_grasp(
