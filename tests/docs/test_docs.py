@@ -99,12 +99,18 @@ SLOW = (
 )
 
 
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=pytest.mark.slow if p.stem in SLOW else ()) for p in PAGES if runnable(p)],
-    ids=lambda p: p.stem,
-)
+OPTIONAL = {"baselines": "pyscipopt", "datasets": "sklearn"}  # pages whose snippets need a package of the extra `all`
+
+
+def marks(page: Path) -> list[pytest.MarkDecorator]:
+    named = ((pytest.mark.slow, page.stem in SLOW), (pytest.mark.optional, page.stem in OPTIONAL))
+    return [mark for mark, due in named if due]
+
+
+@pytest.mark.parametrize("page", [pytest.param(p, marks=marks(p), id=p.stem) for p in PAGES if runnable(p)])
 def test_snippets(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if page.stem in OPTIONAL:
+        pytest.importorskip(OPTIONAL[page.stem])
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {"__name__": "__main__"}
     for block in blocks(page):
