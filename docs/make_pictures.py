@@ -19,48 +19,34 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from handfast import (
-    Settings,
-    check,
-    contact_grasp,
-    force_map,
-    load_body,
-    load_configuration,
-    load_grasp,
-    load_hand,
-    sweep,
-)
+from handfast import Settings, check, force_map, load_grasp, sweep
+from handfast.papers.stability_figures import COMMANDS, FORCE_Z, HELD, MOMENT_X, ROBUST, UNHELD, placed
 from handfast.pictures.drawing import picture
 from handfast.pictures.grasp_picture import draw_grasp
 from handfast.pictures.map_picture import draw_map, draw_sweep
-from handfast.pictures.scene import scene_meshes
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.witness import Witness
 
 IMAGES = Path(__file__).parent / "img"
 STEPS = 48  # directions of a map
 PATIENCE = 20.0  # [s] for a direction; what is open then is drawn hatched
-ROBUST = float(np.radians(2.5))
 
 
 def scene(name: str, witness: Witness | None = None, count: int = 3) -> Any:
     """The bundled hand and object of a paper grasp from some sides."""
-    placed = load_configuration(name)
-    hand, q = placed.applied(load_hand(placed.hand or ""))
-    body = load_body(placed.object or "")
-    grasp = contact_grasp(hand, q, body, placed.pose, preload=placed.preload, mechanism="direct", name=name)
-    return draw_grasp(grasp, witness, scene_meshes(hand, q, body, placed.pose), count=count)
+    grasp, meshes = placed(name)
+    return draw_grasp(grasp, witness, meshes, count=count)
 
 
 def holding(settings: Settings, count: int = 3) -> Any:
     """Fig. 1 under 2.2 N along +y, with the forces that hold it."""
-    return scene("fig1", check(load_grasp("fig1"), [0, 2.2, 0, 0, 0, 0], settings=settings).witness, count)
+    return scene("fig1", check(load_grasp("fig1"), HELD, settings=settings).witness, count)
 
 
 def unreal(settings: Settings) -> Any:
     """The same grasp without preload under 1 N, if friction need not oppose the motion."""
     grasp = load_grasp("fig1").with_preload(None)
-    return draw_grasp(grasp, check(grasp, [0, 1.0, 0, 0, 0, 0], mdp=False, settings=settings).witness)
+    return draw_grasp(grasp, check(grasp, UNHELD, mdp=False, settings=settings).witness)
 
 
 def beside(left: Any, right: Any, height: int) -> bytes:
@@ -91,8 +77,8 @@ def main() -> None:
         return draw
 
     def preloads() -> Any:
-        directions = [[0, 0, 1.0, 0, 0, 0], [0, 0, 0, 1.0, 0, 0]]
-        answer = sweep(load_grasp("fig11"), "finger_3_prox", np.linspace(0, 0.1, 21), directions, settings=quick)
+        directions = [FORCE_Z, MOMENT_X]
+        answer = sweep(load_grasp("fig11"), "finger_3_prox", np.linspace(0, 0.1, COMMANDS), directions, settings=quick)
         keep("fig11-sweep", answer.to_json())
         return draw_sweep(answer)
 

@@ -192,7 +192,7 @@ def _hide_absent_defaults(command: Any) -> None:
     for field in fields(command):
         repeatable = "UseAppendAction" in str(field.type) or field.type == "Assignments"
         several = field.default is MISSING and "tuple" in str(field.type)  # of which the parser shows none
-        if several or field.default in (None, True, False) or (field.default == () and not repeatable):
+        if several or field.default in (None, True, False, "") or (field.default == () and not repeatable):
             command.__annotations__[field.name] = Annotated[hints[field.name], quiet]
 
 

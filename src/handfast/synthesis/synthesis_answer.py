@@ -14,6 +14,7 @@ import numpy as np
 from handfast.core.answer import Reach, Stop, header
 from handfast.core.errors import InputError
 from handfast.core.files import write_text
+from handfast.core.schema import InFiles, written
 from handfast.core.shown import Shown
 from handfast.proofs.fields import BadFile
 from handfast.proofs.replay import Replay
@@ -25,7 +26,7 @@ from handfast.synthesis.task import Task
 
 
 @dataclass(frozen=True)
-class Searched:
+class Searched(InFiles):
     """How far the search for a contradiction came.
 
     Attributes:
@@ -45,8 +46,10 @@ class Searched:
     smallest: float
     largest: float
 
-    def to_json(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+    def __post_init__(self) -> None:
+        for name in ("nodes", "depth", "pending"):
+            if getattr(self, name) < 0:
+                raise InputError(f"is {getattr(self, name)}; 0 or more is needed", field=name)
 
 
 def replayed(data: Any) -> Replay:
@@ -110,7 +113,7 @@ class Synthesis(Shown):
             "seed": self.seed,
             "spread": self.spread,
             "configurations": [solution.to_json() for solution in self.solutions],
-            "searched": self.searched.to_json() if self.searched else None,
+            "searched": written(self.searched),
         }
 
     def save(self, path: str | Path, *, force: bool = False) -> None:

@@ -35,16 +35,6 @@ class ConfigurationEntry(Strict):
     existence: dict[str, Any]
 
 
-class SearchedEntry(Strict):
-    by: str
-    nodes: Count
-    discarded: float
-    depth: Count
-    pending: Count
-    smallest: float
-    largest: float
-
-
 class SynthesisAnswerEntry(Strict):
     """What `handfast synthesize --json` prints."""
 
@@ -61,7 +51,7 @@ class SynthesisAnswerEntry(Strict):
     seed: Count
     spread: float | None
     configurations: list[ConfigurationEntry]
-    searched: SearchedEntry | None
+    searched: Searched | None
 
 
 class SynthesisStateEntry(Strict):
@@ -120,7 +110,7 @@ def from_dict(data: Any) -> SavedSynthesis:
         said.starts,
         said.unproved,
         solutions,
-        Searched(**said.searched.model_dump()) if said.searched else None,
+        said.searched,
         said.seed,
         entry.state.model_dump() if entry.state else {},
     )
