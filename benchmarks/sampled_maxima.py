@@ -22,8 +22,7 @@ from benchmarks.machine import describe
 from handfast.core.answer import Verdict
 from handfast.stability.answers import maximum
 from handfast.stability.problem.settings import Settings
-from handfast.stability.studies.perturbation import Perturbation
-from handfast.stability.studies.sampled_maximum import sampled_maximum
+from handfast.stability.studies.sampled_maximum import Perturbation, sampled_maximum
 
 RESULTS = Path(__file__).parent / "results" / "sampled_maxima.json"
 ETA = float(np.radians(2.5))

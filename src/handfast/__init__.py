@@ -81,8 +81,8 @@ if TYPE_CHECKING:
     from handfast.stability.studies.maps import force_map as force_map
     from handfast.stability.studies.maps import sweep as sweep
     from handfast.stability.studies.margin_search import margin as margin
-    from handfast.stability.studies.perturbation import Perturbation as Perturbation
     from handfast.stability.studies.prepared import prepare as prepare
+    from handfast.stability.studies.sampled_maximum import Perturbation as Perturbation
     from handfast.stability.studies.sampled_maximum import SampledMaximum as SampledMaximum
     from handfast.stability.studies.sampled_maximum import sampled_maximum as sampled_maximum
     from handfast.synthesis.query import synthesize as synthesize
@@ -157,7 +157,7 @@ _HOME = {
     "sweep": "stability.studies.maps",
     "Margin": "stability.answers.margin",
     "margin": "stability.studies.margin_search",
-    "Perturbation": "stability.studies.perturbation",
+    "Perturbation": "stability.studies.sampled_maximum",
     "prepare": "stability.studies.prepared",
     "SampledMaximum": "stability.studies.sampled_maximum",
     "sampled_maximum": "stability.studies.sampled_maximum",

@@ -13,7 +13,7 @@ from handfast.proofs.existence import Proved
 from handfast.proofs.grasp import GraspData
 from handfast.proofs.question import read_question
 from handfast.proofs.states import State
-from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.objective import ANY_STATE
 from handfast.stability.problem.scaled_problem import build
@@ -35,7 +35,7 @@ def slide(name: str, axis: list[float], *contacts: int, **law: object) -> GraspJ
 
 def judged(grasp: Grasp, load: list[float], state: dict[str, Array | list[float]], **limits: float) -> Proved:
     """What is proved of a state; forces at contacts in the object frame as (m, 3)."""
-    q = read_question(Posed(build(grasp, np.array(load), limits=GraspLimits(**limits)), ANY_STATE).to_json(), "")  # type: ignore[arg-type]
+    q = read_question(BoundProblem(build(grasp, np.array(load), limits=GraspLimits(**limits)), ANY_STATE).to_json(), "")  # type: ignore[arg-type]
     g = q.grasp
     c = np.concatenate([g.frames[i].T @ f for i, f in enumerate(np.asarray(state["forces"], dtype=float))])
     at = {name: np.asarray(state.get(name, np.zeros(n)), dtype=float) for name, n in sizes(g).items()}

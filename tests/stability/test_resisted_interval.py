@@ -23,7 +23,7 @@ from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import VALID
 from handfast.stability.search.interval_search import _Magnitudes, resisted
-from handfast.stability.search.outcome import Outcome
+from handfast.stability.search.proof import Outcome
 from handfast.stability.studies.maps import MapAnswer, force_map
 from tests.support.interruptions import interrupt
 from tests.support.problems import pinch, table

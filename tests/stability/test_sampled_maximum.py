@@ -12,8 +12,7 @@ from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 from handfast.pictures.sampled_picture import conclusion, draw_sampled
 from handfast.readers.grasp_file import load_grasp
-from handfast.stability.studies.perturbation import Perturbation
-from handfast.stability.studies.sampled_maximum import SampledMaximum, sampled_maximum
+from handfast.stability.studies.sampled_maximum import Perturbation, SampledMaximum, sampled_maximum
 
 ACROSS = [0.0, 0, 1]
 LOOSE = Perturbation(positions=2e-3, normals=0.1, friction=0.2, command=0.3)

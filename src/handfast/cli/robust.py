@@ -14,8 +14,7 @@ from handfast.cli.options import GraspOptions, Reported, Wrench, check_writable
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
-    from handfast.stability.studies.perturbation import Perturbation
-    from handfast.stability.studies.sampled_maximum import SampledMaximum
+    from handfast.stability.studies.sampled_maximum import Perturbation, SampledMaximum
 
 
 @dataclass(kw_only=True)
@@ -90,7 +89,7 @@ class Robust(Direction, GraspOptions, Reported):
     def _bounds(self) -> Perturbation:
         import numpy as np
 
-        from handfast.stability.studies.perturbation import Perturbation
+        from handfast.stability.studies.sampled_maximum import Perturbation
 
         for name in ("positions", "normals", "frictions", "commands"):
             value = getattr(self, name)

@@ -26,12 +26,12 @@ from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.max_query import max_goal, shown_maximum
 from handfast.stability.answers.torques_query import posed_torques, shown_torques, with_hardly_any
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.problem.objective import ANY_STATE, INF, NEAR_END, Effort, Goal
+from handfast.stability.problem.objective import ANY_STATE, INF, NEAR_END, Effort, Objective
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.problem.witness import Witness
-from handfast.stability.search.outcome import Outcome
+from handfast.stability.search.proof import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import exact_solution
 
@@ -142,7 +142,7 @@ class Refined(NamedTuple, Generic[A]):
 # --- the loop -----------------------------------------------------------------------------------------------------
 
 
-def refine(p: ScaledProblem, goal: Goal, settings: RefinementSettings) -> Iterator[RefinementStep]:
+def refine(p: ScaledProblem, goal: Objective, settings: RefinementSettings) -> Iterator[RefinementStep]:
     """Algorithm 1, one step per mixed-integer program, until nothing is left to refine or none is feasible.
 
     Each step returns control: limits and early stops live outside.
@@ -189,7 +189,7 @@ def refine(p: ScaledProblem, goal: Goal, settings: RefinementSettings) -> Iterat
 Found = tuple[Outcome, tuple[RefinementStep, ...]]
 
 
-def _search(p: ScaledProblem, goal: Goal, settings: RefinementSettings, on_progress: OnProgress | None) -> Found:
+def _search(p: ScaledProblem, goal: Objective, settings: RefinementSettings, on_progress: OnProgress | None) -> Found:
     """Refine until value and bound are as near as asked; Ctrl-C leaves what was reached."""
     start = time.monotonic()
     r = reduce(p, goal)
@@ -282,7 +282,7 @@ def check(
         if verdict is Verdict.HOLDS:
             break
         settings = settings.after(found.seconds)
-    posed = Posed(replace(p, cn_max=cap), ANY_STATE)
+    posed = BoundProblem(replace(p, cn_max=cap), ANY_STATE)
     answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, None, posed=posed, verified=True)
     return Refined(answer.settled(), steps)
 
@@ -310,7 +310,7 @@ def maximum(
         free = scaled_problem.build(p.grasp, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
         alone, steps = _search(free, ANY_STATE, settings, on_progress)
         if alone.bound == INF:  # what slips without limits slips with them
-            return Refined(shown_maximum(Posed(free, ANY_STATE), alone).settled(), steps)
+            return Refined(shown_maximum(BoundProblem(free, ANY_STATE), alone).settled(), steps)
         settings = settings.after(alone.seconds)
     found, steps = _search(p, goal, settings, on_progress)
     if found.witness is None and found.bound < INF and goal.maximised and found.stop is not Stop.INTERRUPTED:
@@ -319,7 +319,7 @@ def maximum(
         found, steps = found.after(alone), steps + more
         if alone.witness is not None:
             found = replace(found, witness=alone.witness, value=0.0)
-    return Refined(shown_maximum(Posed(p, goal), found).settled(), steps)
+    return Refined(shown_maximum(BoundProblem(p, goal), found).settled(), steps)
 
 
 def torques(

@@ -25,7 +25,7 @@ import numpy as np
 
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.papers.mixed_integer import INF, MixedIntegerProgram, Term
-from handfast.stability.problem.objective import Goal
+from handfast.stability.problem.objective import Objective
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 
 GAMMA = np.pi / 2  # the initial angle between edges
@@ -182,7 +182,7 @@ class Relaxation:
         return out
 
 
-def relaxation(p: ScaledProblem, goal: Goal, edges: Sequence[Edges], printed_robustness: bool) -> Relaxation:
+def relaxation(p: ScaledProblem, goal: Objective, edges: Sequence[Edges], printed_robustness: bool) -> Relaxation:
     """Equations (1)-(4), (8)-(12), (15), with (17), (19) if eta > 0, as a program with ordered sets."""
     m, l, a, k = p.sizes
     P = MixedIntegerProgram()
@@ -258,7 +258,7 @@ def relaxation(p: ScaledProblem, goal: Goal, edges: Sequence[Edges], printed_rob
     return Relaxation(P, p, edges, still, r, q, cn, f, coupling, beta, alpha, sigma)
 
 
-def _objective(P: MixedIntegerProgram, p: ScaledProblem, goal: Goal) -> int | None:
+def _objective(P: MixedIntegerProgram, p: ScaledProblem, goal: Objective) -> int | None:
     """The scalar of the goal, with its cost and bounds."""
     if not goal.has_scalar:
         return None
@@ -280,7 +280,9 @@ def _still(p: ScaledProblem) -> Mask:
     return alone & np.array([bool((locked & own)[np.flatnonzero(col)].all()) for col in p.R.T], dtype=bool)
 
 
-def _actuators(P: MixedIntegerProgram, p: ScaledProblem, goal: Goal, q: Indices, f: Indices, sigma: int | None) -> None:
+def _actuators(
+    P: MixedIntegerProgram, p: ScaledProblem, goal: Objective, q: Indices, f: Indices, sigma: int | None
+) -> None:
     """Equation (8) on the actuators."""
     commands: dict[int, int] = {}  # driven actuator: the variable of its command
     for i in range(len(p.R)):

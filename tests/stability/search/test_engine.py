@@ -20,10 +20,10 @@ from handfast.proofs.kinds import ContactState
 from handfast.stability.answers import check, maximum, torques
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.grasp_limits import GraspLimits
-from handfast.stability.problem.objective import INF, SMALLEST_PRELOAD, Goal
+from handfast.stability.problem.objective import INF, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search import engine
-from handfast.stability.search.outcome import Outcome
+from handfast.stability.search.proof import Outcome
 from tests.support.problems import bell, nest, pinch, solved, table
 from tests.support.slow_cases import slow_after
 
@@ -199,7 +199,7 @@ def test_what_is_left_unresolved_is_searched_more_finely(
 ) -> None:
     asked: list[Settings] = []
 
-    def search(p: object, goal: Goal, settings: Settings, *rest: object, **named: object) -> Outcome:
+    def search(p: object, goal: Objective, settings: Settings, *rest: object, **named: object) -> Outcome:
         asked.append(settings)
         return planted(*found[len(asked) - 1])
 
@@ -218,7 +218,7 @@ def test_what_is_left_unresolved_when_the_time_is_over_stays_open_for_want_of_it
 ) -> None:
     asked: list[Settings] = []
 
-    def search(p: object, goal: Goal, settings: Settings, *rest: object, **named: object) -> Outcome:
+    def search(p: object, goal: Objective, settings: Settings, *rest: object, **named: object) -> Outcome:
         asked.append(settings)
         return planted(Stop.NUMERICAL, 5.0, 3.0)
 

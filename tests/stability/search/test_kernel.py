@@ -28,7 +28,7 @@ from handfast.stability.problem.objective import (
     SMALLEST_LARGEST_COMMAND,
     SMALLEST_PRELOAD,
     SMALLEST_SUM_OF_COMMANDS,
-    Goal,
+    Objective,
 )
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.search import arrays, rows
@@ -84,7 +84,7 @@ def _balance(question, hi, data):
 
 
 @pytest.mark.parametrize("goal", [ANY_STATE, SMALLEST_PRELOAD])
-def test_the_balance_of_energy_holds_for_exact_solutions(goal: Goal) -> None:
+def test_the_balance_of_energy_holds_for_exact_solutions(goal: Objective) -> None:
     """At any reference point, and with commands of any larger lambda; its energies are those of the point."""
     rng = np.random.default_rng(0)
     for seed in range(30):
@@ -134,7 +134,7 @@ class Unknowns:
 class Referee:
     """A node's program over all unknowns, on HiGHS."""
 
-    def __init__(self, p: ScaledProblem, goal: Goal, node: Node, room: float = 0.0) -> None:
+    def __init__(self, p: ScaledProblem, goal: Objective, node: Node, room: float = 0.0) -> None:
         self.p, self.goal, self.node, self.room = p, goal, node, room
         self.at = at = Unknowns.of(p)
         m, l, _, k = p.sizes
@@ -303,7 +303,7 @@ class Referee:
 # --- random nodes -----------------------------------------------------------------------------------------
 
 
-def question(seed: int) -> tuple[Solved, ScaledProblem, Goal]:
+def question(seed: int) -> tuple[Solved, ScaledProblem, Objective]:
     """A random grasp with a known solution, and a question whose tree that solution is in."""
     rng = np.random.default_rng(seed)
     s = solved(seed, int(rng.integers(2, 7)), float(rng.choice([0.0, 0.0, 0.05])), stick=bool(rng.integers(2)))

@@ -25,7 +25,7 @@ from handfast.proofs.question import Question
 from handfast.proofs.replay import Replay
 from handfast.proofs.states import Problem
 from handfast.proofs.states import State as StateData
-from handfast.stability.problem.bound_problem import Posed, grasp_data, stated
+from handfast.stability.problem.bound_problem import BoundProblem, grasp_data, stated
 from handfast.stability.problem.model import State
 from handfast.stability.problem.witness import Witness
 
@@ -56,7 +56,7 @@ class Answer(Shown, ABC):
     nodes: int
     found: Witness | None
     proof: Proof | None = field(repr=False)
-    posed: Posed | None = field(default=None, kw_only=True, repr=False)
+    posed: BoundProblem | None = field(default=None, kw_only=True, repr=False)
     verified: bool = field(default=False, kw_only=True)
 
     @property
@@ -221,7 +221,7 @@ class Answer(Shown, ABC):
         return answers.replay(answers.read_answer(self.to_file()))
 
 
-def _grasp(posed: Posed, w: Witness) -> GraspData:
+def _grasp(posed: BoundProblem, w: Witness) -> GraspData:
     """The grasp with the commands of a witness."""
     return grasp_data(posed.problem.grasp).with_command(w.grasp.command)
 

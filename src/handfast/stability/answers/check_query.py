@@ -15,7 +15,7 @@ from handfast.model.grasp import Grasp
 from handfast.stability.answers.answer import Answer
 from handfast.stability.answers.margin import Margin
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.objective import ANY_STATE, INF
@@ -137,6 +137,6 @@ def _any_state(p: ScaledProblem, settings: Settings, on_progress: OnStep | None)
     limits = clock_of(settings)
     found = solve(p, ANY_STATE, settings, on_progress)
     verdict = Verdict.SLIPS if found.bound == INF else Verdict.HOLDS if found.witness else Verdict.UNDECIDED
-    backing: dict[str, Any] = {"posed": Posed(p, ANY_STATE), "verified": found.backed}
+    backing: dict[str, Any] = {"posed": BoundProblem(p, ANY_STATE), "verified": found.backed}
     answer = CheckAnswer(verdict, found.stop, *found.cost, found.witness, found.proof, **backing)
     return answer.settled(limits.end) if settings.verify else answer

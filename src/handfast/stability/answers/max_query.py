@@ -21,11 +21,11 @@ from handfast.proofs.states import Modes, Problem
 from handfast.proofs.states import State as StateData
 from handfast.stability.answers.answer import Answer, finite, state_json
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.bound_problem import Posed, stated
+from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, NEAR_END, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
 from handfast.stability.problem.witness import Witness
@@ -33,7 +33,7 @@ from handfast.stability.search.solve import clock_of, solve, time_left, without_
 
 if TYPE_CHECKING:
     from handfast.stability.search.interval_search import ResistedInterval
-    from handfast.stability.search.outcome import Outcome
+    from handfast.stability.search.proof import Outcome
     from handfast.stability.search.supremum import Supremum
 NEAR = 1e-9  # relative: the exact state of a largest magnitude is so near the one that was found
 Near = tuple[State, float]  # of a question that is nearly the same: a state, and the magnitude that it resists
@@ -206,7 +206,7 @@ def _in_modes(p: Problem, x: StateData, modes: Modes) -> StateData:
     return StateData.of(p.grasp, v, forces)
 
 
-def max_goal(p: ScaledProblem) -> Goal:
+def max_goal(p: ScaledProblem) -> Objective:
     """How a maximum is posed: limits and a base load break homogeneity; without commands, or anything that is given to
     joints, there is only yes or no."""
     if p.limits.limits_forces or p.w0.any():  # limits also of backdrivable motors, which have no row
@@ -223,7 +223,7 @@ def largest(
     return answer.settled(limits.end) if settings.verify else answer
 
 
-def shown_maximum(posed: Posed, found: Outcome) -> MaxAnswer:
+def shown_maximum(posed: BoundProblem, found: Outcome) -> MaxAnswer:
     """What a search has shown of a maximum, its witness at the largest magnitude; not settled yet."""
     p, goal = posed
     w = found.witness
@@ -253,7 +253,7 @@ def shown_maximum(posed: Posed, found: Outcome) -> MaxAnswer:
 
 def _search(
     p: ScaledProblem, settings: Settings, on_progress: OnStep | None, near: Sequence[Near]
-) -> tuple[Posed, Outcome]:
+) -> tuple[BoundProblem, Outcome]:
     """What was asked in the end, and what was found."""
     goal, limits = max_goal(p), clock_of(settings)
     if not goal.has_scalar:  # nothing but the disturbance: resisted at every magnitude or at none
@@ -269,7 +269,7 @@ def _search(
         free = scaled_problem.build(p.grasp, p.along, limits=GraspLimits(p.limits.eta), mdp=p.mdp)
         alone = solve(free, ANY_STATE, settings, on_progress)
         if alone.bound == INF:
-            return Posed(free, ANY_STATE), alone
+            return BoundProblem(free, ANY_STATE), alone
         settings = time_left(settings, limits)
     hints = {"near": near} if near and goal.has_scalar else {}
     found = solve(p, goal, settings, on_progress, **hints)
@@ -285,7 +285,7 @@ def _search(
         found = found.after(alone)
         if alone.witness is not None:
             found = replace(found, witness=alone.witness, value=0.0, point=None)
-    return Posed(p, goal), found
+    return BoundProblem(p, goal), found
 
 
 def _preload_share(w: Witness, grasp: Grasp) -> float:

@@ -15,15 +15,15 @@ from handfast.core.limits import SearchLimits
 from handfast.model.grasp import Grasp
 from handfast.stability.answers.answer import Answer, finite
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
-from handfast.stability.problem.objective import INF, Effort, Goal, SmallestCommands
+from handfast.stability.problem.objective import INF, Effort, Objective, SmallestCommands
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
 from handfast.stability.search.solve import clock_of, held_under, solve, without_end
 
 if TYPE_CHECKING:
-    from handfast.stability.search.outcome import Outcome
+    from handfast.stability.search.proof import Outcome
 
 MORE = (1e-3, 1e-2, 1e-1)  # shares of the gap by which commands are raised until a check holds
 NEARLY_NONE = 1e-6  # (scaled) commands where the least that hold are only approached, as they go to 0
@@ -96,7 +96,7 @@ def posed_torques(
     objective: Effort,
     actuators: Sequence[str] | None,
     limits: GraspLimits,
-) -> tuple[Posed, list[str]]:
+) -> tuple[BoundProblem, list[str]]:
     """The question of `torques`, and the names of the actuators whose commands are sought."""
     if objective not in ("max", "sum"):
         raise InputError(f"is '{objective}'; 'max' or 'sum' is needed", field="objective")
@@ -104,10 +104,12 @@ def posed_torques(
     chosen = grasp.mechanism.commands(dict.fromkeys(names, 1.0), field="actuators") != 0
     sense = {n: v for n, v in grasp.preload.items() if n in names}
     asked = grasp.with_commands({n: np.sign(sense.get(n, 1.0)) for n in names})
-    return Posed(scaled_problem.build(asked, wrench, limits=limits, driven=chosen), SmallestCommands(objective)), names
+    return BoundProblem(
+        scaled_problem.build(asked, wrench, limits=limits, driven=chosen), SmallestCommands(objective)
+    ), names
 
 
-def shown_torques(posed: Posed, names: Sequence[str], found: Outcome) -> TorquesAnswer:
+def shown_torques(posed: BoundProblem, names: Sequence[str], found: Outcome) -> TorquesAnswer:
     """What a search has shown of the smallest commands of these actuators; not settled yet."""
     assert isinstance(posed.goal, SmallestCommands)
     preload, lower, upper = None, max(found.bound, 0.0), INF
@@ -133,7 +135,7 @@ def with_hardly_any(p: ScaledProblem) -> Grasp:
 def _search(
     grasp: Grasp,
     p: ScaledProblem,
-    goal: Goal,
+    goal: Objective,
     settings: Settings,
     on_progress: OnStep | None,
     clock: SearchLimits,

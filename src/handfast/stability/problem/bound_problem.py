@@ -15,7 +15,7 @@ from handfast.proofs.question import Question
 from handfast.proofs.states import State as StateData
 from handfast.readers import grasp_file
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import Goal
+from handfast.stability.problem.objective import Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 
 
@@ -31,7 +31,7 @@ def stated(s: State) -> StateData:
 
 
 @dataclass(frozen=True, eq=False)
-class Posed:
+class BoundProblem:
     """What a search is asked: the scaled problem, and what is sought.
 
     Attributes:
@@ -39,7 +39,7 @@ class Posed:
     """
 
     source: ScaledProblem | Callable[[], ScaledProblem]
-    goal: Goal
+    goal: Objective
 
     @cached_property
     def problem(self) -> ScaledProblem:

@@ -1,8 +1,8 @@
 """What a search seeks: any state at all, or one number (the *scalar*) that is to be small or large.
 
-A goal owns what follows from that choice: the disturbance and the commands that the scalar multiplies, the range in
-which it is sought, its units, and what a certificate about a range of it claims. The search makes the *objective*
-small: the scalar, or its negative where it is to be large.
+An `Objective` owns what follows from that choice: the disturbance and the commands that the scalar multiplies, the
+range in which it is sought, its units, and what a certificate about a range of it claims. Its value, which the search
+makes small, is the scalar, or its negative where that is to be large. Files call it a goal.
 
 The maximum (23) is posed as its homogeneous twin where nothing breaks homogeneity: minimise lambda with
 w = d and commands lambda f_c, s = 1 / lambda; springs and friction of joints are lambda times as large, too. In the
@@ -51,7 +51,7 @@ class AffineLoad:
 
 
 @dataclass(frozen=True)
-class Goal(ABC):
+class Objective(ABC):
     """What is sought. Magnitudes are those of a maximum, as multiples of the direction as it was given.
 
     Attributes:
@@ -149,7 +149,7 @@ class Goal(ABC):
 
 
 @dataclass(frozen=True)
-class AnyState(Goal):
+class AnyState(Objective):
     """Any solution, (20): there is no scalar. The disturbance is the base load, the commands are the grasp's."""
 
     word = "check"
@@ -173,7 +173,7 @@ class AnyState(Goal):
 
 
 @dataclass(frozen=True)
-class SmallestPreload(Goal):
+class SmallestPreload(Objective):
     """lambda, the homogeneous form of (23): the disturbance is the direction, the commands are lambda f_c.
 
     So is what is given to joints: lambda times as large.
@@ -221,7 +221,7 @@ class SmallestPreload(Goal):
 
 
 @dataclass(frozen=True)
-class LargestMagnitude(Goal):
+class LargestMagnitude(Objective):
     """s of w0 + s d, (23), under the grasp's commands; the objective is -s."""
 
     word = "largest"
@@ -255,7 +255,7 @@ class LargestMagnitude(Goal):
 
 
 @dataclass(frozen=True)
-class SmallestCommands(Goal):
+class SmallestCommands(Objective):
     """The largest command (26), or the sum of all, of the actuators whose commands are sought; others are locked."""
 
     word = "torques"
@@ -285,11 +285,17 @@ class SmallestCommands(Goal):
 
 ANY_STATE, SMALLEST_PRELOAD, LARGEST = AnyState(), SmallestPreload(), LargestMagnitude()
 SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS = SmallestCommands("max"), SmallestCommands("sum")
-GOALS: tuple[Goal, ...] = (ANY_STATE, SMALLEST_PRELOAD, LARGEST, SMALLEST_LARGEST_COMMAND, SMALLEST_SUM_OF_COMMANDS)
+GOALS: tuple[Objective, ...] = (
+    ANY_STATE,
+    SMALLEST_PRELOAD,
+    LARGEST,
+    SMALLEST_LARGEST_COMMAND,
+    SMALLEST_SUM_OF_COMMANDS,
+)
 WORDS = tuple(dict.fromkeys(goal.word for goal in GOALS))
 
 
-def named(word: str, effort: Effort = "max") -> Goal:
+def named(word: str, effort: Effort = "max") -> Objective:
     """The goal that files call so; `KeyError` if there is none."""
     found = {goal.word: goal for goal in GOALS}[word]
     return SmallestCommands(effort) if found.seeks_commands else found

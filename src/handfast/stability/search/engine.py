@@ -14,15 +14,14 @@ from handfast.core.arrays import Array
 from handfast.core.limits import SearchLimits
 from handfast.core.parallel import default_jobs
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, NEAR_END, Goal, Range
+from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, NEAR_END, Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Progress, Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
 from handfast.stability.search.bounded_motion import FIRST, Capped
 from handfast.stability.search.machine import LIBRARY
-from handfast.stability.search.outcome import Outcome
-from handfast.stability.search.proof import Proof
+from handfast.stability.search.proof import Outcome, Proof
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import Search, exact_solution
 
@@ -39,7 +38,7 @@ PAUSE = 0.05  # [s] between two reports of progress
 
 def search(
     p: ScaledProblem,
-    goal: Goal,
+    goal: Objective,
     settings: Settings,
     on_progress: OnStep | None = None,
     *,
@@ -94,7 +93,7 @@ def _better(a: Outcome, b: Outcome) -> Outcome:
 
 def _search(
     p: ScaledProblem,
-    goal: Goal,
+    goal: Objective,
     settings: Settings,
     on_progress: OnStep | None,
     r: Reduced,
@@ -145,13 +144,13 @@ def _search(
     return _outcome(s, goal, settings, limits, spent + (beside.nodes if beside else 0))
 
 
-def _gaps(r: Reduced, goal: Goal, settings: Settings) -> tuple[float, float]:
+def _gaps(r: Reduced, goal: Objective, settings: Settings) -> tuple[float, float]:
     """Relative and absolute distance of value and bound at which a search may stop."""
     gap = settings.gap * (1 - 2 * INSIDE)  # leaves room for rounding, and for a witness inside
     return goal.gaps(gap, r.scale)
 
 
-def _to_cap(beside: Capped, goal: Goal, settings: Settings, limits: SearchLimits, found: Outcome) -> Outcome:
+def _to_cap(beside: Capped, goal: Objective, settings: Settings, limits: SearchLimits, found: Outcome) -> Outcome:
     """What was found, but with a bound for motions up to a cap, if as many nodes as were spent give one.
 
     That there is no state is said only where there is none up to the largest of the caps.
@@ -180,7 +179,7 @@ def _to_cap(beside: Capped, goal: Goal, settings: Settings, limits: SearchLimits
     return out
 
 
-def _outcome(s: Search, goal: Goal, settings: Settings, limits: SearchLimits, spent: int) -> Outcome:
+def _outcome(s: Search, goal: Objective, settings: Settings, limits: SearchLimits, spent: int) -> Outcome:
     """What a finished search has shown; limits: of all that is still to do, spent: nodes that other searches had."""
     r = s.reduced
     stop = s.stop or Stop.INTERRUPTED

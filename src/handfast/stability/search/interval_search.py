@@ -21,14 +21,14 @@ from handfast.proofs import arcs
 from handfast.proofs.arcs import Arc
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.ranges import Known, known
-from handfast.stability.problem.bound_problem import Posed, stated
+from handfast.stability.problem.bound_problem import BoundProblem, stated
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, Goal, Range
+from handfast.stability.problem.objective import ANY_STATE, INF, LARGEST, Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search import engine
-from handfast.stability.search.outcome import Outcome
+from handfast.stability.search.proof import Outcome
 from handfast.stability.search.reduced import Reduced, reduce
 from handfast.stability.search.search import SearchWorker, exact_solution
 
@@ -80,7 +80,7 @@ MOST = 4000  # ranges that are looked at
 
 def resisted(
     p: ScaledProblem,
-    goal: Goal,
+    goal: Objective,
     largest: float,
     upper: float,
     state: State,
@@ -111,13 +111,15 @@ def resisted(
 class _Magnitudes:
     """The disturbances base + s direction, and what is shown of them so far."""
 
-    def __init__(self, p: ScaledProblem, goal: Goal, settings: Settings, least: Callable[[Witness], State]) -> None:
+    def __init__(
+        self, p: ScaledProblem, goal: Objective, settings: Settings, least: Callable[[Witness], State]
+    ) -> None:
         self.p, self.goal, self.settings, self.least = p, goal, settings, least
         self.arcs: list[Arc] = []
         self.slips: list[Certificate] = []
         self.r: Reduced = reduce(p, LARGEST)
         self.worker = SearchWorker.of(self.r)
-        self.question = Posed(p, LARGEST).question
+        self.question = BoundProblem(p, LARGEST).question
         self.start = time.monotonic()
 
     def known(self, largest: float, upper: float) -> Known:
@@ -270,7 +272,7 @@ class _Magnitudes:
         gap = max(min(self.settings.gap / 2, share / 8), LEAST)
         return replace(self.settings, verify=False, gap=gap, time_limit=self._left)
 
-    def _search(self, p: ScaledProblem, goal: Goal, settings: Settings, within: Range | None = None) -> Outcome:
+    def _search(self, p: ScaledProblem, goal: Objective, settings: Settings, within: Range | None = None) -> Outcome:
         """Without a cap: states beyond it count as well. Raises KeyboardInterrupt, which `engine.search` does not."""
         found = engine.search(p, goal, settings, within=within, capped=False)
         if found.stop is Stop.INTERRUPTED:

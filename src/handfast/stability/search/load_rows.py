@@ -22,7 +22,7 @@ from handfast.core.groups import table, whole_vectors
 from handfast.model.grasp import Grasp
 from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.model import StateRows
-from handfast.stability.problem.objective import HIGHEST, INF, LARGEST, SMALLEST_PRELOAD, Goal
+from handfast.stability.problem.objective import HIGHEST, INF, LARGEST, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import Settings
 from handfast.stability.search.arrays import CHILDREN, HARD, HELD, NONE, UNASKED, QuestionRows
@@ -73,7 +73,7 @@ class Template:
     reach: float = 0.0
 
     @classmethod
-    def of(cls, p: ScaledProblem, goal: Goal, reach: float = 0.0) -> Template:
+    def of(cls, p: ScaledProblem, goal: Objective, reach: float = 0.0) -> Template:
         """From a problem with any load, of which only the commands and limits count."""
         if len(p.soft):
             raise ValueError("soft fingers are asked about one by one")

@@ -1,4 +1,4 @@
-"""From a finished search to its certificate: the tree, and a ray for every leaf, in the grasp's own units."""
+"""What a finished search returns: its outcome, and its certificate: the tree, with a ray for every leaf."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from handfast.core.arrays import Indices
+from handfast.core.answer import Stop
+from handfast.core.arrays import Array, Indices
 from handfast.proofs import checker
 from handfast.proofs.certificate import Certificate
 from handfast.proofs.rows import Columns
-from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.bound_problem import BoundProblem
+from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays, rows
 from handfast.stability.search.arrays import Pool
 from handfast.stability.search.certificate_polish import repaired
@@ -49,7 +51,7 @@ class Proof:
         if r.objective:
             first, last = r.goal.scalar_range(float(r.lo[0]), hi)
             scalar = first * unit, last * unit
-        question = Posed(p, r.goal).question
+        question = BoundProblem(p, r.goal).question
         leaves = np.flatnonzero(status == arrays.EMPTY)
         start, entries = self._rows(leaves, Columns.of(question), force, unit)
         part, m = pool.part, len(p.mu)
@@ -156,3 +158,45 @@ class Proof:
         patched = (kind == rows.SOFT_CHORD) | (kind == rows.C_SIDE) | (kind == rows.D_SIDE)
         a[patched], b[patched] = ids[patched] & ((1 << rows.SIDE) - 1), (ids[patched] >> rows.SIDE) & 3
         return start, {"kind": kind, "index": index, "a": a, "b": b, "multiplier": y, "references": references}
+
+
+# --- what a search returns ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Of a search for a small objective (see `objective.py`), or for any state at all.
+
+    Attributes:
+        value: the smallest objective that was witnessed; inf if none was.
+        bound: no state has a smaller one; inf if there is no state at all, -inf if nothing was shown.
+        witness: the state that achieves `value`.
+        stop: why it ended.
+        seconds, nodes: wall time, programs solved.
+        proof: of `bound`, where there is one; verified: it was replayed and holds.
+        point: (n,) the witness in the engine's unknowns, a start for neighbouring questions.
+    """
+
+    value: float
+    bound: float
+    witness: Witness | None
+    stop: Stop
+    seconds: float
+    nodes: int
+    proof: Proof | None = None
+    point: Array | None = None
+    verified: bool = False
+
+    @property
+    def cost(self) -> tuple[float, int]:
+        """Seconds and nodes, as answers have them."""
+        return self.seconds, self.nodes
+
+    @property
+    def backed(self) -> bool:
+        """Was everything replayed? Witnesses always are."""
+        return self.verified or self.proof is None
+
+    def after(self, other: Outcome) -> Outcome:
+        """With the cost of another search beside its own."""
+        return replace(self, seconds=self.seconds + other.seconds, nodes=self.nodes + other.nodes)

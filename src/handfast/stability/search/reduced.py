@@ -19,7 +19,7 @@ import numpy as np
 from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.groups import table, whole_vectors
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import AffineLoad, Goal, Range
+from handfast.stability.problem.objective import AffineLoad, Objective, Range
 from handfast.stability.problem.scaled_problem import ScaledPoint, ScaledProblem
 from handfast.stability.problem.witness import Witness
 from handfast.stability.search import arrays
@@ -41,7 +41,7 @@ def noise(n: int) -> Array:
     return _NOISE[:n]
 
 
-def equilibrium(p: ScaledProblem, goal: Goal) -> Array:
+def equilibrium(p: ScaledProblem, goal: Objective) -> Array:
     """(e, ny) the equations E of y that `reduce` eliminates."""
     return _balances(p, goal.scaled_load(p), _Forces.of(p, goal), _motions(p))[0]
 
@@ -97,7 +97,7 @@ class Reduced:
     """
 
     p: ScaledProblem
-    goal: Goal
+    goal: Objective
     load: AffineLoad
     active: Indices
     kept: Indices
@@ -245,7 +245,7 @@ class Reduced:
 
 def reduce(
     p: ScaledProblem,
-    goal: Goal,
+    goal: Objective,
     *,
     endless: bool = False,
     within: Range | None = None,
@@ -350,7 +350,7 @@ class _Forces:
     objective: int
 
     @classmethod
-    def of(cls, p: ScaledProblem, goal: Goal) -> _Forces:
+    def of(cls, p: ScaledProblem, goal: Objective) -> _Forces:
         kept = np.flatnonzero(p.moves | np.isfinite(p.f_max))
         efforts = np.flatnonzero(p.driven) if goal.sums_commands else np.zeros(0, int)
         contacts = 3 * len(p.mu)
@@ -399,7 +399,9 @@ def _balances(p: ScaledProblem, load: AffineLoad, at: _Forces, M: Array) -> tupl
     return E, h, of_torques
 
 
-def _force_bounds(p: ScaledProblem, goal: Goal, at: _Forces, endless: bool, within: Range | None) -> list[_PlainBound]:
+def _force_bounds(
+    p: ScaledProblem, goal: Objective, at: _Forces, endless: bool, within: Range | None
+) -> list[_PlainBound]:
     """Bounds of the objective, which comes first, and of forces."""
     lo, hi = within or goal.search_range(p, endless=endless) if goal.has_scalar else (0.0, 0.0)
     plain = [_PlainBound("scalar", 0, lo, hi)] if goal.has_scalar else []
@@ -411,7 +413,7 @@ def _force_bounds(p: ScaledProblem, goal: Goal, at: _Forces, endless: bool, with
     return plain + [_PlainBound("twist", k, -np.inf, np.inf) for k in range(len(p.soft))]
 
 
-def _motion_bounds(p: ScaledProblem, goal: Goal, endless: bool, cap: float) -> list[_PlainBound]:
+def _motion_bounds(p: ScaledProblem, goal: Objective, endless: bool, cap: float) -> list[_PlainBound]:
     """Bounds of motions, if they have a cap; places of the turning of soft fingers, and of the balance of energy."""
     plain = [_PlainBound("motion", i, -cap, cap) for i in range(6 + p.J.shape[1])] if cap < np.inf else []
     plain += [_PlainBound("turning", k, -np.inf, np.inf) for k in range(len(p.soft))]
@@ -422,7 +424,7 @@ def _motion_bounds(p: ScaledProblem, goal: Goal, endless: bool, cap: float) -> l
 
 
 def _force_rows(
-    p: ScaledProblem, goal: Goal, load: AffineLoad, at: _Forces, active: Indices, bounds: list[_PlainBound]
+    p: ScaledProblem, goal: Objective, load: AffineLoad, at: _Forces, active: Indices, bounds: list[_PlainBound]
 ) -> tuple[Array, Array]:
     """Base values that are forces, V y + constants: c, complementarity slack and effort of active actuators, bounds."""
     C, units = at.contacts, p.command_units / p.command_unit

@@ -9,19 +9,19 @@ from handfast.core.answer import Stop
 from handfast.core.limits import SearchLimits
 from handfast.model.grasp import Grasp
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, Goal
+from handfast.stability.problem.objective import ANY_STATE, HIGHEST, INF, Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.problem.settings import OnStep, Settings
 
 if TYPE_CHECKING:
-    from handfast.stability.search.outcome import Outcome
+    from handfast.stability.search.proof import Outcome
 
 ANY = 0.9  # relative: a gap with which the first state that is found ends a search, mostly,
 MANY = 4096  # nodes at most
 LEAST = 1e-3  # [s] that a search has where no time is left
 
 
-def solve(p: ScaledProblem, goal: Goal, settings: Settings, on_progress: OnStep | None, **hints: Any) -> Outcome:
+def solve(p: ScaledProblem, goal: Objective, settings: Settings, on_progress: OnStep | None, **hints: Any) -> Outcome:
     """What the search finds; hints: see `engine.search`. The engine loads when it is asked first."""
     from handfast.stability.search import engine
 
@@ -47,7 +47,12 @@ def time_left(settings: Settings, limits: SearchLimits) -> Settings:
 
 
 def without_end(
-    p: ScaledProblem, goal: Goal, settings: Settings, on_progress: OnStep | None, found: Outcome, limits: SearchLimits
+    p: ScaledProblem,
+    goal: Objective,
+    settings: Settings,
+    on_progress: OnStep | None,
+    found: Outcome,
+    limits: SearchLimits,
 ) -> Outcome:
     """Nothing was found up to the end of a search: is there anything beyond? What both searches showed.
 

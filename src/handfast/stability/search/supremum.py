@@ -20,7 +20,7 @@ from handfast.core.arrays import Array, Indices, Mask
 from handfast.core.transforms import cross
 from handfast.model.grasp import Grasp
 from handfast.stability.problem.model import State
-from handfast.stability.problem.objective import Goal
+from handfast.stability.problem.objective import Objective
 from handfast.stability.problem.scaled_problem import ScaledProblem
 from handfast.stability.search.reduced import Reduced, reduce
 
@@ -64,7 +64,7 @@ class Supremum:
         }
 
 
-def limit_from(p: ScaledProblem, goal: Goal, state: State, lower: float, upper: float) -> Supremum | None:
+def limit_from(p: ScaledProblem, goal: Objective, state: State, lower: float, upper: float) -> Supremum | None:
     """The limit to which the witness of a maximum leads; `limit_of` in the question's own units.
 
     state: it resists the magnitude `lower`, under the commands as they are.

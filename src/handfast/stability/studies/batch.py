@@ -43,7 +43,7 @@ from handfast.stability.problem import scaled_problem
 from handfast.stability.problem.equivalent_grasp import equivalent_of
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
-from handfast.stability.problem.objective import ANY_STATE, LARGEST, SMALLEST_PRELOAD, Effort, Goal
+from handfast.stability.problem.objective import ANY_STATE, LARGEST, SMALLEST_PRELOAD, Effort, Objective
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.row_kernel import RowKernel
 
@@ -304,7 +304,7 @@ def _nearest(W: Array, i: int, near: dict[int, Near]) -> tuple[Near, ...]:
     return tuple(near[int(k)] for k in rows[np.argsort(-(unit[rows] @ unit[i]), kind="stable")][:NEAREST])
 
 
-def _goals(grasp: Grasp, part: AnswerRows, options: BatchOptions) -> Iterator[tuple[Any, Goal]]:
+def _goals(grasp: Grasp, part: AnswerRows, options: BatchOptions) -> Iterator[tuple[Any, Objective]]:
     """Rows that are asked in the same way, and how; those that are none of these are refused, or special."""
     W, B = part.wrenches, part.base
     with np.errstate(invalid="ignore"):

@@ -21,7 +21,7 @@ from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer, ch
 from handfast.stability.answers.batch_answer import BatchAnswer
 from handfast.stability.answers.check_query import is_table
 from handfast.stability.problem import scaled_problem
-from handfast.stability.problem.bound_problem import Posed
+from handfast.stability.problem.bound_problem import BoundProblem
 from handfast.stability.problem.grasp_limits import NO_LIMITS, GraspLimits
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.objective import ANY_STATE, Effort
@@ -88,7 +88,7 @@ class PreparedGrasp:
             return check(self.grasp, w, limits=self.limits, settings=self.settings)
         witness = Witness(self.grasp, w, found[0], self.limits.eta, True)
         cost = time.perf_counter() - start, found[1]
-        posed = Posed(partial(scaled_problem.build, self.grasp, w, limits=self.limits), ANY_STATE)
+        posed = BoundProblem(partial(scaled_problem.build, self.grasp, w, limits=self.limits), ANY_STATE)
         return CheckAnswer(Verdict.HOLDS, Stop.COMPLETE, *cost, witness, None, posed=posed, verified=True)
 
     @overload

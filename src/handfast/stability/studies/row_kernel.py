@@ -19,7 +19,7 @@ from handfast.stability.problem import judge, scaled_problem
 from handfast.stability.problem.equivalent_grasp import runs_away
 from handfast.stability.problem.grasp_limits import GraspLimits
 from handfast.stability.problem.model import State, StateRows
-from handfast.stability.problem.objective import ANY_STATE, FARTHER, NEAR_END, SMALLEST_PRELOAD, Goal
+from handfast.stability.problem.objective import ANY_STATE, FARTHER, NEAR_END, SMALLEST_PRELOAD, Objective
 from handfast.stability.problem.settings import Settings
 from handfast.stability.problem.witness import VALID
 from handfast.stability.search.load_rows import BatchSearch, FoundRows, LoadMemory, LoadRows, Template
@@ -72,7 +72,7 @@ class RowKernel:
         held = judge.residuals(grasp, w[None], states, eta=self.limits.eta).worst[0] <= VALID
         return (states.row(0), nodes) if held else None
 
-    def ask(self, grasp: Grasp, goal: Goal, W: Array, B: Array, settings: Settings) -> Settled | None:
+    def ask(self, grasp: Grasp, goal: Objective, W: Array, B: Array, settings: Settings) -> Settled | None:
         """Columns of rows (k, 6): loads, or directions with their base loads; None where no row can be asked so."""
         if not len(W):
             return None
@@ -91,7 +91,7 @@ class RowKernel:
         return out
 
     def _search(
-        self, grasp: Grasp, goal: Goal, w: Array, base: Array, settings: Settings, reach: float = 0.0
+        self, grasp: Grasp, goal: Objective, w: Array, base: Array, settings: Settings, reach: float = 0.0
     ) -> BatchSearch | None:
         """The search for a goal, made for the first row; None where that is refused, or another goal's."""
         of_max = goal != ANY_STATE
