@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from html import escape
-from importlib import resources
 from pathlib import Path
 
 from handfast.core.arrays import Array
@@ -13,14 +11,14 @@ from handfast.core.files import write_bytes, write_text
 from handfast.model.body import Body
 from handfast.model.hand.hand import Hand
 from handfast.model.hand_regions import HandRegions
-from handfast.pictures import hand_rows
+from handfast.pictures import hand_rows, page_parts
 from handfast.pictures.depth_buffer import DENSE
 from handfast.pictures.drawing import data_uri, picture
 from handfast.pictures.hand_facts import HandFacts, ShownHand, facts_of, shown_hand
 from handfast.pictures.hand_picture import draw_hand
 from handfast.pictures.hand_scene import PALM, hand_scene, tint
-from handfast.pictures.page_tables import table
-from handfast.pictures.view3d import COLORS, OPACITY
+from handfast.pictures.page_parts import table
+from handfast.pictures.view3d import COLORS
 from handfast.pictures.words import tendon_rows
 
 PROGRAM = ("shapes3d.js", "kinematics3d.js", "stage3d.js", "controls3d.js", "hand3d.js")  # one script, in this order
@@ -85,61 +83,25 @@ def hand_page(shown: ShownHand) -> str:
     """The whole page as HTML."""
     facts = shown.facts
     data, notes = hand_scene(shown)
-    folder = resources.files("handfast.pictures") / "browser"
-    css = "".join((folder / name).read_text("utf-8") for name in ("page.css", "hand.css"))
     still = data_uri(draw_hand(shown, COARSE), dpi=COARSE)
-    return "\n".join(
-        [
-            "<!doctype html>",
-            '<html lang="en"><head><meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{escape(facts.hand.name)} – Handfast</title>",
-            f"<style>\n{css}</style></head><body><main>",
-            f'<h1>{escape(facts.hand.name)}</h1><p class="facts">{escape(hand_rows.counts(facts))}</p>',
-            *(f'<p class="why">{escape(text)}</p>' for text in facts.missing),
-            _figure(shown, data),
-            f'<figure class="still"><img alt="The hand from two sides" src="{still}"></figure>',
-            *(f'<p class="note">{escape(note)}</p>' for note in notes),
-            *_sections(shown),
-            "</main></body></html>\n",
-        ]
-    )
-
-
-def _figure(shown: ShownHand, data: dict[str, object]) -> str:
-    """The view, its sliders, its data and its program."""
-    facts = shown.facts
-    text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")  # no name can end the script
-    folder = resources.files("handfast.pictures") / "browser"
-    program = "\n".join((folder / name).read_text("utf-8") for name in PROGRAM)
-    return (
-        f'<figure class="view3d"><div class="controls">{_controls(shown, data)}</div>'
-        '<div class="bench"><div class="stage"><canvas tabindex="0" aria-label="The hand in three dimensions"></canvas>'
-        f'<div class="labels"></div></div><div class="sliders">{_sliders(facts)}</div></div>'
-        '<p class="fallback">Here the hand can be turned and its joints moved, in a browser that runs scripts and '
-        "has WebGL; the picture below needs neither.</p>"
+    sliders = f'<div class="sliders">{_sliders(facts)}</div>'
+    instead = "Here the hand can be turned and its joints moved"
+    below = (
         f"<figcaption>{_caption(shown)}</figcaption>{_frames(facts)}"
         '<details class="file"><summary>these joints as a configuration file</summary>'
         '<pre class="configuration"></pre></details>'
-        f'<script type="application/json">{text}</script>'
-        f"<script>(() => {{\n'use strict';\n{program}}})();</script></figure>"
     )
-
-
-def _controls(shown: ShownHand, data: dict[str, object]) -> str:
-    sides = data["sides"]
-    assert isinstance(sides, list)
-    options = "".join(f'<option value="{i}">{escape(side["title"])}</option>' for i, side in enumerate(sides))
-    hidden = " hidden" if shown.body is None else ""
+    controls = page_parts.select("side", "", [v["title"] for v in data["sides"]])
+    controls += page_parts.switches(SWITCHES, thing=shown.body is not None)
     parts = [
-        f'<label><select name="side" autocomplete="off">{options}</select></label>',
-        f'<label{hidden}>object <input type="range" name="opacity" min="0" max="1" step="0.05" value="{OPACITY}" '
-        'autocomplete="off"></label>',
+        f'<h1>{escape(facts.hand.name)}</h1><p class="facts">{escape(hand_rows.counts(facts))}</p>',
+        *(f'<p class="why">{escape(text)}</p>' for text in facts.missing),
+        page_parts.view3d(data, PROGRAM, (controls, sliders, instead, below)),
+        f'<figure class="still"><img alt="The hand from two sides" src="{still}"></figure>',
+        *(f'<p class="note">{escape(note)}</p>' for note in notes),
+        *_sections(shown),
     ]
-    for name, (label, on) in SWITCHES.items():
-        checked = " checked" if on else ""
-        parts.append(f'<label><input type="checkbox" name="{name}"{checked} autocomplete="off">{label}</label>')
-    return "".join([*parts, '<button type="button" name="reset">reset view</button>'])
+    return page_parts.page(facts.hand.name, ["page.css", "hand.css"], parts)
 
 
 def _sliders(facts: HandFacts) -> str:
@@ -189,12 +151,13 @@ def _frames(facts: HandFacts) -> str:
 def _caption(shown: ShownHand) -> str:
     facts = shown.facts
 
-    def mark(color: str, text: str, kind: str = " square") -> str:
-        return f'<span class="mark{kind}" style="background:{color}"></span>{escape(text)} '
-
-    marks = [mark(tint(facts, f)[0], f) for f in facts.fingers] + [mark(PALM[0], "palm")]
-    marks += [mark(COLORS["cone"], "joint that closes, with its sense", ""), mark(COLORS["axes"], "other joint", "")]
-    marks += [mark(COLORS["load"], "palm's approach", "")] if facts.palm else []
+    marks = [page_parts.mark(tint(facts, f)[0], f, "square") for f in facts.fingers]
+    marks += [page_parts.mark(PALM[0], "palm", "square")]
+    marks += [
+        page_parts.mark(COLORS["cone"], "joint that closes, with its sense"),
+        page_parts.mark(COLORS["axes"], "other joint"),
+    ]
+    marks += [page_parts.mark(COLORS["load"], "palm's approach")] if facts.palm else []
     return (
         f"{''.join(marks)}<br>Regions are darker than their finger. Drag to turn, with Shift (or two fingers) to "
         "shift; click and scroll, or pinch, to zoom; double-click to begin again."

@@ -5,17 +5,16 @@ from __future__ import annotations
 import platform
 from collections.abc import Sequence
 from html import escape
-from importlib import metadata, resources
+from importlib import metadata
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from handfast.core.answer import Verdict
-from handfast.pictures import page_tables, sentences, view3d, words
-from handfast.pictures.drawing import data_uri
+from handfast.pictures import page_parts, page_tables, sentences, view3d, words
 from handfast.pictures.grasp_picture import draw_grasp, draw_scene
 from handfast.pictures.map_picture import draw_map, draw_sweep
-from handfast.pictures.page_tables import table
+from handfast.pictures.page_parts import still, table
 from handfast.pictures.scene import ShownLoad
 from handfast.pictures.words import laws_text, num
 from handfast.stability.answers import CheckAnswer, MaxAnswer, TorquesAnswer
@@ -54,28 +53,19 @@ def render(
     witnessed = any(getattr(e.answer, "witness", None) for e in entries)
     parts.append(_grasp_section(grasp, () if witnessed else meshes, draw=not witnessed))
     if gallery:
-        pictures = "".join(_figure(figure, caption, "png") for figure, caption in gallery)
+        pictures = "".join(still(figure, caption, "png") for figure, caption in gallery)
         parts.append(f"<section><h2>All that was found</h2>{pictures}</section>")
     if entries or not gallery:
         parts.append(_settings_section(settings, entries))
-    css = (resources.files("handfast.pictures") / "browser" / "page.css").read_text("utf-8")
     about = f"{words.grasp_text(grasp)}. Preload {words.preload_text(grasp)}."
-    return "\n".join(
-        [
-            "<!doctype html>",
-            '<html lang="en"><head><meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{escape(grasp.name)} – Handfast</title>",
-            f"<style>\n{css}</style></head><body><main>",
-            f'<h1>{escape(grasp.name)}</h1><p class="facts">{escape(about)}</p>',
-            *(f'<p class="facts">{escape(laws)}</p>' for laws in [laws_text(grasp)] if laws),
-            *(f"<p>{escape(note)}</p>" for note in notes),
-            _overview(facts, checks if len(checks) > MANY else []),
-            view3d.view(scene),
-            *parts,
-            "</main></body></html>\n",
-        ]
-    )
+    top = [
+        f'<h1>{escape(grasp.name)}</h1><p class="facts">{escape(about)}</p>',
+        *(f'<p class="facts">{escape(laws)}</p>' for laws in [laws_text(grasp)] if laws),
+        *(f"<p>{escape(note)}</p>" for note in notes),
+        _overview(facts, checks if len(checks) > MANY else []),
+        view3d.view(scene),
+    ]
+    return page_parts.page(grasp.name, ["page.css"], [*top, *parts])
 
 
 def shown_loads(entries: Sequence[Entry]) -> tuple[ShownLoad, ...]:
@@ -100,11 +90,11 @@ def _section(grasp: Grasp, entry: Entry, settings: Settings, meshes: Sequence[Me
         caption = f"Forces resisted in the {answer.plane} plane; they act {words.place_text(answer.at)}."
         if entry.weight:
             caption += f" {sentences.weight_sentence(answer.curves[-1], entry.weight)}"
-        parts.append(_figure(draw_map(answer, limit=entry.limit, weight=entry.weight), caption))
+        parts.append(still(draw_map(answer, limit=entry.limit, weight=entry.weight), caption))
         parts.append(page_tables.map_table(answer))
     elif isinstance(answer, SweepAnswer):
         parts.append(_verdict(answer.verdict, f"The command of {answer.actuator} varies, the others stay."))
-        parts.append(_figure(draw_sweep(answer), "Largest resisted disturbances over the command."))
+        parts.append(still(draw_sweep(answer), "Largest resisted disturbances over the command."))
         parts.append(page_tables.sweep_table(answer))
     else:
         parts += _answer(grasp, entry, answer, settings, meshes, folded=folded)
@@ -162,9 +152,9 @@ def _pictures(grasp: Grasp, witness: Witness, meshes: Sequence[Mesh]) -> list[st
         "the virtual motion is that of the object relative to the finger."
     )
     if not meshes:
-        return [_figure(draw_grasp(grasp, witness), caption)]
+        return [still(draw_grasp(grasp, witness), caption)]
     bare = "The same without the solids: fingers as lines from joint to joint to contact."
-    return [_figure(draw_scene(meshes, grasp, witness), caption), _figure(draw_grasp(grasp, witness), bare)]
+    return [still(draw_scene(meshes, grasp, witness), caption), still(draw_grasp(grasp, witness), bare)]
 
 
 def _verdict(verdict: Verdict, sentence: str, *, unreal: bool = False, fragile: bool = False) -> str:
@@ -199,9 +189,9 @@ def _grasp_section(grasp: Grasp, meshes: Sequence[Mesh], *, draw: bool) -> str:
     parts = ["<h2>The grasp</h2>"]
     if draw:
         if meshes:
-            parts.append(_figure(draw_scene(meshes, grasp), "Hand and object with their contacts."))
+            parts.append(still(draw_scene(meshes, grasp), "Hand and object with their contacts."))
         caption = "Contacts with friction cones, normals into the object, and joint axes."
-        parts.append(_figure(draw_grasp(grasp), caption))
+        parts.append(still(draw_grasp(grasp), caption))
     parts.append(page_tables.grasp_table(grasp))
     return f"<section>{''.join(parts)}</section>"
 
@@ -219,14 +209,6 @@ def _settings_section(settings: Settings, entries: Sequence[Entry]) -> str:
         '<p class="note">SI units, object frame. Equation numbers are those of the model in the '
         "documentation. Virtual motions and works belong to contact springs of unit stiffness: a motion "
         "is measured by the force it causes, in N, and work in N².</p></section>"
-    )
-
-
-def _figure(figure: Figure, caption: str, ending: str = "svg") -> str:
-    source = data_uri(figure, ending, dpi=160 if ending == "svg" else 100)
-    return (
-        f'<figure><img alt="{escape(caption, quote=True)}" src="{source}">'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from handfast.pictures import sentences, words
+from handfast.pictures.page_parts import BAD, table
 from handfast.pictures.words import joint_text, num, vector
 from handfast.stability.answers import MaxAnswer
 from handfast.stability.problem import model
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from handfast.stability.problem.witness import Witness
     from handfast.stability.studies.maps import Curve, MapAnswer, SweepAnswer
 
-BAD = "\x00"  # in front of a cell: a number that should worry
 
 EQUATIONS = {
     "object_balance": "(1) object in equilibrium",
@@ -33,26 +33,6 @@ EQUATIONS = {
     "dissipation": "(6), (7) friction opposes sliding",
     "actuators": "(8) actuators",
 }
-
-
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> str:
-    """An HTML table; columns of numbers are set right."""
-    if not rows:
-        return ""
-    right = [
-        all(r[k].strip(BAD)[:1] in "0123456789−-–∞?+" for r in rows) and not heads[k].startswith("#")
-        for k in range(len(heads))
-    ]
-
-    def cell(tag: str, k: int, text: str) -> str:
-        names = [n for n, on in (("n", right[k]), ("bad", text.startswith(BAD))) if on]
-        style = f' class="{" ".join(names)}"' if names else ""
-        return f"<{tag}{style}>{escape(text.lstrip(BAD).lstrip('#'))}</{tag}>"
-
-    head = "".join(cell("th", k, h) for k, h in enumerate(heads)) if any(heads) else ""
-    body = "".join("<tr>" + "".join(cell("td", k, c) for k, c in enumerate(row)) + "</tr>" for row in rows)
-    heading = f"<h3>{escape(title)}</h3>" if title else ""
-    return f'{heading}<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def margin_table(margin: Margin) -> str:

@@ -7,15 +7,13 @@ Nothing is fetched, and where there is no WebGL a sentence points at the picture
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Sequence
-from html import escape
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.colors import to_hex
 
+from handfast.pictures import page_parts
 from handfast.pictures.camera import ALONG, TILT, View, around, clearest, upright, views
 from handfast.pictures.drawing import AMBER, BLUE, GREEN, GREY, INK, SOLID, VIOLET
 from handfast.pictures.scene import Mesh, Scene, ShownLoad, arrows, coarse, finger_lines, placed_joints, triangles
@@ -38,13 +36,7 @@ COLORS = {
     "motion": VIOLET,
     "load": AMBER,
 }
-PROGRAM = (
-    "shapes3d.js",
-    "stage3d.js",
-    "controls3d.js",
-    "view3d.js",
-)  # one script: each uses the names of those before it
-OPACITY = 0.45  # of the object at first; contacts and forces lie inside it
+PROGRAM = ("shapes3d.js", "stage3d.js", "controls3d.js", "view3d.js")
 SHADOW = 300  # triangles of a shape that may hide contacts from view
 WIDE = 1 << 16  # vertices that two bytes can no longer count
 SWITCHES = {  # name: (label, on at first with forces, without)
@@ -64,21 +56,9 @@ SWITCHES = {  # name: (label, on at first with forces, without)
 
 def view(shown: Scene) -> str:
     """The figure as HTML, with its switches, its data and its program."""
-    data = scene_json(shown)
-    text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")  # no name can end the script
-    folder = resources.files("handfast.pictures") / "browser"
-    program = "\n".join((folder / name).read_text("utf-8") for name in PROGRAM)
-    loaded = any(g.loads for g in shown.grasps)
-    return (
-        f'<figure class="view3d"><div class="controls">{_controls(shown, data["grasps"][0]["sides"])}</div>'
-        '<div class="stage"><canvas tabindex="0" aria-label="The grasp in three dimensions"></canvas>'
-        '<div class="labels"></div></div><p class="said"></p>'
-        '<p class="fallback">Here the grasp can be turned and looked at from all sides, in a browser that runs '
-        "scripts and has WebGL; the pictures below need neither.</p>"
-        f"<figcaption>{_caption(loaded)}</figcaption>"
-        f'<script type="application/json">{text}</script>'
-        f"<script>(() => {{\n'use strict';\n{program}}})();</script></figure>"
-    )
+    instead = "Here the grasp can be turned and looked at from all sides"
+    caption = f"<figcaption>{_caption(any(g.loads for g in shown.grasps))}</figcaption>"
+    return page_parts.view3d(scene_json(shown), PROGRAM, (_controls(shown), "", instead, caption))
 
 
 def scene_json(shown: Scene) -> dict[str, Any]:
@@ -165,40 +145,25 @@ def _load(load: ShownLoad, grasp: Grasp) -> dict[str, Any]:
     }
 
 
-def _controls(shown: Scene, sides: Sequence[dict[str, Any]]) -> str:
-    def select(name: str, label: str, options: Sequence[str], chosen: int, *, hidden: bool = False) -> str:
-        rows = "".join(
-            f'<option value="{i}"{" selected" if i == chosen else ""}>{escape(o)}</option>'
-            for i, o in enumerate(options)
-        )
-        style = " hidden" if hidden else ""
-        step = "".join(
-            f'<button type="button" name="{name}-{way}" aria-label="{way} {name}">{arrow}</button>'
-            for way, arrow in (("previous", "‹"), ("next", "›"))
-            if label
-        )
-        return f'<label{style}>{label} <select name="{name}" autocomplete="off">{rows}</select>{step}</label>'
-
+def _controls(shown: Scene) -> str:
     loads = shown.grasps[0].loads
     forces = any(load.witness for load in loads)
     first = next((i for i, load in enumerate(loads) if load.witness), 0)
-    parts = [
-        select("grasp", "grasp", [g.title for g in shown.grasps], 0, hidden=len(shown.grasps) < 2),
-        select("load", "load", [load.title for load in loads], first, hidden=len(loads) < 2),
-        select("side", "", [side["title"] for side in sides], 0),
-        f'<label>object <input type="range" name="opacity" min="0" max="1" step="0.05" value="{OPACITY}" '
-        'autocomplete="off"></label>',
-    ]
-    for name, (label, with_forces, without) in SWITCHES.items():
-        on = " checked" if (with_forces if forces else without) else ""
-        parts.append(f'<label><input type="checkbox" name="{name}"{on} autocomplete="off">{label}</label>')
-    return "".join([*parts, '<button type="button" name="reset">reset</button>'])
+    boxes = {
+        name: (label, with_forces if forces else without) for name, (label, with_forces, without) in SWITCHES.items()
+    }
+    return (
+        page_parts.select("grasp", "grasp", [g.title for g in shown.grasps], steps=True)
+        + page_parts.select("load", "load", [load.title for load in loads], first, steps=True)
+        + page_parts.select("side", "", [v.title for v in sides(shown, 0)])
+        + page_parts.switches(boxes, thing=True)
+    )
 
 
 def _caption(loaded: bool) -> str:
     key = [("force", "force of the hand on the object"), ("load", "disturbance (two heads: torque)")]
     entries = [*(key if loaded else []), ("cone", "friction cone, joint axis"), ("ink", "contact, normal")]
-    marks = "".join(f'<span class="mark" style="background:{COLORS[name]}"></span>{text} ' for name, text in entries)
+    marks = "".join(page_parts.mark(COLORS[name], text) for name, text in entries)
     return (
         f"{marks}<br>Drag to turn, with Shift (or two fingers) to shift; click and scroll, or pinch, to zoom; "
         "double-click to begin again."
