@@ -132,9 +132,7 @@ class Close(SceneOptions, Command):
         out.print(grid)
         if closed.contacts:
             tables.show_contacts(out, closed.contacts)
-        for path in (self.output, self.grasp, self.report):
-            if path:
-                out.print(f"Written: {path}", soft_wrap=True)
+        console.say_written(out, self.output, self.grasp, self.report)
 
     def _closing(self) -> dict[str, int]:
         senses = assigned(self.closing, "--closing")

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from handfast.core.answer import Reach, Stop, Verdict
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
     from rich.table import Table
 
@@ -51,6 +53,12 @@ def out() -> Console:
 
     width = None if sys.stdout.isatty() else 100
     return Console(highlight=False, markup=False, width=width)
+
+
+def say_written(to: Console, *paths: Path | None) -> None:
+    """Which files there are now; None: none was asked for."""
+    for path in filter(None, paths):
+        to.print(f"Written: {path}", soft_wrap=True)
 
 
 class Watch:

@@ -95,9 +95,7 @@ class Contacts(SceneOptions, Command):
         out.print(f"{counts}: {', '.join(links)}", style="bold")
         tables.show_grasp(out, grasp)
         out.print(weight_note(body), style="dim")
-        for path in (self.output, self.report):
-            if path:
-                out.print(f"Written: {path}", soft_wrap=True)
+        console.say_written(out, self.output, self.report)
         if not self.output:
             out.print("Give -o GRASP.json to keep it as a grasp file.", style="dim")
         return console.ANSWERED

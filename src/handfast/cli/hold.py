@@ -80,7 +80,7 @@ class Hold(Disturbances, QueryOptions, Saved):
                 console.out().print(f"Margins are of the loads above, which are {self.safety:g} times what was given.")
             if self.gravity:
                 console.out().print(self.weight_text(grasp), style="dim")
-            self._written(self.save, self.report)
+            console.say_written(console.out(), self.save, self.report)
         return status(answer)
 
     def _asked(self, grasp: Grasp, source: str, options: dict[str, Any]) -> HoldAnswer:
@@ -117,11 +117,6 @@ class Hold(Disturbances, QueryOptions, Saved):
             return f"None of the preloads that were tried holds all loads; the last that failed was {answer.hardest}."
         return ""
 
-    @staticmethod
-    def _written(*paths: Path | None) -> None:
-        for path in filter(None, paths):
-            console.out().print(f"Written: {path}", soft_wrap=True)
-
     # --- of several grasps
 
     def _all(self, where: Path) -> int:
@@ -151,7 +146,7 @@ class Hold(Disturbances, QueryOptions, Saved):
             console.print_json({"schema": "handfast/answers/1", "query": "hold", "rows": [r.to_json() for r in rows]})
         else:
             hold_tables.show_holds(console.out(), rows)
-            self._written(self.save)
+            console.say_written(console.out(), self.save)
         if rows and not any(row.answer for row in rows):
             return console.BAD_INPUT
         whole = console.ANSWERED if len(rows) == dataset.count else console.UNDECIDED

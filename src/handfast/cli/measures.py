@@ -142,8 +142,7 @@ def show(out: Console, found: Measures, *written: Path | None) -> None:
         out.print()
         for note in notes:
             out.print(note, style="dim")
-    for path in filter(None, written):
-        out.print(f"Written: {path}", soft_wrap=True)
+    console.say_written(out, *written)
 
 
 def value_text(v: MeasuredValue) -> str:

@@ -69,8 +69,7 @@ class Robust(Direction, GraspOptions, Reported):
             console.print_json(found.to_json())
         else:
             show_sampled(found)
-            for path in filter(None, (self.output, self.report)):
-                console.out().print(f"Written: {path}", soft_wrap=True)
+            console.say_written(console.out(), self.output, self.report)
         return console.status(found.nominal.verdict, found.stop)
 
     def _report(self, found: SampledMaximum) -> None:

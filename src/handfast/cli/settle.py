@@ -105,6 +105,4 @@ class Settle(GraspOptions, Load):
             out.print(f"  {line}")
         if found.path:
             out.print(f"  {len(found.path) - 1} steps in {found.seconds:.2g} s", style="dim")
-        for path in (self.output, self.report, self.strip):
-            if path:
-                out.print(f"Written: {path}", soft_wrap=True)
+        console.say_written(out, self.output, self.report, self.strip)

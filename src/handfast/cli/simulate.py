@@ -94,8 +94,7 @@ def show_simulation(found: SimulationResult, *written: Path | None) -> None:
     console.out().print(head, style="bold")
     for line in rest:
         console.out().print(f"  {line}")
-    for path in filter(None, written):
-        console.out().print(f"Written: {path}", soft_wrap=True)
+    console.say_written(console.out(), *written)
 
 
 def lines(found: SimulationResult) -> list[str]:

@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from handfast.cli import console
 from handfast.cli.console import table
 from handfast.core.answer import Verdict
 from handfast.pictures import sentences, words
@@ -312,9 +313,7 @@ def _head(
 
 
 def _written(out: Console, asked: QueryOptions) -> None:
-    for path in (getattr(asked, "output", None), getattr(asked, "save", None), asked.report):
-        if path:
-            out.print(f"Written: {path}", soft_wrap=True)
+    console.say_written(out, getattr(asked, "output", None), getattr(asked, "save", None), asked.report)
 
 
 def _counts(curve: Curve) -> list[str]:
