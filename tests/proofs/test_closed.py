@@ -21,7 +21,7 @@ from handfast.stability.answers import check, maximum, torques
 from handfast.stability.problem.loads import Loads
 from handfast.stability.problem.settings import Settings
 from handfast.stability.studies.hold import hold
-from tests.stability.test_limit import cup
+from tests.stability.search.test_supremum import cup
 from tests.support.problems import bell, pinch, table
 
 PACKAGE = Path(__file__).parents[2] / "src" / "handfast" / "proofs"
