@@ -1,12 +1,14 @@
 """Planned grasps in the dynamics engine: what share of them it holds, of six hands on two objects each.
 
-    python -m benchmarks.plan_simulated [--shared ../shared] [--count 10] [--seconds 600]
+    python -m benchmarks.plan_simulated [--shared ../shared] [--count 10] [--simulate] [--seconds 600]
 
 `plan` looks for grasps that hold 1.5 times the weight from all six sides, with its defaults and a fixed seed. Each
 grasp is written to a file, read again, and put under the weight itself, from each side, in `simulate_bodies`: hand and
 object as the files that the grasp names have them. A grasp is held if all six end in HOLDS, refused if the engine has
 no model of it; else the endings of its loads say what became of it. `--shared` has the Allegro and the Barrett hand as
 URDF; without it these are rows that say so.
+
+With `--simulate` the plans keep what the engine holds, and what is asked again is whether the files say the same.
 
 Writes results/plan_simulated.json as it goes on; pairs that are there already are not done again.
 """
@@ -59,13 +61,13 @@ def became(endings: dict[str, str]) -> str:
     return others[0] if others else HELD
 
 
-def row(hand_file: str, thing: str, count: int) -> dict[str, Any]:
+def row(hand_file: str, thing: str, count: int, simulate: bool) -> dict[str, Any]:
     """One hand on one object."""
     hand, body = load_hand(hand_file), load_body(thing)
     begin = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         journal = PlanFolder(Path(folder), hand_file, thing)
-        how = {"count": count, "seed": SEED, "timeout": TIMEOUT, "safety": SAFETY}
+        how = {"count": count, "seed": SEED, "timeout": TIMEOUT, "safety": SAFETY, "simulate": simulate}
         planned = plan(hand, body, jobs=1, journal=journal, **how)
         planning = time.process_time() - begin
         loads, grasps = Loads.gravity(body), []
@@ -90,24 +92,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--shared", type=Path, default=Path("../shared"), help="where hands/ with the URDF files is")
     parser.add_argument("--count", type=int, default=10, help="grasps of each pair")
+    parser.add_argument("--simulate", action="store_true", help="plan with `simulate`: rows of their own")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="begin no pair after this")
     parser.add_argument("--output", type=Path, default=RESULTS, help="the file of the results")
     asked, begun = parser.parse_args(), time.monotonic()
-    data = json.loads(asked.output.read_text()) if asked.output.exists() else {"rows": {}}
+    data = json.loads(asked.output.read_text()) if asked.output.exists() else {}
+    part = data.setdefault("with simulate" if asked.simulate else "plain", {"rows": {}})
+    rows = part["rows"]
     for name, things in HANDS.items():
         file = str(asked.shared.resolve() / name.removeprefix("shared/")) if name.startswith("shared/") else name
         for thing in things:
             key = f"{Path(name).stem} {thing}"
-            if "grasps" in data["rows"].get(key, {}) or time.monotonic() - begun > asked.seconds:
+            if "grasps" in rows.get(key, {}) or time.monotonic() - begun > asked.seconds:
                 continue
             try:
-                data["rows"][key] = row(file, thing, asked.count)
+                rows[key] = row(file, thing, asked.count, asked.simulate)
             except InputError as fault:
-                data["rows"][key] = {"fault": str(fault)}
-            data |= {"machine": describe(), "count": asked.count, "safety": SAFETY, "all": summary(data["rows"])}
+                rows[key] = {"fault": str(fault)}
+            part |= {"count": asked.count, "all": summary(rows)}
+            data |= {"machine": describe(), "safety": SAFETY}
             asked.output.write_text(json.dumps(data, indent=1) + "\n")
-            print(key, data["rows"][key].get("became", data["rows"][key]), flush=True)
-    print(data.get("all"))
+            print(key, rows[key].get("became", rows[key]), flush=True)
+    print(part.get("all"))
 
 
 if __name__ == "__main__":

@@ -88,6 +88,9 @@ def test_plans_come_best_first_and_say_so_in_their_files(tmp_path: Path, capsys:
         held = json.loads((folder / e["hold_file"]).read_text("utf-8"))
         assert e["margin"] == pytest.approx(SAFETY * held["answer"]["margin"])
     assert verify(folder).ok
+    data["grasps"][0]["margin"] *= 1.1
+    (folder / "plan.json").write_text(json.dumps(data))
+    assert "margin is" in verify(folder).reason
 
 
 def test_the_unit_of_a_command_is_that_of_what_it_drives() -> None:

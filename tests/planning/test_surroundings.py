@@ -128,3 +128,15 @@ def test_several_objects_a_support_and_an_obstacle(tmp_path: Path, capsys: pytes
     assert json.loads(capsys.readouterr().out)["grasps"] == rows[0]["answer"]["grasps"]
     assert main(["plan", "barrett-bh8-280", "can", "can"]) == 2
     assert "'can' is given twice" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_a_call_about_several_objects(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("handfast.planning.evaluation.attempt.Runner.run", interrupted)
+    assert main(["plan", "barrett-bh8-280", "can", "ball", "--jobs", "1", "--json"]) == 3
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    assert (row["name"], row["answer"]["stop"]) == ("can", "interrupted")

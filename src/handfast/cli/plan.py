@@ -14,6 +14,7 @@ from handfast.cli import console
 from handfast.cli.options import Assignments, Command, Triple, assigned
 from handfast.cli.scene_options import SceneOptions
 from handfast.cli.search_options import SearchFlags
+from handfast.core.answer import Stop
 from handfast.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -87,6 +88,8 @@ class PlanGrasps(SearchFlags, SceneOptions, Command):
                 status = console.complain(str(fault))
                 rows.append((one.object, None, str(fault)))
             worst = status if worst == console.ANSWERED or status == console.BAD_INPUT else worst
+            if rows[-1][1] and rows[-1][1]["stop"] == Stop.INTERRUPTED:
+                break
         if self.json and self.others:
             told = [{"name": name, "answer": said, "reason": reason or None} for name, said, reason in rows]
             console.print_json({"schema": "handfast/answers/1", "query": "plan", "rows": told})
